@@ -1,0 +1,94 @@
+//! The vocabulary: cameras, boxes, ellipses and ellipsoids, cuboids, superellipsoids, and how they project.
+//!
+//! Camera axes are OpenCV's (x right, y down, z forward); pixels are measured from the top-left corner of the image
+//! (the first pixel's centre is at 0.5, 0.5); angles are radians; the world unit is the user's.
+
+mod bounding_box;
+mod camera;
+mod convex_body;
+mod cuboid;
+mod ellipse;
+mod ellipsoid;
+mod gamma;
+pub(crate) mod linalg;
+mod projection;
+mod rotation;
+mod superellipsoid;
+mod vech;
+
+pub use bounding_box::{BoundingBox, BoundingBoxError};
+pub use camera::{CamFromWorld, CameraError, Intrinsics, Projection};
+pub use convex_body::ConvexBody;
+pub use cuboid::Cuboid;
+pub use ellipse::{Ellipse, EllipseError};
+pub use ellipsoid::{DualQuadric, Ellipsoid, EllipsoidError};
+pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
+pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion, skew};
+pub use superellipsoid::{Superellipsoid, second_moment_scale};
+pub use vech::{VECH3, VECH4, projection_matrix_on_vech, unvech3, unvech4, vech3, vech4};
+
+/// A body of any kind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Body {
+    /// An ellipsoid.
+    Ellipsoid(Ellipsoid),
+    /// A cuboid.
+    Cuboid(Cuboid),
+    /// A superellipsoid.
+    Superellipsoid(Superellipsoid),
+}
+
+impl Body {
+    /// The same body, `factor` times as large about its centre.
+    pub fn scaled(&self, factor: f64) -> Self {
+        match self {
+            Self::Ellipsoid(body) => Self::Ellipsoid(body.scaled(factor)),
+            Self::Cuboid(body) => Self::Cuboid(body.scaled(factor)),
+            Self::Superellipsoid(body) => Self::Superellipsoid(body.scaled(factor)),
+        }
+    }
+
+    /// The ellipsoid that stands for the body: itself, the one inscribed in the cuboid, or the one with the
+    /// superellipsoid's second moments.
+    pub fn ellipsoid(&self) -> Ellipsoid {
+        match self {
+            Self::Ellipsoid(body) => *body,
+            Self::Cuboid(body) => body.inscribed_ellipsoid(),
+            Self::Superellipsoid(body) => body.ellipsoid_of_same_moments(),
+        }
+    }
+}
+
+impl ConvexBody for Body {
+    fn center(&self) -> nalgebra::Point3<f64> {
+        match self {
+            Self::Ellipsoid(body) => body.center,
+            Self::Cuboid(body) => body.center,
+            Self::Superellipsoid(body) => body.center,
+        }
+    }
+
+    fn support(&self, n: &nalgebra::Vector3<f64>) -> f64 {
+        match self {
+            Self::Ellipsoid(body) => body.support(n),
+            Self::Cuboid(body) => body.support(n),
+            Self::Superellipsoid(body) => body.support(n),
+        }
+    }
+
+    fn volume(&self) -> f64 {
+        match self {
+            Self::Ellipsoid(body) => body.volume(),
+            Self::Cuboid(body) => body.volume(),
+            Self::Superellipsoid(body) => body.volume(),
+        }
+    }
+
+    fn contains(&self, point: &nalgebra::Point3<f64>) -> bool {
+        match self {
+            Self::Ellipsoid(body) => body.contains(point),
+            Self::Cuboid(body) => body.contains(point),
+            Self::Superellipsoid(body) => body.contains(point),
+        }
+    }
+}

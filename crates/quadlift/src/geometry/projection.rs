@@ -1,0 +1,212 @@
+//! Bodies in images: where an ellipsoid's outline falls, and the tight box of any convex body.
+
+use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
+
+use super::bounding_box::BoundingBox;
+use super::camera::Projection;
+use super::convex_body::ConvexBody;
+use super::ellipse::Ellipse;
+use super::ellipsoid::Ellipsoid;
+
+/// Why a body has no outline in an image.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ProjectionError {
+    /// The whole body lies behind the camera plane.
+    #[error("the object lies behind the camera")]
+    BehindCamera,
+    /// The camera plane cuts the body, so that its outline is not bounded.
+    #[error("the object straddles the camera plane")]
+    StraddlesCameraPlane,
+    /// A number is not finite.
+    #[error("the projection of the object is not finite")]
+    NotFinite,
+}
+
+/// The outline of an ellipsoid: `C* ~ P Q* P^T` (PfD equation 3), in pixels.
+///
+/// # Errors
+/// [`ProjectionError`] when the ellipsoid is not wholly in front of the camera.
+pub fn project_ellipsoid(projection: &Projection, ellipsoid: &Ellipsoid) -> Result<Ellipse, ProjectionError> {
+    let (h, c) = dual_conic(projection.matrix(), &ellipsoid.center, &ellipsoid.shape());
+    if !c.iter().all(|x| x.is_finite()) {
+        return Err(ProjectionError::NotFinite);
+    }
+    if c[(2, 2)] >= 0.0 {
+        return Err(ProjectionError::StraddlesCameraPlane);
+    }
+    if h.z <= 0.0 {
+        return Err(ProjectionError::BehindCamera);
+    }
+    Ellipse::from_dual_conic(&c).map_err(|_| ProjectionError::NotFinite)
+}
+
+/// The projected centre `h` (homogeneous) and the dual conic `M A M^T - h h^T`.
+fn dual_conic(p: &Matrix3x4<f64>, center: &Point3<f64>, shape: &Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+    let m = p.fixed_columns::<3>(0);
+    let h = m * center.coords + p.column(3);
+    (h, m * shape * m.transpose() - h * h.transpose())
+}
+
+/// The tight axis-aligned box of a convex body's outline, in pixels.
+///
+/// An edge is the image line `x = e` whose plane `P^T l` touches the body; it is found by Newton's method on the
+/// distance between plane and body, which is concave in `e`.
+///
+/// # Errors
+/// [`ProjectionError`] when the body is not wholly in front of the camera.
+pub fn project_bounding_box(projection: &Projection, body: &impl ConvexBody) -> Result<BoundingBox, ProjectionError> {
+    let p = projection.matrix();
+    let center = body.center();
+    let row = |i: usize| (Vector3::new(p[(i, 0)], p[(i, 1)], p[(i, 2)]), p[(i, 3)]);
+    let (m3, d3) = row(2);
+    let depth = m3.dot(&center.coords) + d3;
+    let reach = body.support(&m3);
+    if !depth.is_finite() || !reach.is_finite() {
+        return Err(ProjectionError::NotFinite);
+    }
+    if depth <= -reach {
+        return Err(ProjectionError::BehindCamera);
+    }
+    if depth <= reach {
+        return Err(ProjectionError::StraddlesCameraPlane);
+    }
+    let mut edges = [0.0; 4];
+    for axis in 0..2 {
+        let (m, d) = row(axis);
+        let middle = (m.dot(&center.coords) + d) / depth;
+        for (side, sign) in [(axis, 1.0), (axis + 2, -1.0)] {
+            // Distance of the plane of x = e from the body, positive outside of it; its slope is -sign * (depth of
+            // the touching point), between depth - reach and depth + reach.
+            let gap = |e: f64| {
+                let n = (m - m3 * e) * sign;
+                sign * ((m.dot(&center.coords) + d) - e * depth) - body.support(&n)
+            };
+            edges[side] = outer_root(gap, middle, -sign, depth, reach);
+        }
+    }
+    BoundingBox::new(edges).map_err(|_| ProjectionError::NotFinite)
+}
+
+/// The root of the concave function `gap` in the direction `towards` (+1 or -1) from `start`, where it is negative.
+fn outer_root(gap: impl Fn(f64) -> f64, start: f64, towards: f64, depth: f64, reach: f64) -> f64 {
+    // March outwards with the steepest possible slope (depth + reach): it never jumps over the root; then switch to
+    // secant steps, which converge from one side on a concave function.
+    let (mut x, mut value) = (start, gap(start));
+    let mut slope = depth + reach;
+    for _ in 0..100 {
+        let step = -value / slope * towards;
+        let (next, previous) = (x + step, x);
+        if next == x || value >= 0.0 {
+            break;
+        }
+        let next_value = gap(next);
+        let secant = (next_value - value) / ((next - previous) * towards);
+        (x, value) = (next, next_value);
+        if secant.is_finite() && secant > 0.0 {
+            slope = secant.max(depth - reach).min(depth + reach);
+        }
+        if step.abs() <= 1e-13 * (1.0 + x.abs()) {
+            break;
+        }
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{CamFromWorld, Cuboid, Intrinsics, Superellipsoid};
+    use nalgebra::Rotation3;
+    use proptest::prelude::*;
+
+    fn camera(distance: f64) -> Projection {
+        let mut pose = Matrix3x4::identity();
+        pose[(2, 3)] = distance;
+        Projection::from_camera(
+            &Intrinsics::new(700.0, 650.0, 320.0, 240.0).unwrap(),
+            &CamFromWorld::new(pose).unwrap(),
+        )
+    }
+
+    fn ellipsoid(angles: [f64; 3], center: [f64; 3]) -> Ellipsoid {
+        Ellipsoid {
+            center: Point3::from(center),
+            semi_axes: Vector3::new(2.0, 1.2, 0.6),
+            rotation: Rotation3::from_euler_angles(angles[0], angles[1], angles[2]),
+        }
+    }
+
+    #[test]
+    fn a_sphere_on_the_axis_projects_to_a_circle() {
+        let sphere = Ellipsoid {
+            center: Point3::origin(),
+            semi_axes: Vector3::repeat(1.0),
+            rotation: Rotation3::identity(),
+        };
+        let outline = project_ellipsoid(&camera(5.0), &sphere).unwrap();
+        // The cone that touches a unit sphere at distance 5 has the slope 1 / sqrt(24).
+        assert!((outline.center - nalgebra::Vector2::new(320.0, 240.0)).norm() < 1e-9);
+        assert!((outline.semi_axes.x - 700.0 / 24.0f64.sqrt()).abs() < 1e-9);
+        assert!((outline.semi_axes.y - 650.0 / 24.0f64.sqrt()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn bodies_behind_and_across_the_camera_plane_are_told_apart() {
+        let e = ellipsoid([0.1, 0.2, 0.3], [0.0, 0.0, 0.0]);
+        assert_eq!(project_ellipsoid(&camera(-5.0), &e), Err(ProjectionError::BehindCamera));
+        assert_eq!(project_ellipsoid(&camera(0.5), &e), Err(ProjectionError::StraddlesCameraPlane));
+        assert_eq!(project_bounding_box(&camera(-5.0), &e), Err(ProjectionError::BehindCamera));
+        assert_eq!(project_bounding_box(&camera(0.5), &e), Err(ProjectionError::StraddlesCameraPlane));
+    }
+
+    proptest! {
+        #[test]
+        fn the_box_by_support_is_the_box_of_the_outline(
+            a in -3.0..3.0f64, b in -1.5..1.5f64, x in -3.0..3.0f64, y in -2.0..2.0f64, z in -2.0..10.0f64,
+        ) {
+            let e = ellipsoid([a, b, 0.4], [x, y, z]);
+            let outline = project_ellipsoid(&camera(6.0), &e).unwrap().bounding_box();
+            let boxed = project_bounding_box(&camera(6.0), &e).unwrap();
+            for (p, q) in outline.edges().iter().zip(boxed.edges()) {
+                prop_assert!((p - q).abs() < 1e-7, "{outline:?} {boxed:?}");
+            }
+        }
+
+        #[test]
+        fn the_box_of_a_cuboid_is_the_box_of_its_corners(
+            a in -3.0..3.0f64, b in -1.5..1.5f64, x in -3.0..3.0f64, z in -2.0..10.0f64,
+        ) {
+            let cuboid = Cuboid {
+                center: Point3::new(x, 0.5, z),
+                half_extents: Vector3::new(1.5, 1.0, 0.7),
+                rotation: Rotation3::from_euler_angles(a, b, 0.2),
+            };
+            let camera = camera(6.0);
+            let boxed = project_bounding_box(&camera, &cuboid).unwrap().edges();
+            let mut expected = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
+            for corner in cuboid.corners() {
+                let pixel = camera.project_point(&corner).unwrap();
+                for axis in 0..2 {
+                    expected[axis] = f64::min(expected[axis], pixel[axis]);
+                    expected[axis + 2] = f64::max(expected[axis + 2], pixel[axis]);
+                }
+            }
+            for (p, q) in expected.iter().zip(boxed) {
+                prop_assert!((p - q).abs() < 1e-7, "{expected:?} {boxed:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_superellipsoid_with_exponent_two_is_the_ellipsoid() {
+        let e = ellipsoid([0.5, 0.2, -0.3], [1.0, 0.2, 3.0]);
+        let s = Superellipsoid {
+            center: e.center,
+            semi_axes: e.semi_axes,
+            rotation: e.rotation,
+            support_exponent: 2.0,
+        };
+        let (p, q) = (project_bounding_box(&camera(6.0), &e), project_bounding_box(&camera(6.0), &s));
+        assert_eq!(p, q);
+    }
+}

@@ -1,0 +1,60 @@
+//! Rotations: quaternions (w first in files), exponential map, checks.
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+
+/// The rotation of a unit quaternion `[w, x, y, z]`.
+///
+/// `None` when the quaternion is not finite or its norm is off from one by more than 1e-3.
+pub fn rotation_from_quaternion(wxyz: [f64; 4]) -> Option<Rotation3<f64>> {
+    let [w, x, y, z] = wxyz;
+    let norm = (w * w + x * x + y * y + z * z).sqrt();
+    if !norm.is_finite() || (norm - 1.0).abs() > 1e-3 {
+        return None;
+    }
+    Some(UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix())
+}
+
+/// The unit quaternion `[w, x, y, z]` of a rotation, with `w >= 0`.
+pub fn quaternion_from_rotation(rotation: &Rotation3<f64>) -> [f64; 4] {
+    let q = UnitQuaternion::from_rotation_matrix(rotation);
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
+}
+
+/// The matrix `[w]x` with `[w]x v = w x v`.
+pub fn skew(w: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::new(0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0)
+}
+
+/// How far a 3x3 matrix is from being a rotation: the largest entry of `|R R^T - I|`, or infinity when its
+/// determinant is not positive or an entry is not finite.
+pub fn rotation_defect(m: &Matrix3<f64>) -> f64 {
+    let defect = (m * m.transpose() - Matrix3::identity()).amax();
+    if m.determinant() > 0.0 && defect.is_finite() { defect } else { f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quaternions_round_trip() {
+        let rotation = Rotation3::from_euler_angles(0.3, -1.1, 2.5);
+        let back = rotation_from_quaternion(quaternion_from_rotation(&rotation)).unwrap();
+        assert!((rotation.matrix() - back.matrix()).norm() < 1e-12);
+        assert!(rotation_from_quaternion([1.0, 1.0, 0.0, 0.0]).is_none());
+        assert!(rotation_from_quaternion([f64::NAN, 0.0, 0.0, 0.0]).is_none());
+    }
+
+    #[test]
+    fn skew_is_the_cross_product() {
+        let (a, b) = (Vector3::new(1.0, 2.0, -0.5), Vector3::new(0.2, -0.7, 3.0));
+        assert!((skew(&a) * b - a.cross(&b)).norm() < 1e-14);
+    }
+
+    #[test]
+    fn a_reflection_is_not_a_rotation() {
+        assert!(rotation_defect(&Matrix3::identity()) < 1e-15);
+        assert!(rotation_defect(&(-Matrix3::identity())).is_infinite());
+    }
+}
