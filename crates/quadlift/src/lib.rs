@@ -2,3 +2,8 @@
 #![forbid(unsafe_code)]
 
 pub mod geometry;
+mod localize;
+pub mod scene;
+pub mod solve;
+
+pub use localize::{LeftOut, Localization, LocalizeError, Method, Options, Progress, localize};

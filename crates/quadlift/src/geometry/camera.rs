@@ -25,9 +25,7 @@ pub enum CameraError {
         fy: f64,
     },
     /// The left 3x3 block of `cam_from_world` is not a rotation.
-    #[error(
-        "the 3x3 part of cam_from_world is not a rotation (|R R^T - I| is {defect:.3e}, at most 1e-3 is accepted)"
-    )]
+    #[error("the 3x3 part of cam_from_world is not a rotation (|R R^T - I| is {defect:.3e}, at most 1e-3 is accepted)")]
     NotARotation {
         /// Largest entry of `|R R^T - I|`, infinite for a reflection.
         defect: f64,
@@ -131,7 +129,7 @@ impl Projection {
         let determinant = m.determinant();
         // Relative to the row norms: scaling a row of a projection does not make it singular.
         let size: f64 = m.row_iter().map(|row| row.norm()).product();
-        if !(determinant.abs() > 1e-12 * size) {
+        if determinant.is_nan() || determinant.abs() <= 1e-12 * size {
             return Err(CameraError::SingularProjection { determinant });
         }
         Ok(Self { matrix: matrix * determinant.signum() })
@@ -225,9 +223,6 @@ mod tests {
         let mut nearly = pose(1.0);
         nearly[(0, 0)] = 1.0 + 4e-4;
         assert!(CamFromWorld::new(nearly).is_ok());
-        assert!(matches!(
-            Projection::from_matrix(Matrix3x4::zeros()),
-            Err(CameraError::SingularProjection { .. })
-        ));
+        assert!(matches!(Projection::from_matrix(Matrix3x4::zeros()), Err(CameraError::SingularProjection { .. })));
     }
 }

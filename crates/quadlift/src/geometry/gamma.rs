@@ -19,7 +19,8 @@ mod tests {
     #[test]
     fn known_values() {
         let sqrt_pi = std::f64::consts::PI.sqrt();
-        for (x, value) in [(1.0, 1.0), (2.0, 1.0), (5.0, 24.0), (0.5, sqrt_pi), (1.5, sqrt_pi / 2.0), (11.0, 3628800.0)] {
+        for (x, value) in [(1.0, 1.0), (2.0, 1.0), (5.0, 24.0), (0.5, sqrt_pi), (1.5, sqrt_pi / 2.0), (11.0, 3628800.0)]
+        {
             assert!((ln_gamma(x) - f64::ln(value)).abs() < 1e-12, "{x}");
         }
     }

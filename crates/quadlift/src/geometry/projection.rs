@@ -138,11 +138,8 @@ mod tests {
 
     #[test]
     fn a_sphere_on_the_axis_projects_to_a_circle() {
-        let sphere = Ellipsoid {
-            center: Point3::origin(),
-            semi_axes: Vector3::repeat(1.0),
-            rotation: Rotation3::identity(),
-        };
+        let sphere =
+            Ellipsoid { center: Point3::origin(), semi_axes: Vector3::repeat(1.0), rotation: Rotation3::identity() };
         let outline = project_ellipsoid(&camera(5.0), &sphere).unwrap();
         // The cone that touches a unit sphere at distance 5 has the slope 1 / sqrt(24).
         assert!((outline.center - nalgebra::Vector2::new(320.0, 240.0)).norm() < 1e-9);
@@ -200,12 +197,8 @@ mod tests {
     #[test]
     fn a_superellipsoid_with_exponent_two_is_the_ellipsoid() {
         let e = ellipsoid([0.5, 0.2, -0.3], [1.0, 0.2, 3.0]);
-        let s = Superellipsoid {
-            center: e.center,
-            semi_axes: e.semi_axes,
-            rotation: e.rotation,
-            support_exponent: 2.0,
-        };
+        let s =
+            Superellipsoid { center: e.center, semi_axes: e.semi_axes, rotation: e.rotation, support_exponent: 2.0 };
         let (p, q) = (project_bounding_box(&camera(6.0), &e), project_bounding_box(&camera(6.0), &s));
         assert_eq!(p, q);
     }

@@ -9,18 +9,8 @@ use nalgebra::{Matrix3, Matrix3x4, Matrix4, SMatrix, SVector};
 pub const VECH3: [(usize, usize); 6] = [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)];
 
 /// Row and column of each entry of `vech` of a symmetric 4x4 matrix.
-pub const VECH4: [(usize, usize); 10] = [
-    (0, 0),
-    (1, 0),
-    (2, 0),
-    (3, 0),
-    (1, 1),
-    (2, 1),
-    (3, 1),
-    (2, 2),
-    (3, 2),
-    (3, 3),
-];
+pub const VECH4: [(usize, usize); 10] =
+    [(0, 0), (1, 0), (2, 0), (3, 0), (1, 1), (2, 1), (3, 1), (2, 2), (3, 2), (3, 3)];
 
 /// The lower triangle of a symmetric 3x3 matrix, by columns.
 pub fn vech3(m: &Matrix3<f64>) -> SVector<f64, 6> {

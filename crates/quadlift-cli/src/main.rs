@@ -1,0 +1,3 @@
+//! The program `quadlift`.
+#![forbid(unsafe_code)]
+fn main() {}

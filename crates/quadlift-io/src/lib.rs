@@ -1,0 +1,2 @@
+//! Files in and out of quadlift.
+#![forbid(unsafe_code)]

@@ -1,0 +1,227 @@
+//! Building a [`Scene`]: ids become indices, numbers are checked.
+
+use std::collections::HashMap;
+
+use nalgebra::{Unit, Vector2, Vector3};
+
+use super::{Detection, Frame, Scene};
+use crate::geometry::{BoundingBox, Ellipse, Projection};
+
+/// Why something cannot be added to a scene.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    /// Two frames have the same id.
+    #[error("the frame id \"{0}\" is used twice")]
+    DuplicateFrame(String),
+    /// A detection names a frame that does not exist.
+    #[error("unknown frame \"{0}\"")]
+    UnknownFrame(String),
+    /// A detection has neither a box nor an ellipse.
+    #[error("the detection has neither a \"box\" nor an \"ellipse\"")]
+    NothingMeasured,
+    /// One source has two detections of one object in one frame.
+    #[error(
+        "object \"{object}\" is detected twice in frame \"{frame}\" by the same source (first by detections[{first}])"
+    )]
+    DuplicateDetection {
+        /// Id of the object.
+        object: String,
+        /// Id of the frame.
+        frame: String,
+        /// Index of the first of the two detections.
+        first: usize,
+    },
+    /// An image size is not positive.
+    #[error("the image size is {width} x {height}; expected two positive numbers")]
+    ImageSize {
+        /// Width in pixels.
+        width: f64,
+        /// Height in pixels.
+        height: f64,
+    },
+    /// The up direction is zero or not finite.
+    #[error("\"up\" is not a direction: [{}, {}, {}]", .0[0], .0[1], .0[2])]
+    Up([f64; 3]),
+    /// More frames, detections or names than a 32-bit index can count.
+    #[error("the scene is too large: more than 4294967295 entries")]
+    TooLarge,
+}
+
+/// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct DetectionInput<'a> {
+    /// Id of the frame, which must have been added before.
+    pub frame: &'a str,
+    /// Id of the object, where the identity is known.
+    pub object: Option<&'a str>,
+    /// Category.
+    pub category: Option<&'a str>,
+    /// Source (detector).
+    pub source: Option<&'a str>,
+    /// Score of the detector.
+    pub score: Option<f64>,
+    /// Box in pixels.
+    pub bounding_box: Option<BoundingBox>,
+    /// Ellipse in pixels.
+    pub ellipse: Option<Ellipse>,
+    /// Occlusion level.
+    pub occluded: Option<f64>,
+    /// Truncation level.
+    pub truncated: Option<f64>,
+}
+
+/// Builds a [`Scene`], refusing what would not be valid.
+#[derive(Debug, Default)]
+pub struct SceneBuilder {
+    scene: Scene,
+    frames: HashMap<String, u32>,
+    objects: HashMap<String, u32>,
+    categories: HashMap<String, u32>,
+    sources: HashMap<String, u32>,
+    seen: HashMap<(u32, u32, Option<u32>), u32>,
+}
+
+impl SceneBuilder {
+    /// An empty scene with a name.
+    pub fn new(name: &str) -> Self {
+        let mut builder = Self::default();
+        builder.scene.name = name.to_owned();
+        builder
+    }
+
+    /// Names the world unit ("m" for metres).
+    pub fn length_unit(&mut self, unit: &str) {
+        self.scene.length_unit = Some(unit.to_owned());
+    }
+
+    /// Sets the world direction against gravity (any length).
+    ///
+    /// # Errors
+    /// [`SceneError::Up`] when it is zero or not finite.
+    pub fn up(&mut self, direction: [f64; 3]) -> Result<(), SceneError> {
+        let unit = Unit::try_new(Vector3::from(direction), 1e-12).filter(|u| u.iter().all(|x| x.is_finite()));
+        self.scene.up = Some(unit.ok_or(SceneError::Up(direction))?);
+        Ok(())
+    }
+
+    /// Adds a posed image; `image_size` is width and height in pixels. Returns its index.
+    ///
+    /// # Errors
+    /// [`SceneError::DuplicateFrame`], [`SceneError::ImageSize`].
+    pub fn add_frame(
+        &mut self,
+        id: &str,
+        projection: Projection,
+        image_size: Option<[f64; 2]>,
+    ) -> Result<usize, SceneError> {
+        if let Some([width, height]) = image_size
+            && !(width > 0.0 && height > 0.0 && width.is_finite() && height.is_finite())
+        {
+            return Err(SceneError::ImageSize { width, height });
+        }
+        let index = self.scene.frames.len();
+        let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
+        if self.frames.insert(id.to_owned(), next).is_some() {
+            return Err(SceneError::DuplicateFrame(id.to_owned()));
+        }
+        self.scene.frames.push(Frame { id: id.to_owned(), projection, image_size: image_size.map(Vector2::from) });
+        Ok(index)
+    }
+
+    /// Adds a detection. Returns its index.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownFrame`], [`SceneError::NothingMeasured`], [`SceneError::DuplicateDetection`].
+    pub fn add_detection(&mut self, input: &DetectionInput) -> Result<usize, SceneError> {
+        let index = self.scene.detections.len();
+        let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
+        let frame_index =
+            *self.frames.get(input.frame).ok_or_else(|| SceneError::UnknownFrame(input.frame.to_owned()))?;
+        if input.bounding_box.is_none() && input.ellipse.is_none() {
+            return Err(SceneError::NothingMeasured);
+        }
+        let object_index = intern(input.object, &mut self.objects, &mut self.scene.object_ids);
+        let source_index = intern(input.source, &mut self.sources, &mut self.scene.sources);
+        let category_index = intern(input.category, &mut self.categories, &mut self.scene.categories);
+        if let Some(object) = object_index
+            && let Some(first) = self.seen.insert((object, frame_index, source_index), next)
+        {
+            return Err(SceneError::DuplicateDetection {
+                object: input.object.unwrap_or_default().to_owned(),
+                frame: input.frame.to_owned(),
+                first: first as usize,
+            });
+        }
+        self.scene.detections.push(Detection {
+            frame_index,
+            object_index,
+            category_index,
+            source_index,
+            score: input.score,
+            bounding_box: input.bounding_box,
+            ellipse: input.ellipse,
+            occluded: input.occluded,
+            truncated: input.truncated,
+        });
+        Ok(index)
+    }
+
+    /// The finished scene.
+    pub fn build(self) -> Scene {
+        self.scene
+    }
+}
+
+/// The index of a name, which is added when it is new.
+fn intern(name: Option<&str>, indices: &mut HashMap<String, u32>, names: &mut Vec<String>) -> Option<u32> {
+    let name = name?;
+    if let Some(&index) = indices.get(name) {
+        return Some(index);
+    }
+    // Names are no more than detections, whose number is checked.
+    let index = names.len() as u32;
+    indices.insert(name.to_owned(), index);
+    names.push(name.to_owned());
+    Some(index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3x4;
+
+    fn builder() -> SceneBuilder {
+        let mut builder = SceneBuilder::new("test");
+        let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
+        builder.add_frame("a", projection, Some([640.0, 480.0])).unwrap();
+        builder
+    }
+
+    fn detection(frame: &str) -> DetectionInput<'_> {
+        DetectionInput {
+            frame,
+            object: Some("cup"),
+            bounding_box: Some(BoundingBox { x0: 0.0, y0: 0.0, x1: 1.0, y1: 1.0 }),
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn every_mistake_is_named() {
+        let mut b = builder();
+        let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
+        assert_eq!(b.add_frame("a", projection, None), Err(SceneError::DuplicateFrame("a".into())));
+        assert!(matches!(b.add_frame("b", projection, Some([0.0, 1.0])), Err(SceneError::ImageSize { .. })));
+        assert_eq!(b.add_detection(&detection("z")), Err(SceneError::UnknownFrame("z".into())));
+        let nothing = DetectionInput { frame: "a", ..Default::default() };
+        assert_eq!(b.add_detection(&nothing), Err(SceneError::NothingMeasured));
+        b.add_detection(&detection("a")).unwrap();
+        assert!(matches!(b.add_detection(&detection("a")), Err(SceneError::DuplicateDetection { first: 0, .. })));
+        // Another source may see the same object in the same frame.
+        b.add_detection(&DetectionInput { source: Some("yolo"), ..detection("a") }).unwrap();
+        assert!(b.up([0.0; 3]).is_err());
+        assert!(b.up([f64::INFINITY, 0.0, 0.0]).is_err());
+        let scene = b.build();
+        assert_eq!((scene.detections.len(), scene.object_ids.len(), scene.sources.len()), (2, 1, 1));
+    }
+}

@@ -1,0 +1,68 @@
+//! What users bring: posed frames and the detections in them, validated and indexed.
+//!
+//! A [`Scene`] is built with [`SceneBuilder`]; after that no solver meets an unknown id, an empty box or a NaN.
+
+mod builder;
+mod views;
+
+pub use builder::{DetectionInput, SceneBuilder, SceneError};
+pub use views::{ObjectViews, View};
+
+use nalgebra::{Unit, Vector2, Vector3};
+
+use crate::geometry::{BoundingBox, Ellipse, Projection};
+
+/// Posed frames and detections, with every reference resolved to an index.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// Name of the scene, for messages.
+    pub name: String,
+    /// World unit ("m", ...), where it is known.
+    pub length_unit: Option<String>,
+    /// World direction against gravity, where it is known.
+    pub up: Option<Unit<Vector3<f64>>>,
+    /// The posed images.
+    pub frames: Vec<Frame>,
+    /// The detections, in the order of the input.
+    pub detections: Vec<Detection>,
+    /// Ids of the objects that the detections name; [`Detection::object_index`] points here.
+    pub object_ids: Vec<String>,
+    /// Categories that the detections name; [`Detection::category_index`] points here.
+    pub categories: Vec<String>,
+    /// Sources (detectors) that the detections name; [`Detection::source_index`] points here.
+    pub sources: Vec<String>,
+}
+
+/// A posed image.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Id of the frame.
+    pub id: String,
+    /// World to pixels.
+    pub projection: Projection,
+    /// Width and height in pixels, where known; without them no box edge counts as cut off.
+    pub image_size: Option<Vector2<f64>>,
+}
+
+/// One detection of one object in one frame: a box, an ellipse or both.
+#[derive(Debug, Clone)]
+pub struct Detection {
+    /// Index into [`Scene::frames`].
+    pub frame_index: u32,
+    /// Index into [`Scene::object_ids`]; absent when the identity is not known.
+    pub object_index: Option<u32>,
+    /// Index into [`Scene::categories`].
+    pub category_index: Option<u32>,
+    /// Index into [`Scene::sources`].
+    pub source_index: Option<u32>,
+    /// Score of the detector, in [0, 1] by custom.
+    pub score: Option<f64>,
+    /// The box in pixels.
+    pub bounding_box: Option<BoundingBox>,
+    /// The ellipse in pixels.
+    pub ellipse: Option<Ellipse>,
+    /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
+    pub occluded: Option<f64>,
+    /// Truncation level (KITTI: 0 wholly inside the image).
+    pub truncated: Option<f64>,
+}

@@ -1,0 +1,86 @@
+//! One object's measurements, gathered over the frames: the input of every solver.
+
+use nalgebra::Vector2;
+
+use super::{Detection, Scene};
+use crate::geometry::{BoundingBox, Ellipse, Projection};
+
+/// One object seen in one frame.
+#[derive(Debug, Clone, Copy)]
+pub struct View {
+    /// Index of the frame in [`Scene::frames`]; any number where there is no scene.
+    pub frame_index: usize,
+    /// World to pixels.
+    pub projection: Projection,
+    /// Width and height of the image in pixels, where known.
+    pub image_size: Option<Vector2<f64>>,
+    /// The box in pixels.
+    pub bounding_box: Option<BoundingBox>,
+    /// The ellipse in pixels.
+    pub ellipse: Option<Ellipse>,
+}
+
+impl View {
+    /// What the closed forms for ellipses use: the ellipse, or the one inscribed in the box.
+    pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
+        self.ellipse.or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
+    }
+}
+
+/// All views of one object, with its names.
+#[derive(Debug, Clone, Default)]
+pub struct ObjectViews {
+    /// Index into [`Scene::object_ids`].
+    pub object_index: usize,
+    /// Index into [`Scene::categories`]: the category of most of its detections, the first of equals.
+    pub category_index: Option<usize>,
+    /// The views, in the order of the detections.
+    pub views: Vec<View>,
+}
+
+impl Scene {
+    /// The view that a detection gives.
+    pub fn view(&self, detection: &Detection) -> View {
+        let frame = &self.frames[detection.frame_index as usize];
+        View {
+            frame_index: detection.frame_index as usize,
+            projection: frame.projection,
+            image_size: frame.image_size,
+            bounding_box: detection.bounding_box,
+            ellipse: detection.ellipse,
+        }
+    }
+
+    /// For each object, the indices of the detections that name it and that `keep` accepts.
+    pub fn detections_by_object(&self, keep: impl Fn(&Detection) -> bool) -> Vec<Vec<u32>> {
+        let mut groups = vec![Vec::new(); self.object_ids.len()];
+        for (index, detection) in self.detections.iter().enumerate() {
+            if let Some(object) = detection.object_index
+                && keep(detection)
+            {
+                // Checked by the builder to fit.
+                groups[object as usize].push(index as u32);
+            }
+        }
+        groups
+    }
+
+    /// Gathers the views of one object from the indices of its detections.
+    pub fn object_views(&self, object_index: usize, detections: &[u32]) -> ObjectViews {
+        let mut counts: Vec<(u32, usize)> = Vec::new();
+        let mut views = Vec::with_capacity(detections.len());
+        for &index in detections {
+            let detection = &self.detections[index as usize];
+            if let Some(category) = detection.category_index {
+                match counts.iter_mut().find(|(c, _)| *c == category) {
+                    Some((_, n)) => *n += 1,
+                    None => counts.push((category, 1)),
+                }
+            }
+            views.push(self.view(detection));
+        }
+        let most = counts.iter().map(|&(_, n)| n).max();
+        let category_index = counts.iter().find(|&&(_, n)| Some(n) == most).map(|&(c, _)| c as usize);
+        ObjectViews { object_index, category_index, views }
+    }
+}

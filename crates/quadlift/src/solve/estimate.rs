@@ -1,0 +1,199 @@
+//! What an estimator reports about one object.
+
+use nalgebra::{Point3, SMatrix};
+
+use crate::geometry::{Body, Cuboid, Ellipsoid};
+
+/// A symmetric 9x9 matrix.
+pub type Matrix9 = SMatrix<f64, 9, 9>;
+
+/// How an estimation ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Status {
+    /// A body was found.
+    Ok,
+    /// The quadric that fits best is not an ellipsoid; its centre is reported. Nothing is repaired.
+    NotAnEllipsoid,
+    /// Fewer views than the method needs.
+    TooFewViews,
+    /// The views do not determine the object (all from one point, or no solution of the linear system).
+    Degenerate,
+    /// The iteration ended without a finite result in front of the cameras.
+    Diverged,
+}
+
+impl Status {
+    /// The name in files and on the terminal.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::NotAnEllipsoid => "not_an_ellipsoid",
+            Self::TooFewViews => "too_few_views",
+            Self::Degenerate => "degenerate",
+            Self::Diverged => "diverged",
+        }
+    }
+}
+
+/// Something that makes an estimate weaker than its status says; the text is for people.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Warning {
+    /// The viewing rays differ by a small angle only, so that the depth is uncertain.
+    NarrowBaseline {
+        /// The largest angle between two viewing rays, radians.
+        largest_angle: f64,
+    },
+    /// Every box edge on some side lies on the image border: the object's extent there is not seen.
+    AllEdgesCutOff,
+    /// Only two views: the size and the axes rest on the shape prior.
+    TwoViews,
+    /// The object lies behind, or across the camera plane of, some of the cameras that see it.
+    BehindCamera {
+        /// Number of such views.
+        views: usize,
+    },
+    /// The covariance could not be computed.
+    NoCovariance,
+}
+
+impl std::fmt::Display for Warning {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NarrowBaseline { largest_angle } => write!(
+                f,
+                "narrow baseline: the viewing rays differ by {:.1} degrees at most, so the depth and the extent along \
+                 the view are uncertain",
+                largest_angle.to_degrees()
+            ),
+            Self::AllEdgesCutOff => {
+                write!(
+                    f,
+                    "cut off: on some side of the object every box ends at the image border, its extent there is not seen"
+                )
+            }
+            Self::TwoViews => write!(f, "only two views: the shape rests on the prior"),
+            Self::BehindCamera { views } => {
+                write!(f, "the object does not lie wholly in front of {views} of the cameras that detect it")
+            }
+            Self::NoCovariance => write!(f, "the uncertainty could not be computed"),
+        }
+    }
+}
+
+/// What one view contributed to an estimate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewReport {
+    /// Index of the frame in the scene.
+    pub frame_index: usize,
+    /// Root mean square distance between the measured and the predicted box edges (or, for an ellipse, its four
+    /// extreme tangents), in pixels; edges at the image border do not count. Absent when the body has no outline
+    /// in the view, or all edges are cut off.
+    pub residual_px: Option<f64>,
+    /// Whether the view was used; a rejected view is an outlier.
+    pub inlier: bool,
+}
+
+/// Coordinates of a covariance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CovarianceCoordinates {
+    /// Centre (3, world) and `vech` of the shape matrix A (6): for ellipsoids. There the normalised estimation error
+    /// is right even for narrow baselines.
+    CenterVechShape,
+    /// Centre (3, world), rotation vector in the object's frame (3, radians), log semi-axes (3): for the other
+    /// bodies, whose axes A does not determine when two are equal.
+    CenterRotationLogAxes,
+}
+
+/// Covariance of an estimate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Covariance {
+    /// What the rows and columns mean.
+    pub coordinates: CovarianceCoordinates,
+    /// The 9x9 matrix in world units.
+    pub matrix: Matrix9,
+}
+
+/// The estimate of one object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// Index into the scene's object ids.
+    pub object_index: usize,
+    /// Index into the scene's categories.
+    pub category_index: Option<usize>,
+    /// How the estimation ended.
+    pub status: Status,
+    /// The centre in the world, whenever there is one.
+    pub center: Option<Point3<f64>>,
+    /// The body tangent to the measurements.
+    pub body: Option<Body>,
+    /// The factor by which `body` must grow to hold the real object (E5): see [`Estimate::enclosing_body`].
+    pub enclosing_scale: Option<f64>,
+    /// Uncertainty of `body`.
+    pub covariance: Option<Covariance>,
+    /// One entry per view, used or rejected.
+    pub views: Vec<ViewReport>,
+    /// What makes the estimate weak.
+    pub warnings: Vec<Warning>,
+}
+
+impl Estimate {
+    /// An estimate without a body.
+    pub fn failed(object_index: usize, category_index: Option<usize>, status: Status) -> Self {
+        Self {
+            object_index,
+            category_index,
+            status,
+            center: None,
+            body: None,
+            enclosing_scale: None,
+            covariance: None,
+            views: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The ellipsoid that stands for the body (see [`Body::ellipsoid`]).
+    pub fn ellipsoid(&self) -> Option<Ellipsoid> {
+        self.body.as_ref().map(Body::ellipsoid)
+    }
+
+    /// The larger body that holds the real object, which fills only part of the body that its boxes touch.
+    pub fn enclosing_body(&self) -> Option<Body> {
+        Some(self.body.as_ref()?.scaled(self.enclosing_scale?))
+    }
+
+    /// The ellipsoid of [`Estimate::enclosing_body`].
+    pub fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
+        self.enclosing_body().as_ref().map(Body::ellipsoid)
+    }
+
+    /// The cuboid, where the body is one.
+    pub fn cuboid(&self) -> Option<Cuboid> {
+        match self.body {
+            Some(Body::Cuboid(cuboid)) => Some(cuboid),
+            _ => None,
+        }
+    }
+
+    /// Number of views that were used.
+    pub fn views_used(&self) -> usize {
+        self.views.iter().filter(|view| view.inlier).count()
+    }
+
+    /// Root mean square residual over the used views, in pixels.
+    pub fn rms_residual_px(&self) -> Option<f64> {
+        let (sum, count) = self
+            .views
+            .iter()
+            .filter(|view| view.inlier)
+            .filter_map(|view| view.residual_px)
+            .fold((0.0, 0usize), |(sum, count), r| (sum + r * r, count + 1));
+        (count > 0).then(|| (sum / count as f64).sqrt())
+    }
+
+    /// Standard deviation of the centre: the root of the mean variance over the three coordinates, world units.
+    pub fn center_sd(&self) -> Option<f64> {
+        let c = self.covariance.as_ref()?.matrix;
+        Some(((c[(0, 0)] + c[(1, 1)] + c[(2, 2)]) / 3.0).sqrt())
+    }
+}

@@ -1,0 +1,7 @@
+//! The method: from the views of one object to its body.
+
+mod estimate;
+mod options;
+
+pub use estimate::{Covariance, CovarianceCoordinates, Estimate, Matrix9, Status, ViewReport, Warning};
+pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, RegOptions, SizePrior};

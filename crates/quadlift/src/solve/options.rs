@@ -1,0 +1,87 @@
+//! What can be chosen about the estimators.
+
+use std::collections::BTreeMap;
+
+/// The kind of body that is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum BodyKind {
+    /// An ellipsoid.
+    #[default]
+    Ellipsoid,
+    /// A cuboid.
+    Cuboid,
+    /// A superellipsoid with this exponent of its support function, in [1, 2] (1 cuboid, 2 ellipsoid).
+    Superellipsoid(f64),
+}
+
+/// What is known beforehand about the objects of one category.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CategoryPrior {
+    /// Full extents in world units: length, width, height (the height along the object's vertical axis), with the
+    /// standard deviation of each.
+    pub size: Option<SizePrior>,
+    /// Standard deviation in radians of the angle between the object's vertical axis and the scene's `up`.
+    pub upright_sd: Option<f64>,
+    /// Whether the objects stand on the ground plane.
+    pub on_ground: bool,
+}
+
+/// Full extents of a category: length, width, height, in world units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SizePrior {
+    /// Mean length, width and height; all positive.
+    pub mean: [f64; 3],
+    /// Standard deviations of length, width and height; all positive.
+    pub sd: [f64; 3],
+}
+
+/// Priors by category name.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CategoryPriors {
+    /// The prior of each category; others have none.
+    pub by_category: BTreeMap<String, CategoryPrior>,
+}
+
+/// Options of the maximum a posteriori estimator.
+#[derive(Debug, Clone)]
+pub struct MapOptions {
+    /// The kind of body.
+    pub body: BodyKind,
+    /// Priors by category; empty by default.
+    pub priors: CategoryPriors,
+    /// Standard deviation of the deviation of log semi-axes from their mean: the shape prior.
+    pub shape_sd: f64,
+    /// Quantile of (distance of the measured plane) / (reach of the body) that the enclosing body takes.
+    pub enclosing_quantile: f64,
+    /// Look for gross outliers among the views where the plain fit's residuals show some.
+    pub robust: bool,
+    /// Share of the image's larger side within which a box edge counts as cut off by the border, and tells only
+    /// that the object reaches at least so far.
+    pub border_margin: f64,
+}
+
+impl Default for MapOptions {
+    fn default() -> Self {
+        Self {
+            body: BodyKind::Ellipsoid,
+            priors: CategoryPriors::default(),
+            shape_sd: 0.5,
+            enclosing_quantile: 0.85,
+            robust: true,
+            border_margin: 0.025,
+        }
+    }
+}
+
+/// Options of the paper's regularised estimator.
+#[derive(Debug, Clone)]
+pub struct RegOptions {
+    /// Weight of the sphere regulariser (PfD equation 14), in the units of pixel-coordinate conics.
+    pub lambda: f64,
+}
+
+impl Default for RegOptions {
+    fn default() -> Self {
+        Self { lambda: 1e16 }
+    }
+}
