@@ -3,7 +3,8 @@
 
 pub mod geometry;
 mod localize;
+mod parallel;
 pub mod scene;
 pub mod solve;
 
-pub use localize::{LeftOut, Localization, LocalizeError, Method, Options, Progress, localize};
+pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, localize};

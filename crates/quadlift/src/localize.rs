@@ -1,33 +1,11 @@
 //! The one call: a scene and options in, estimates out.
 
-use crate::scene::Scene;
-use crate::solve::{Estimate, MapOptions, RegOptions};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Which estimator solves for each object.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
-    /// Maximum a posteriori refinement: the default.
-    #[default]
-    Map,
-    /// Tangent planes of box edges, closed form.
-    Planes,
-    /// Conditioned closed form (LfD).
-    Lfd,
-    /// The paper's closed form (PfD), in pixel coordinates.
-    Pfd,
-    /// The paper's regularised estimator (section 4.1).
-    Reg,
-}
-
-impl Method {
-    /// The fewest views with which the method can give an answer.
-    pub fn fewest_views(self) -> usize {
-        match self {
-            Self::Map | Self::Reg => 2,
-            Self::Planes | Self::Lfd | Self::Pfd => 3,
-        }
-    }
-}
+use crate::parallel::map_indices;
+use crate::scene::{Detection, Scene};
+use crate::solve::map::{MapContext, map};
+use crate::solve::{BodyKind, Estimate, MapOptions, Method, RegOptions, ViewReport, solve_closed_form};
 
 /// Everything that can be chosen.
 #[derive(Debug, Clone, Default)]
@@ -100,6 +78,109 @@ pub type Progress<'a> = &'a (dyn Fn(usize, usize) + Sync);
 /// # Errors
 /// [`LocalizeError`] when the options do not fit the scene; a single object that cannot be solved is a
 /// [`crate::solve::Status`] instead.
-pub fn localize(_scene: &Scene, _options: &Options, _progress: Progress) -> Result<Localization, LocalizeError> {
-    Ok(Localization::default())
+pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<Localization, LocalizeError> {
+    check(options)?;
+    let source = chosen_source(scene, options.source.as_deref())?;
+    let from_source = |d: &Detection| source.is_none() || d.source_index == source;
+    let visible = |d: &Detection| {
+        let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
+        within(d.occluded, options.max_occluded) && within(d.truncated, options.max_truncated)
+    };
+    let groups = scene.detections_by_object(|d| from_source(d) && visible(d));
+    // Objects that only other sources name are not listed; those whose detections are all left out are.
+    let mut named = vec![false; scene.object_ids.len()];
+    let mut left_out = LeftOut::default();
+    for detection in scene.detections.iter().filter(|d| from_source(d)) {
+        match detection.object_index {
+            None => left_out.without_object += 1,
+            Some(object) => {
+                named[object as usize] = true;
+                left_out.occluded_or_truncated += usize::from(!visible(detection));
+            }
+        }
+    }
+    let objects: Vec<usize> = (0..named.len()).filter(|&object| named[object]).collect();
+    let done = AtomicUsize::new(0);
+    let report = || progress(done.fetch_add(1, Ordering::Relaxed) + 1, objects.len());
+    let fewest = options.min_views.max(options.method.fewest_views());
+    let views_of = |k: usize| {
+        let mut object = scene.object_views(objects[k], &groups[objects[k]]);
+        if object.views.len() < fewest {
+            // Too few to be asked for: the solvers answer with a status.
+            object.views.clear();
+        }
+        object
+    };
+    let (mut estimates, noise) = if options.method == Method::Map {
+        let context =
+            MapContext { categories: &scene.categories, up: scene.up, seed: options.seed, options: &options.map };
+        let solution = map(objects.len(), &views_of, &context, &report);
+        (solution.estimates, solution.noise)
+    } else {
+        let estimates = map_indices(objects.len(), |k| {
+            let estimate =
+                solve_closed_form(&views_of(k), options.method, &options.reg, options.map.enclosing_quantile);
+            report();
+            estimate
+        });
+        (estimates, Vec::new())
+    };
+    // The views of objects with too few of them are listed all the same.
+    for (estimate, &object) in estimates.iter_mut().zip(&objects) {
+        if estimate.views.is_empty() {
+            estimate.views = groups[object]
+                .iter()
+                .map(|&d| scene.detections[d as usize].frame_index as usize)
+                .map(|frame_index| ViewReport { frame_index, residual_px: None, inlier: true })
+                .collect();
+        }
+    }
+    Ok(Localization { estimates, left_out, noise })
+}
+
+fn check(options: &Options) -> Result<(), LocalizeError> {
+    let map = &options.map;
+    let refuse = |text: String| Err(LocalizeError::Option(text));
+    if let BodyKind::Superellipsoid(q) = map.body {
+        if !(1.0..=2.0).contains(&q) {
+            return refuse(format!(
+                "the support exponent of a superellipsoid is {q}; expected 1 (cuboid) to 2 (ellipsoid)"
+            ));
+        }
+    }
+    if options.method != Method::Map && map.body != BodyKind::Ellipsoid {
+        return refuse("only the method map fits bodies other than ellipsoids".to_owned());
+    }
+    if map.shape_sd.is_nan() || map.shape_sd <= 0.0 {
+        return refuse(format!(
+            "the standard deviation of the shape prior is {}; expected a positive number",
+            map.shape_sd
+        ));
+    }
+    if options.reg.lambda.is_nan() || options.reg.lambda < 0.0 || options.reg.lambda.is_infinite() {
+        return refuse(format!("lambda is {}; expected a finite number that is not negative", options.reg.lambda));
+    }
+    Ok(())
+}
+
+/// Index of the source whose detections count; `None` when the scene has one at most.
+fn chosen_source(scene: &Scene, chosen: Option<&str>) -> Result<Option<u32>, LocalizeError> {
+    let sources = &scene.sources;
+    match chosen {
+        Some(name) => match sources.iter().position(|s| s == name) {
+            Some(index) => Ok(Some(index as u32)),
+            None => Err(LocalizeError::UnknownSource { chosen: name.to_owned(), known: sources.clone() }),
+        },
+        None => {
+            let unnamed = scene.detections.iter().any(|d| d.source_index.is_none());
+            if sources.len() + usize::from(unnamed && !sources.is_empty()) > 1 {
+                let mut names = sources.clone();
+                if unnamed {
+                    names.push("detections without a source".to_owned());
+                }
+                return Err(LocalizeError::SeveralSources(names));
+            }
+            Ok(None)
+        }
+    }
 }

@@ -23,7 +23,7 @@ pub use cuboid::Cuboid;
 pub use ellipse::{Ellipse, EllipseError};
 pub use ellipsoid::{DualQuadric, Ellipsoid, EllipsoidError};
 pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
-pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion, skew};
+pub use rotation::{quaternion_from_rotation, random_rotation, rotation_defect, rotation_from_quaternion, skew};
 pub use superellipsoid::{Superellipsoid, second_moment_scale};
 pub use vech::{VECH3, VECH4, projection_matrix_on_vech, unvech3, unvech4, vech3, vech4};
 

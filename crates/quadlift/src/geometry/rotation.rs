@@ -1,6 +1,7 @@
 //! Rotations: quaternions (w first in files), exponential map, checks.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rand::{Rng, RngExt};
 
 /// The rotation of a unit quaternion `[w, x, y, z]`.
 ///
@@ -31,6 +32,16 @@ pub fn skew(w: &Vector3<f64>) -> Matrix3<f64> {
 pub fn rotation_defect(m: &Matrix3<f64>) -> f64 {
     let defect = (m * m.transpose() - Matrix3::identity()).amax();
     if m.determinant() > 0.0 && defect.is_finite() { defect } else { f64::INFINITY }
+}
+
+/// A rotation drawn uniformly (Shoemake's method).
+pub fn random_rotation(rng: &mut impl Rng) -> Rotation3<f64> {
+    let u: f64 = rng.random_range(0.0..1.0);
+    let angle = |x: f64| x * std::f64::consts::TAU;
+    let (a, b) = (angle(rng.random_range(0.0..1.0)), angle(rng.random_range(0.0..1.0)));
+    let (p, q) = ((1.0 - u).sqrt(), u.sqrt());
+    let quaternion = Quaternion::new(q * b.cos(), p * a.sin(), p * a.cos(), q * b.sin());
+    UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()
 }
 
 #[cfg(test)]

@@ -2,6 +2,32 @@
 
 use std::collections::BTreeMap;
 
+/// Which estimator solves for each object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Maximum a posteriori refinement: the default.
+    #[default]
+    Map,
+    /// Tangent planes of box edges, closed form.
+    Planes,
+    /// Conditioned closed form (LfD).
+    Lfd,
+    /// The paper's closed form (PfD), in pixel coordinates.
+    Pfd,
+    /// The paper's regularised estimator (section 4.1).
+    Reg,
+}
+
+impl Method {
+    /// The fewest views with which the method can give an answer.
+    pub fn fewest_views(self) -> usize {
+        match self {
+            Self::Map | Self::Reg => 2,
+            Self::Planes | Self::Lfd | Self::Pfd => 3,
+        }
+    }
+}
+
 /// The kind of body that is fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum BodyKind {
@@ -40,6 +66,13 @@ pub struct SizePrior {
 pub struct CategoryPriors {
     /// The prior of each category; others have none.
     pub by_category: BTreeMap<String, CategoryPrior>,
+}
+
+impl CategoryPriors {
+    /// The prior of a category, or the one named "*" for all that have none of their own.
+    pub fn of(&self, category: &str) -> Option<&CategoryPrior> {
+        self.by_category.get(category).or_else(|| self.by_category.get("*"))
+    }
 }
 
 /// Options of the maximum a posteriori estimator.

@@ -1,0 +1,57 @@
+//! The object's own frame: every estimator but `pfd` and `reg` works there, so that its answer moves with the world.
+//!
+//! The origin is the point that the detections' centres triangulate to, the unit is the size that they suggest at
+//! that depth. World coordinates enter only through differences that are formed here, once.
+
+use nalgebra::{Matrix3x4, Point3, Vector3};
+
+use super::triangulate::{object_radius, triangulate};
+use crate::geometry::{DualQuadric, Ellipse, Projection};
+use crate::scene::View;
+
+/// A frame in which the object sits near the origin and has about unit size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ObjectFrame {
+    /// Origin in the world.
+    pub origin: Point3<f64>,
+    /// Length of the frame's unit in world units.
+    pub unit: f64,
+}
+
+impl ObjectFrame {
+    /// The frame of an object from its views; `None` when the views do not fix a point in space.
+    pub fn from_views(views: &[View]) -> Option<Self> {
+        let observations: Vec<(Projection, Ellipse)> =
+            views.iter().filter_map(|view| Some((view.projection, view.ellipse_or_inscribed()?))).collect();
+        Self::from_observations(&observations)
+    }
+
+    /// The same from projections and ellipses.
+    pub fn from_observations(observations: &[(Projection, Ellipse)]) -> Option<Self> {
+        let origin = triangulate(observations)?;
+        let unit = object_radius(observations, &origin)?;
+        Some(Self { origin, unit })
+    }
+
+    /// The projection of points in this frame, scaled so that its third row gives the depth in units of the frame.
+    pub fn local_projection(&self, projection: &Projection) -> Matrix3x4<f64> {
+        let p = projection.matrix();
+        let m = p.fixed_columns::<3>(0);
+        let last = m * self.origin.coords + p.column(3);
+        let scale = m.row(2).norm();
+        let mut local = Matrix3x4::zeros();
+        local.fixed_columns_mut::<3>(0).copy_from(&(m / scale));
+        local.set_column(3, &(last / (scale * self.unit)));
+        local
+    }
+
+    /// A point of this frame in the world.
+    pub fn point_in_world(&self, local: &Vector3<f64>) -> Point3<f64> {
+        self.origin + local * self.unit
+    }
+
+    /// A dual quadric of this frame in the world.
+    pub fn quadric_in_world(&self, local: &DualQuadric) -> DualQuadric {
+        local.transformed(self.unit, &self.origin.coords)
+    }
+}

@@ -1,0 +1,161 @@
+//! Residuals of an observed ellipse: centre, size, aspect and angle (E5, ours).
+//!
+//! The image is first mapped so that the observed ellipse has its centre at the origin, mean semi-axis one and its
+//! first axis along x. There the predicted ellipse (centre c, shape S) gives
+//! - centre: `c` (2), in mean semi-axes;
+//! - size: `1/2 log(l1 l2)` against the observed one;
+//! - aspect: `1/2 log(l1 / l2)` against the observed one;
+//! - angle: `1/2 log(l1 / l2) sin(2 angle)`, which is smooth where the predicted ellipse is a circle.
+
+use nalgebra::{Matrix3, Matrix3x4, Vector3};
+
+use super::body_model::BodyModel;
+use super::noise::{NoiseGroup, NoiseLevels};
+use super::normal_equations::Row;
+use super::rows::ResidualRow;
+use crate::geometry::Ellipse;
+
+/// Residual of every kind where the body has no outline in the view (behind the camera): ten sizes off.
+const NO_OUTLINE: f64 = 10.0;
+
+/// An observed ellipse, prepared.
+#[derive(Debug, Clone)]
+pub(super) struct EllipseMeasurement {
+    /// Left block and last column of the projection from the object's frame to the normalised image.
+    m: Matrix3<f64>,
+    offset: Vector3<f64>,
+    /// Observed `1/2 log(l1 l2)` in the normalised image, and `1/2 log(l1 / l2)`.
+    log_size: f64,
+    log_aspect: f64,
+}
+
+impl EllipseMeasurement {
+    /// Prepares an ellipse seen by the local projection `p`.
+    pub(super) fn new(p: &Matrix3x4<f64>, observed: &Ellipse) -> Self {
+        let (a, b) = (observed.semi_axes.x, observed.semi_axes.y);
+        // The first axis is taken as the longer one, as the predicted angle is that of the longer axis.
+        let angle = if a >= b { observed.angle } else { observed.angle + std::f64::consts::FRAC_PI_2 };
+        let (sin, cos) = angle.sin_cos();
+        let mean = 0.5 * (a + b);
+        let (x, y) = (observed.center.x, observed.center.y);
+        let normalise = Matrix3::new(
+            cos / mean,
+            sin / mean,
+            -(cos * x + sin * y) / mean,
+            -sin / mean,
+            cos / mean,
+            (sin * x - cos * y) / mean,
+            0.0,
+            0.0,
+            1.0,
+        );
+        let mapped = normalise * p;
+        Self {
+            m: mapped.fixed_columns::<3>(0).into_owned(),
+            offset: mapped.column(3).into_owned(),
+            log_size: 0.5 * (a * b / (mean * mean)).ln(),
+            log_aspect: 0.5 * (a / b).ln().abs(),
+        }
+    }
+
+    /// Appends the five whitened residuals.
+    pub(super) fn push_rows(&self, body: &impl BodyModel, noise: &NoiseLevels, rows: &mut Vec<ResidualRow>) {
+        let [center, size, aspect, angle] =
+            [NoiseGroup::EllipseCenter, NoiseGroup::EllipseSize, NoiseGroup::EllipseAspect, NoiseGroup::EllipseAngle]
+                .map(|group| (group, 1.0 / noise.of(group)));
+        let mut push = |residual: f64, row: Row, (group, weight): (NoiseGroup, f64)| {
+            rows.push(ResidualRow { residual: residual * weight, row: row.map(|x| x * weight), group });
+        };
+        let Some(outline) = Outline::new(&self.m, &self.offset, body) else {
+            for group in [center, center, size, aspect, angle] {
+                push(NO_OUTLINE, [0.0; 9], group);
+            }
+            return;
+        };
+        push(outline.c[0], outline.dc[0], center);
+        push(outline.c[1], outline.dc[1], center);
+        let [s11, s12, s22] = outline.s;
+        let [ds11, ds12, ds22] = &outline.ds;
+        let determinant = s11 * s22 - s12 * s12;
+        let row = std::array::from_fn(|k| 0.25 * (ds11[k] * s22 + s11 * ds22[k] - 2.0 * s12 * ds12[k]) / determinant);
+        push(0.25 * determinant.ln() - self.log_size, row, size);
+        // m +- rho are the eigenvalues of S; g = log(l1 / l2) = atanh(rho / m); phi = g / rho is smooth at rho = 0.
+        let (m, d) = (0.5 * (s11 + s22), 0.5 * (s11 - s22));
+        let rho = d.hypot(s12);
+        let q = rho / m;
+        let (g, phi, slope) = if q > 1e-3 {
+            let g = q.atanh();
+            let slope = 1.0 / (1.0 - q * q);
+            (g, g / rho, slope)
+        } else {
+            (q, (1.0 + q * q / 3.0) / m, 1.0 + q * q)
+        };
+        let mut aspect_row = [0.0; 9];
+        let mut angle_row = [0.0; 9];
+        for k in 0..9 {
+            let dm = 0.5 * (ds11[k] + ds22[k]);
+            let dd = 0.5 * (ds11[k] - ds22[k]);
+            let drho = if rho > 0.0 { (d * dd + s12 * ds12[k]) / rho } else { 0.0 };
+            let dq = (drho - q * dm) / m;
+            let dg = slope * dq;
+            let dphi = if q > 1e-3 { (dg - phi * drho) / rho } else { (2.0 / 3.0 * q * dq) / m - phi * dm / m };
+            aspect_row[k] = 0.5 * dg;
+            angle_row[k] = 0.5 * (phi * ds12[k] + s12 * dphi);
+        }
+        push(0.5 * g - self.log_aspect, aspect_row, aspect);
+        push(0.5 * phi * s12, angle_row, angle);
+    }
+}
+
+/// Centre and shape of the projected outline in the normalised image, with derivatives.
+struct Outline {
+    c: [f64; 2],
+    dc: [Row; 2],
+    /// S11, S12, S22.
+    s: [f64; 3],
+    ds: [Row; 3],
+}
+
+impl Outline {
+    fn new(m: &Matrix3<f64>, offset: &Vector3<f64>, body: &impl BodyModel) -> Option<Self> {
+        let root_transposed = body.root_transposed()?;
+        let h = m * body.center() + offset;
+        // Rows of N = M B: C = N N^T - h h^T; dC_ij = N_i^T D N_j.
+        let n: [Vector3<f64>; 3] = std::array::from_fn(|i| root_transposed * m.row(i).transpose());
+        let entry = |i: usize, j: usize| n[i].dot(&n[j]) - h[i] * h[j];
+        let derivative = |i: usize, j: usize| -> Row {
+            let (a, b) = (&n[i], &n[j]);
+            [
+                -(m[(i, 0)] * h[j] + h[i] * m[(j, 0)]),
+                -(m[(i, 1)] * h[j] + h[i] * m[(j, 1)]),
+                -(m[(i, 2)] * h[j] + h[i] * m[(j, 2)]),
+                a.x * b.x,
+                a.y * b.x + a.x * b.y,
+                a.z * b.x + a.x * b.z,
+                a.y * b.y,
+                a.z * b.y + a.y * b.z,
+                a.z * b.z,
+            ]
+        };
+        let w = entry(2, 2);
+        if h.z <= 0.0 || w >= -1e-9 * h.z * h.z {
+            return None;
+        }
+        let inverse = 1.0 / w;
+        let dw = derivative(2, 2);
+        let c = [entry(0, 2) * inverse, entry(1, 2) * inverse];
+        let d02 = [derivative(0, 2), derivative(1, 2)];
+        let dc = std::array::from_fn(|i| std::array::from_fn(|k| (d02[i][k] - c[i] * dw[k]) * inverse));
+        let indices = [(0, 0), (0, 1), (1, 1)];
+        let s = indices.map(|(i, j)| c[i] * c[j] - entry(i, j) * inverse);
+        let dc: [Row; 2] = dc;
+        let ds = std::array::from_fn(|e| {
+            let (i, j) = indices[e];
+            let dij = derivative(i, j);
+            std::array::from_fn(|k| {
+                dc[i][k] * c[j] + c[i] * dc[j][k] - (dij[k] + (s[e] - c[i] * c[j]) * dw[k]) * inverse
+            })
+        });
+        (s[0] > 0.0 && s[0] * s[2] > s[1] * s[1]).then_some(Self { c, dc, s, ds })
+    }
+}

@@ -1,0 +1,123 @@
+//! Maximum a posteriori refinement: the default estimator (E5, ours).
+//!
+//! All objects of a scene are solved together, because they share the noise levels: each kind of measurement error has
+//! a standard deviation that is estimated from the residuals of the whole scene ([`noise`]). One object's problem is
+//! small: nine parameters, minimised by Levenberg-Marquardt ([`levenberg_marquardt`]) over residuals of tangent planes
+//! and ellipses ([`rows`], [`ellipse_residual`]) and priors ([`objective`]).
+//!
+//! Rounds: fit every object from its starts with default noise; look for outliers where the residuals show some
+//! ([`robust`]); then alternate between new noise levels and refits until the levels stand.
+
+mod body_model;
+mod covariance;
+mod ellipse_residual;
+#[cfg(test)]
+mod jacobian_tests;
+mod levenberg_marquardt;
+mod measurements;
+mod noise;
+mod normal_equations;
+mod object;
+mod objective;
+mod robust;
+mod rows;
+mod starts;
+
+use nalgebra::{Unit, Vector3};
+
+use self::body_model::{BodyModel, EllipsoidModel, OrientedModel};
+use self::noise::{NoiseLevels, NoiseStatistics};
+use self::object::{FirstFit, Fit, Prepared};
+use super::estimate::Estimate;
+use super::options::{BodyKind, MapOptions};
+use crate::parallel::map_indices;
+use crate::scene::ObjectViews;
+
+/// Objects from which the noise levels are estimated; larger scenes use this many, evenly spread.
+const NOISE_SAMPLE: usize = 2000;
+
+/// Rounds of noise estimation, at most.
+const ROUNDS: usize = 8;
+
+/// Relative change of every noise level below which they stand.
+const SETTLED: f64 = 0.02;
+
+/// What the objects of a scene share.
+#[derive(Debug, Clone)]
+pub struct MapContext<'a> {
+    /// Names of the categories, by index.
+    pub categories: &'a [String],
+    /// World direction against gravity.
+    pub up: Option<Unit<Vector3<f64>>>,
+    /// Seed of the hypotheses and of the random starts.
+    pub seed: u64,
+    /// The estimator's options.
+    pub options: &'a MapOptions,
+}
+
+/// The answer for a scene.
+#[derive(Debug, Clone, Default)]
+pub struct MapSolution {
+    /// One estimate per object.
+    pub estimates: Vec<Estimate>,
+    /// Noise levels by name, relative to the detection's half size.
+    pub noise: Vec<(&'static str, f64)>,
+}
+
+/// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. `done` is called
+/// once for each finished object.
+pub fn map(
+    count: usize,
+    views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+    context: &MapContext,
+    done: &(dyn Fn() + Sync),
+) -> MapSolution {
+    match context.options.body {
+        BodyKind::Ellipsoid => solve::<EllipsoidModel>(count, views_of, context, done),
+        BodyKind::Cuboid | BodyKind::Superellipsoid(_) => solve::<OrientedModel>(count, views_of, context, done),
+    }
+}
+
+fn solve<B: BodyModel + FirstFit>(
+    count: usize,
+    views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+    context: &MapContext,
+    done: &(dyn Fn() + Sync),
+) -> MapSolution {
+    let stride = count.div_ceil(NOISE_SAMPLE).max(1);
+    let sample: Vec<usize> = (0..count).step_by(stride).collect();
+    let mut noise = NoiseLevels::default();
+    let mut fits: Vec<Result<Fit<B>, Estimate>> =
+        map_indices(sample.len(), |k| Prepared::new(views_of(sample[k]), context)?.first_fit(&noise, context));
+    let mut statistics = NoiseStatistics::default();
+    for _ in 0..ROUNDS {
+        statistics = NoiseStatistics::default();
+        // Summed in the order of the objects, so that the result does not depend on the number of threads.
+        for fit in fits.iter().flatten() {
+            statistics.merge(&fit.statistics(&noise));
+        }
+        let updated = noise.updated(&statistics);
+        let settled = updated.change(&noise, &statistics) < SETTLED;
+        noise = updated;
+        fits = map_indices(fits.len(), |k| Ok(fits[k].as_ref().map_err(Clone::clone)?.refined(&noise)));
+        if settled {
+            break;
+        }
+    }
+    let fits = &fits;
+    let estimates = map_indices(count, |index| {
+        let estimate = if index % stride == 0 {
+            match &fits[index / stride] {
+                Ok(fit) => fit.estimate(&noise, context),
+                Err(failed) => failed.clone(),
+            }
+        } else {
+            Prepared::new(views_of(index), context)
+                .and_then(|prepared| prepared.first_fit::<B>(&noise, context))
+                .map_or_else(|failed| failed, |fit| fit.refined(&noise).estimate(&noise, context))
+        };
+        done();
+        estimate
+    });
+    MapSolution { estimates, noise: noise.report(&statistics) }
+}

@@ -1,0 +1,271 @@
+//! One object on its way from views to an estimate.
+
+use nalgebra::{Point3, Rotation3, Unit, Vector3};
+
+use super::super::conditioning::ObjectFrame;
+use super::super::estimate::{Covariance, Estimate, Status, Warning};
+use super::super::options::BodyKind;
+use super::super::planes::planes_in_frame;
+use super::super::report::describe;
+use super::MapContext;
+use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
+use super::covariance;
+use super::levenberg_marquardt::{Stop, minimise};
+use super::measurements::Measurements;
+use super::noise::{NoiseLevels, NoiseStatistics};
+use super::normal_equations::NormalEquations;
+use super::objective::{OUTLIER_SCALE, ObjectPrior, Objective};
+use super::robust::{robust_fit, shows_outliers};
+use super::starts::{ellipsoid_from_quadric, oriented_starts, unit_sphere};
+use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
+use crate::scene::{ObjectViews, View};
+
+/// From a start: many steps, no need to end exactly.
+const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };
+
+/// To decide between many starts: few steps.
+const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
+
+/// Towards the end.
+const REFINE: Stop = Stop { evaluations: 40, promised_decrease: 1e-5 };
+
+/// Oriented starts that are followed to the end.
+const FOLLOWED_STARTS: usize = 3;
+
+/// An object's measurements and priors in its own frame.
+pub(super) struct Prepared {
+    pub views: ObjectViews,
+    pub measurements: Measurements,
+    pub prior: ObjectPrior,
+}
+
+/// A fitted object.
+#[derive(Clone)]
+pub(super) struct Fit<B> {
+    prepared: std::sync::Arc<Prepared>,
+    body: B,
+    equations: NormalEquations,
+    robust: bool,
+}
+
+impl Prepared {
+    /// Builds the object's frame and priors; an estimate that says why when there is none.
+    pub(super) fn new(views: ObjectViews, context: &MapContext) -> Result<Self, Estimate> {
+        let failed = |status| Estimate::failed(views.object_index, views.category_index, status);
+        if views.views.len() < 2 {
+            return Err(failed(Status::TooFewViews));
+        }
+        let frame = ObjectFrame::from_views(&views.views).ok_or_else(|| failed(Status::Degenerate))?;
+        let ellipses_as_planes = context.options.body != BodyKind::Ellipsoid;
+        let measurements = Measurements::new(frame, &views.views, ellipses_as_planes, context.options.border_margin);
+        let prior = object_prior(&views, &frame, context);
+        Ok(Self { views, measurements, prior })
+    }
+
+    /// The first fit: from the starts, with outliers looked for.
+    pub(super) fn first_fit<B: FirstFit>(self, noise: &NoiseLevels, context: &MapContext) -> Result<Fit<B>, Estimate> {
+        let failed = Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged);
+        let seed = context.seed ^ (self.views.object_index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let (ellipsoid, robust) =
+            self.fit_ellipsoid(noise, context.options.robust, seed).ok_or_else(|| failed.clone())?;
+        let (body, equations) = B::from_ellipsoid(&self, ellipsoid, noise, robust, context, seed).ok_or(failed)?;
+        Ok(Fit { prepared: std::sync::Arc::new(self), body, equations, robust })
+    }
+
+    fn objective<'a>(&'a self, noise: &'a NoiseLevels, robust: bool) -> Objective<'a> {
+        Objective { measurements: &self.measurements, prior: &self.prior, noise, robust }
+    }
+
+    /// The best ellipsoid over its starts, and whether the views hold outliers.
+    fn fit_ellipsoid(&self, noise: &NoiseLevels, look_for_outliers: bool, seed: u64) -> Option<(EllipsoidModel, bool)> {
+        let objective = self.objective(noise, false);
+        let linear = planes_in_frame(&self.views.views, &self.measurements.frame)
+            .ok()
+            .and_then(|quadric| ellipsoid_from_quadric(&quadric));
+        let best = [Some(unit_sphere(Vector3::zeros())), linear]
+            .into_iter()
+            .flatten()
+            .filter_map(|start| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
+            .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+            .map(|(body, _)| body)?;
+        if look_for_outliers && shows_outliers(&objective.view_costs(&best)) {
+            let as_planes = Measurements::new(self.measurements.frame, &self.views.views, true, 0.0);
+            if let Some(robust) = robust_fit(&self.measurements, &as_planes, &self.prior, noise, seed) {
+                return Some((robust, true));
+            }
+        }
+        Some((best, false))
+    }
+}
+
+/// How the first fit of each kind of body comes from the ellipsoid.
+pub(super) trait FirstFit: BodyModel {
+    fn from_ellipsoid(
+        prepared: &Prepared,
+        ellipsoid: EllipsoidModel,
+        noise: &NoiseLevels,
+        robust: bool,
+        context: &MapContext,
+        seed: u64,
+    ) -> Option<(Self, NormalEquations)>;
+
+    /// The body in the world.
+    fn body_in_world(&self, frame: &ObjectFrame) -> Body;
+
+    /// Covariance in world units.
+    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance>;
+}
+
+impl FirstFit for EllipsoidModel {
+    fn from_ellipsoid(
+        prepared: &Prepared,
+        ellipsoid: EllipsoidModel,
+        noise: &NoiseLevels,
+        robust: bool,
+        _context: &MapContext,
+        _seed: u64,
+    ) -> Option<(Self, NormalEquations)> {
+        let equations = prepared.objective(noise, robust).linearise(&ellipsoid)?;
+        Some((ellipsoid, equations))
+    }
+
+    fn body_in_world(&self, frame: &ObjectFrame) -> Body {
+        Body::Ellipsoid(Ellipsoid {
+            center: frame.point_in_world(self.center()),
+            semi_axes: self.semi_axes() * frame.unit,
+            rotation: Rotation3::from_matrix_unchecked(*self.axes()),
+        })
+    }
+
+    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
+        covariance::of_ellipsoid(self, equations, frame)
+    }
+}
+
+impl FirstFit for OrientedModel {
+    fn from_ellipsoid(
+        prepared: &Prepared,
+        ellipsoid: EllipsoidModel,
+        noise: &NoiseLevels,
+        robust: bool,
+        context: &MapContext,
+        seed: u64,
+    ) -> Option<(Self, NormalEquations)> {
+        let objective = prepared.objective(noise, robust);
+        let exponent = match context.options.body {
+            BodyKind::Superellipsoid(exponent) => exponent,
+            BodyKind::Cuboid | BodyKind::Ellipsoid => 1.0,
+        };
+        let centers = centers_from_size(prepared);
+        let starts = oriented_starts(&ellipsoid, exponent, &prepared.prior, &centers, seed);
+        let descend = |start: OrientedModel, stop: Stop| {
+            minimise(start, stop, |body| objective.linearise(body), BodyModel::retract)
+        };
+        let mut screened: Vec<_> = starts.into_iter().filter_map(|start| descend(start, SCREENING)).collect();
+        screened.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        screened
+            .into_iter()
+            .take(FOLLOWED_STARTS)
+            .filter_map(|(start, _)| descend(start, FROM_START))
+            .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+    }
+
+    fn body_in_world(&self, frame: &ObjectFrame) -> Body {
+        let center: Point3<f64> = frame.point_in_world(self.center());
+        let semi_axes = self.semi_axes() * frame.unit;
+        let rotation = Rotation3::from_matrix_unchecked(*self.axes());
+        if self.exponent() == 1.0 {
+            Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation })
+        } else {
+            Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent: self.exponent() })
+        }
+    }
+
+    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
+        covariance::of_oriented(self, equations, frame)
+    }
+}
+
+impl<B: FirstFit> Fit<B> {
+    /// Residual statistics under the noise levels of the last fit.
+    pub(super) fn statistics(&self, noise: &NoiseLevels) -> NoiseStatistics {
+        self.prepared.objective(noise, self.robust).statistics(&self.body, &self.equations)
+    }
+
+    /// The fit under new noise levels; the old one where that fails.
+    pub(super) fn refined(&self, noise: &NoiseLevels) -> Self {
+        let objective = self.prepared.objective(noise, self.robust);
+        match minimise(self.body.clone(), REFINE, |body| objective.linearise(body), BodyModel::retract) {
+            Some((body, equations)) => Self { prepared: self.prepared.clone(), body, equations, robust: self.robust },
+            None => self.clone(),
+        }
+    }
+
+    /// The estimate in the world.
+    pub(super) fn estimate(&self, noise: &NoiseLevels, context: &MapContext) -> Estimate {
+        let Prepared { views, measurements, .. } = &*self.prepared;
+        let costs = if self.robust { self.prepared.objective(noise, true).view_costs(&self.body) } else { Vec::new() };
+        let inlier = |view: usize| costs.get(view).is_none_or(|cost| *cost <= OUTLIER_SCALE * OUTLIER_SCALE);
+        let mut estimate = describe(
+            Estimate::failed(views.object_index, views.category_index, Status::Ok),
+            self.body.body_in_world(&measurements.frame),
+            &views.views,
+            inlier,
+            context.options.enclosing_quantile,
+        );
+        estimate.covariance = self.body.covariance(&self.equations, &measurements.frame);
+        if estimate.covariance.is_none() {
+            estimate.warnings.push(Warning::NoCovariance);
+        }
+        if views.views.iter().all(|view| estimate.center.is_some_and(|c| view.projection.depth(&c) <= 0.0)) {
+            estimate.status = Status::Diverged;
+        }
+        estimate
+    }
+}
+
+/// The priors of an object in its frame.
+fn object_prior(views: &ObjectViews, frame: &ObjectFrame, context: &MapContext) -> ObjectPrior {
+    let mut prior = ObjectPrior { shape_weight: 1.0 / context.options.shape_sd, ..Default::default() };
+    prior.axes_are_named = context.options.body != BodyKind::Ellipsoid;
+    let name = views.category_index.map_or("", |index| context.categories[index].as_str());
+    let Some(category) = context.options.priors.of(name) else { return prior };
+    if let (Some(up), Some(sd)) = (context.up, category.upright_sd) {
+        prior.up = Some(up.into_inner());
+        prior.upright_weight = 1.0 / sd;
+    }
+    if let Some(size) = category.size {
+        prior.log_size =
+            Some(std::array::from_fn(|k| ((0.5 * size.mean[k] / frame.unit).ln(), size.mean[k] / size.sd[k])));
+        if prior.up.is_none() {
+            prior.up = context.up.map(Unit::into_inner);
+        }
+        // The category's size takes the place of the general shape prior.
+        prior.shape_weight = 0.0;
+    }
+    prior
+}
+
+/// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
+/// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
+fn centers_from_size(prepared: &Prepared) -> Vec<Vector3<f64>> {
+    let frame = &prepared.measurements.frame;
+    let Some([_, _, (log_half_height, _)]) = prepared.prior.log_size else { return Vec::new() };
+    let whole = |view: &&View| {
+        let b = view.bounding_box;
+        b.is_some_and(|b| !super::super::planes::edges_at_border(&b, view.image_size, 2.0).contains(&true))
+    };
+    let height = |view: &View| view.bounding_box.map_or(0.0, |b| b.size().y);
+    let tallest = prepared.views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));
+    let Some(view) = tallest else { return Vec::new() };
+    let (Some(bounding_box), Some(camera)) = (view.bounding_box, view.projection.center_in_world()) else {
+        return Vec::new();
+    };
+    let Some(ray) = view.projection.ray_in_world(&bounding_box.center()) else { return Vec::new() };
+    let depth = view.projection.focal_length() * 2.0 * log_half_height.exp() * frame.unit / bounding_box.size().y;
+    let along = view.projection.depth(&(camera + ray));
+    [0.85, 1.0, 1.2]
+        .into_iter()
+        .map(|factor| (camera + ray * (depth * factor / along) - frame.origin) / frame.unit)
+        .collect()
+}

@@ -1,0 +1,70 @@
+//! The whitened residuals of one view with their derivatives.
+
+use super::body_model::BodyModel;
+use super::measurements::{Measurements, Plane};
+use super::noise::{NoiseGroup, NoiseLevels};
+use super::normal_equations::Row;
+
+/// Depths below this (in object sizes) are taken as this: the object is at or behind the camera, and its residuals
+/// are very large.
+const SMALLEST_DEPTH: f64 = 1e-3;
+
+/// One whitened residual: divided by the noise of its group.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ResidualRow {
+    pub residual: f64,
+    pub row: Row,
+    pub group: NoiseGroup,
+}
+
+/// Fills `rows` with the residuals of one view; at most 13 of them.
+#[inline]
+pub(super) fn view_rows(
+    measurements: &Measurements,
+    index: usize,
+    body: &impl BodyModel,
+    noise: &NoiseLevels,
+    rows: &mut Vec<ResidualRow>,
+) {
+    rows.clear();
+    let view = &measurements.views[index];
+    if let Some(ellipse) = &view.ellipse {
+        ellipse.push_rows(body, noise, rows);
+    }
+    if view.pairs.is_empty() && view.singles.is_empty() {
+        return;
+    }
+    let depth = view.axis.dot(body.center()) + view.offset;
+    let (depth, axis) = if depth > SMALLEST_DEPTH { (depth, view.axis) } else { (SMALLEST_DEPTH, view.axis * 0.0) };
+    let inverse = 1.0 / depth;
+    // (n.t + d - h) / depth: for small errors the distance between measured and predicted edge in half sizes.
+    let edge = |plane: &Plane| {
+        let (h, slope) = body.support_gradient(&plane.n);
+        let residual = (plane.n.dot(body.center()) + plane.d - h) * inverse;
+        let mut row = [0.0; 9];
+        for k in 0..3 {
+            row[k] = (plane.n[k] - residual * axis[k]) * inverse;
+        }
+        for k in 0..6 {
+            row[3 + k] = -slope[k] * inverse;
+        }
+        (residual, row)
+    };
+    let (center, size) = (0.5 / noise.of(NoiseGroup::BoxCenter), 0.5 / noise.of(NoiseGroup::BoxSize));
+    for [low, high] in &measurements.pairs[view.pairs.clone()] {
+        let ((ra, a), (rb, b)) = (edge(low), edge(high));
+        let difference = std::array::from_fn(|k| (a[k] - b[k]) * center);
+        let sum = std::array::from_fn(|k| (a[k] + b[k]) * size);
+        rows.push(ResidualRow { residual: (ra - rb) * center, row: difference, group: NoiseGroup::BoxCenter });
+        rows.push(ResidualRow { residual: (ra + rb) * size, row: sum, group: NoiseGroup::BoxSize });
+    }
+    let single = 1.0 / noise.of(NoiseGroup::Edge);
+    for measured in &measurements.singles[view.singles.clone()] {
+        let (residual, row) = edge(&measured.plane);
+        // A body that reaches beyond an edge at the image border agrees with it.
+        if !(measured.one_sided && residual <= 0.0) {
+            let row = row.map(|x| x * single);
+            rows.push(ResidualRow { residual: residual * single, row, group: NoiseGroup::Edge });
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! Where the refinement starts: one sphere, the linear solution, and for oriented bodies several rotations.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, horizontal_basis};
+use super::objective::ObjectPrior;
+use crate::geometry::linalg::symmetric_eigen3;
+use crate::geometry::{DualQuadric, random_rotation};
+
+/// A start's shortest semi-axis is at least this share of its longest one.
+const ROUNDEST_START: f64 = 0.2;
+
+/// A start further away than this (object sizes) from the triangulated centre is not believed.
+const FARTHEST_START: f64 = 20.0;
+
+/// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
+const RANDOM_ROTATIONS: usize = 11;
+
+/// A sphere of unit radius, in the object's frame.
+pub(super) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
+    EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(1.0))
+}
+
+/// An ellipsoid to start from, near a quadric that may be none: only a start, no result.
+pub(super) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidModel> {
+    let (center, shape) = quadric.center_and_shape()?;
+    if center.coords.norm() > FARTHEST_START {
+        return None;
+    }
+    let (values, axes) = symmetric_eigen3(&shape)?;
+    let largest = values.amax();
+    let clamped = values.map(|v| v.abs().max(ROUNDEST_START * ROUNDEST_START * largest).sqrt());
+    (largest > 1e-6 && largest < 1e6).then(|| EllipsoidModel::from_axes(center.coords, axes, clamped))
+}
+
+/// Starts of a body with the support exponent `exponent`, from a fitted ellipsoid.
+///
+/// With a category size they are upright boxes of that size in four directions at `centers`; otherwise the ellipsoid's
+/// own axes and random rotations (upright ones where `up` is known and asked for).
+pub(super) fn oriented_starts(
+    ellipsoid: &EllipsoidModel,
+    exponent: f64,
+    prior: &ObjectPrior,
+    centers: &[Vector3<f64>],
+    seed: u64,
+) -> Vec<OrientedModel> {
+    // A cuboid inside of the ellipsoid that touches the same planes: 1.4 times smaller, less for rounder bodies.
+    let shrink = 1.4f64.powf(1.0 - 2.0 / exponent);
+    let semi_axes = ellipsoid.semi_axes() * shrink;
+    let upright = prior.up.filter(|_| prior.upright_weight > 0.0);
+    let mut starts = Vec::new();
+    match (upright, prior.log_size) {
+        (Some(up), size) => {
+            let [first, second] = horizontal_basis(&up);
+            let mean = semi_axes.product().cbrt();
+            let semi_axes = size.map_or(Vector3::repeat(mean), |s| Vector3::from(s.map(|(mean, _)| mean.exp())));
+            let mut all = vec![*ellipsoid.center()];
+            all.extend_from_slice(centers);
+            for center in all {
+                for yaw in (0..4).map(|k| f64::from(k) * std::f64::consts::FRAC_PI_4) {
+                    let (sin, cos) = yaw.sin_cos();
+                    let axes = Matrix3::from_columns(&[first * cos + second * sin, second * cos - first * sin, up]);
+                    starts.push(OrientedModel::new(center, right_handed(axes), semi_axes, exponent));
+                }
+            }
+        }
+        (None, Some(size)) => {
+            let sizes = Vector3::from(size.map(|(mean, _)| mean.exp()));
+            for rotation in rotations(ellipsoid, seed) {
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, exponent));
+            }
+        }
+        (None, None) => {
+            let mean = Vector3::repeat(semi_axes.product().cbrt());
+            for (k, rotation) in rotations(ellipsoid, seed).into_iter().enumerate() {
+                let semi_axes = if k == 0 { semi_axes } else { mean };
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, semi_axes, exponent));
+            }
+        }
+    }
+    starts
+}
+
+/// The ellipsoid's axes, then random rotations.
+fn rotations(ellipsoid: &EllipsoidModel, seed: u64) -> Vec<Matrix3<f64>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let random = (0..RANDOM_ROTATIONS).map(|_| *random_rotation(&mut rng).matrix());
+    std::iter::once(right_handed(*ellipsoid.axes())).chain(random).collect()
+}
+
+fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
+    if axes.determinant() < 0.0 {
+        axes.column_mut(1).neg_mut();
+    }
+    *Rotation3::from_matrix_unchecked(axes).matrix()
+}
