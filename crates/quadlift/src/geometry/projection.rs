@@ -88,25 +88,26 @@ pub fn project_bounding_box(projection: &Projection, body: &impl ConvexBody) -> 
 }
 
 /// The root of the concave function `gap` in the direction `towards` (+1 or -1) from `start`, where it is negative.
+///
+/// Its slope lies between `depth - reach` and `depth + reach`. The first step takes the steepest, which cannot jump over
+/// the root; secant steps follow, until they are lost in rounding.
 fn outer_root(gap: impl Fn(f64) -> f64, start: f64, towards: f64, depth: f64, reach: f64) -> f64 {
-    // March outwards with the steepest possible slope (depth + reach): it never jumps over the root; then switch to
-    // secant steps, which converge from one side on a concave function.
     let (mut x, mut value) = (start, gap(start));
     let mut slope = depth + reach;
     for _ in 0..100 {
-        let step = -value / slope * towards;
-        let (next, previous) = (x + step, x);
-        if next == x || value >= 0.0 {
+        let next = x - value / slope * towards;
+        if next == x || !next.is_finite() {
             break;
         }
         let next_value = gap(next);
-        let secant = (next_value - value) / ((next - previous) * towards);
+        let secant = (next_value - value) / ((next - x) * towards);
+        let converged = (next - x).abs() <= 1e-14 * (1.0 + x.abs());
         (x, value) = (next, next_value);
-        if secant.is_finite() && secant > 0.0 {
-            slope = secant.max(depth - reach).min(depth + reach);
-        }
-        if step.abs() <= 1e-13 * (1.0 + x.abs()) {
+        if converged {
             break;
+        }
+        if secant.is_finite() && secant > 0.0 {
+            slope = secant.clamp(depth - reach, depth + reach);
         }
     }
     x

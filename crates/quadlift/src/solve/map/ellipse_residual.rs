@@ -5,7 +5,11 @@
 //! - centre: `c` (2), in mean semi-axes;
 //! - size: `1/2 log(l1 l2)` against the observed one;
 //! - aspect: `1/2 log(l1 / l2)` against the observed one;
-//! - angle: `1/2 log(l1 / l2) sin(2 angle)`, which is smooth where the predicted ellipse is a circle.
+//! - angle: `1/2 log(l1 / l2) sin(angle)`.
+//!
+//! The last two jump where the predicted ellipse is a circle, as a start is. On the way from a start they are replaced
+//! by the vector `1/2 log(l1 / l2) (cos, sin)(2 angle)` against the observed one, which is smooth everywhere but does
+//! not keep errors of the angle apart from those of the aspect.
 
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 
@@ -58,8 +62,8 @@ impl EllipseMeasurement {
         }
     }
 
-    /// Appends the five whitened residuals.
-    pub(super) fn push_rows(&self, body: &impl BodyModel, noise: &NoiseLevels, rows: &mut Vec<ResidualRow>) {
+    /// Appends the five whitened residuals; `as_vector` chooses the smooth form of the last two.
+    pub(super) fn push_rows(&self, body: &impl BodyModel, noise: &NoiseLevels, as_vector: bool, rows: &mut Vec<ResidualRow>) {
         let [center, size, aspect, angle] =
             [NoiseGroup::EllipseCenter, NoiseGroup::EllipseSize, NoiseGroup::EllipseAspect, NoiseGroup::EllipseAngle]
                 .map(|group| (group, 1.0 / noise.of(group)));
@@ -90,8 +94,11 @@ impl EllipseMeasurement {
         } else {
             (q, (1.0 + q * q / 3.0) / m, 1.0 + q * q)
         };
-        let mut aspect_row = [0.0; 9];
-        let mut angle_row = [0.0; 9];
+        // (x, y) = g (cos, sin) of twice the angle to the observed ellipse.
+        let (x, y) = (phi * d, phi * s12);
+        let mut rows = [[0.0; 9]; 2];
+        // g sin(angle), from 2 sin^2 = 1 - cos; its sign is that of y. Zero only where the axes agree.
+        let sine = (0.5 * g * (g - x)).max(0.0).sqrt().copysign(y);
         for k in 0..9 {
             let dm = 0.5 * (ds11[k] + ds22[k]);
             let dd = 0.5 * (ds11[k] - ds22[k]);
@@ -99,11 +106,32 @@ impl EllipseMeasurement {
             let dq = (drho - q * dm) / m;
             let dg = slope * dq;
             let dphi = if q > 1e-3 { (dg - phi * drho) / rho } else { (2.0 / 3.0 * q * dq) / m - phi * dm / m };
-            aspect_row[k] = 0.5 * dg;
-            angle_row[k] = 0.5 * (phi * ds12[k] + s12 * dphi);
+            let (dx, dy) = (phi * dd + d * dphi, phi * ds12[k] + s12 * dphi);
+            if as_vector {
+                rows[0][k] = 0.5 * dx;
+                rows[1][k] = 0.5 * dy;
+            } else {
+                rows[0][k] = 0.5 * dg;
+                // Near agreement the square root is not differentiable as it stands; there g sin = y / (2 cos).
+                rows[1][k] = if x > 0.9 * g {
+                    let cosine = (0.5 * (1.0 + x / g)).sqrt();
+                    // y = 2 g s c  =>  dy = 2 (c dS + S dc) with S = g s, dc from x / g.
+                    let dc = 0.25 * (dx - x / g * dg) / (g * cosine);
+                    0.5 * (dy / (2.0 * cosine) - y * dc / (2.0 * cosine * cosine))
+                } else if sine != 0.0 {
+                    0.5 * 0.25 * (dg * (g - x) + g * (dg - dx)) / sine
+                } else {
+                    0.0
+                };
+            }
         }
-        push(0.5 * g - self.log_aspect, aspect_row, aspect);
-        push(0.5 * phi * s12, angle_row, angle);
+        if as_vector {
+            push(0.5 * x - self.log_aspect, rows[0], aspect);
+            push(0.5 * y, rows[1], angle);
+        } else {
+            push(0.5 * g - self.log_aspect, rows[0], aspect);
+            push(0.5 * sine, rows[1], angle);
+        }
     }
 }
 

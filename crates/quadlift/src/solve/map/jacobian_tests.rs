@@ -45,10 +45,10 @@ fn measurements(ellipses_as_planes: bool) -> Measurements {
 }
 
 /// Whitened residuals of all views; one-sided edges that agree are left out on both sides of a difference.
-fn residuals<B: BodyModel>(m: &Measurements, body: &B) -> (Vec<f64>, Vec<[f64; 9]>) {
+fn residuals<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) -> (Vec<f64>, Vec<[f64; 9]>) {
     let (mut values, mut slopes, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for index in 0..m.views.len() {
-        view_rows(m, index, body, &NoiseLevels::default(), &mut rows);
+        view_rows(m, index, body, &NoiseLevels::default(), smooth, &mut rows);
         values.extend(rows.iter().map(|r| r.residual));
         slopes.extend(rows.iter().map(|r| r.row));
     }
@@ -56,12 +56,17 @@ fn residuals<B: BodyModel>(m: &Measurements, body: &B) -> (Vec<f64>, Vec<[f64; 9
 }
 
 fn check_rows<B: BodyModel>(m: &Measurements, body: &B) {
-    let (_, slopes) = residuals(m, body);
+    check_rows_in_form(m, body, false);
+    check_rows_in_form(m, body, true);
+}
+
+fn check_rows_in_form<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) {
+    let (_, slopes) = residuals(m, body, smooth);
     for k in 0..9 {
         let mut step = SVector::<f64, 9>::zeros();
         step[k] = STEP;
-        let (plus, _) = residuals(m, &body.retract(&step).unwrap());
-        let (minus, _) = residuals(m, &body.retract(&-step).unwrap());
+        let (plus, _) = residuals(m, &body.retract(&step).unwrap(), smooth);
+        let (minus, _) = residuals(m, &body.retract(&-step).unwrap(), smooth);
         assert_eq!(plus.len(), slopes.len());
         for (i, slope) in slopes.iter().enumerate() {
             let numeric = (plus[i] - minus[i]) / (2.0 * STEP);
@@ -75,7 +80,7 @@ fn check_rows<B: BodyModel>(m: &Measurements, body: &B) {
 fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
     let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, 0.0);
     let noise = NoiseLevels::default();
-    let objective = Objective { measurements: &m, prior, noise: &noise, robust: false };
+    let objective = Objective { measurements: &m, prior, noise: &noise, robust: false, smooth: false };
     let here = objective.linearise(body).unwrap();
     for k in 0..9 {
         let mut step = SVector::<f64, 9>::zeros();
@@ -152,7 +157,7 @@ fn the_size_prior_of_an_ellipsoid_names_its_axes_by_up_and_length() {
     };
     let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, 0.0);
     let noise = NoiseLevels::default();
-    let objective = Objective { measurements: &m, prior: &prior, noise: &noise, robust: false };
+    let objective = Objective { measurements: &m, prior: &prior, noise: &noise, robust: false, smooth: false };
     let body = EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::new(1.0, 2.0, 0.5));
     assert!(objective.linearise(&body).unwrap().cost < 1e-20);
     let wrong = EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::new(0.5, 2.0, 1.0));

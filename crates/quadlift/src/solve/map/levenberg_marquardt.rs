@@ -15,6 +15,9 @@ pub(super) struct Stop {
     pub promised_decrease: f64,
 }
 
+/// With this damping the steps are too short to be worth taking.
+const LARGEST_DAMPING: f64 = 1e6;
+
 /// Largest change of a parameter in one step (object sizes, radians, logarithms).
 const LONGEST_STEP: f64 = 1.5;
 
@@ -41,7 +44,7 @@ pub(super) fn minimise<State: Clone>(
         }
         let Some(mut step) = solve_spd(&damped, &-gradient) else {
             damping *= 10.0;
-            if damping > 1e12 {
+            if damping > LARGEST_DAMPING {
                 break;
             }
             continue;
@@ -64,7 +67,7 @@ pub(super) fn minimise<State: Clone>(
             }
             _ => {
                 damping *= 8.0;
-                if damping > 1e12 {
+                if damping > LARGEST_DAMPING {
                     break;
                 }
             }

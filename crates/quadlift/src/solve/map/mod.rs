@@ -99,7 +99,7 @@ fn solve<B: BodyModel + FirstFit>(
         let updated = noise.updated(&statistics);
         let settled = updated.change(&noise, &statistics) < SETTLED;
         noise = updated;
-        fits = map_indices(fits.len(), |k| Ok(fits[k].as_ref().map_err(Clone::clone)?.refined(&noise)));
+        fits = map_indices(fits.len(), |k| Ok(fits[k].as_ref().map_err(Clone::clone)?.refined(&noise, false)));
         if settled {
             break;
         }
@@ -108,13 +108,13 @@ fn solve<B: BodyModel + FirstFit>(
     let estimates = map_indices(count, |index| {
         let estimate = if index % stride == 0 {
             match &fits[index / stride] {
-                Ok(fit) => fit.estimate(&noise, context),
+                Ok(fit) => fit.refined(&noise, true).estimate(&noise, context),
                 Err(failed) => failed.clone(),
             }
         } else {
             Prepared::new(views_of(index), context)
                 .and_then(|prepared| prepared.first_fit::<B>(&noise, context))
-                .map_or_else(|failed| failed, |fit| fit.refined(&noise).estimate(&noise, context))
+                .map_or_else(|failed| failed, |fit| fit.refined(&noise, true).estimate(&noise, context))
         };
         done();
         estimate

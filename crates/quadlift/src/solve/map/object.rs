@@ -26,8 +26,11 @@ const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };
 /// To decide between many starts: few steps.
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
 
-/// Towards the end.
-const REFINE: Stop = Stop { evaluations: 40, promised_decrease: 1e-5 };
+/// Between two estimates of the noise levels.
+const BETWEEN_ROUNDS: Stop = Stop { evaluations: 10, promised_decrease: 3e-2 };
+
+/// The end.
+const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-6 };
 
 /// Oriented starts that are followed to the end.
 const FOLLOWED_STARTS: usize = 3;
@@ -73,12 +76,12 @@ impl Prepared {
     }
 
     fn objective<'a>(&'a self, noise: &'a NoiseLevels, robust: bool) -> Objective<'a> {
-        Objective { measurements: &self.measurements, prior: &self.prior, noise, robust }
+        Objective { measurements: &self.measurements, prior: &self.prior, noise, robust, smooth: false }
     }
 
     /// The best ellipsoid over its starts, and whether the views hold outliers.
     fn fit_ellipsoid(&self, noise: &NoiseLevels, look_for_outliers: bool, seed: u64) -> Option<(EllipsoidModel, bool)> {
-        let objective = self.objective(noise, false);
+        let objective = Objective { smooth: true, ..self.objective(noise, false) };
         let linear = planes_in_frame(&self.views.views, &self.measurements.frame)
             .ok()
             .and_then(|quadric| ellipsoid_from_quadric(&quadric));
@@ -193,9 +196,10 @@ impl<B: FirstFit> Fit<B> {
     }
 
     /// The fit under new noise levels; the old one where that fails.
-    pub(super) fn refined(&self, noise: &NoiseLevels) -> Self {
+    pub(super) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
+        let stop = if last { POLISH } else { BETWEEN_ROUNDS };
         let objective = self.prepared.objective(noise, self.robust);
-        match minimise(self.body.clone(), REFINE, |body| objective.linearise(body), BodyModel::retract) {
+        match minimise(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
             Some((body, equations)) => Self { prepared: self.prepared.clone(), body, equations, robust: self.robust },
             None => self.clone(),
         }

@@ -37,6 +37,8 @@ pub(super) struct Objective<'a> {
     pub noise: &'a NoiseLevels,
     /// Whether views may be outliers.
     pub robust: bool,
+    /// Whether shapes of ellipses are compared in the smooth form, for the way from a start.
+    pub smooth: bool,
 }
 
 impl Objective<'_> {
@@ -45,7 +47,7 @@ impl Objective<'_> {
         let mut equations = NormalEquations::zero();
         let mut rows = Vec::with_capacity(16);
         for view in 0..self.measurements.views.len() {
-            view_rows(self.measurements, view, body, self.noise, &mut rows);
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let weight = if self.robust {
                 let (cost, weight) = geman_mcclure(squared_norm(&rows));
                 equations.cost += cost;
@@ -67,7 +69,7 @@ impl Objective<'_> {
         let mut rows = Vec::with_capacity(16);
         (0..self.measurements.views.len())
             .map(|view| {
-                view_rows(self.measurements, view, body, self.noise, &mut rows);
+                view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
                 squared_norm(&rows)
             })
             .collect()
@@ -79,7 +81,7 @@ impl Objective<'_> {
         let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
         let mut rows = Vec::with_capacity(16);
         for view in 0..self.measurements.views.len() {
-            view_rows(self.measurements, view, body, self.noise, &mut rows);
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let weight = if self.robust { geman_mcclure(squared_norm(&rows)).1 } else { 1.0 };
             for row in &rows {
                 let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);

@@ -49,7 +49,7 @@ pub(super) fn robust_fit(
     seed: u64,
 ) -> Option<EllipsoidModel> {
     let views = measurements.views.len();
-    let objective = Objective { measurements, prior, noise, robust: false };
+    let objective = Objective { measurements, prior, noise, robust: false, smooth: true };
     // With h of the views consistent, the h-th smallest residual is the figure of merit (least median of squares).
     let rank = (views / 2 + 2).min(views) - 1;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -70,7 +70,7 @@ pub(super) fn robust_fit(
     // The usual small-sample factor of the least median of squares.
     let factor = (best / CHI2_MEDIAN).sqrt() * (1.0 + 5.0 / (views as f64 - 3.0).max(1.0));
     let scaled = noise.scaled(factor.clamp(0.01, 10.0));
-    let objective = Objective { measurements, prior, noise: &scaled, robust: true };
+    let objective = Objective { measurements, prior, noise: &scaled, robust: true, smooth: true };
     let stop = Stop { evaluations: 30, promised_decrease: 1e-3 };
     hypotheses
         .into_iter()

@@ -17,19 +17,21 @@ pub(super) struct ResidualRow {
     pub group: NoiseGroup,
 }
 
-/// Fills `rows` with the residuals of one view; at most 13 of them.
+/// Fills `rows` with the residuals of one view; at most 13 of them. `smooth` is for the way from a start (see
+/// [`super::ellipse_residual`]).
 #[inline]
 pub(super) fn view_rows(
     measurements: &Measurements,
     index: usize,
     body: &impl BodyModel,
     noise: &NoiseLevels,
+    smooth: bool,
     rows: &mut Vec<ResidualRow>,
 ) {
     rows.clear();
     let view = &measurements.views[index];
     if let Some(ellipse) = &view.ellipse {
-        ellipse.push_rows(body, noise, rows);
+        ellipse.push_rows(body, noise, smooth, rows);
     }
     if view.pairs.is_empty() && view.singles.is_empty() {
         return;
