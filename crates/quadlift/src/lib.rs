@@ -5,5 +5,6 @@ pub mod geometry;
 mod localize;
 pub mod scene;
 pub mod solve;
+pub mod synthetic;
 
 pub use localize::{LeftOut, Localization, LocalizeError, Method, Options, Progress, localize};
