@@ -19,7 +19,7 @@ pub(super) struct Object {
 }
 
 impl Object {
-    /// Draws an object as in PfD section 5: centre in a cube of side 20 about the origin, full length of the longest
+    /// Draws an object as in PfD section 5.1: centre in a cube of side 20 about the origin, full length of the longest
     /// axis (the first one) from [3, 12], the others that times a factor from [0.3, 1], any orientation.
     pub(super) fn draw(rng: &mut ChaCha8Rng) -> Self {
         let half = 0.5 * CUBE_SIDE;

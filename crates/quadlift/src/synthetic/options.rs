@@ -57,7 +57,7 @@ impl Default for SyntheticOptions {
 /// index of the view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trajectory {
-    /// Azimuth and elevation from 0 to the given angles (PfD section 5: 60 and 70 degrees).
+    /// Azimuth and elevation from 0 to the given angles (PfD section 5.1: 60 and 70 degrees).
     Paper {
         /// Last azimuth, degrees.
         azimuth: f64,
@@ -101,8 +101,8 @@ impl Observations {
     }
 }
 
-/// A kind of noise and its amount. The uniform ones are PfD's (equation 15) and act on ellipses: they are drawn
-/// from `[-amount, amount]`, independently for each view.
+/// A kind of noise and its amount. The uniform ones are those of PfD section 5.1 and act on ellipses, drawn
+/// from `[-amount, amount]` independently for each view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise {
     /// RE: added to the angle of the ellipse; degrees.
