@@ -51,22 +51,18 @@ mod tests {
     fn places_and_sizes_fill_their_ranges() {
         let mut rng = random::stream(7, 0);
         let objects: Vec<Object> = (0..2000).map(|_| Object::draw(&mut rng)).collect();
-        let range = |f: &dyn Fn(&Object) -> f64| {
-            objects.iter().map(f).fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)))
-        };
-        let checks: [(&dyn Fn(&Object) -> f64, f64, f64); 6] = [
-            (&|o| o.center.x, -10.0, 10.0),
-            (&|o| o.center.y, -10.0, 10.0),
-            (&|o| o.center.z, -10.0, 10.0),
-            (&|o| 2.0 * o.semi_axes.x, 3.0, 12.0),
-            (&|o| o.semi_axes.y / o.semi_axes.x, 0.3, 1.0),
-            (&|o| o.semi_axes.z / o.semi_axes.x, 0.3, 1.0),
-        ];
-        for (f, low, high) in checks {
-            let (least, most) = range(f);
+        let assert_fills = |f: fn(&Object) -> f64, low: f64, high: f64| {
+            let least = objects.iter().map(f).fold(f64::MAX, f64::min);
+            let most = objects.iter().map(f).fold(f64::MIN, f64::max);
             let (rounding, gap) = (1e-12, 0.01 * (high - low));
             assert!(least > low - rounding && least < low + gap, "{least} {low}");
             assert!(most < high + rounding && most > high - gap, "{most} {high}");
-        }
+        };
+        assert_fills(|o| o.center.x, -10.0, 10.0);
+        assert_fills(|o| o.center.y, -10.0, 10.0);
+        assert_fills(|o| o.center.z, -10.0, 10.0);
+        assert_fills(|o| 2.0 * o.semi_axes.x, 3.0, 12.0);
+        assert_fills(|o| o.semi_axes.y / o.semi_axes.x, 0.3, 1.0);
+        assert_fills(|o| o.semi_axes.z / o.semi_axes.x, 0.3, 1.0);
     }
 }
