@@ -6,5 +6,6 @@ mod localize;
 mod parallel;
 pub mod scene;
 pub mod solve;
+pub mod synthetic;
 
 pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, localize};
