@@ -16,7 +16,7 @@ const ROUNDEST_START: f64 = 0.2;
 const FARTHEST_START: f64 = 20.0;
 
 /// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
-const RANDOM_ROTATIONS: usize = 11;
+const RANDOM_ROTATIONS: usize = 16;
 
 /// A sphere of unit radius, in the object's frame.
 pub(super) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
