@@ -1,10 +1,12 @@
 //! The closed forms and the paper's regularised estimator as estimators of one object: status, residuals, warnings.
 
 use super::estimate::{Estimate, Status};
+use super::lfd::lfd;
 use super::options::{Method, RegOptions};
+use super::pfd::{ClosedFormError, pfd};
 use super::planes::planes;
 use super::report::{describe, describe_center};
-use crate::geometry::{Body, DualQuadric, EllipsoidError};
+use crate::geometry::{Body, Ellipse, Ellipsoid, EllipsoidError, Projection};
 use crate::scene::ObjectViews;
 
 /// Solves for one object with [`Method::Planes`], [`Method::Lfd`], [`Method::Pfd`] or [`Method::Reg`].
@@ -13,22 +15,27 @@ pub fn solve_closed_form(object: &ObjectViews, method: Method, _reg: &RegOptions
     if object.views.len() < method.fewest_views() {
         return blank(Status::TooFewViews);
     }
-    let solution: Result<DualQuadric, Status> = match method {
-        Method::Planes | Method::Map => planes(&object.views),
-        Method::Lfd | Method::Pfd | Method::Reg => Err(Status::Degenerate),
+    let observations: Vec<(Projection, Ellipse)> =
+        object.views.iter().filter_map(|view| Some((view.projection, view.ellipse_or_inscribed()?))).collect();
+    let status = |error: ClosedFormError| match error {
+        ClosedFormError::TooFewViews { .. } => Status::TooFewViews,
+        ClosedFormError::Degenerate => Status::Degenerate,
     };
-    let quadric = match solution {
-        Ok(quadric) => quadric,
-        Err(status) => return blank(status),
+    let solution: Result<Result<Ellipsoid, EllipsoidError>, Status> = match method {
+        Method::Planes | Method::Map => planes(&object.views).map(|solution| solution.to_ellipsoid()),
+        Method::Lfd => lfd(&observations).map(|solution| solution.to_ellipsoid()).map_err(status),
+        Method::Pfd => pfd(&observations).map(|solution| solution.dual_quadric.to_ellipsoid()).map_err(status),
+        Method::Reg => Err(Status::Degenerate),
     };
-    match quadric.to_ellipsoid() {
-        Ok(ellipsoid) => {
+    match solution {
+        Ok(Ok(ellipsoid)) => {
             let body = Body::Ellipsoid(ellipsoid);
             describe(blank(Status::Ok), body, &object.views, |_| true, enclosing_quantile)
         }
-        Err(EllipsoidError::NotAnEllipsoid { center, .. }) => {
+        Ok(Err(EllipsoidError::NotAnEllipsoid { center, .. })) => {
             describe_center(blank(Status::NotAnEllipsoid), center, &object.views)
         }
-        Err(EllipsoidError::NotFinite) => blank(Status::Degenerate),
+        Ok(Err(EllipsoidError::NotFinite)) => blank(Status::Degenerate),
+        Err(status) => blank(status),
     }
 }

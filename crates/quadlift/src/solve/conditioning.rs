@@ -6,7 +6,7 @@
 use nalgebra::{Matrix3x4, Point3, Vector3};
 
 use super::triangulate::{object_radius, triangulate};
-use crate::geometry::{DualQuadric, Ellipse, Projection};
+use crate::geometry::{Ellipse, Projection};
 use crate::scene::View;
 
 /// A frame in which the object sits near the origin and has about unit size.
@@ -49,10 +49,5 @@ impl ObjectFrame {
     /// A point of this frame in the world.
     pub fn point_in_world(&self, local: &Vector3<f64>) -> Point3<f64> {
         self.origin + local * self.unit
-    }
-
-    /// A dual quadric of this frame in the world.
-    pub fn quadric_in_world(&self, local: &DualQuadric) -> DualQuadric {
-        local.transformed(self.unit, &self.origin.coords)
     }
 }

@@ -21,16 +21,14 @@ const PASSES: usize = 2;
 
 /// A quadric by its centre and shape. Far from the world's origin these keep the digits that `Q*` loses.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LfdSolution {
+pub struct ConditionedSolution {
     /// The centre in the world.
     pub center: Point3<f64>,
     /// The shape matrix `A` (3x3, squared world units); it need not be positive definite.
     pub shape: Matrix3<f64>,
-    /// The smallest singular value of the conditioned system (no unit).
-    pub residual: f64,
 }
 
-impl LfdSolution {
+impl ConditionedSolution {
     /// The ellipsoid, where the quadric is one; nothing is repaired.
     ///
     /// # Errors
@@ -47,7 +45,7 @@ impl LfdSolution {
 ///
 /// # Errors
 /// [`ClosedFormError`].
-pub fn lfd(observations: &[(Projection, Ellipse)]) -> Result<LfdSolution, ClosedFormError> {
+pub fn lfd(observations: &[(Projection, Ellipse)]) -> Result<ConditionedSolution, ClosedFormError> {
     if observations.len() < FEWEST_VIEWS {
         return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
     }
@@ -60,7 +58,10 @@ pub fn lfd(observations: &[(Projection, Ellipse)]) -> Result<LfdSolution, Closed
 ///
 /// # Errors
 /// [`ClosedFormError`].
-pub fn lfd_from(observations: &[(Projection, Ellipse)], start: &Point3<f64>) -> Result<LfdSolution, ClosedFormError> {
+pub fn lfd_from(
+    observations: &[(Projection, Ellipse)],
+    start: &Point3<f64>,
+) -> Result<ConditionedSolution, ClosedFormError> {
     if observations.len() < FEWEST_VIEWS {
         return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
     }
@@ -68,7 +69,7 @@ pub fn lfd_from(observations: &[(Projection, Ellipse)], start: &Point3<f64>) -> 
     if !(depth.is_finite() && depth > 0.0) {
         return Err(ClosedFormError::Degenerate);
     }
-    let mut solution = LfdSolution { center: *start, shape: Matrix3::zeros(), residual: 0.0 };
+    let mut solution = ConditionedSolution { center: *start, shape: Matrix3::zeros() };
     for _ in 0..PASSES {
         solution = one_pass(observations, &solution.center, depth)?;
     }
@@ -80,7 +81,7 @@ fn one_pass(
     observations: &[(Projection, Ellipse)],
     origin: &Point3<f64>,
     unit: f64,
-) -> Result<LfdSolution, ClosedFormError> {
+) -> Result<ConditionedSolution, ClosedFormError> {
     let system = Arrowhead::new(observations.iter().map(|(projection, ellipse)| {
         let size = ellipse.semi_axes.norm();
         let unit_ellipse = Ellipse { center: Default::default(), semi_axes: ellipse.semi_axes / size, ..*ellipse };
@@ -92,11 +93,7 @@ fn one_pass(
     let minimiser = system.minimise_unit_w().ok_or(ClosedFormError::Degenerate)?;
     let quadric = DualQuadric::from_vech(&SVector::from(minimiser.v));
     let (center, shape) = quadric.center_and_shape().ok_or(ClosedFormError::Degenerate)?;
-    Ok(LfdSolution {
-        center: origin + center.coords * unit,
-        shape: shape * (unit * unit),
-        residual: minimiser.residual,
-    })
+    Ok(ConditionedSolution { center: origin + center.coords * unit, shape: shape * (unit * unit) })
 }
 
 /// The projection from the frame with the given origin and unit to the image in which the ellipse is centred and of

@@ -16,6 +16,6 @@ mod triangulate;
 
 pub use closed_form::solve_closed_form;
 pub use estimate::{Covariance, CovarianceCoordinates, Estimate, Matrix9, Status, ViewReport, Warning};
-pub use lfd::{LfdSolution, lfd, lfd_from};
+pub use lfd::{ConditionedSolution, lfd, lfd_from};
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, RegOptions, SizePrior};
 pub use pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};

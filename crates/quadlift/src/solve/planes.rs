@@ -8,6 +8,7 @@ use nalgebra::{Matrix3x4, Vector2, Vector4};
 
 use super::conditioning::ObjectFrame;
 use super::estimate::Status;
+use super::lfd::ConditionedSolution;
 use super::streaming_qr::StreamingQr;
 use crate::geometry::{BoundingBox, DualQuadric, VECH4};
 use crate::scene::View;
@@ -44,17 +45,20 @@ pub fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -
     if edge < 2 { plane } else { -plane }
 }
 
-/// Solves for the dual quadric that the planes of the views' box edges touch best, in world coordinates.
+/// Solves for the quadric that the planes of the views' box edges touch best.
 ///
 /// Rows are scaled to unit depth and unit box size, so that a residual is an edge's error relative to its box.
 ///
 /// # Errors
-/// [`Status::TooFewViews`] below three views with boxes, [`Status::Degenerate`] when the planes do not determine a
-/// quadric.
-pub fn planes(views: &[View]) -> Result<DualQuadric, Status> {
-    let frame =
-        ObjectFrame::from_views(views).ok_or(if views.len() < 3 { Status::TooFewViews } else { Status::Degenerate })?;
-    planes_in_frame(views, &frame).map(|local| frame.quadric_in_world(&local))
+/// [`Status::TooFewViews`] below three views with boxes or nine edges, [`Status::Degenerate`] when the planes do not
+/// determine a quadric.
+pub fn planes(views: &[View]) -> Result<ConditionedSolution, Status> {
+    if views.len() < 3 {
+        return Err(Status::TooFewViews);
+    }
+    let frame = ObjectFrame::from_views(views).ok_or(Status::Degenerate)?;
+    let (center, shape) = planes_in_frame(views, &frame)?.center_and_shape().ok_or(Status::Degenerate)?;
+    Ok(ConditionedSolution { center: frame.point_in_world(&center.coords), shape: shape * (frame.unit * frame.unit) })
 }
 
 /// The same in an object frame, and the answer in that frame.

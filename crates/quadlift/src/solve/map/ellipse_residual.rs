@@ -63,7 +63,13 @@ impl EllipseMeasurement {
     }
 
     /// Appends the five whitened residuals; `as_vector` chooses the smooth form of the last two.
-    pub(super) fn push_rows(&self, body: &impl BodyModel, noise: &NoiseLevels, as_vector: bool, rows: &mut Vec<ResidualRow>) {
+    pub(super) fn push_rows(
+        &self,
+        body: &impl BodyModel,
+        noise: &NoiseLevels,
+        as_vector: bool,
+        rows: &mut Vec<ResidualRow>,
+    ) {
         let [center, size, aspect, angle] =
             [NoiseGroup::EllipseCenter, NoiseGroup::EllipseSize, NoiseGroup::EllipseAspect, NoiseGroup::EllipseAngle]
                 .map(|group| (group, 1.0 / noise.of(group)));

@@ -121,7 +121,10 @@ fn solve<B: BodyModel + FirstFit>(
         } else {
             Prepared::new(views_of(index), context)
                 .and_then(|prepared| prepared.first_fit::<B>(&noise, context))
-                .map_or_else(|failed| failed, |fit| fit.reconsidered(&noise, 0, context).refined(&noise, true).estimate(&noise, context))
+                .map_or_else(
+                    |failed| failed,
+                    |fit| fit.reconsidered(&noise, 0, context).refined(&noise, true).estimate(&noise, context),
+                )
         };
         done();
         estimate

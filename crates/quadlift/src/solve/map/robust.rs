@@ -7,8 +7,7 @@ use super::super::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
-use super::noise::NoiseLevels;
-use super::objective::{ObjectPrior, Objective};
+use super::objective::Objective;
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 
 /// Fewest views of which one can be told to be an outlier.
