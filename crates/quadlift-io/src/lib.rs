@@ -1,2 +1,17 @@
-//! Files in and out of quadlift.
+//! Files in and out of quadlift: the scene file ([`scene_file`]) and the file of size priors ([`priors`]).
+//!
+//! Readers refuse what is wrong with a [`ReadError`] that names the file, the place in it, what was found and what
+//! was expected; writers leave the earlier file as it was when they fail.
 #![forbid(unsafe_code)]
+
+mod atomic;
+mod error;
+mod numbers;
+pub mod priors;
+pub mod scene_file;
+mod wording;
+
+pub use atomic::write_file;
+pub use error::{EntryError, ReadError, WriteError};
+pub use priors::{builtin_priors, read_priors};
+pub use scene_file::{SceneFile, estimates_to_objects, read_scene_file, write_scene_file};

@@ -1,0 +1,176 @@
+//! Errors about files. Their text is for the person who made the file.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a file cannot be read: the file, the place in it and the problem.
+///
+/// Prints as `scene.json:12:40: detections[3].box: ...`, which editors and terminals can follow.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReadError {
+    /// The file.
+    pub path: PathBuf,
+    /// Line, from 1, where it is known.
+    pub line: Option<usize>,
+    /// Column in bytes, from 1, where it is known.
+    pub column: Option<usize>,
+    /// The entry of the file, such as `detections[3].box`, where it is known.
+    pub entry: Option<String>,
+    /// What was found and what was expected.
+    pub problem: String,
+}
+
+impl ReadError {
+    /// A problem with a whole file.
+    pub fn new(path: &Path, problem: impl Into<String>) -> Self {
+        Self { path: path.to_owned(), line: None, column: None, entry: None, problem: problem.into() }
+    }
+
+    /// The problem is at this line and column, both from 1; zero stands for "not known".
+    #[must_use]
+    pub fn at(mut self, line: usize, column: usize) -> Self {
+        self.line = (line > 0).then_some(line);
+        self.column = (line > 0 && column > 0).then_some(column);
+        self
+    }
+
+    /// The problem is in this entry.
+    #[must_use]
+    pub fn in_entry(mut self, entry: impl Into<String>) -> Self {
+        self.entry = Some(entry.into());
+        self
+    }
+}
+
+impl fmt::Display for ReadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        for number in [self.line, self.column].into_iter().flatten() {
+            write!(f, ":{number}")?;
+        }
+        if let Some(entry) = &self.entry {
+            write!(f, ": {entry}")?;
+        }
+        write!(f, ": {}", self.problem)
+    }
+}
+
+impl std::error::Error for ReadError {}
+
+/// A wrong entry of a file whose path is not known here; see [`EntryError::in_file`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{entry}: {problem}")]
+pub struct EntryError {
+    /// The entry, such as `detections[3]`.
+    pub entry: String,
+    /// What was found and what was expected.
+    pub problem: String,
+}
+
+impl EntryError {
+    /// A problem with an entry.
+    pub fn new(entry: impl Into<String>, problem: impl fmt::Display) -> Self {
+        Self { entry: entry.into(), problem: problem.to_string() }
+    }
+
+    /// The same problem, with the file that holds the entry.
+    pub fn in_file(self, path: &Path) -> ReadError {
+        ReadError::new(path, self.problem).in_entry(self.entry)
+    }
+}
+
+/// Why a file cannot be written. The earlier file of this name, if there was one, is as it was.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("cannot write {}: {problem}", path.display())]
+pub struct WriteError {
+    /// The file.
+    pub path: PathBuf,
+    /// What went wrong.
+    pub problem: String,
+}
+
+impl WriteError {
+    /// A problem with a file.
+    pub fn new(path: &Path, problem: impl fmt::Display) -> Self {
+        Self { path: path.to_owned(), problem: problem.to_string() }
+    }
+}
+
+/// The bytes of a file.
+///
+/// # Errors
+/// [`ReadError`] when there is no such file, when it is a folder or when the system refuses.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
+    std::fs::read(path).map_err(|error| {
+        let problem = match error.kind() {
+            io::ErrorKind::NotFound => "there is no such file".to_owned(),
+            io::ErrorKind::IsADirectory => "this is a folder; expected a file".to_owned(),
+            // Windows reports a folder as a refusal.
+            _ if path.is_dir() => "this is a folder; expected a file".to_owned(),
+            _ => format!("cannot read the file: {error}"),
+        };
+        ReadError::new(path, problem)
+    })
+}
+
+/// Line and column, both from 1, of a byte; the column counts bytes.
+pub(crate) fn line_and_column(bytes: &[u8], offset: usize) -> (usize, usize) {
+    let before = &bytes[..offset.min(bytes.len())];
+    let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
+    let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |newline| newline + 1);
+    (line, 1 + before.len() - start)
+}
+
+/// The text of a file without a byte order mark.
+///
+/// # Errors
+/// [`ReadError`] with the place of the first byte that is not UTF-8, or when the file is empty.
+pub(crate) fn as_utf8<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, ReadError> {
+    if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+        return Err(ReadError::new(path, "the file is UTF-16 text; save it as UTF-8"));
+    }
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let offset = error.valid_up_to();
+        let (line, column) = line_and_column(bytes, offset);
+        let found = bytes.get(offset).copied().unwrap_or_default();
+        ReadError::new(path, format!("the byte {found:#04x} is not UTF-8 text; expected a text file in UTF-8"))
+            .at(line, column)
+    })?;
+    if text.trim().is_empty() {
+        return Err(ReadError::new(path, "the file is empty"));
+    }
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_counted_from_one() {
+        assert_eq!(line_and_column(b"ab\ncd", 0), (1, 1));
+        assert_eq!(line_and_column(b"ab\ncd", 3), (2, 1));
+        assert_eq!(line_and_column(b"ab\ncd", 4), (2, 2));
+        assert_eq!(line_and_column(b"", 9), (1, 1));
+    }
+
+    #[test]
+    fn errors_print_what_is_known() {
+        let error = ReadError::new(Path::new("a.json"), "wrong");
+        assert_eq!(error.to_string(), "a.json: wrong");
+        assert_eq!(error.clone().at(3, 0).to_string(), "a.json:3: wrong");
+        assert_eq!(error.at(3, 7).in_entry("frames[0]").to_string(), "a.json:3:7: frames[0]: wrong");
+    }
+
+    #[test]
+    fn the_byte_order_mark_is_dropped_and_utf16_is_refused() {
+        let path = Path::new("a.json");
+        assert_eq!(as_utf8(path, b"\xEF\xBB\xBF{}").unwrap(), "{}");
+        assert!(as_utf8(path, b"\xFF\xFE{\0}\0").unwrap_err().problem.contains("UTF-16"));
+        assert!(as_utf8(path, b"\xEF\xBB\xBF \n").unwrap_err().problem.contains("empty"));
+        let error = as_utf8(path, b"{\n \xC0 }").unwrap_err();
+        assert_eq!((error.line, error.column), (Some(2), Some(2)));
+    }
+}

@@ -1,0 +1,140 @@
+//! Lists of a fixed number of numbers in JSON.
+//!
+//! serde's own arrays report a list that is too long as "trailing characters", which helps nobody.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, SeqAccess, Visitor};
+use serde::ser::Serializer;
+
+/// What a [`List`] can hold.
+pub trait Item: Copy {
+    /// Fills the list before its items are read.
+    const ZERO: Self;
+    /// Names several of them in a message.
+    fn plural(f: &mut fmt::Formatter<'_>) -> fmt::Result;
+}
+
+impl Item for f64 {
+    const ZERO: Self = 0.0;
+    fn plural(f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("numbers")
+    }
+}
+
+/// A list of exactly `N` items.
+#[derive(Clone, Copy)]
+pub struct List<T, const N: usize>([T; N]);
+
+impl<T: Item, const N: usize> Item for List<T, N> {
+    const ZERO: Self = Self([T::ZERO; N]);
+    fn plural(f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "lists of {N} ")?;
+        T::plural(f)
+    }
+}
+
+struct ListVisitor<T, const N: usize>(PhantomData<T>);
+
+impl<'de, T: Item + Deserialize<'de>, const N: usize> Visitor<'de> for ListVisitor<T, N> {
+    type Value = List<T, N>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "a list of {N} ")?;
+        T::plural(f)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
+        let mut list = List::ZERO;
+        let mut count = 0;
+        while count < N {
+            match seq.next_element()? {
+                Some(item) => list.0[count] = item,
+                None => return Err(A::Error::invalid_length(count, &self)),
+            }
+            count += 1;
+        }
+        while seq.next_element::<IgnoredAny>()?.is_some() {
+            count += 1;
+        }
+        if count > N { Err(A::Error::invalid_length(count, &self)) } else { Ok(list) }
+    }
+}
+
+impl<'de, T: Item + Deserialize<'de>, const N: usize> Deserialize<'de> for List<T, N> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(ListVisitor(PhantomData))
+    }
+}
+
+/// For `deserialize_with`: `N` numbers.
+pub fn list<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
+    List::deserialize(deserializer).map(|list| list.0)
+}
+
+/// For `deserialize_with`: `N` numbers, or `null`.
+pub fn optional_list<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<[f64; N]>, D::Error> {
+    Option::<List<f64, N>>::deserialize(d).map(|list| list.map(|list| list.0))
+}
+
+/// For `deserialize_with`: a matrix by rows.
+pub fn matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(d: D) -> Result<[[f64; C]; R], D::Error> {
+    List::<List<f64, C>, R>::deserialize(d).map(|rows| rows.0.map(|row| row.0))
+}
+
+/// For `deserialize_with`: a matrix by rows, or `null`.
+pub fn optional_matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(
+    d: D,
+) -> Result<Option<[[f64; C]; R]>, D::Error> {
+    Option::<List<List<f64, C>, R>>::deserialize(d).map(|rows| rows.map(|rows| rows.0.map(|row| row.0)))
+}
+
+/// For `serialize_with`: whole numbers, such as image sizes and levels, without ".0".
+pub fn plain<S: Serializer>(number: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    match number {
+        None => serializer.serialize_none(),
+        Some(x) if x.fract() == 0.0 && x.abs() < 1e15 => serializer.serialize_i64(*x as i64),
+        Some(x) => serializer.serialize_f64(*x),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn list_of(json: &str) -> Result<[f64; 3], String> {
+        list(&mut serde_json::Deserializer::from_str(json)).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_number_of_items_is_exact() {
+        assert_eq!(list_of("[1, 2.5, -3]"), Ok([1.0, 2.5, -3.0]));
+        for (json, count) in [("[]", 0), ("[1, 2]", 2), ("[1, 2, 3, 4, \"x\"]", 5)] {
+            let error = list_of(json).unwrap_err();
+            assert!(error.starts_with(&format!("invalid length {count}, expected a list of 3 numbers")), "{error}");
+        }
+    }
+
+    #[test]
+    fn matrices_name_their_rows() {
+        let read = |json| optional_matrix::<_, 2, 2>(&mut serde_json::Deserializer::from_str(json));
+        assert_eq!(read("[[1, 2], [3, 4]]").unwrap(), Some([[1.0, 2.0], [3.0, 4.0]]));
+        assert_eq!(read("null").unwrap(), None);
+        let error = read("[[1, 2]]").unwrap_err().to_string();
+        assert!(error.starts_with("invalid length 1, expected a list of 2 lists of 2 numbers"), "{error}");
+    }
+
+    #[test]
+    fn whole_numbers_are_plain() {
+        let text = |x| {
+            let mut out = Vec::new();
+            plain(&Some(x), &mut serde_json::Serializer::new(&mut out)).unwrap();
+            String::from_utf8(out).unwrap()
+        };
+        assert_eq!(
+            (text(640.0), text(-1.0), text(0.25), text(1e15)),
+            ("640".into(), "-1".into(), "0.25".into(), "1000000000000000.0".into())
+        );
+    }
+}

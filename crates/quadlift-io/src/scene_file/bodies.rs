@@ -1,0 +1,166 @@
+//! The objects of a scene file as bodies of the library, checked.
+
+use std::collections::HashMap;
+
+use nalgebra::{Point3, Rotation3, Vector3};
+use quadlift::geometry::{Cuboid, Ellipsoid, Superellipsoid, rotation_from_quaternion};
+use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status};
+
+use super::object_records::{CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord};
+use super::records::SceneFile;
+use crate::error::EntryError;
+
+/// The bodies of one object: the truth, or an estimate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectBodies {
+    /// Id, which detections name.
+    pub id: String,
+    /// Category.
+    pub category: Option<String>,
+    /// How the estimation ended; absent for the truth.
+    pub status: Option<Status>,
+    /// Centre in the world: the given one, or that of a body.
+    pub center: Option<Point3<f64>>,
+    /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
+    pub ellipsoid: Option<Ellipsoid>,
+    /// The larger ellipsoid that holds the real object.
+    pub enclosing_ellipsoid: Option<Ellipsoid>,
+    /// The cuboid.
+    pub cuboid: Option<Cuboid>,
+    /// The larger cuboid that holds the real object.
+    pub enclosing_cuboid: Option<Cuboid>,
+    /// The superellipsoid.
+    pub superellipsoid: Option<Superellipsoid>,
+    /// The larger superellipsoid that holds the real object.
+    pub enclosing_superellipsoid: Option<Superellipsoid>,
+    /// Uncertainty of an estimate.
+    pub covariance: Option<Covariance>,
+}
+
+impl SceneFile {
+    /// The objects of the file as bodies, in the order of the file.
+    ///
+    /// # Errors
+    /// [`EntryError`] names the first entry that is wrong: a repeated id, an axis that is not positive, a rotation
+    /// that is no unit quaternion, an unknown status.
+    pub fn to_objects(&self) -> Result<Vec<ObjectBodies>, EntryError> {
+        let mut first_with: HashMap<&str, usize> = HashMap::with_capacity(self.objects.len());
+        let mut objects = Vec::with_capacity(self.objects.len());
+        for (index, record) in self.objects.iter().enumerate() {
+            if let Some(first) = first_with.insert(&record.id, index) {
+                let problem = format!("the object id \"{}\" is used twice (first by objects[{first}])", record.id);
+                return Err(EntryError::new(format!("objects[{index}]"), problem));
+            }
+            objects.push(bodies(record, &format!("objects[{index}]"))?);
+        }
+        Ok(objects)
+    }
+}
+
+fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError> {
+    let place = |field: &str| format!("{entry}.{field}");
+    let mut object = ObjectBodies {
+        id: record.id.clone(),
+        category: record.category.clone(),
+        status: record.status.as_deref().map(|name| status(name, place("status"))).transpose()?,
+        center: None,
+        ellipsoid: ellipsoid(&record.ellipsoid, place("ellipsoid"))?,
+        enclosing_ellipsoid: ellipsoid(&record.enclosing_ellipsoid, place("enclosing_ellipsoid"))?,
+        cuboid: cuboid(&record.cuboid, place("cuboid"))?,
+        enclosing_cuboid: cuboid(&record.enclosing_cuboid, place("enclosing_cuboid"))?,
+        superellipsoid: superellipsoid(&record.superellipsoid, place("superellipsoid"))?,
+        enclosing_superellipsoid: superellipsoid(&record.enclosing_superellipsoid, place("enclosing_superellipsoid"))?,
+        covariance: covariance(record.covariance.as_deref(), place("covariance"))?,
+    };
+    object.center = match record.center {
+        Some(center) => Some(finite_point(&center, place("center"))?),
+        None => (object.ellipsoid.map(|body| body.center))
+            .or(object.cuboid.map(|body| body.center))
+            .or(object.superellipsoid.map(|body| body.center)),
+    };
+    Ok(object)
+}
+
+fn ellipsoid(record: &Option<EllipsoidRecord>, place: String) -> Result<Option<Ellipsoid>, EntryError> {
+    let Some(record) = record else { return Ok(None) };
+    Ok(Some(Ellipsoid {
+        center: finite_point(&record.center, format!("{place}.center"))?,
+        semi_axes: positive_lengths(&record.semi_axes, format!("{place}.semi_axes"))?,
+        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
+    }))
+}
+
+fn cuboid(record: &Option<CuboidRecord>, place: String) -> Result<Option<Cuboid>, EntryError> {
+    let Some(record) = record else { return Ok(None) };
+    Ok(Some(Cuboid {
+        center: finite_point(&record.center, format!("{place}.center"))?,
+        half_extents: positive_lengths(&record.half_extents, format!("{place}.half_extents"))?,
+        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
+    }))
+}
+
+fn superellipsoid(record: &Option<SuperellipsoidRecord>, place: String) -> Result<Option<Superellipsoid>, EntryError> {
+    let Some(record) = record else { return Ok(None) };
+    let support_exponent = record.support_exponent;
+    if !(1.0..=2.0).contains(&support_exponent) {
+        let problem = format!("{support_exponent} is not a number from 1 (cuboid) to 2 (ellipsoid)");
+        return Err(EntryError::new(format!("{place}.support_exponent"), problem));
+    }
+    Ok(Some(Superellipsoid {
+        center: finite_point(&record.center, format!("{place}.center"))?,
+        semi_axes: positive_lengths(&record.semi_axes, format!("{place}.semi_axes"))?,
+        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
+        support_exponent,
+    }))
+}
+
+fn finite_point(point: &[f64; 3], place: String) -> Result<Point3<f64>, EntryError> {
+    if point.iter().all(|x| x.is_finite()) {
+        return Ok(Point3::from(*point));
+    }
+    Err(EntryError::new(place, "the point holds a number that is not finite"))
+}
+
+fn positive_lengths(lengths: &[f64; 3], place: String) -> Result<Vector3<f64>, EntryError> {
+    if lengths.iter().all(|x| *x > 0.0 && x.is_finite()) {
+        return Ok(Vector3::from(*lengths));
+    }
+    Err(EntryError::new(place, format!("expected three positive numbers, found {lengths:?}")))
+}
+
+fn unit_rotation(quaternion: &[f64; 4], place: String) -> Result<Rotation3<f64>, EntryError> {
+    rotation_from_quaternion(*quaternion)
+        .ok_or_else(|| EntryError::new(place, format!("expected a unit quaternion [w, x, y, z], found {quaternion:?}")))
+}
+
+fn status(name: &str, place: String) -> Result<Status, EntryError> {
+    let all = [Status::Ok, Status::NotAnEllipsoid, Status::TooFewViews, Status::Degenerate, Status::Diverged];
+    all.into_iter().find(|status| status.name() == name).ok_or_else(|| {
+        let problem = format!("unknown status \"{name}\"; expected one of {}", all.map(Status::name).join(", "));
+        EntryError::new(place, problem)
+    })
+}
+
+/// The name of a covariance's coordinates in files.
+pub fn coordinates_name(coordinates: CovarianceCoordinates) -> &'static str {
+    match coordinates {
+        CovarianceCoordinates::CenterVechShape => "center_vech_shape",
+        CovarianceCoordinates::CenterRotationLogAxes => "center_rotation_log_axes",
+    }
+}
+
+fn covariance(record: Option<&CovarianceRecord>, place: String) -> Result<Option<Covariance>, EntryError> {
+    let Some(record) = record else { return Ok(None) };
+    let all = [CovarianceCoordinates::CenterVechShape, CovarianceCoordinates::CenterRotationLogAxes];
+    let coordinates = all.into_iter().find(|c| coordinates_name(*c) == record.coordinates).ok_or_else(|| {
+        let names = all.map(coordinates_name).join(" or ");
+        let problem = format!("unknown coordinates \"{}\"; expected {names}", record.coordinates);
+        EntryError::new(format!("{place}.coordinates"), problem)
+    })?;
+    let matrix = Matrix9::from_fn(|i, j| record.matrix[i][j]);
+    let size = matrix.amax();
+    if !size.is_finite() || (matrix - matrix.transpose()).amax() > 1e-6 * size {
+        return Err(EntryError::new(format!("{place}.matrix"), "the matrix is not symmetric and finite"));
+    }
+    Ok(Some(Covariance { coordinates, matrix }))
+}

@@ -1,0 +1,203 @@
+//! From a scene file to the library's scene: cameras are resolved, every number and every id is checked.
+
+use std::collections::HashMap;
+
+use nalgebra::{Matrix3x4, Vector2};
+use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Ellipse, Intrinsics, Projection};
+use quadlift::scene::{DetectionInput, Scene, SceneBuilder, SceneError};
+
+use super::records::{CameraRecord, DetectionRecord, FrameRecord, SceneFile};
+use super::suggest::known_names;
+use crate::error::EntryError;
+
+/// COLMAP's camera models with distortion, which are known but not supported.
+const DISTORTED_MODELS: [&str; 12] = [
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    "FOV",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+    "THIN_PRISM_FISHEYE",
+    "RAD_TAN_THIN_PRISM_FISHEYE",
+    "SIMPLE_DIVISION",
+    "DIVISION",
+];
+
+/// A checked camera.
+struct Camera {
+    intrinsics: Intrinsics,
+    image_size: Option<[f64; 2]>,
+}
+
+impl SceneFile {
+    /// The scene: frames and detections of all sources. The objects of the file are not looked at.
+    ///
+    /// # Errors
+    /// [`EntryError`] names the first entry that is wrong: unknown or repeated ids, unsupported camera models,
+    /// singular cameras, poses that are no rotations, empty boxes, ellipses without positive axes.
+    pub fn to_scene(&self) -> Result<Scene, EntryError> {
+        let mut builder = SceneBuilder::new(self.name.as_deref().unwrap_or_default());
+        if let Some(unit) = &self.length_unit {
+            builder.length_unit(unit);
+        }
+        if let Some(up) = self.up {
+            let error = |_| {
+                EntryError::new(
+                    "up",
+                    format!("{up:?} is not a direction; expected the world direction against gravity"),
+                )
+            };
+            builder.up(up).map_err(error)?;
+        }
+        let cameras = self.checked_cameras()?;
+        for (index, frame) in self.frames.iter().enumerate() {
+            let entry = |field: &str| format!("frames[{index}]{field}");
+            let (projection, image_size) = self.posed(frame, &cameras, entry)?;
+            builder.add_frame(&frame.id, projection, image_size).map_err(|error| EntryError::new(entry(""), error))?;
+        }
+        for (index, detection) in self.detections.iter().enumerate() {
+            let entry = |field: &str| format!("detections[{index}]{field}");
+            let input = detection_input(detection, entry)?;
+            builder.add_detection(&input).map_err(|error| match error {
+                SceneError::UnknownFrame(id) => {
+                    let hint = known_names(&id, self.frames.iter().map(|frame| frame.id.as_str()), "frames");
+                    EntryError::new(entry(".frame"), format!("unknown frame \"{id}\"; {hint}"))
+                }
+                error => EntryError::new(entry(""), error),
+            })?;
+        }
+        Ok(builder.build())
+    }
+
+    /// The cameras by id.
+    fn checked_cameras(&self) -> Result<HashMap<&str, Camera>, EntryError> {
+        let mut cameras = HashMap::with_capacity(self.cameras.len());
+        for (index, record) in self.cameras.iter().enumerate() {
+            let entry = |field: &str| format!("cameras[{index}]{field}");
+            let intrinsics = intrinsics(record, entry)?;
+            let image_size = image_size(record.width, record.height, entry)?;
+            if cameras.insert(record.id.as_str(), Camera { intrinsics, image_size }).is_some() {
+                return Err(EntryError::new(entry(""), format!("the camera id \"{}\" is used twice", record.id)));
+            }
+        }
+        Ok(cameras)
+    }
+
+    /// Projection and image size of a frame.
+    fn posed(
+        &self,
+        frame: &FrameRecord,
+        cameras: &HashMap<&str, Camera>,
+        entry: impl Fn(&str) -> String,
+    ) -> Result<(Projection, Option<[f64; 2]>), EntryError> {
+        let own_size = image_size(frame.width, frame.height, &entry)?;
+        match (&frame.camera, &frame.cam_from_world, &frame.projection) {
+            (None, None, Some(rows)) => {
+                let projection = Projection::from_matrix(matrix(rows));
+                Ok((projection.map_err(|error| EntryError::new(entry(".projection"), error))?, own_size))
+            }
+            (Some(id), Some(rows), None) => {
+                let camera = cameras.get(id.as_str()).ok_or_else(|| {
+                    let hint = known_names(id, self.cameras.iter().map(|camera| camera.id.as_str()), "cameras");
+                    EntryError::new(entry(".camera"), format!("unknown camera \"{id}\"; {hint}"))
+                })?;
+                let pose = CamFromWorld::new(matrix(rows));
+                let pose = pose.map_err(|error| EntryError::new(entry(".cam_from_world"), error))?;
+                Ok((Projection::from_camera(&camera.intrinsics, &pose), own_size.or(camera.image_size)))
+            }
+            (camera, pose, projection) => {
+                let given: Vec<&str> = [
+                    camera.as_ref().map(|_| "\"camera\""),
+                    pose.map(|_| "\"cam_from_world\""),
+                    projection.map(|_| "\"projection\""),
+                ]
+                .into_iter()
+                .flatten()
+                .collect();
+                let given = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };
+                let problem =
+                    format!("expected \"camera\" and \"cam_from_world\", or \"projection\" alone; found {given}");
+                Err(EntryError::new(entry(""), problem))
+            }
+        }
+    }
+}
+
+/// The intrinsics of a camera without distortion.
+fn intrinsics(record: &CameraRecord, entry: impl Fn(&str) -> String) -> Result<Intrinsics, EntryError> {
+    let (names, values) = match (record.model.as_str(), record.params.as_slice()) {
+        ("PINHOLE", &[fx, fy, cx, cy]) => ("", Some([fx, fy, cx, cy])),
+        ("PINHOLE", _) => ("4 params [fx, fy, cx, cy]", None),
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ("", Some([f, f, cx, cy])),
+        ("SIMPLE_PINHOLE", _) => ("3 params [f, cx, cy]", None),
+        (model, _) => {
+            let problem = if DISTORTED_MODELS.contains(&model) {
+                format!(
+                    "the camera model {model} has lens distortion, which is not supported yet; undistort the images \
+                     (COLMAP: image_undistorter) and use PINHOLE or SIMPLE_PINHOLE"
+                )
+            } else {
+                format!("unknown camera model \"{model}\"; supported are PINHOLE and SIMPLE_PINHOLE")
+            };
+            return Err(EntryError::new(entry(".model"), problem));
+        }
+    };
+    let Some([fx, fy, cx, cy]) = values else {
+        let problem = format!("a {} camera has {names}; found {}", record.model, record.params.len());
+        return Err(EntryError::new(entry(".params"), problem));
+    };
+    Intrinsics::new(fx, fy, cx, cy).map_err(|error| EntryError::new(entry(".params"), error))
+}
+
+/// Width and height, where both are given.
+fn image_size(
+    width: Option<f64>,
+    height: Option<f64>,
+    entry: impl Fn(&str) -> String,
+) -> Result<Option<[f64; 2]>, EntryError> {
+    match (width, height) {
+        (Some(width), Some(height)) if width > 0.0 && height > 0.0 && width.is_finite() && height.is_finite() => {
+            Ok(Some([width, height]))
+        }
+        (Some(width), Some(height)) => Err(EntryError::new(entry(""), SceneError::ImageSize { width, height })),
+        (None, None) => Ok(None),
+        (Some(_), None) => Err(EntryError::new(entry(""), "there is a \"width\" but no \"height\"")),
+        (None, Some(_)) => Err(EntryError::new(entry(""), "there is a \"height\" but no \"width\"")),
+    }
+}
+
+fn matrix(rows: &[[f64; 4]; 3]) -> Matrix3x4<f64> {
+    Matrix3x4::from_fn(|i, j| rows[i][j])
+}
+
+/// A detection with checked geometry.
+fn detection_input<'a>(
+    record: &'a DetectionRecord,
+    entry: impl Fn(&str) -> String,
+) -> Result<DetectionInput<'a>, EntryError> {
+    let bounding_box = record.bounding_box.map(BoundingBox::new).transpose().map_err(|error| {
+        let hint = match error {
+            BoundingBoxError::Empty(_) => " (a box [x, y, width, height] must be converted)",
+            BoundingBoxError::NotFinite(_) => "",
+        };
+        EntryError::new(entry(".box"), format!("{error}{hint}"))
+    })?;
+    let ellipse = record.ellipse.as_deref().map(|e| {
+        Ellipse::new(Vector2::from(e.center), Vector2::from(e.semi_axes), e.angle)
+            .map_err(|error| EntryError::new(entry(".ellipse"), format!("{error}; \"semi_axes\" is {:?}", e.semi_axes)))
+    });
+    Ok(DetectionInput {
+        frame: &record.frame,
+        object: record.object.as_deref(),
+        category: record.category.as_deref(),
+        source: record.source.as_deref(),
+        score: record.score,
+        bounding_box,
+        ellipse: ellipse.transpose()?,
+        occluded: record.occluded,
+        truncated: record.truncated,
+    })
+}

@@ -1,0 +1,18 @@
+//! What the fields of a scene file hold, in words for messages.
+
+/// What is expected of a field by its name, where a message of the JSON reader does not say enough.
+pub fn expected(field: &str) -> Option<&'static str> {
+    Some(match field {
+        "box" => "\"box\": [x0, y0, x1, y1] in pixels",
+        "ellipse" => "\"ellipse\": {\"center\": [x, y], \"semi_axes\": [a, b], \"angle\": radians}",
+        "cam_from_world" => "\"cam_from_world\": three rows [r, r, r, t], which map world points to camera points",
+        "projection" => "\"projection\": three rows of four numbers, which map world points to pixels",
+        "params" => "\"params\": [fx, fy, cx, cy] for a PINHOLE camera",
+        "up" => "\"up\": [x, y, z], the world direction against gravity",
+        "rotation" => "\"rotation\": a unit quaternion [w, x, y, z]",
+        "half_extents" => "\"half_extents\": three numbers, half the size along each axis",
+        "mask" => "\"mask\": {\"path\": \"...\", \"value\": a whole number}",
+        "frame" | "camera" | "id" | "object" | "category" | "source" => "ids and names are text, also \"12\"",
+        _ => return None,
+    })
+}

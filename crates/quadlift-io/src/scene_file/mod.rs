@@ -1,0 +1,27 @@
+//! The scene file: `quadlift.scene`, version 1, a JSON document that holds what goes in and what comes out.
+//!
+//! [`read_scene_file`] gives a [`SceneFile`] (plain records, as written); [`SceneFile::to_scene`] and
+//! [`SceneFile::to_objects`] check it and give the library's types; [`estimates_to_objects`],
+//! [`SceneFile::with_results`] and [`write_scene_file`] go the other way.
+
+mod bodies;
+mod convert;
+mod expected;
+mod object_records;
+mod read;
+mod records;
+mod results;
+mod suggest;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+pub use bodies::ObjectBodies;
+pub use object_records::{
+    CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
+};
+pub use read::{parse_scene_file, read_scene_file};
+pub use records::{CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, SceneFile, VERSION};
+pub use results::estimates_to_objects;
+pub use write::{write_scene, write_scene_file};

@@ -1,0 +1,196 @@
+//! Objects as they are written in a scene file: bodies, and what an estimator reports about them.
+
+use nalgebra::Point3;
+use quadlift::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid, quaternion_from_rotation};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::numbers;
+
+/// An object: a true one, or an estimate with its figures.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ObjectRecord {
+    /// Id, which detections name in `object`.
+    pub id: String,
+    /// Category.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub category: Option<String>,
+    /// How the estimation ended (see [`quadlift::solve::Status::name`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub status: Option<String>,
+    /// Estimated centre in the world, whenever there is one, even without a body.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
+    pub center: Option<[f64; 3]>,
+    /// Standard deviation of the centre per coordinate, world units.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub center_sd: Option<f64>,
+    /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ellipsoid: Option<EllipsoidRecord>,
+    /// The larger ellipsoid that holds the real object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enclosing_ellipsoid: Option<EllipsoidRecord>,
+    /// The cuboid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cuboid: Option<CuboidRecord>,
+    /// The larger cuboid that holds the real object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enclosing_cuboid: Option<CuboidRecord>,
+    /// The superellipsoid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub superellipsoid: Option<SuperellipsoidRecord>,
+    /// The larger superellipsoid that holds the real object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enclosing_superellipsoid: Option<SuperellipsoidRecord>,
+    /// Number of views that the estimate rests on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub views_used: Option<usize>,
+    /// Ids of the frames that were rejected as outliers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub views_rejected: Vec<String>,
+    /// Root mean square residual of the used views in pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual_px: Option<f64>,
+    /// What each view contributed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub view_residuals_px: Vec<ViewRecord>,
+    /// What makes the estimate weak, for people.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+    /// Uncertainty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<Box<CovarianceRecord>>,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// An ellipsoid.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct EllipsoidRecord {
+    /// Centre in the world.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 3],
+    /// Semi-axes in world units.
+    #[serde(deserialize_with = "numbers::list")]
+    pub semi_axes: [f64; 3],
+    /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `semi_axes`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub rotation: [f64; 4],
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A cuboid.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct CuboidRecord {
+    /// Centre in the world.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 3],
+    /// Half the extents along its axes, world units.
+    #[serde(deserialize_with = "numbers::list")]
+    pub half_extents: [f64; 3],
+    /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `half_extents`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub rotation: [f64; 4],
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A superellipsoid.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SuperellipsoidRecord {
+    /// Centre in the world.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 3],
+    /// Semi-axes in world units.
+    #[serde(deserialize_with = "numbers::list")]
+    pub semi_axes: [f64; 3],
+    /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `semi_axes`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub rotation: [f64; 4],
+    /// Exponent of the support function, in [1, 2] (1 cuboid, 2 ellipsoid).
+    pub support_exponent: f64,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// What one view contributed to an estimate.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ViewRecord {
+    /// Id of the frame.
+    pub frame: String,
+    /// Root mean square distance between measured and predicted box edges in pixels, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual_px: Option<f64>,
+    /// Whether the view was used; otherwise it was rejected as an outlier.
+    pub inlier: bool,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// Covariance of an estimate.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct CovarianceRecord {
+    /// What the rows and columns mean: `center_vech_shape` or `center_rotation_log_axes` (see
+    /// [`quadlift::solve::CovarianceCoordinates`]).
+    pub coordinates: String,
+    /// The 9x9 matrix by rows.
+    #[serde(deserialize_with = "numbers::matrix")]
+    pub matrix: [[f64; 9]; 9],
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+fn list(point: &Point3<f64>) -> [f64; 3] {
+    point.coords.into()
+}
+
+impl From<&Ellipsoid> for EllipsoidRecord {
+    fn from(body: &Ellipsoid) -> Self {
+        let (semi_axes, rotation) = (body.semi_axes.into(), quaternion_from_rotation(&body.rotation));
+        Self { center: list(&body.center), semi_axes, rotation, extra: Map::new() }
+    }
+}
+
+impl From<&Cuboid> for CuboidRecord {
+    fn from(body: &Cuboid) -> Self {
+        let (half_extents, rotation) = (body.half_extents.into(), quaternion_from_rotation(&body.rotation));
+        Self { center: list(&body.center), half_extents, rotation, extra: Map::new() }
+    }
+}
+
+impl From<&Superellipsoid> for SuperellipsoidRecord {
+    fn from(body: &Superellipsoid) -> Self {
+        let (semi_axes, rotation) = (body.semi_axes.into(), quaternion_from_rotation(&body.rotation));
+        let support_exponent = body.support_exponent;
+        Self { center: list(&body.center), semi_axes, rotation, support_exponent, extra: Map::new() }
+    }
+}
+
+impl ObjectRecord {
+    /// Sets the body of its kind, and the ellipsoid that stands for it.
+    pub fn set_body(&mut self, body: &Body) {
+        self.ellipsoid = Some((&body.ellipsoid()).into());
+        match body {
+            Body::Ellipsoid(_) => {}
+            Body::Cuboid(cuboid) => self.cuboid = Some(cuboid.into()),
+            Body::Superellipsoid(superellipsoid) => self.superellipsoid = Some(superellipsoid.into()),
+        }
+    }
+
+    /// The same for the enclosing body.
+    pub fn set_enclosing_body(&mut self, body: &Body) {
+        self.enclosing_ellipsoid = Some((&body.ellipsoid()).into());
+        match body {
+            Body::Ellipsoid(_) => {}
+            Body::Cuboid(cuboid) => self.enclosing_cuboid = Some(cuboid.into()),
+            Body::Superellipsoid(superellipsoid) => self.enclosing_superellipsoid = Some(superellipsoid.into()),
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! What a scene file holds: cameras, frames and detections, as they are written in it. Nothing is checked here.
+//!
+//! Pixels are corner-based (the first pixel covers [0, 1)), camera axes are OpenCV's, angles are radians, rotations
+//! are unit quaternions with w first. Fields that this version does not know are kept in `extra`.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::object_records::ObjectRecord;
+use crate::numbers;
+
+/// The value of `format` in a scene file.
+pub const FORMAT: &str = "quadlift.scene";
+/// The value of `version` that this program reads and writes.
+pub const VERSION: u64 = 1;
+
+/// A scene file, as it is written: what goes in (cameras, frames, detections, true objects) and what comes out
+/// (estimated objects).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct SceneFile {
+    /// Always [`FORMAT`].
+    #[serde(default)]
+    pub format: String,
+    /// Always [`VERSION`].
+    #[serde(default)]
+    pub version: u64,
+    /// Name of the scene.
+    pub name: Option<String>,
+    /// World unit ("m" for metres).
+    pub length_unit: Option<String>,
+    /// World direction against gravity, of any length.
+    #[serde(default, deserialize_with = "numbers::optional_list")]
+    pub up: Option<[f64; 3]>,
+    /// Free text.
+    pub notes: Option<String>,
+    /// What was done to obtain the objects: settings and counts of a localisation.
+    pub localization: Option<Value>,
+    /// The cameras.
+    #[serde(default)]
+    pub cameras: Vec<CameraRecord>,
+    /// The posed images.
+    #[serde(default)]
+    pub frames: Vec<FrameRecord>,
+    /// The detections.
+    #[serde(default)]
+    pub detections: Vec<DetectionRecord>,
+    /// Objects: the truth in an input, estimates in a result.
+    #[serde(default)]
+    pub objects: Vec<ObjectRecord>,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+impl Default for SceneFile {
+    fn default() -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            name: None,
+            length_unit: None,
+            up: None,
+            notes: None,
+            localization: None,
+            cameras: Vec::new(),
+            frames: Vec::new(),
+            detections: Vec::new(),
+            objects: Vec::new(),
+            extra: Map::new(),
+        }
+    }
+}
+
+impl SceneFile {
+    /// The result of a localisation of this scene: its names, cameras and frames with the estimated objects.
+    ///
+    /// Objects of the input (the truth), detections and notes are not taken over. Image paths stay relative to the
+    /// folder of the input.
+    #[must_use]
+    pub fn with_results(&self, objects: Vec<ObjectRecord>, localization: Value) -> Self {
+        Self {
+            name: self.name.clone(),
+            length_unit: self.length_unit.clone(),
+            up: self.up,
+            localization: Some(localization),
+            cameras: self.cameras.clone(),
+            frames: self.frames.clone(),
+            objects,
+            ..Self::default()
+        }
+    }
+}
+
+/// A camera: intrinsics that several frames share.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct CameraRecord {
+    /// Id that frames name.
+    pub id: String,
+    /// COLMAP's name of the model.
+    pub model: String,
+    /// Image width in pixels; without width and height no box edge counts as cut off by the image border.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
+    pub width: Option<f64>,
+    /// Image height in pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
+    pub height: Option<f64>,
+    /// Parameters in COLMAP's order (`PINHOLE`: fx, fy, cx, cy in pixels).
+    pub params: Vec<f64>,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A posed image: a camera and a pose, or a projection.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameRecord {
+    /// Id that detections name.
+    pub id: String,
+    /// Id of the camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+    /// `[R | t]` by rows: maps world points to camera points.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_matrix")]
+    pub cam_from_world: Option<[[f64; 4]; 3]>,
+    /// 3x4 projection by rows from world points to pixels, instead of a camera and a pose.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_matrix")]
+    pub projection: Option<[[f64; 4]; 3]>,
+    /// Image width in pixels, for frames with a projection.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
+    pub width: Option<f64>,
+    /// Image height in pixels, for frames with a projection.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
+    pub height: Option<f64>,
+    /// Path of the image, relative to the scene file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<String>,
+    /// Time in seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<f64>,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// One detection of one object in one frame. There may be millions, so the record is kept small.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct DetectionRecord {
+    /// Id of the frame.
+    pub frame: Box<str>,
+    /// Id of the object, the same in all frames, where the identity is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object: Option<Box<str>>,
+    /// Category.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub category: Option<Box<str>>,
+    /// Detector (or other source).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Box<str>>,
+    /// Score of the detector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub score: Option<f64>,
+    /// Box `[x0, y0, x1, y1]` in pixels.
+    #[serde(
+        rename = "box",
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "numbers::optional_list"
+    )]
+    pub bounding_box: Option<[f64; 4]>,
+    /// Ellipse in pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ellipse: Option<Box<EllipseRecord>>,
+    /// Mask image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<Box<MaskRecord>>,
+    /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
+    pub occluded: Option<f64>,
+    /// Truncation level (KITTI: 0 wholly inside the image).
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
+    pub truncated: Option<f64>,
+    /// Share of the object that is visible, in [0, 1].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visible_fraction: Option<f64>,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// An ellipse in an image.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct EllipseRecord {
+    /// Centre in pixels.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 2],
+    /// Semi-axes in pixels; the first one has the direction of `angle`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub semi_axes: [f64; 2],
+    /// Direction of the first semi-axis in radians, from x towards y.
+    pub angle: f64,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A mask: the pixels of an image that have one value.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct MaskRecord {
+    /// Path of the image, relative to the scene file.
+    pub path: String,
+    /// The value of the object's pixels; every value but zero when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<u32>,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}

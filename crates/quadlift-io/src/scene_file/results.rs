@@ -1,0 +1,159 @@
+//! From estimates to the objects of a scene file.
+
+use quadlift::Localization;
+use quadlift::scene::Scene;
+use quadlift::solve::Estimate;
+
+use super::bodies::coordinates_name;
+use super::object_records::{CovarianceRecord, ObjectRecord, ViewRecord};
+
+/// The estimates of a localisation of `scene` as the objects of a file, in their order.
+///
+/// Figures that are not finite are left out, because JSON cannot hold them.
+pub fn estimates_to_objects(scene: &Scene, localization: &Localization) -> Vec<ObjectRecord> {
+    localization.estimates.iter().map(|estimate| object(scene, estimate)).collect()
+}
+
+fn object(scene: &Scene, estimate: &Estimate) -> ObjectRecord {
+    let frame_id = |index: usize| scene.frames.get(index).map(|frame| frame.id.clone()).unwrap_or_default();
+    let finite = |x: &f64| x.is_finite();
+    let mut record = ObjectRecord {
+        id: scene.object_ids.get(estimate.object_index).cloned().unwrap_or_default(),
+        category: estimate.category_index.and_then(|index| scene.categories.get(index).cloned()),
+        status: Some(estimate.status.name().to_owned()),
+        center: estimate.center.map(|center| center.coords.into()).filter(|c: &[f64; 3]| c.iter().all(finite)),
+        center_sd: estimate.center_sd().filter(finite),
+        views_used: Some(estimate.views_used()),
+        views_rejected: estimate.views.iter().filter(|v| !v.inlier).map(|v| frame_id(v.frame_index)).collect(),
+        residual_px: estimate.rms_residual_px().filter(finite),
+        view_residuals_px: estimate
+            .views
+            .iter()
+            .map(|view| ViewRecord {
+                frame: frame_id(view.frame_index),
+                residual_px: view.residual_px.filter(finite),
+                inlier: view.inlier,
+                ..Default::default()
+            })
+            .collect(),
+        warnings: estimate.warnings.iter().map(ToString::to_string).collect(),
+        covariance: estimate.covariance.as_ref().filter(|c| c.matrix.iter().all(finite)).map(|c| {
+            Box::new(CovarianceRecord {
+                coordinates: coordinates_name(c.coordinates).to_owned(),
+                matrix: std::array::from_fn(|i| std::array::from_fn(|j| c.matrix[(i, j)])),
+                ..Default::default()
+            })
+        }),
+        ..Default::default()
+    };
+    if let Some(body) = &estimate.body {
+        record.set_body(body);
+    }
+    if let Some(body) = &estimate.enclosing_body() {
+        record.set_enclosing_body(body);
+    }
+    record
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file::SceneFile;
+    use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
+    use quadlift::geometry::{Body, Cuboid, Ellipsoid, Projection, Superellipsoid};
+    use quadlift::scene::{DetectionInput, SceneBuilder};
+    use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status, ViewReport, Warning};
+
+    fn scene() -> Scene {
+        let mut builder = SceneBuilder::new("test");
+        let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
+        let unit_box = quadlift::geometry::BoundingBox::new([0.0, 0.0, 1.0, 1.0]).unwrap();
+        for frame in ["f0", "f1"] {
+            builder.add_frame(frame, projection, None).unwrap();
+            for object in ["cup", "box", "tin"] {
+                let input = DetectionInput {
+                    frame,
+                    object: Some(object),
+                    category: Some("thing"),
+                    bounding_box: Some(unit_box),
+                    ..Default::default()
+                };
+                builder.add_detection(&input).unwrap();
+            }
+        }
+        builder.build()
+    }
+
+    fn estimate(object_index: usize, body: Body) -> Estimate {
+        let mut matrix = Matrix9::identity() * 0.01;
+        matrix[(3, 4)] = 0.002;
+        matrix[(4, 3)] = 0.002;
+        Estimate {
+            center: Some(Point3::new(1.0, 2.0, 3.0)),
+            body: Some(body),
+            enclosing_scale: Some(1.25),
+            covariance: Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix }),
+            views: vec![
+                ViewReport { frame_index: 0, residual_px: Some(1.5), inlier: true },
+                ViewReport { frame_index: 1, residual_px: Some(f64::NAN), inlier: false },
+            ],
+            warnings: vec![Warning::TwoViews],
+            ..Estimate::failed(object_index, Some(0), Status::Ok)
+        }
+    }
+
+    fn close(a: &Ellipsoid, b: &Ellipsoid) -> bool {
+        (a.center - b.center).norm() < 1e-12 && (a.shape() - b.shape()).amax() < 1e-12
+    }
+
+    #[test]
+    fn estimates_survive_the_file() {
+        let (center, lengths) = (Point3::new(1.0, 2.0, 3.0), Vector3::new(0.5, 0.25, 0.125));
+        let rotation = Rotation3::from_euler_angles(0.1, -2.0, 3.0);
+        let bodies = [
+            Body::Ellipsoid(Ellipsoid { center, semi_axes: lengths, rotation }),
+            Body::Cuboid(Cuboid { center, half_extents: lengths, rotation }),
+            Body::Superellipsoid(Superellipsoid { center, semi_axes: lengths, rotation, support_exponent: 1.5 }),
+        ];
+        let estimates: Vec<_> = bodies.into_iter().enumerate().map(|(i, body)| estimate(i, body)).collect();
+        let localization = Localization { estimates: estimates.clone(), ..Default::default() };
+        let objects = estimates_to_objects(&scene(), &localization);
+        let file = SceneFile::default().with_results(objects, serde_json::json!({"method": "map"}));
+        let mut bytes = Vec::new();
+        crate::scene_file::write_scene(&file, &mut bytes).unwrap();
+        let back = crate::scene_file::parse_scene_file("a.json".as_ref(), &bytes).unwrap();
+        assert_eq!(back, file);
+        let objects = back.to_objects().unwrap();
+        assert_eq!(objects.iter().map(|o| o.id.as_str()).collect::<Vec<_>>(), ["cup", "box", "tin"]);
+        for (object, estimate) in objects.iter().zip(&estimates) {
+            assert_eq!(object.category.as_deref(), Some("thing"));
+            assert_eq!(object.status, Some(Status::Ok));
+            assert_eq!(object.center, estimate.center);
+            assert_eq!(object.covariance, estimate.covariance);
+            assert!(close(&object.ellipsoid.unwrap(), &estimate.ellipsoid().unwrap()));
+            assert!(close(&object.enclosing_ellipsoid.unwrap(), &estimate.enclosing_ellipsoid().unwrap()));
+        }
+        assert_eq!(objects[1].cuboid.unwrap().half_extents, lengths);
+        assert_eq!(objects[1].enclosing_cuboid.unwrap().half_extents, lengths * 1.25);
+        assert_eq!(objects[2].superellipsoid.unwrap().support_exponent, 1.5);
+        assert_eq!(objects[2].enclosing_superellipsoid.unwrap().semi_axes, lengths * 1.25);
+        assert!(objects[0].cuboid.is_none() && objects[0].superellipsoid.is_none());
+        let record = &back.objects[0];
+        assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));
+        assert_eq!(record.views_rejected, ["f1"]);
+        assert_eq!(record.view_residuals_px[1].residual_px, None);
+        assert_eq!(record.warnings, ["only two views: the shape rests on the prior"]);
+        assert!((record.center_sd.unwrap() - 0.1).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_failed_estimate_has_its_status_and_its_centre() {
+        let mut failed = Estimate::failed(1, None, Status::NotAnEllipsoid);
+        failed.center = Some(Point3::new(0.0, 1.0, 2.0));
+        let objects = estimates_to_objects(&scene(), &Localization { estimates: vec![failed], ..Default::default() });
+        insta::assert_snapshot!(
+            serde_json::to_string(&objects[0]).unwrap(),
+            @r#"{"id":"box","status":"not_an_ellipsoid","center":[0.0,1.0,2.0],"views_used":0}"#
+        );
+    }
+}

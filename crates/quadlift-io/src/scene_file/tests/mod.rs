@@ -1,0 +1,5 @@
+//! Tests of the scene file as a whole.
+
+mod messages;
+mod real_data;
+mod round_trip;
