@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::localization::{Settings, method_name};
 use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
 use crate::table::{Cell, Table, decimals, number};
+use crate::words::{count, some_of, with_unit};
 
 /// The main figures of an estimate.
 #[derive(Debug, Serialize)]
@@ -57,14 +58,6 @@ fn full_lengths(body: &Body) -> [f64; 3] {
     lengths
 }
 
-/// A title of a column with lengths; the unit is named where it is known.
-pub fn with_unit(title: &str, length_unit: Option<&str>) -> String {
-    match length_unit {
-        Some(unit) => format!("{title} [{}]", one_line(unit)),
-        None => title.to_owned(),
-    }
-}
-
 /// The table and what is to say about it.
 pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -> String {
     let rows = summaries(scene, localization);
@@ -95,11 +88,8 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     if !localization.noise.is_empty() {
         let level = |(name, x): &(&str, f64)| format!("{} {x:.3}", name.replace('_', " "));
         let levels: Vec<String> = localization.noise.iter().map(level).collect();
-        let _ = writeln!(
-            text,
-            "{DIM}noise of the detections, relative to their half size: {}{DIM:#}",
-            levels.join(", ")
-        );
+        let _ =
+            writeln!(text, "{DIM}noise of the detections, relative to their half size: {}{DIM:#}", levels.join(", "));
     }
     text
 }
@@ -163,7 +153,7 @@ fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> 
             }
         }
     }
-    notes.into_iter().map(|(text, ids)| format!("{}: {text}", ids.join(", "))).collect()
+    notes.into_iter().map(|(text, ids)| format!("{}: {text}", some_of(&ids))).collect()
 }
 
 /// Why there is no body.
@@ -173,12 +163,9 @@ fn reason(status: Status, method: Method, min_views: usize) -> Option<String> {
         Status::Ok => return None,
         Status::NotAnEllipsoid => "the quadric that fits best is not an ellipsoid; only its centre is known".to_owned(),
         Status::TooFewViews => format!("too few views; {} needs {fewest} here", method_name(method)),
-        Status::Degenerate => "the views do not determine the object, for example because all are from one point".to_owned(),
+        Status::Degenerate => {
+            "the views do not determine the object, for example because all are from one point".to_owned()
+        }
         Status::Diverged => "the refinement found no finite object in front of the cameras".to_owned(),
     })
-}
-
-/// "1 view", "2 views".
-pub fn count(n: usize, singular: &str) -> String {
-    format!("{n} {singular}{}", if n == 1 { "" } else { "s" })
 }

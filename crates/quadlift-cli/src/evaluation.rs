@@ -5,17 +5,15 @@ use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use quadlift::geometry::Projection;
-use quadlift::metrics::{
-    EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, TruthObject, evaluate,
-};
+use quadlift::metrics::{EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, TruthObject, evaluate};
 use quadlift::solve::Status;
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::ObjectBodies;
 use serde_json::{Map, Value, json};
 
-use crate::estimate_table::{count, with_unit};
 use crate::output::{BAD, GOOD, HEADING, WARNING, one_line};
 use crate::table::{Cell, Table, decimals, number};
+use crate::words::{count, some_of, with_unit};
 
 /// Scores the objects of a result against those of a scene that holds the truth.
 ///
@@ -103,7 +101,13 @@ const COLUMNS: [Column; 9] = [
         mean: |m| m.cuboid_iou3d_enclosing,
     },
     Column { name: "theta_err", title: "axis [deg]", unit: Unit::Degrees, of: |o| o.theta_err, mean: |m| m.theta_err },
-    Column { name: "center_error", title: "centre", unit: Unit::Length, of: |o| o.center_error, mean: |m| m.center_error },
+    Column {
+        name: "center_error",
+        title: "centre",
+        unit: Unit::Length,
+        of: |o| o.center_error,
+        mean: |m| m.center_error,
+    },
     Column { name: "size_error", title: "size [%]", unit: Unit::Percent, of: |o| o.size_error, mean: |m| m.size_error },
     Column {
         name: "ellipse_reprojection_iou",
@@ -123,7 +127,8 @@ const COLUMNS: [Column; 9] = [
 
 /// The scores for people; columns that no object has are left out.
 pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
-    let columns: Vec<&Column> = COLUMNS.iter().filter(|c| evaluation.objects.iter().any(|o| (c.of)(o).is_some())).collect();
+    let columns: Vec<&Column> =
+        COLUMNS.iter().filter(|c| evaluation.objects.iter().any(|o| (c.of)(o).is_some())).collect();
     let mut titles = vec!["<object".to_owned(), "<status".to_owned()];
     titles.extend(columns.iter().map(|column| match column.unit {
         Unit::Length => with_unit(column.title, length_unit),
@@ -146,9 +151,9 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
         let scores = columns.iter().map(|column| show(column, (column.of)(object)).into());
         table.push([object.id.as_str().into(), status].into_iter().chain(scores).collect());
     }
-    let means = columns.iter().map(|column| {
-        Cell::styled(show(column, (column.mean)(&evaluation.mean).map(|mean| mean.value)), HEADING)
-    });
+    let means = columns
+        .iter()
+        .map(|column| Cell::styled(show(column, (column.mean)(&evaluation.mean).map(|mean| mean.value)), HEADING));
     table.push([Cell::styled("mean", HEADING), Cell::default()].into_iter().chain(means).collect());
     let mut text = table.render();
     let _ = writeln!(
@@ -162,7 +167,7 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
         let _ = writeln!(
             text,
             "{WARNING}note:{WARNING:#} estimates that no true object has the id of: {}",
-            one_line(&evaluation.unmatched.join(", "))
+            one_line(&some_of(&evaluation.unmatched))
         );
     }
     text

@@ -31,7 +31,9 @@ pub fn expand(arguments: &[PathBuf]) -> anyhow::Result<Inputs> {
         if argument.is_dir() {
             inputs.several = true;
             inputs.paths.extend(scenes_in_folder(argument)?);
-        } else if let Some(pattern) = argument.to_str().filter(|text| !argument.exists() && text.contains(['*', '?', '['])) {
+        } else if let Some(pattern) =
+            argument.to_str().filter(|text| !argument.exists() && text.contains(['*', '?', '[']))
+        {
             inputs.several = true;
             inputs.paths.extend(matches(pattern)?);
         } else {
@@ -90,7 +92,10 @@ pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
         let name = input.file_name().ok_or_else(|| anyhow!("{} has no file name", input.display()))?;
         let path = output.join(name);
         if paths.contains(&path) {
-            return usage(format!("two scenes have the file name {}: one result would overwrite the other", name.display()));
+            return usage(format!(
+                "two scenes have the file name {}: one result would overwrite the other",
+                name.display()
+            ));
         }
         refuse_to_overwrite(input, &path)?;
         paths.push(path);

@@ -12,6 +12,7 @@ mod output;
 mod progress;
 mod synthetic_file;
 mod table;
+mod words;
 
 use std::process::ExitCode;
 
@@ -32,21 +33,21 @@ Start with:
 
 /// Lifts 2D object detections from posed images to 3D objects: ellipsoids and cuboids.
 #[derive(Parser)]
-#[command(name = "quadlift", version, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "quadlift", version, after_help = EXIT_CODES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 
     /// Print one JSON document on the standard output, for programs
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = "Output")]
     json: bool,
 
-    /// Print details (settings, rejected views, times) on the standard error stream
-    #[arg(short, long, global = true)]
+    /// Print details (rejected views, times) on the standard error stream
+    #[arg(short, long, global = true, help_heading = "Output")]
     verbose: bool,
 
     /// Print errors only
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output")]
     quiet: bool,
 }
 

@@ -85,7 +85,11 @@ pub fn number(x: Option<f64>, decimals: usize) -> String {
         Some(x) if x.abs() < 1e9 => {
             let text = format!("{x:.decimals$}");
             // No "-0.00".
-            if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').to_owned() } else { text }
+            if text.trim_start_matches(['-', '0', '.']).is_empty() {
+                text.trim_start_matches('-').to_owned()
+            } else {
+                text
+            }
         }
         Some(x) => format!("{x:.3e}"),
         None => "-".to_owned(),

@@ -3,26 +3,32 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
+use quadlift::Localization;
+use quadlift::solve::Estimate;
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::json;
 
 use crate::error::Outcome;
-use crate::estimate_table::{count, render, summaries};
+use crate::estimate_table::{render, summaries};
 use crate::evaluation;
 use crate::files::make_folder;
 use crate::localization::{Settings, count_localised, localize_scene, result_file};
 use crate::output::{HEADING, Output};
 use crate::synthetic_file::scene_file;
+use crate::words::count;
 
 /// Show the whole way on a built-in scene: make it, localise its objects, compare them with the truth
 #[derive(clap::Args)]
-#[command(after_help = "\
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
 Writes scene.json (what a user brings), estimate.json (what localize makes of it) and truth.json (what it should be),
 so that the other commands have something to work on:
   quadlift info quadlift-demo/scene.json
   quadlift localize quadlift-demo/scene.json -o again.json --method planes
-  quadlift evaluate again.json quadlift-demo/truth.json")]
+  quadlift evaluate again.json quadlift-demo/truth.json"
+)]
 pub struct Args {
     /// Folder for the files; it is made if it does not exist
     #[arg(long, value_name = "DIR", default_value = "quadlift-demo")]
@@ -51,11 +57,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     make_folder(folder)?;
     let synthetic = generate(&options()).context("cannot make the scene")?;
-    let whole = SceneFile {
-        name: Some("demo".to_owned()),
-        length_unit: Some("m".to_owned()),
-        ..scene_file(&synthetic)
-    };
+    let whole =
+        SceneFile { name: Some("demo".to_owned()), length_unit: Some("m".to_owned()), ..scene_file(&synthetic) };
     let truth = SceneFile { detections: Vec::new(), ..whole.clone() };
     let file = SceneFile { objects: Vec::new(), ..whole };
     let scene = file.to_scene().context("cannot use the scene")?;
@@ -77,10 +80,12 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let [_, estimate_path, truth_path] = &paths;
     let evaluation = evaluation::evaluate_files((estimate_path, &result), (truth_path, &truth))?;
     out.report(&format!(
-        "{HEADING}Localised{HEADING:#} {} of {} ({})\n\n{}\n{HEADING}Compared with the truth{HEADING:#}\n\n{}\n",
+        "{HEADING}Localised{HEADING:#} {} of {} ({}); {} of the {outliers} wrong boxes were found and left out.\n\n{}\n\
+         {HEADING}Compared with the truth{HEADING:#}\n\n{}\n",
         count_localised(&localization.estimates),
         count(localization.estimates.len(), "object"),
         settings.in_words(),
+        found_outliers(&synthetic, &localization),
         render(&scene, &localization, &settings),
         evaluation::render(&evaluation, scene.length_unit.as_deref()),
     ))?;
@@ -91,6 +96,18 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "evaluation": evaluation::to_json(&evaluation),
     }))?;
     Ok(Outcome::Fine)
+}
+
+/// Number of wrong boxes that the estimator has rejected.
+fn found_outliers(synthetic: &SyntheticScene, localization: &Localization) -> usize {
+    let wrong = |object: usize, frame: usize| {
+        synthetic.scene.detections.iter().zip(&synthetic.outliers).any(|(detection, outlier)| {
+            *outlier && detection.object_index == u32::try_from(object).ok() && detection.frame_index as usize == frame
+        })
+    };
+    let estimates = &localization.estimates;
+    let rejected = |e: &Estimate| e.views.iter().filter(|v| !v.inlier && wrong(e.object_index, v.frame_index)).count();
+    estimates.iter().map(rejected).sum()
 }
 
 fn next_steps(paths: &[PathBuf; 3]) -> String {

@@ -12,7 +12,9 @@ use crate::output::Output;
 ///
 /// Objects are paired by their ids. An object without an estimated body counts as a failure and scores an IoU of 0.
 #[derive(clap::Args)]
-#[command(after_help = "\
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
 Columns:
   IoU            volume of the intersection over that of the union, of the ellipsoids (O3D of the paper)
   enclosing IoU  the same with the enclosing ellipsoid, which is meant to hold the real object
@@ -25,7 +27,8 @@ Examples:
   quadlift evaluate estimate.json truth.json
   quadlift evaluate estimate.json scene.json --json
 
-Exit codes: 0 scored; 1 a file cannot be read or the files have no object in common; 2 wrong usage.")]
+Exit codes: 0 scored; 1 a file cannot be read or the files have no object in common; 2 wrong usage."
+)]
 pub struct Args {
     /// The result of localize
     #[arg(value_name = "ESTIMATE.json")]

@@ -9,26 +9,27 @@ use quadlift_io::SceneFile;
 use serde::Serialize;
 
 use crate::error::Outcome;
-use crate::estimate_table::count;
 use crate::files::read_scene;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::Table;
+use crate::words::{count, some_of};
 
 /// Boxes that reach farther out of the image than this are counted (pixels).
 const OUTSIDE_TOLERANCE: f64 = 1.0;
-/// How many names a line shows.
-const SHOWN: usize = 8;
 
 /// Show what a scene file holds, and what looks wrong in it
 ///
 /// The file is checked as for localisation; oddities that are no errors are listed and do not change the exit code.
 #[derive(clap::Args)]
-#[command(after_help = "\
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
 Examples:
   quadlift info scene.json
   quadlift info scene.json --json
 
-Exit codes: 0 the scene is valid; 1 it is not, or it cannot be read; 2 wrong usage.")]
+Exit codes: 0 the scene is valid; 1 it is not, or it cannot be read; 2 wrong usage."
+)]
 pub struct Args {
     /// The scene file
     #[arg(value_name = "SCENE.json")]
@@ -159,14 +160,16 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     }
     let (mut outside, mut beyond) = (0, 0);
     for detection in &scene.detections {
-        let (Some(b), Some(size)) =
-            (detection.bounding_box, scene.frames[detection.frame_index as usize].image_size)
+        let (Some(b), Some(size)) = (detection.bounding_box, scene.frames[detection.frame_index as usize].image_size)
         else {
             continue;
         };
         if b.x1 <= 0.0 || b.y1 <= 0.0 || b.x0 >= size.x || b.y0 >= size.y {
             outside += 1;
-        } else if b.x0.min(b.y0) < -OUTSIDE_TOLERANCE || b.x1 > size.x + OUTSIDE_TOLERANCE || b.y1 > size.y + OUTSIDE_TOLERANCE {
+        } else if b.x0.min(b.y0) < -OUTSIDE_TOLERANCE
+            || b.x1 > size.x + OUTSIDE_TOLERANCE
+            || b.y1 > size.y + OUTSIDE_TOLERANCE
+        {
             beyond += 1;
         }
     }
@@ -187,7 +190,8 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     }
     let mut seen = vec![false; scene.frames.len()];
     scene.detections.iter().for_each(|detection| seen[detection.frame_index as usize] = true);
-    let blank: Vec<String> = scene.frames.iter().zip(&seen).filter(|(_, seen)| !**seen).map(|(f, _)| f.id.clone()).collect();
+    let blank: Vec<String> =
+        scene.frames.iter().zip(&seen).filter(|(_, seen)| !**seen).map(|(f, _)| f.id.clone()).collect();
     if !blank.is_empty() && !scene.detections.is_empty() {
         oddities.push(format!("frames without detections: {}", some_of(&blank)));
     }
@@ -232,15 +236,6 @@ fn objects_of_several_categories(scene: &Scene) -> Vec<String> {
     scene.object_ids.iter().zip(several).filter(|(_, several)| *several).map(|(id, _)| id.clone()).collect()
 }
 
-/// The first names of a list, and how many more there are.
-fn some_of(names: &[String]) -> String {
-    let mut text = names[..names.len().min(SHOWN)].join(", ");
-    if names.len() > SHOWN {
-        let _ = write!(text, " and {} more", names.len() - SHOWN);
-    }
-    text
-}
-
 fn render(report: &Report) -> String {
     let mut text = String::new();
     let mut line = |title: &str, value: String| {
@@ -260,14 +255,8 @@ fn render(report: &Report) -> String {
     if !report.sources.is_empty() {
         let mut table = Table::new(["<source", "detections", "objects", "frames", "boxes", "ellipses", "masks"]);
         for source in &report.sources {
-            let numbers = [
-                source.detections,
-                source.objects,
-                source.frames,
-                source.boxes,
-                source.ellipses,
-                source.masks,
-            ];
+            let numbers =
+                [source.detections, source.objects, source.frames, source.boxes, source.ellipses, source.masks];
             let name = source.name.as_deref().unwrap_or("(none)");
             table.push(std::iter::once(name.into()).chain(numbers.map(|n| n.to_string().into())).collect());
         }

@@ -12,19 +12,22 @@ use serde_json::{Value, json};
 
 use crate::args;
 use crate::error::{Outcome, in_words, usage};
-use crate::estimate_table::{count, render, summaries};
+use crate::estimate_table::{render, summaries};
 use crate::files::{expand, outputs, read_scene};
 use crate::localization::{
     PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, result_file,
 };
 use crate::output::{HEADING, Output, one_line};
+use crate::words::count;
 
 /// Localise the objects that the detections of a scene show
 ///
 /// The result is a scene file: the cameras and frames of the scene, the estimated objects with status, uncertainty and
 /// residuals, and the settings. The true objects of a scene, if it has any, are neither read nor copied.
 #[derive(clap::Args)]
-#[command(after_help = "\
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
 Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is a folder then,
 and each result has the file name of its scene. A scene that fails is reported and the others are still done.
 
@@ -34,7 +37,8 @@ Examples:
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
 
-Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised; 2 wrong usage.")]
+Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised; 2 wrong usage."
+)]
 pub struct Args {
     /// Scene files, folders that hold them, or patterns in quotes
     #[arg(required = true, value_name = "SCENE.json")]

@@ -20,18 +20,21 @@ use crate::synthetic_file::scene_file;
 /// Objects of random place, size and orientation lie in a cube of side 20; the cameras stand 200 away from its centre
 /// and look at it. The truth is written as the `objects` of the scene; no estimator reads it.
 #[derive(clap::Args)]
-#[command(after_help = "\
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
 Noise (--noise, several times if wanted):
   box:0.05   each box edge, Gaussian; relative to the box's mean half size
   re:45      angle of the ellipse, uniform; degrees
-  se:0.3     size of the ellipse, uniform; one factor for both axes        se2:0.3  one for each axis
-  te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis  te2:0.3  to the mean full axis
+  se:0.3     size of the ellipse, uniform; one factor for both axes (se2: one for each axis)
+  te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
 
 Examples:
   quadlift synth -o scene.json --noise box:0.05 --outliers 0.05
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
-  quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json")]
+  quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
+)]
 pub struct Args {
     /// The scene file to write
     #[arg(short, long, value_name = "SCENE.json")]
