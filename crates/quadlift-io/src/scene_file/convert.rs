@@ -11,7 +11,7 @@ use super::suggest::known_names;
 use crate::error::EntryError;
 
 /// COLMAP's camera models with distortion, which are known but not supported.
-const DISTORTED_MODELS: [&str; 12] = [
+const DISTORTED_MODELS: [&str; 15] = [
     "SIMPLE_RADIAL",
     "RADIAL",
     "OPENCV",
@@ -24,6 +24,9 @@ const DISTORTED_MODELS: [&str; 12] = [
     "RAD_TAN_THIN_PRISM_FISHEYE",
     "SIMPLE_DIVISION",
     "DIVISION",
+    "SIMPLE_FISHEYE",
+    "FISHEYE",
+    "EUCM",
 ];
 
 /// A checked camera.

@@ -223,6 +223,8 @@ enum Mutation {
     Insert(Index, Vec<u8>),
     Remove(Index, usize),
     Copy(Index, usize, Index),
+    /// Sets one of the digits, which keeps the JSON valid most of the time.
+    Digit(Index, u8),
 }
 
 fn mutation() -> impl Strategy<Value = Mutation> {
@@ -244,10 +246,11 @@ fn mutation() -> impl Strategy<Value = Mutation> {
     ];
     let token = proptest::sample::select(tokens.to_vec());
     prop_oneof![
-        (any::<Index>(), any::<u8>()).prop_map(|(at, byte)| Mutation::Set(at, byte)),
-        (any::<Index>(), token).prop_map(|(at, token)| Mutation::Insert(at, token.to_vec())),
-        (any::<Index>(), 1usize..20).prop_map(|(at, count)| Mutation::Remove(at, count)),
-        (any::<Index>(), 1usize..60, any::<Index>()).prop_map(|(from, count, to)| Mutation::Copy(from, count, to)),
+        4 => (any::<Index>(), b'0'..=b'9').prop_map(|(at, digit)| Mutation::Digit(at, digit)),
+        1 => (any::<Index>(), any::<u8>()).prop_map(|(at, byte)| Mutation::Set(at, byte)),
+        1 => (any::<Index>(), token).prop_map(|(at, token)| Mutation::Insert(at, token.to_vec())),
+        1 => (any::<Index>(), 1usize..20).prop_map(|(at, count)| Mutation::Remove(at, count)),
+        1 => (any::<Index>(), 1usize..60, any::<Index>()).prop_map(|(from, count, to)| Mutation::Copy(from, count, to)),
     ]
 }
 
@@ -270,6 +273,12 @@ fn mutate(bytes: &mut Vec<u8>, mutation: &Mutation) {
         }
         Mutation::Remove(at, count) => {
             bytes.drain(range(at, *count));
+        }
+        Mutation::Digit(at, digit) => {
+            let digits: Vec<usize> = (0..bytes.len()).filter(|&i| bytes[i].is_ascii_digit()).collect();
+            if !digits.is_empty() {
+                bytes[digits[at.index(digits.len())]] = *digit;
+            }
         }
         Mutation::Copy(from, count, to) => {
             let piece = bytes[range(from, *count)].to_vec();

@@ -1,5 +1,6 @@
 //! One object's detections, prepared for the solver: tangent planes and ellipses in the object's frame.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::{Matrix3x4, Vector2, Vector3, Vector4};
@@ -70,6 +71,14 @@ impl Measurements {
             all.push(view, ellipses_as_planes, border_margin);
         }
         all
+    }
+
+    /// The same views as tangent planes only.
+    pub(super) fn with_ellipses_as_planes(&self, views: &[View]) -> Cow<'_, Self> {
+        if self.views.iter().all(|view| view.ellipse.is_none()) {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(Self::new(self.frame, views, true, 0.0))
     }
 
     fn push(&mut self, view: &View, ellipses_as_planes: bool, border_margin: f64) {

@@ -39,6 +39,9 @@ const NOISE_SAMPLE: usize = 2000;
 /// Rounds of noise estimation, at most.
 const ROUNDS: usize = 8;
 
+/// Rounds in which fits that do not agree with the scene's noise are looked at again for outliers.
+const RECONSIDERED: usize = 3;
+
 /// Relative change of every noise level below which they stand.
 const SETTLED: f64 = 0.02;
 
@@ -90,7 +93,7 @@ fn solve<B: BodyModel + FirstFit>(
     let mut fits: Vec<Result<Fit<B>, Estimate>> =
         map_indices(sample.len(), |k| Prepared::new(views_of(sample[k]), context)?.first_fit(&noise, context));
     let mut statistics = NoiseStatistics::default();
-    for _ in 0..ROUNDS {
+    for round in 0..ROUNDS {
         statistics = NoiseStatistics::default();
         // Summed in the order of the objects, so that the result does not depend on the number of threads.
         for fit in fits.iter().flatten() {
@@ -99,7 +102,12 @@ fn solve<B: BodyModel + FirstFit>(
         let updated = noise.updated(&statistics);
         let settled = updated.change(&noise, &statistics) < SETTLED;
         noise = updated;
-        fits = map_indices(fits.len(), |k| Ok(fits[k].as_ref().map_err(Clone::clone)?.refined(&noise, false)));
+        fits = map_indices(fits.len(), |k| {
+            let fit = fits[k].as_ref().map_err(Clone::clone)?;
+            // Now that the noise of the scene is known, a fit with much larger residuals stands out.
+            let fit = if round < RECONSIDERED { &fit.reconsidered(&noise, context) } else { fit };
+            Ok(fit.refined(&noise, false))
+        });
         if settled {
             break;
         }
@@ -114,7 +122,7 @@ fn solve<B: BodyModel + FirstFit>(
         } else {
             Prepared::new(views_of(index), context)
                 .and_then(|prepared| prepared.first_fit::<B>(&noise, context))
-                .map_or_else(|failed| failed, |fit| fit.refined(&noise, true).estimate(&noise, context))
+                .map_or_else(|failed| failed, |fit| fit.reconsidered(&noise, context).refined(&noise, true).estimate(&noise, context))
         };
         done();
         estimate

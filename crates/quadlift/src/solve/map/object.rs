@@ -15,7 +15,7 @@ use super::measurements::Measurements;
 use super::noise::{NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
 use super::objective::{OUTLIER_SCALE, ObjectPrior, Objective};
-use super::robust::{robust_fit, shows_outliers};
+use super::robust::fit_without_outliers;
 use super::starts::{ellipsoid_from_quadric, oriented_starts, unit_sphere};
 use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
 use crate::scene::{ObjectViews, View};
@@ -31,6 +31,9 @@ const BETWEEN_ROUNDS: Stop = Stop { evaluations: 10, promised_decrease: 3e-2 };
 
 /// The end.
 const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-6 };
+
+/// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
+const SUSPECT_COST: f64 = 12.0;
 
 /// Oriented starts that are followed to the end.
 const FOLLOWED_STARTS: usize = 3;
@@ -65,39 +68,39 @@ impl Prepared {
         Ok(Self { views, measurements, prior })
     }
 
-    /// The first fit: from the starts, with outliers looked for.
+    /// The first fit: from the starts, and again without the outliers where its residuals show some.
     pub(super) fn first_fit<B: FirstFit>(self, noise: &NoiseLevels, context: &MapContext) -> Result<Fit<B>, Estimate> {
         let failed = Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged);
-        let seed = context.seed ^ (self.views.object_index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        let (ellipsoid, robust) =
-            self.fit_ellipsoid(noise, context.options.robust, seed).ok_or_else(|| failed.clone())?;
-        let (body, equations) = B::from_ellipsoid(&self, ellipsoid, noise, robust, context, seed).ok_or(failed)?;
-        Ok(Fit { prepared: std::sync::Arc::new(self), body, equations, robust })
+        let seed = self.seed(context);
+        let plain = self
+            .fit_ellipsoid(noise)
+            .and_then(|ellipsoid| B::from_ellipsoid(&self, ellipsoid, noise, false, context, seed))
+            .ok_or(failed)?;
+        let (body, equations) = plain;
+        let fit = Fit { prepared: std::sync::Arc::new(self), body, equations, robust: false };
+        Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
+    }
+
+    fn seed(&self, context: &MapContext) -> u64 {
+        context.seed ^ (self.views.object_index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
     }
 
     fn objective<'a>(&'a self, noise: &'a NoiseLevels, robust: bool) -> Objective<'a> {
         Objective { measurements: &self.measurements, prior: &self.prior, noise, robust, smooth: false }
     }
 
-    /// The best ellipsoid over its starts, and whether the views hold outliers.
-    fn fit_ellipsoid(&self, noise: &NoiseLevels, look_for_outliers: bool, seed: u64) -> Option<(EllipsoidModel, bool)> {
+    /// The best ellipsoid over its starts, all views believed.
+    fn fit_ellipsoid(&self, noise: &NoiseLevels) -> Option<EllipsoidModel> {
         let objective = Objective { smooth: true, ..self.objective(noise, false) };
         let linear = planes_in_frame(&self.views.views, &self.measurements.frame)
             .ok()
             .and_then(|quadric| ellipsoid_from_quadric(&quadric));
-        let best = [Some(unit_sphere(Vector3::zeros())), linear]
+        [Some(unit_sphere(Vector3::zeros())), linear]
             .into_iter()
             .flatten()
             .filter_map(|start| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
-            .map(|(body, _)| body)?;
-        if look_for_outliers && shows_outliers(&objective.view_costs(&best)) {
-            let as_planes = Measurements::new(self.measurements.frame, &self.views.views, true, 0.0);
-            if let Some(robust) = robust_fit(&self.measurements, &as_planes, &self.prior, noise, seed) {
-                return Some((robust, true));
-            }
-        }
-        Some((best, false))
+            .map(|(body, _)| body)
     }
 }
 
@@ -193,6 +196,28 @@ impl<B: FirstFit> Fit<B> {
     /// Residual statistics under the noise levels of the last fit.
     pub(super) fn statistics(&self, noise: &NoiseLevels) -> NoiseStatistics {
         self.prepared.objective(noise, self.robust).statistics(&self.body, &self.equations)
+    }
+
+    /// A fit that leaves outliers out, where this plain one shows some.
+    fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
+        let prepared = &self.prepared;
+        let objective = Objective { smooth: true, ..prepared.objective(noise, false) };
+        let tangents = prepared.measurements.with_ellipses_as_planes(&prepared.views.views);
+        let seed = prepared.seed(context);
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &tangents, seed)?;
+        let (body, equations) = B::from_ellipsoid(prepared, ellipsoid, noise, true, context, seed)?;
+        Some(Self { prepared: prepared.clone(), body, equations, robust: true })
+    }
+
+    /// The fit, or one that leaves outliers out where the residuals are much larger than the scene's noise.
+    pub(super) fn reconsidered(&self, noise: &NoiseLevels, context: &MapContext) -> Self {
+        if self.robust || !context.options.robust {
+            return self.clone();
+        }
+        let costs = self.prepared.objective(noise, false).view_costs(&self.body);
+        let mean = costs.iter().sum::<f64>() / costs.len().max(1) as f64;
+        let suspect = mean > SUSPECT_COST;
+        suspect.then(|| self.without_outliers(noise, context)).flatten().unwrap_or_else(|| self.clone())
     }
 
     /// The fit under new noise levels; the old one where that fails.
