@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use quadlift::scene::Scene;
 use quadlift::solve::{CategoryPriors, Estimate, Method, Status};
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeError, Options, localize};
 use quadlift_io::{SceneFile, builtin_priors, estimates_to_objects, read_priors};
 use serde_json::{Map, Value, json};
 
@@ -122,7 +122,10 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
         bar.set_position(done as u64);
     });
     bar.finish_and_clear();
-    let localization = result?;
+    let localization = match result {
+        Err(error @ LocalizeError::SeveralSources(_)) => bail!("{error} (--source NAME)"),
+        result => result?,
+    };
     if localization.estimates.is_empty() {
         match (scene.detections.len(), localization.left_out.without_object) {
             (0, _) => bail!("there is nothing to localise: the scene has no detections"),

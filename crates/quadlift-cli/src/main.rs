@@ -92,4 +92,16 @@ mod tests {
     fn the_command_line_is_consistent() {
         super::Cli::command().debug_assert();
     }
+
+    #[test]
+    fn every_command_and_option_is_in_the_manual() {
+        let manual = include_str!("../../../docs/cli.md");
+        for command in super::Cli::command().get_subcommands().chain([&super::Cli::command()]) {
+            let name = command.get_name();
+            assert!(name == "quadlift" || manual.contains(&format!("## quadlift {name}")), "{name}");
+            for option in command.get_arguments().filter_map(|argument| argument.get_long()) {
+                assert!(manual.contains(&format!("`--{option}")) || option == "help", "{name} --{option}");
+            }
+        }
+    }
 }

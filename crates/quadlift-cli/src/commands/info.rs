@@ -177,7 +177,7 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
         oddities.push(format!("{} wholly outside of the image", boxes(outside)));
     }
     if beyond > 0 {
-        oddities.push(format!("{} beyond the image border: their edges there count as seen", boxes_reach(beyond)));
+        oddities.push(format!("{} beyond the image border: edges there count as cut off", boxes_reach(beyond)));
     }
     if report.frames_without_image_size > 0 && !scene.frames.is_empty() {
         oddities.push(format!(

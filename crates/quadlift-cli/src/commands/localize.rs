@@ -134,12 +134,13 @@ impl Args {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    if let Some(threads) = args.threads {
+        // Before anything else: the first call of the library starts the threads.
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
+    }
     let settings = args.settings()?;
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
-    if let Some(threads) = args.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
-    }
     let mut documents = Vec::with_capacity(inputs.paths.len());
     let mut outcome = Outcome::Fine;
     // One scene after another: the largest one bounds the memory.
@@ -169,7 +170,9 @@ fn one_scene(
     document: &mut Value,
 ) -> anyhow::Result<()> {
     let start = Instant::now();
-    let (file, scene) = read_scene(input)?;
+    let (mut file, scene) = read_scene(input)?;
+    // The result needs neither; detections are the bulk of a large scene.
+    (file.detections, file.objects) = (Vec::new(), Vec::new());
     let read = start.elapsed();
     let title = input.display().to_string();
     let localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
