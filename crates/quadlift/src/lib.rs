@@ -3,6 +3,7 @@
 
 pub mod geometry;
 mod localize;
+pub mod metrics;
 mod parallel;
 pub mod scene;
 pub mod solve;

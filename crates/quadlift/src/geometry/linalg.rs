@@ -29,6 +29,40 @@ pub fn symmetric_eigen3(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)
     Some((values, vectors))
 }
 
+/// Semi-axes and their directions (columns, orthonormal, in no particular order or handedness) of the ellipsoid
+/// `{ m x : |x| <= 1 }`: the singular values and left singular vectors of `m`.
+///
+/// One-sided Jacobi rotations keep the relative precision of small semi-axes, which forming `m m^T` would lose.
+/// `None` when a number is not finite or a semi-axis is zero.
+pub fn axes_of_image_of_ball(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    let mut columns = *m;
+    for _ in 0..MAX_ITERATIONS {
+        let mut rotated = false;
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let (u, v) = (columns.column(p).into_owned(), columns.column(q).into_owned());
+            let (uu, vv, uv) = (u.norm_squared(), v.norm_squared(), u.dot(&v));
+            if uv.abs() <= 1e-15 * (uu * vv).sqrt() {
+                continue;
+            }
+            rotated = true;
+            let zeta = (vv - uu) / (2.0 * uv);
+            let tan = zeta.signum() / (zeta.abs() + zeta.hypot(1.0));
+            let cos = 1.0 / tan.hypot(1.0);
+            let sin = cos * tan;
+            columns.set_column(p, &(u * cos - v * sin));
+            columns.set_column(q, &(u * sin + v * cos));
+        }
+        if !rotated {
+            break;
+        }
+    }
+    let lengths = Vector3::from_fn(|i, _| columns.column(i).norm());
+    if !lengths.iter().all(|l| l.is_finite() && *l > 0.0) {
+        return None;
+    }
+    Some((lengths, Matrix3::from_fn(|i, j| columns[(i, j)] / lengths[j])))
+}
+
 /// Inverse of a symmetric positive definite matrix, after scaling its diagonal to one.
 ///
 /// `None` when the matrix is not positive definite to working precision.
@@ -99,7 +133,7 @@ pub fn solve_spd<const N: usize>(m: &SMatrix<f64, N, N>, b: &SVector<f64, N>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix4, Vector4};
+    use nalgebra::{Matrix4, Rotation3, Vector4};
 
     #[test]
     fn eigenvalues_come_in_descending_order_with_a_right_handed_basis() {
@@ -109,6 +143,28 @@ mod tests {
         assert!((vectors.determinant() - 1.0).abs() < 1e-12);
         let rebuilt = vectors * Matrix3::from_diagonal(&values) * vectors.transpose();
         assert!((rebuilt - m).norm() < 1e-12);
+    }
+
+    #[test]
+    fn small_semi_axes_of_an_image_of_the_ball_are_precise() {
+        let (u, v) = (Rotation3::from_euler_angles(0.3, -1.0, 2.0), Rotation3::from_euler_angles(1.3, 0.4, -0.7));
+        // Columns of very different length: the rotation on the right mixes them, so scale a mild matrix instead.
+        let mild = u.matrix() * Matrix3::from_diagonal(&Vector3::new(2.0, 1.0, 0.5)) * v.matrix();
+        let (lengths, axes) = axes_of_image_of_ball(&mild).unwrap();
+        let mut sorted: Vec<f64> = lengths.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        for (length, expected) in sorted.iter().zip([0.5, 1.0, 2.0]) {
+            assert!((length - expected).abs() < 1e-14);
+        }
+        assert!((axes.transpose() * axes - Matrix3::identity()).amax() < 1e-14);
+        let shape = axes * Matrix3::from_diagonal(&lengths.component_mul(&lengths)) * axes.transpose();
+        assert!((shape - mild * mild.transpose()).amax() < 1e-13);
+        // Nearly orthogonal columns whose lengths differ by 1e6: the product of the lengths is the determinant.
+        let graded = u.matrix() * Matrix3::from_diagonal(&Vector3::new(1e3, 1.0, 1e-3));
+        let (lengths, _) = axes_of_image_of_ball(&graded).unwrap();
+        assert!((lengths.min() - 1e-3).abs() < 1e-17);
+        assert!(axes_of_image_of_ball(&Matrix3::zeros()).is_none());
+        assert!(axes_of_image_of_ball(&Matrix3::repeat(f64::NAN)).is_none());
     }
 
     #[test]

@@ -28,7 +28,8 @@ impl ObjectFrame {
 
     /// The same from projections and ellipses.
     pub fn from_observations(observations: &[(Projection, Ellipse)]) -> Option<Self> {
-        let origin = triangulate(observations)?;
+        let centers: Vec<_> = observations.iter().map(|(projection, ellipse)| (*projection, ellipse.center)).collect();
+        let origin = triangulate(&centers)?;
         let unit = object_radius(observations, &origin)?;
         Some(Self { origin, unit })
     }

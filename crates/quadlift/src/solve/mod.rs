@@ -1,15 +1,21 @@
 //! The method: from the views of one object to its body.
 
+mod arrowhead;
 mod closed_form;
 pub mod conditioning;
 mod estimate;
+mod lfd;
 pub mod map;
 mod options;
+mod pfd;
 pub mod planes;
 mod report;
+mod singular;
 mod streaming_qr;
 mod triangulate;
 
 pub use closed_form::solve_closed_form;
 pub use estimate::{Covariance, CovarianceCoordinates, Estimate, Matrix9, Status, ViewReport, Warning};
+pub use lfd::{LfdSolution, lfd, lfd_from};
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, RegOptions, SizePrior};
+pub use pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};

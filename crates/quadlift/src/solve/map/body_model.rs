@@ -211,6 +211,12 @@ impl OrientedModel {
     }
 }
 
+/// Semi-axes of a body with a given exponent relative to those of the ellipsoid that touches about the same planes:
+/// 1 / 1.4 for a cuboid, 1 for the ellipsoid itself.
+pub(super) fn relative_size(exponent: f64) -> f64 {
+    1.4f64.powf(1.0 - 2.0 / exponent)
+}
+
 impl BodyModel for OrientedModel {
     fn center(&self) -> &Vector3<f64> {
         &self.center

@@ -105,8 +105,7 @@ fn solve<B: BodyModel + FirstFit>(
         fits = map_indices(fits.len(), |k| {
             let fit = fits[k].as_ref().map_err(Clone::clone)?;
             // Now that the noise of the scene is known, a fit with much larger residuals stands out.
-            let fit = if round < RECONSIDERED { &fit.reconsidered(&noise, context) } else { fit };
-            Ok(fit.refined(&noise, false))
+            Ok(if round < RECONSIDERED { fit.reconsidered(&noise, round, context) } else { fit.refined(&noise, false) })
         });
         if settled {
             break;
@@ -122,7 +121,7 @@ fn solve<B: BodyModel + FirstFit>(
         } else {
             Prepared::new(views_of(index), context)
                 .and_then(|prepared| prepared.first_fit::<B>(&noise, context))
-                .map_or_else(|failed| failed, |fit| fit.reconsidered(&noise, context).refined(&noise, true).estimate(&noise, context))
+                .map_or_else(|failed| failed, |fit| fit.reconsidered(&noise, 0, context).refined(&noise, true).estimate(&noise, context))
         };
         done();
         estimate

@@ -1,5 +1,7 @@
 //! One object on its way from views to an estimate.
 
+use std::sync::Arc;
+
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
 use super::super::conditioning::ObjectFrame;
@@ -48,7 +50,9 @@ pub(super) struct Prepared {
 /// A fitted object.
 #[derive(Clone)]
 pub(super) struct Fit<B> {
-    prepared: std::sync::Arc<Prepared>,
+    prepared: Arc<Prepared>,
+    /// The ellipsoid from whose starts the body came.
+    ellipsoid: EllipsoidModel,
     body: B,
     equations: NormalEquations,
     robust: bool,
@@ -72,12 +76,9 @@ impl Prepared {
     pub(super) fn first_fit<B: FirstFit>(self, noise: &NoiseLevels, context: &MapContext) -> Result<Fit<B>, Estimate> {
         let failed = Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged);
         let seed = self.seed(context);
-        let plain = self
-            .fit_ellipsoid(noise)
-            .and_then(|ellipsoid| B::from_ellipsoid(&self, ellipsoid, noise, false, context, seed))
-            .ok_or(failed)?;
-        let (body, equations) = plain;
-        let fit = Fit { prepared: std::sync::Arc::new(self), body, equations, robust: false };
+        let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
+        let (body, equations) = B::from_ellipsoid(&self, &ellipsoid, noise, false, context, seed).ok_or(failed)?;
+        let fit = Fit { prepared: Arc::new(self), ellipsoid, body, equations, robust: false };
         Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
     }
 
@@ -106,9 +107,12 @@ impl Prepared {
 
 /// How the first fit of each kind of body comes from the ellipsoid.
 pub(super) trait FirstFit: BodyModel {
+    /// Whether the first fit chooses between several starts, which is worth repeating under other noise levels.
+    const SEVERAL_STARTS: bool;
+
     fn from_ellipsoid(
         prepared: &Prepared,
-        ellipsoid: EllipsoidModel,
+        ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
         robust: bool,
         context: &MapContext,
@@ -123,16 +127,18 @@ pub(super) trait FirstFit: BodyModel {
 }
 
 impl FirstFit for EllipsoidModel {
+    const SEVERAL_STARTS: bool = false;
+
     fn from_ellipsoid(
         prepared: &Prepared,
-        ellipsoid: EllipsoidModel,
+        ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
         robust: bool,
         _context: &MapContext,
         _seed: u64,
     ) -> Option<(Self, NormalEquations)> {
-        let equations = prepared.objective(noise, robust).linearise(&ellipsoid)?;
-        Some((ellipsoid, equations))
+        let equations = prepared.objective(noise, robust).linearise(ellipsoid)?;
+        Some((ellipsoid.clone(), equations))
     }
 
     fn body_in_world(&self, frame: &ObjectFrame) -> Body {
@@ -149,9 +155,11 @@ impl FirstFit for EllipsoidModel {
 }
 
 impl FirstFit for OrientedModel {
+    const SEVERAL_STARTS: bool = true;
+
     fn from_ellipsoid(
         prepared: &Prepared,
-        ellipsoid: EllipsoidModel,
+        ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
         robust: bool,
         context: &MapContext,
@@ -163,7 +171,7 @@ impl FirstFit for OrientedModel {
             BodyKind::Cuboid | BodyKind::Ellipsoid => 1.0,
         };
         let centers = centers_from_size(prepared);
-        let starts = oriented_starts(&ellipsoid, exponent, &prepared.prior, &centers, seed);
+        let starts = oriented_starts(ellipsoid, exponent, &prepared.prior, &centers, seed);
         let descend = |start: OrientedModel, stop: Stop| {
             minimise(start, stop, |body| objective.linearise(body), BodyModel::retract)
         };
@@ -205,19 +213,35 @@ impl<B: FirstFit> Fit<B> {
         let tangents = prepared.measurements.with_ellipses_as_planes(&prepared.views.views);
         let seed = prepared.seed(context);
         let ellipsoid = fit_without_outliers(&objective, &self.body, &tangents, seed)?;
-        let (body, equations) = B::from_ellipsoid(prepared, ellipsoid, noise, true, context, seed)?;
-        Some(Self { prepared: prepared.clone(), body, equations, robust: true })
+        let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, true, context, seed)?;
+        Some(Self { prepared: prepared.clone(), ellipsoid, body, equations, robust: true })
     }
 
-    /// The fit, or one that leaves outliers out where the residuals are much larger than the scene's noise.
-    pub(super) fn reconsidered(&self, noise: &NoiseLevels, context: &MapContext) -> Self {
-        if self.robust || !context.options.robust {
-            return self.clone();
+    /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and
+    /// for outliers where the residuals are much larger than the noise.
+    pub(super) fn reconsidered(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
+        let mut fit = self.refined(noise, false);
+        if B::SEVERAL_STARTS {
+            // Other random rotations than before.
+            let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
+            let again = |robust| B::from_ellipsoid(&self.prepared, &self.ellipsoid, noise, robust, context, seed);
+            if let Some((body, equations)) = again(fit.robust).filter(|(_, n)| n.cost < fit.equations.cost) {
+                (fit.body, fit.equations) = (body, equations);
+            }
+            // A wrong start can look like outliers: where all views agree with another one there are none.
+            if let Some((body, equations)) = fit.robust.then(|| again(false)).flatten() {
+                let costs = fit.prepared.objective(noise, false).view_costs(&body);
+                if costs.iter().all(|cost| *cost <= OUTLIER_SCALE * OUTLIER_SCALE) {
+                    (fit.body, fit.equations, fit.robust) = (body, equations, false);
+                }
+            }
         }
-        let costs = self.prepared.objective(noise, false).view_costs(&self.body);
+        if fit.robust || !context.options.robust {
+            return fit;
+        }
+        let costs = fit.prepared.objective(noise, false).view_costs(&fit.body);
         let mean = costs.iter().sum::<f64>() / costs.len().max(1) as f64;
-        let suspect = mean > SUSPECT_COST;
-        suspect.then(|| self.without_outliers(noise, context)).flatten().unwrap_or_else(|| self.clone())
+        (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
     }
 
     /// The fit under new noise levels; the old one where that fails.
@@ -225,7 +249,7 @@ impl<B: FirstFit> Fit<B> {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
         let objective = self.prepared.objective(noise, self.robust);
         match minimise(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
-            Some((body, equations)) => Self { prepared: self.prepared.clone(), body, equations, robust: self.robust },
+            Some((body, equations)) => Self { body, equations, ..self.clone() },
             None => self.clone(),
         }
     }

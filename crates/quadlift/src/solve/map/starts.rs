@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, horizontal_basis};
+use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, horizontal_basis, relative_size};
 use super::objective::ObjectPrior;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::{DualQuadric, random_rotation};
@@ -16,7 +16,7 @@ const ROUNDEST_START: f64 = 0.2;
 const FARTHEST_START: f64 = 20.0;
 
 /// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
-const RANDOM_ROTATIONS: usize = 11;
+const RANDOM_ROTATIONS: usize = 16;
 
 /// A sphere of unit radius, in the object's frame.
 pub(super) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
@@ -46,9 +46,7 @@ pub(super) fn oriented_starts(
     centers: &[Vector3<f64>],
     seed: u64,
 ) -> Vec<OrientedModel> {
-    // A cuboid inside of the ellipsoid that touches the same planes: 1.4 times smaller, less for rounder bodies.
-    let shrink = 1.4f64.powf(1.0 - 2.0 / exponent);
-    let semi_axes = ellipsoid.semi_axes() * shrink;
+    let semi_axes = ellipsoid.semi_axes() * relative_size(exponent);
     let upright = prior.up.filter(|_| prior.upright_weight > 0.0);
     let mut starts = Vec::new();
     match (upright, prior.log_size) {

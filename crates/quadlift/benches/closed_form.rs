@@ -1,0 +1,34 @@
+//! The closed forms on one object and one thread, beside the dense singular value decomposition that they replace.
+//!
+//! `cargo bench -p quadlift --bench closed_form`
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::hint::black_box;
+
+use common::{dense_pfd, scene};
+use criterion::{BenchmarkId, Criterion};
+use quadlift::solve::{pfd, pfd_unit_quadric};
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    let mut group = criterion.benchmark_group("closed_form");
+    for count in [20, 100, 1000] {
+        let (views, _) = scene(count, 0.05, 1);
+        let views = views.as_slice();
+        group.bench_with_input(BenchmarkId::new("pfd", count), views, |b, views| b.iter(|| pfd(black_box(views))));
+        group.bench_with_input(BenchmarkId::new("pfd_unit_quadric", count), views, |b, views| {
+            b.iter(|| pfd_unit_quadric(black_box(views)))
+        });
+        if count <= 100 {
+            group.sample_size(10);
+            group.bench_with_input(BenchmarkId::new("dense", count), views, |b, views| {
+                b.iter(|| dense_pfd(black_box(views)))
+            });
+            group.sample_size(100);
+        }
+    }
+    group.finish();
+    criterion.final_summary();
+}

@@ -1,0 +1,346 @@
+//! Scores of a list of estimated objects against the truth.
+
+use std::collections::HashMap;
+
+use nalgebra::Point3;
+
+use super::{
+    box_reprojection_iou, center_error, ellipse_reprojection_iou, iou3d_cuboids, iou3d_ellipsoids, main_axis_angle,
+    rotation_error_modulo_symmetry, sorted_axes_error,
+};
+use crate::geometry::{Cuboid, Ellipsoid, Projection};
+
+/// What an estimator says about one object; what it does not say is absent.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct EstimatedObject {
+    /// The id, which pairs it with the truth.
+    pub id: String,
+    /// How the estimation ended (see [`crate::solve::Status::name`]); only passed on.
+    pub status: String,
+    /// The centre in the world; a failed estimation can have one nevertheless.
+    pub center: Option<Point3<f64>>,
+    /// The ellipsoid that is tangent to the measurements.
+    pub ellipsoid: Option<Ellipsoid>,
+    /// The larger one that holds the real object.
+    pub enclosing_ellipsoid: Option<Ellipsoid>,
+    /// The cuboid that is tangent to the measurements.
+    pub cuboid: Option<Cuboid>,
+    /// The larger one that holds the real object.
+    pub enclosing_cuboid: Option<Cuboid>,
+}
+
+/// The truth about one object. Where there is a cuboid only, its inscribed ellipsoid stands for it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TruthObject {
+    /// The id.
+    pub id: String,
+    /// The true ellipsoid.
+    pub ellipsoid: Option<Ellipsoid>,
+    /// The true cuboid.
+    pub cuboid: Option<Cuboid>,
+}
+
+/// Scores of one object of the truth; absent where one of the two sides lacks what is compared.
+///
+/// The volume IoUs are the exception: a failed estimation scores 0, not nothing, so that no method gains by failing.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ObjectScore {
+    /// The id.
+    pub id: String,
+    /// Status of the estimate; absent when no estimate has this id.
+    pub status: Option<String>,
+    /// Whether there is an estimated body at all.
+    pub has_body: bool,
+    /// Volume IoU of the ellipsoids (O3D of the paper), 0 without an estimated ellipsoid.
+    pub iou3d: Option<f64>,
+    /// Volume IoU with the enclosing ellipsoid; 0 without an estimated ellipsoid, absent when the estimator reports
+    /// no enclosing bodies.
+    pub iou3d_enclosing: Option<f64>,
+    /// Volume IoU of the cuboids; 0 without an estimated cuboid, absent when the estimator reports no cuboids.
+    pub cuboid_iou3d: Option<f64>,
+    /// Volume IoU with the enclosing cuboid, likewise.
+    pub cuboid_iou3d_enclosing: Option<f64>,
+    /// Angle between the longest axes of the ellipsoids, radians in [0, pi/2] (theta_err of the paper).
+    pub theta_err: Option<f64>,
+    /// Angle between the axes of the ellipsoids, radians (see [`rotation_error_modulo_symmetry`]).
+    pub rotation_error: Option<f64>,
+    /// Distance of the centres, world units.
+    pub center_error: Option<f64>,
+    /// Mean of the moduli of the relative errors of the sorted semi-axes of the ellipsoids (0.1 is ten percent).
+    pub size_error: Option<f64>,
+    /// Agreement in the images.
+    pub reprojection: Option<ReprojectionScore>,
+}
+
+/// Agreement of the bodies in the images where both lie wholly in front of the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReprojectionScore {
+    /// Mean IoU of the outlines of the ellipsoids.
+    pub ellipse_iou: f64,
+    /// Mean IoU of the boxes around the outlines: of the cuboids where both sides have one, else of the ellipsoids.
+    pub box_iou: f64,
+    /// Number of these images.
+    pub frames: usize,
+}
+
+/// A mean and the number of objects that it is taken over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mean {
+    /// The mean.
+    pub value: f64,
+    /// Number of objects with this score.
+    pub count: usize,
+}
+
+/// Means over the objects that have the score; the fields are those of [`ObjectScore`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MeanScore {
+    /// Volume IoU of the ellipsoids, failures with 0.
+    pub iou3d: Option<Mean>,
+    /// Volume IoU with the enclosing ellipsoid, failures with 0.
+    pub iou3d_enclosing: Option<Mean>,
+    /// Volume IoU of the cuboids, failures with 0.
+    pub cuboid_iou3d: Option<Mean>,
+    /// Volume IoU with the enclosing cuboid, failures with 0.
+    pub cuboid_iou3d_enclosing: Option<Mean>,
+    /// Angle between the longest axes, radians.
+    pub theta_err: Option<Mean>,
+    /// Angle between the axes, radians.
+    pub rotation_error: Option<Mean>,
+    /// Distance of the centres, world units.
+    pub center_error: Option<Mean>,
+    /// Relative error of the semi-axes.
+    pub size_error: Option<Mean>,
+    /// IoU of the outlines in the images.
+    pub ellipse_reprojection_iou: Option<Mean>,
+    /// IoU of the boxes in the images.
+    pub box_reprojection_iou: Option<Mean>,
+}
+
+/// The scores of a list of estimates.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Evaluation {
+    /// One score for each object of the truth, in its order.
+    pub objects: Vec<ObjectScore>,
+    /// Ids of the estimates that no object of the truth has (or that an earlier estimate has already).
+    pub unmatched: Vec<String>,
+    /// Means over the objects.
+    pub mean: MeanScore,
+    /// Number of objects of the truth without an estimated body, whether it is missing or failed.
+    pub failures: usize,
+}
+
+impl Evaluation {
+    /// Share of the objects of the truth without an estimated body; `None` when there is no truth.
+    pub fn failure_share(&self) -> Option<f64> {
+        (!self.objects.is_empty()).then(|| self.failures as f64 / self.objects.len() as f64)
+    }
+}
+
+/// Scores estimates against the truth, paired by id.
+///
+/// `projections` are the cameras for the agreement in the images; with none of them that score is absent.
+pub fn evaluate(estimates: &[EstimatedObject], truth: &[TruthObject], projections: &[Projection]) -> Evaluation {
+    let mut by_id = HashMap::new();
+    let mut matched = vec![false; estimates.len()];
+    for (index, estimate) in estimates.iter().enumerate() {
+        by_id.entry(estimate.id.as_str()).or_insert(index);
+    }
+    let reported = Reported {
+        enclosing_ellipsoids: estimates.iter().any(|e| e.enclosing_ellipsoid.is_some()),
+        cuboids: estimates.iter().any(|e| e.cuboid.is_some()),
+        enclosing_cuboids: estimates.iter().any(|e| e.enclosing_cuboid.is_some()),
+    };
+    let mut objects = Vec::with_capacity(truth.len());
+    for true_object in truth {
+        let index = by_id.get(true_object.id.as_str()).copied();
+        if let Some(index) = index {
+            matched[index] = true;
+        }
+        objects.push(score(index.map(|i| &estimates[i]), true_object, projections, &reported));
+    }
+    Evaluation {
+        mean: mean_score(&objects),
+        failures: objects.iter().filter(|object| !object.has_body).count(),
+        unmatched: estimates.iter().zip(matched).filter(|(_, m)| !m).map(|(e, _)| e.id.clone()).collect(),
+        objects,
+    }
+}
+
+/// What the estimator reports for any object: only where it does is a lack a failure.
+struct Reported {
+    enclosing_ellipsoids: bool,
+    cuboids: bool,
+    enclosing_cuboids: bool,
+}
+
+fn score(
+    estimate: Option<&EstimatedObject>,
+    truth: &TruthObject,
+    projections: &[Projection],
+    reported: &Reported,
+) -> ObjectScore {
+    let nothing = EstimatedObject::default();
+    let status = estimate.map(|e| e.status.clone());
+    let estimate = estimate.unwrap_or(&nothing);
+    let true_ellipsoid = truth.ellipsoid.or_else(|| truth.cuboid.as_ref().map(Cuboid::inscribed_ellipsoid));
+    let ellipsoids = estimate.ellipsoid.zip(true_ellipsoid);
+    let center = estimate.center.or(estimate.ellipsoid.map(|e| e.center)).or(estimate.cuboid.map(|c| c.center));
+    let (no_ellipsoid, no_cuboid) = (estimate.ellipsoid.is_none(), estimate.cuboid.is_none());
+    let iou_of_ellipsoids =
+        |body: Option<Ellipsoid>, failed| Some(iou_or_zero(body, true_ellipsoid?, failed, iou3d_ellipsoids)).flatten();
+    let iou_of_cuboids =
+        |body: Option<Cuboid>, failed| Some(iou_or_zero(body, truth.cuboid?, failed, iou3d_cuboids)).flatten();
+    ObjectScore {
+        id: truth.id.clone(),
+        status,
+        has_body: !(no_ellipsoid && no_cuboid),
+        iou3d: iou_of_ellipsoids(estimate.ellipsoid, true),
+        iou3d_enclosing: iou_of_ellipsoids(estimate.enclosing_ellipsoid, reported.enclosing_ellipsoids && no_ellipsoid),
+        cuboid_iou3d: iou_of_cuboids(estimate.cuboid, reported.cuboids),
+        cuboid_iou3d_enclosing: iou_of_cuboids(estimate.enclosing_cuboid, reported.enclosing_cuboids && no_cuboid),
+        theta_err: ellipsoids.map(|(e, t)| main_axis_angle(&e, &t)),
+        rotation_error: ellipsoids.map(|(e, t)| rotation_error_modulo_symmetry(&e, &t)),
+        center_error: center.zip(true_ellipsoid).map(|(c, t)| center_error(&c, &t.center)),
+        size_error: ellipsoids.map(|(e, t)| sorted_axes_error(&e, &t).abs().mean()),
+        reprojection: ellipsoids.and_then(|pair| reprojection(pair, estimate.cuboid.zip(truth.cuboid), projections)),
+    }
+}
+
+/// The IoU of an estimated body with the true one; without an estimate 0 where that is a failure, else nothing.
+fn iou_or_zero<B>(estimate: Option<B>, truth: B, failed_without: bool, iou: fn(&B, &B) -> f64) -> Option<f64> {
+    match estimate {
+        Some(body) => Some(iou(&body, &truth)),
+        None => failed_without.then_some(0.0),
+    }
+}
+
+fn reprojection(
+    (a, b): (Ellipsoid, Ellipsoid),
+    cuboids: Option<(Cuboid, Cuboid)>,
+    projections: &[Projection],
+) -> Option<ReprojectionScore> {
+    let (mut ellipse_iou, mut box_iou, mut frames) = (0.0, 0.0, 0);
+    for projection in projections {
+        let outlines = ellipse_reprojection_iou(projection, &a, &b);
+        let boxes = match &cuboids {
+            Some((a, b)) => box_reprojection_iou(projection, a, b),
+            None => box_reprojection_iou(projection, &a, &b),
+        };
+        if let Some((outlines, boxes)) = outlines.zip(boxes) {
+            ellipse_iou += outlines;
+            box_iou += boxes;
+            frames += 1;
+        }
+    }
+    let count = frames as f64;
+    (frames > 0).then(|| ReprojectionScore { ellipse_iou: ellipse_iou / count, box_iou: box_iou / count, frames })
+}
+
+fn mean_score(objects: &[ObjectScore]) -> MeanScore {
+    let mean = |field: fn(&ObjectScore) -> Option<f64>| {
+        let (sum, count) = objects.iter().filter_map(field).fold((0.0, 0usize), |(sum, n), x| (sum + x, n + 1));
+        (count > 0).then(|| Mean { value: sum / count as f64, count })
+    };
+    MeanScore {
+        iou3d: mean(|o| o.iou3d),
+        iou3d_enclosing: mean(|o| o.iou3d_enclosing),
+        cuboid_iou3d: mean(|o| o.cuboid_iou3d),
+        cuboid_iou3d_enclosing: mean(|o| o.cuboid_iou3d_enclosing),
+        theta_err: mean(|o| o.theta_err),
+        rotation_error: mean(|o| o.rotation_error),
+        center_error: mean(|o| o.center_error),
+        size_error: mean(|o| o.size_error),
+        ellipse_reprojection_iou: mean(|o| o.reprojection.map(|r| r.ellipse_iou)),
+        box_reprojection_iou: mean(|o| o.reprojection.map(|r| r.box_iou)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3x4, Rotation3, Vector3};
+
+    fn cuboid(x: f64) -> Cuboid {
+        Cuboid {
+            center: Point3::new(x, 0.0, 10.0),
+            half_extents: Vector3::new(3.0, 2.0, 1.0),
+            rotation: Rotation3::from_euler_angles(0.1, 0.2, 0.3),
+        }
+    }
+
+    fn truth(id: &str) -> TruthObject {
+        let cuboid = cuboid(0.0);
+        TruthObject { id: id.into(), ellipsoid: Some(cuboid.inscribed_ellipsoid()), cuboid: Some(cuboid) }
+    }
+
+    fn estimate(id: &str, scale: f64) -> EstimatedObject {
+        let ellipsoid = cuboid(0.0).inscribed_ellipsoid();
+        EstimatedObject {
+            id: id.into(),
+            status: "ok".into(),
+            center: Some(ellipsoid.center),
+            ellipsoid: Some(ellipsoid.scaled(scale)),
+            enclosing_ellipsoid: Some(ellipsoid.scaled(2.0 * scale)),
+            ..Default::default()
+        }
+    }
+
+    fn camera() -> Projection {
+        Projection::from_matrix(Matrix3x4::identity()).unwrap()
+    }
+
+    #[test]
+    fn failures_count_as_zero_and_are_reported() {
+        let failed = EstimatedObject {
+            id: "b".into(),
+            status: "not_an_ellipsoid".into(),
+            center: Some(Point3::new(3.0, 4.0, 10.0)),
+            ..Default::default()
+        };
+        let estimates = [failed, estimate("a", 0.5), estimate("stranger", 1.0)];
+        let result = evaluate(&estimates, &[truth("a"), truth("b"), truth("c")], &[camera()]);
+        let [a, b, c] = result.objects.as_slice() else { unreachable!() };
+        assert!((a.iou3d.unwrap() - 0.125).abs() < 1e-9 && (a.iou3d_enclosing.unwrap() - 1.0).abs() < 1e-6);
+        assert!((a.size_error.unwrap() - 0.5).abs() < 1e-12);
+        assert_eq!((a.center_error, a.cuboid_iou3d, a.status.as_deref()), (Some(0.0), None, Some("ok")));
+        assert!(a.theta_err.unwrap() < 1e-9 && a.rotation_error.unwrap() < 1e-7);
+        let seen = a.reprojection.unwrap();
+        assert!(seen.frames == 1 && seen.ellipse_iou > 0.15 && seen.ellipse_iou < 0.35 && seen.box_iou < 0.35);
+        assert_eq!((b.iou3d, b.iou3d_enclosing, b.theta_err, b.center_error), (Some(0.0), Some(0.0), None, Some(5.0)));
+        assert_eq!(b.status.as_deref(), Some("not_an_ellipsoid"));
+        assert_eq!((c.iou3d, c.status.as_deref(), c.center_error, c.reprojection), (Some(0.0), None, None, None));
+        assert_eq!(result.unmatched, ["stranger"]);
+        assert_eq!((result.failures, result.failure_share()), (2, Some(2.0 / 3.0)));
+        let mean = result.mean.iou3d.unwrap();
+        assert!(mean.count == 3 && (mean.value - 0.125 / 3.0).abs() < 1e-9);
+        assert_eq!(result.mean.center_error, Some(Mean { value: 2.5, count: 2 }));
+        assert_eq!(result.mean.theta_err.unwrap().count, 1);
+    }
+
+    #[test]
+    fn cuboids_are_compared_where_they_are_reported() {
+        let with_cuboid = |id: &str| EstimatedObject { cuboid: Some(cuboid(0.0).scaled(0.5)), ..estimate(id, 0.5) };
+        let result = evaluate(&[with_cuboid("a"), estimate("b", 1.0)], &[truth("a"), truth("b")], &[]);
+        assert!((result.objects[0].cuboid_iou3d.unwrap() - 0.125).abs() < 1e-9);
+        assert_eq!(result.objects[1].cuboid_iou3d, Some(0.0));
+        assert_eq!(result.objects[0].cuboid_iou3d_enclosing, None);
+        assert_eq!((result.failures, result.objects[0].reprojection), (0, None));
+        // A truth of cuboids only: the inscribed ellipsoid stands for it.
+        let only_cuboid = TruthObject { ellipsoid: None, ..truth("a") };
+        let result = evaluate(&[estimate("a", 0.5)], &[only_cuboid], &[]);
+        assert!((result.objects[0].iou3d.unwrap() - 0.125).abs() < 1e-9);
+    }
+
+    #[test]
+    fn empty_lists_and_repeated_ids() {
+        let result = evaluate(&[], &[], &[]);
+        assert_eq!((result.failure_share(), result.mean.iou3d), (None, None));
+        let result = evaluate(&[estimate("a", 1.0), estimate("a", 0.5)], &[truth("a")], &[]);
+        assert_eq!(result.unmatched, ["a"]);
+        assert!((result.objects[0].iou3d.unwrap() - 1.0).abs() < 1e-6);
+        // A truth without any body has nothing to compare with.
+        let result = evaluate(&[estimate("a", 1.0)], &[TruthObject { id: "a".into(), ..Default::default() }], &[]);
+        assert_eq!((result.objects[0].iou3d, result.objects[0].center_error), (None, None));
+    }
+}

@@ -1,0 +1,34 @@
+//! How good an estimate is, against the truth (E7).
+//!
+//! [`evaluate`] scores a whole list of objects; the measures that it reports, and some more, are functions of their
+//! own. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
+
+mod axes;
+mod circle_ellipse;
+mod distance;
+mod evaluate;
+mod iou_bodies;
+mod iou_cuboids;
+mod iou_ellipses;
+mod iou_ellipsoids;
+mod nees;
+mod quadrature;
+mod reprojection;
+
+pub use axes::{center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
+pub use distance::{hausdorff_distance, squared_wasserstein};
+pub use evaluate::{
+    EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, ReprojectionScore, TruthObject, evaluate,
+};
+pub use iou_bodies::iou3d_bodies;
+pub use iou_cuboids::{cuboid_intersection_volume, iou3d_cuboids};
+pub use iou_ellipses::ellipse_iou;
+pub use iou_ellipsoids::{ellipsoid_intersection_volume, iou3d_ellipsoids};
+pub use nees::nees;
+pub use reprojection::{box_reprojection_iou, ellipse_reprojection_iou};
+
+/// Intersection over union from the size of the intersection and of both parts; 0 when they have no size.
+fn ratio_of_union(common: f64, a: f64, b: f64) -> f64 {
+    let union = a + b - common;
+    if common > 0.0 && union > 0.0 && union.is_finite() { (common / union).min(1.0) } else { 0.0 }
+}

@@ -1,0 +1,104 @@
+//! Test scenes for the closed forms, and the dense solution that they are compared with.
+#![allow(dead_code)] // every test program uses a part of it
+
+use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
+use quadlift::geometry::{
+    CamFromWorld, Ellipse, Ellipsoid, Intrinsics, Projection, project_ellipsoid, projection_matrix_on_vech, vech3,
+};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+pub type Vech = SVector<f64, 10>;
+pub type Views = Vec<(Projection, Ellipse)>;
+
+/// A camera at `center` that looks at `target` (z up): f = 1500 px, principal point (640, 480).
+pub fn camera(center: &Vector3<f64>, target: &Vector3<f64>) -> Projection {
+    let z = (target - center).normalize();
+    let x = z.cross(&Vector3::z()).normalize();
+    let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+    let mut pose = Matrix3x4::zeros();
+    pose.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+    pose.set_column(3, &(-rotation * center));
+    let intrinsics = Intrinsics::new(1500.0, 1500.0, 640.0, 480.0).unwrap();
+    Projection::from_camera(&intrinsics, &CamFromWorld::new(pose).unwrap())
+}
+
+/// Camera centres at distance 200 from the origin, on the arc of the paper's synthetic set-up, `span` times as long.
+pub fn arc(count: usize, span: f64) -> Vec<Vector3<f64>> {
+    let point = |f: usize| {
+        let s = span * f as f64 / (count - 1) as f64;
+        let (azimuth, elevation) = (60f64.to_radians() * s, 70f64.to_radians() * s);
+        Vector3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin()) * 200.0
+    };
+    (0..count).map(point).collect()
+}
+
+/// An ellipsoid of the paper's synthetic set-up: in a cube of side 20, longest axis 3 to 12.
+pub fn random_ellipsoid(rng: &mut ChaCha8Rng) -> Ellipsoid {
+    let longest = 0.5 * rng.random_range(3.0..12.0);
+    let mut angle = || rng.random_range(-3.0..3.0);
+    let rotation = Rotation3::from_euler_angles(angle(), angle(), angle());
+    Ellipsoid {
+        center: Point3::from(Vector3::from_fn(|_, _| rng.random_range(-10.0..10.0))),
+        semi_axes: Vector3::new(1.0, rng.random_range(0.3..1.0), rng.random_range(0.3..1.0)) * longest,
+        rotation,
+    }
+}
+
+/// The outline of an ellipsoid with its centre moved by up to `noise` of the mean semi-axis, its size by the factor
+/// `1 +- noise`.
+pub fn observe(projection: Projection, body: &Ellipsoid, noise: f64, rng: &mut ChaCha8Rng) -> (Projection, Ellipse) {
+    let mut ellipse = project_ellipsoid(&projection, body).unwrap();
+    let mut draw = || if noise > 0.0 { rng.random_range(-noise..noise) } else { 0.0 };
+    ellipse.center += ellipse.semi_axes.mean() * Vector2::new(draw(), draw());
+    ellipse.semi_axes *= 1.0 + draw();
+    (projection, ellipse)
+}
+
+/// A random ellipsoid seen from the paper's arc.
+pub fn scene(count: usize, noise: f64, seed: u64) -> (Views, Ellipsoid) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let body = random_ellipsoid(&mut rng);
+    let see = |center: &Vector3<f64>| observe(camera(center, &Vector3::zeros()), &body, noise, &mut rng);
+    (arc(count, 1.0).iter().map(see).collect(), body)
+}
+
+/// The same observations in well-scaled coordinates: each ellipse becomes the unit circle, the object has the centre
+/// `t` (nearly) and the radius 1, its depth is 1.
+pub fn normalised(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
+    let circle = Ellipse { center: Vector2::zeros(), semi_axes: Vector2::repeat(1.0), angle: 0.0 };
+    let normalise = |(projection, ellipse): &(Projection, Ellipse)| {
+        let inverse = ellipse.shape().cholesky().unwrap().l().try_inverse().unwrap();
+        let mut h = Matrix3::identity();
+        h.fixed_view_mut::<2, 2>(0, 0).copy_from(&inverse);
+        h.fixed_view_mut::<2, 1>(0, 2).copy_from(&(-inverse * ellipse.center));
+        let mut p = h * projection.matrix();
+        let moved = p.fixed_columns::<3>(0) * t + p.column(3);
+        p.set_column(3, &moved);
+        for j in 0..3 {
+            let column = p.column(j) * radius;
+            p.set_column(j, &column);
+        }
+        (Projection::from_matrix(p / p[(2, 3)]).unwrap(), circle)
+    };
+    views.iter().map(normalise).collect()
+}
+
+/// The paper's own computation: the last right singular vector of the dense M (6F x (10 + F)) and its singular value.
+pub fn dense_pfd(views: &[(Projection, Ellipse)]) -> (Vec<f64>, f64) {
+    let count = views.len();
+    let mut m = faer::Mat::<f64>::zeros(6 * count, 10 + count);
+    for (f, (projection, ellipse)) in views.iter().enumerate() {
+        let g = projection_matrix_on_vech(projection.matrix());
+        let c = vech3(&ellipse.dual_conic());
+        for i in 0..6 {
+            for j in 0..10 {
+                m[(6 * f + i, j)] = g[(i, j)];
+            }
+            m[(6 * f + i, 10 + f)] = -c[i];
+        }
+    }
+    let svd = m.thin_svd().unwrap();
+    let last = svd.V().ncols() - 1;
+    ((0..10 + count).map(|i| svd.V()[(i, last)]).collect(), svd.S()[last])
+}
