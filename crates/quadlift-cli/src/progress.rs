@@ -9,7 +9,7 @@ pub fn object_bar(message: &str, out: &Output) -> ProgressBar {
     // indicatif draws nothing on a stream that is no terminal.
     let target = if out.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(0), target).with_message(one_line(message));
-    match ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} objects {eta}") {
+    match ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} objects {elapsed}") {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }

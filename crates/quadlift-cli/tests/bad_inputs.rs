@@ -2,6 +2,8 @@
 //!
 //! `docs/errors.md` is written from this list. With QUADLIFT_UPDATE_DOCS=1 the test rewrites it.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod common;
 
 use std::fmt::Write;

@@ -1,5 +1,7 @@
 //! The commands from end to end, through the built program.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod common;
 
 use common::Folder;

@@ -1,5 +1,7 @@
 //! Real scenes, where they are at hand (they cannot be shipped): the program runs on them and finds plausible objects.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod common;
 
 use common::{Folder, real_scenes};
@@ -28,7 +30,7 @@ fn mean(scores: &Value, name: &str) -> f64 {
 fn a_duck_on_a_table() {
     if let Some(scores) = score("accv_duck.json", "--source yolo") {
         assert_eq!(scores["failures"], 0);
-        assert!(mean(&scores, "iou3d") > 0.5, "{scores:#}");
+        assert!(mean(&scores, "iou3d") > 0.7, "{scores:#}");
     }
 }
 
@@ -36,8 +38,8 @@ fn a_duck_on_a_table() {
 fn cars_from_a_car() {
     if let Some(scores) = score("kitti_S09_oxts.json", "--source rrc --body cuboid --priors builtin") {
         assert_eq!(scores["failures"], 0);
-        assert!(mean(&scores, "cuboid_iou3d") > 0.3, "{scores:#}");
-        assert!(mean(&scores, "center_error") < 1.5, "{scores:#}");
+        assert!(mean(&scores, "cuboid_iou3d") > 0.4, "{scores:#}");
+        assert!(mean(&scores, "center_error") < 1.0, "{scores:#}");
     }
     score("kitti_S09_oxts.json", "--source rrc --body cuboid");
 }
@@ -46,10 +48,10 @@ fn cars_from_a_car() {
 fn things_on_a_table() {
     if let Some(scores) = score("tuw_demo.json", "--source authors") {
         assert_eq!(scores["failures"], 0);
-        assert!(mean(&scores, "iou3d") > 0.4, "{scores:#}");
+        assert!(mean(&scores, "iou3d") > 0.5, "{scores:#}");
     }
     if let Some(scores) = score("lmo_A.json", "--source model") {
         assert_eq!(scores["failures"], 0);
-        assert!(mean(&scores, "iou3d") > 0.4, "{scores:#}");
+        assert!(mean(&scores, "iou3d") > 0.5, "{scores:#}");
     }
 }
