@@ -1,3 +1,107 @@
-//! The program `quadlift`.
+//! The program `quadlift`: lifts 2D object detections from posed images to 3D objects.
 #![forbid(unsafe_code)]
-fn main() {}
+
+mod args;
+mod commands;
+mod error;
+mod estimate_table;
+mod evaluation;
+mod files;
+mod localization;
+mod output;
+mod progress;
+mod synthetic_file;
+mod table;
+mod words;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use commands::{completions, demo, evaluate, info, localize, synth};
+use error::Outcome;
+use output::Output;
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  all is well
+  1  a file could not be read or written, or no object could be localised (of several scenes: in at least one)
+  2  wrong usage: unknown options, values out of range, options that contradict each other
+
+Start with:
+  quadlift demo";
+
+/// Lifts 2D object detections from posed images to 3D objects: ellipsoids and cuboids.
+#[derive(Parser)]
+#[command(name = "quadlift", version, after_help = EXIT_CODES)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+
+    /// Print one JSON document on the standard output, for programs
+    #[arg(long, global = true, help_heading = "Output")]
+    json: bool,
+
+    /// Print details (rejected views, times) on the standard error stream
+    #[arg(short, long, global = true, help_heading = "Output")]
+    verbose: bool,
+
+    /// Print errors only
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output")]
+    quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Localize(localize::Args),
+    Evaluate(evaluate::Args),
+    Synth(synth::Args),
+    Info(info::Args),
+    Completions(completions::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let out = Output { json: cli.json, quiet: cli.quiet, verbose: cli.verbose };
+    let result = match cli.command {
+        Command::Demo(args) => demo::run(&args, &out),
+        Command::Localize(args) => localize::run(&args, &out),
+        Command::Evaluate(args) => evaluate::run(&args, &out),
+        Command::Synth(args) => synth::run(&args, &out),
+        Command::Info(args) => info::run(&args, &out),
+        Command::Completions(args) => completions::run(&args, &out),
+    };
+    match result {
+        Ok(Outcome::Fine) => ExitCode::SUCCESS,
+        Ok(Outcome::SomethingFailed) => ExitCode::from(1),
+        Err(error) => {
+            out.error(&error::in_words(&error));
+            // Best effort: the error has been told already.
+            let _ = out.document(&serde_json::json!({ "error": error::in_words(&error) }));
+            ExitCode::from(error::exit_code(&error))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_and_option_is_in_the_manual() {
+        let manual = include_str!("../../../docs/cli.md");
+        for command in super::Cli::command().get_subcommands().chain([&super::Cli::command()]) {
+            let name = command.get_name();
+            assert!(name == "quadlift" || manual.contains(&format!("## quadlift {name}")), "{name}");
+            for option in command.get_arguments().filter_map(|argument| argument.get_long()) {
+                assert!(manual.contains(&format!("`--{option}")) || option == "help", "{name} --{option}");
+            }
+        }
+    }
+}

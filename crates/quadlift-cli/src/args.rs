@@ -1,0 +1,64 @@
+//! Values of options that several commands share.
+
+use quadlift::solve::BodyKind;
+
+/// Reads `ellipsoid`, `cuboid` or `superellipsoid:Q`.
+pub fn body(text: &str) -> Result<BodyKind, String> {
+    let expected = "expected ellipsoid, cuboid or superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)";
+    match text.split_once(':') {
+        None if text == "ellipsoid" => Ok(BodyKind::Ellipsoid),
+        None if text == "cuboid" => Ok(BodyKind::Cuboid),
+        Some(("superellipsoid", q)) => match q.parse::<f64>() {
+            Ok(q) if (1.0..=2.0).contains(&q) => Ok(BodyKind::Superellipsoid(q)),
+            _ => Err(format!("\"{q}\" is no exponent; {expected}")),
+        },
+        _ => Err(expected.to_owned()),
+    }
+}
+
+/// The text that [`body`] reads.
+pub fn body_name(body: BodyKind) -> String {
+    match body {
+        BodyKind::Ellipsoid => "ellipsoid".to_owned(),
+        BodyKind::Cuboid => "cuboid".to_owned(),
+        BodyKind::Superellipsoid(q) => format!("superellipsoid:{q}"),
+    }
+}
+
+/// Reads a number that is neither NaN nor infinite.
+pub fn finite(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err("expected a finite number".to_owned()),
+    }
+}
+
+/// Reads three numbers separated by commas.
+pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
+    match numbers?.as_slice() {
+        &[x, y, z] => Ok([x, y, z]),
+        _ => Err("expected three numbers X,Y,Z".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bodies_are_read_as_they_are_written() {
+        for text in ["ellipsoid", "cuboid", "superellipsoid:1.5"] {
+            assert_eq!(body_name(body(text).unwrap()), text);
+        }
+        for text in ["", "ball", "superellipsoid", "superellipsoid:0.9", "superellipsoid:nan", "cuboid:1"] {
+            assert!(body(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_are_finite() {
+        assert_eq!(three_numbers("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
+        assert!(three_numbers("1,2").is_err() && three_numbers("1,2,inf").is_err() && finite("nan").is_err());
+    }
+}

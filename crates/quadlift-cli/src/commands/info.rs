@@ -1,0 +1,272 @@
+//! `quadlift info`: what a scene file holds, and what looks wrong in it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use quadlift::scene::Scene;
+use quadlift_io::SceneFile;
+use serde::Serialize;
+
+use crate::error::Outcome;
+use crate::files::read_scene;
+use crate::output::{HEADING, Output, WARNING, one_line};
+use crate::table::Table;
+use crate::words::{count, some_of};
+
+/// Boxes that reach farther out of the image than this are counted (pixels).
+const OUTSIDE_TOLERANCE: f64 = 1.0;
+
+/// Show what a scene file holds, and what looks wrong in it
+///
+/// The file is checked as for localisation; oddities that are no errors are listed and do not change the exit code.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Examples:
+  quadlift info scene.json
+  quadlift info scene.json --json
+
+Exit codes: 0 the scene is valid; 1 it is not, or it cannot be read; 2 wrong usage."
+)]
+pub struct Args {
+    /// The scene file
+    #[arg(value_name = "SCENE.json")]
+    scene: PathBuf,
+}
+
+/// What a scene file holds.
+#[derive(Serialize)]
+struct Report {
+    scene: String,
+    name: Option<String>,
+    length_unit: Option<String>,
+    up: Option<[f64; 3]>,
+    frames: usize,
+    cameras: usize,
+    /// Width, height and number of frames.
+    image_sizes: Vec<(f64, f64, usize)>,
+    frames_without_image_size: usize,
+    categories: Vec<String>,
+    true_objects: usize,
+    detections: usize,
+    sources: Vec<Source>,
+    oddities: Vec<String>,
+}
+
+/// The detections of one source.
+#[derive(Serialize, Default)]
+struct Source {
+    /// Absent for detections without a source.
+    name: Option<String>,
+    detections: usize,
+    objects: usize,
+    frames: usize,
+    boxes: usize,
+    ellipses: usize,
+    masks: usize,
+    without_object: usize,
+    objects_seen_once: Vec<String>,
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    let (file, scene) = read_scene(&args.scene)?;
+    // The objects of the file are checked as well: the evaluation reads them.
+    file.to_objects().map_err(|error| error.in_file(&args.scene))?;
+    let mut report = Report {
+        scene: args.scene.display().to_string(),
+        name: file.name.clone(),
+        length_unit: file.length_unit.clone(),
+        up: file.up,
+        frames: scene.frames.len(),
+        cameras: file.cameras.len(),
+        image_sizes: image_sizes(&scene),
+        frames_without_image_size: scene.frames.iter().filter(|frame| frame.image_size.is_none()).count(),
+        categories: scene.categories.clone(),
+        true_objects: file.objects.len(),
+        detections: scene.detections.len(),
+        sources: sources(&file, &scene),
+        oddities: Vec::new(),
+    };
+    report.oddities = oddities(&file, &scene, &report);
+    out.report(&render(&report))?;
+    out.document(&report)?;
+    Ok(Outcome::Fine)
+}
+
+fn image_sizes(scene: &Scene) -> Vec<(f64, f64, usize)> {
+    let mut sizes: Vec<(f64, f64, usize)> = Vec::new();
+    for size in scene.frames.iter().filter_map(|frame| frame.image_size) {
+        match sizes.iter_mut().find(|known| (known.0, known.1) == (size.x, size.y)) {
+            Some(known) => known.2 += 1,
+            None => sizes.push((size.x, size.y, 1)),
+        }
+    }
+    sizes
+}
+
+/// One entry per source, in the order of the scene; detections without a source come last.
+fn sources(file: &SceneFile, scene: &Scene) -> Vec<Source> {
+    let names = scene.sources.iter().map(|name| Some(name.clone())).chain([None]);
+    let mut sources: Vec<Source> = names.map(|name| Source { name, ..Default::default() }).collect();
+    let mut views = vec![BTreeMap::<u32, usize>::new(); sources.len()];
+    let mut frames = vec![vec![false; scene.frames.len()]; sources.len()];
+    // The records stand in the order of the detections that were made of them.
+    for (detection, record) in scene.detections.iter().zip(&file.detections) {
+        let index = detection.source_index.map_or(scene.sources.len(), |index| index as usize);
+        let source = &mut sources[index];
+        source.detections += 1;
+        source.boxes += usize::from(detection.bounding_box.is_some());
+        source.ellipses += usize::from(detection.ellipse.is_some());
+        source.masks += usize::from(record.mask.is_some());
+        frames[index][detection.frame_index as usize] = true;
+        match detection.object_index {
+            Some(object) => *views[index].entry(object).or_default() += 1,
+            None => source.without_object += 1,
+        }
+    }
+    for ((source, views), frames) in sources.iter_mut().zip(&views).zip(&frames) {
+        source.objects = views.len();
+        source.frames = frames.iter().filter(|seen| **seen).count();
+        let once = views.iter().filter(|(_, n)| **n == 1);
+        source.objects_seen_once = once.map(|(object, _)| scene.object_ids[*object as usize].clone()).collect();
+    }
+    sources.retain(|source| source.detections > 0);
+    sources
+}
+
+/// What is valid and yet looks wrong.
+fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
+    let mut oddities = Vec::new();
+    if scene.frames.is_empty() {
+        oddities.push("there are no frames".to_owned());
+    }
+    if scene.detections.is_empty() {
+        oddities.push("there are no detections".to_owned());
+    }
+    if report.sources.len() > 1 {
+        oddities.push("there are several sources of detections: localize needs --source".to_owned());
+    }
+    for source in &report.sources {
+        let of = source.name.as_ref().map(|name| format!(" of \"{name}\"")).unwrap_or_default();
+        if source.without_object > 0 {
+            let n = count(source.without_object, "detection");
+            oddities.push(format!("{n}{of} without an object id: left out by localize"));
+        }
+        if !source.objects_seen_once.is_empty() {
+            oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&source.objects_seen_once)));
+        }
+    }
+    let (mut outside, mut beyond) = (0, 0);
+    for detection in &scene.detections {
+        let (Some(b), Some(size)) = (detection.bounding_box, scene.frames[detection.frame_index as usize].image_size)
+        else {
+            continue;
+        };
+        if b.x1 <= 0.0 || b.y1 <= 0.0 || b.x0 >= size.x || b.y0 >= size.y {
+            outside += 1;
+        } else if b.x0.min(b.y0) < -OUTSIDE_TOLERANCE
+            || b.x1 > size.x + OUTSIDE_TOLERANCE
+            || b.y1 > size.y + OUTSIDE_TOLERANCE
+        {
+            beyond += 1;
+        }
+    }
+    if outside > 0 {
+        oddities.push(format!("{} wholly outside of the image", boxes(outside)));
+    }
+    if beyond > 0 {
+        oddities.push(format!("{} beyond the image border: edges there count as cut off", boxes_reach(beyond)));
+    }
+    if report.frames_without_image_size > 0 && !scene.frames.is_empty() {
+        oddities.push(format!(
+            "{} without an image size: no box edge counts as cut off there",
+            count(report.frames_without_image_size, "frame")
+        ));
+    }
+    if one_point(scene) {
+        oddities.push("all cameras stand at one point: depths and sizes cannot be found".to_owned());
+    }
+    let mut seen = vec![false; scene.frames.len()];
+    scene.detections.iter().for_each(|detection| seen[detection.frame_index as usize] = true);
+    let blank: Vec<String> =
+        scene.frames.iter().zip(&seen).filter(|(_, seen)| !**seen).map(|(f, _)| f.id.clone()).collect();
+    if !blank.is_empty() && !scene.detections.is_empty() {
+        oddities.push(format!("frames without detections: {}", some_of(&blank)));
+    }
+    let several = objects_of_several_categories(scene);
+    if !several.is_empty() {
+        oddities.push(format!("objects with several categories (the most frequent one counts): {}", some_of(&several)));
+    }
+    let unused: Vec<String> = (file.cameras.iter())
+        .filter(|camera| !file.frames.iter().any(|frame| frame.camera.as_deref() == Some(&camera.id)))
+        .map(|camera| camera.id.clone())
+        .collect();
+    if !unused.is_empty() {
+        oddities.push(format!("cameras that no frame uses: {}", some_of(&unused)));
+    }
+    oddities
+}
+
+fn boxes(n: usize) -> String {
+    if n == 1 { "1 box lies".to_owned() } else { format!("{n} boxes lie") }
+}
+
+fn boxes_reach(n: usize) -> String {
+    if n == 1 { "1 box reaches".to_owned() } else { format!("{n} boxes reach") }
+}
+
+/// Whether there are several frames, all with one camera centre (to a millionth of the distance from the origin).
+fn one_point(scene: &Scene) -> bool {
+    let mut centers = scene.frames.iter().filter_map(|frame| frame.projection.center_in_world());
+    let Some(first) = centers.next() else { return false };
+    let tolerance = 1e-6 * first.coords.norm();
+    scene.frames.len() > 1 && centers.all(|center| (center - first).norm() <= tolerance)
+}
+
+fn objects_of_several_categories(scene: &Scene) -> Vec<String> {
+    let mut first: Vec<Option<u32>> = vec![None; scene.object_ids.len()];
+    let mut several = vec![false; scene.object_ids.len()];
+    for detection in &scene.detections {
+        if let (Some(object), Some(category)) = (detection.object_index, detection.category_index) {
+            several[object as usize] |= *first[object as usize].get_or_insert(category) != category;
+        }
+    }
+    scene.object_ids.iter().zip(several).filter(|(_, several)| *several).map(|(id, _)| id.clone()).collect()
+}
+
+fn render(report: &Report) -> String {
+    let mut text = String::new();
+    let mut line = |title: &str, value: String| {
+        let _ = writeln!(text, "{title:<13}{}", one_line(&value));
+    };
+    line("scene", report.name.clone().unwrap_or_else(|| "(no name)".to_owned()));
+    line("length unit", report.length_unit.clone().unwrap_or_else(|| "not known".to_owned()));
+    line("up", report.up.map_or("not known".to_owned(), |up| format!("[{}, {}, {}]", up[0], up[1], up[2])));
+    line("frames", report.frames.to_string());
+    line("cameras", report.cameras.to_string());
+    let sizes = report.image_sizes.iter().map(|(w, h, n)| format!("{w} x {h} ({})", count(*n, "frame")));
+    let sizes: Vec<String> = sizes.collect();
+    line("image size", if sizes.is_empty() { "not known".to_owned() } else { sizes.join(", ") });
+    line("categories", if report.categories.is_empty() { "none".to_owned() } else { some_of(&report.categories) });
+    line("true objects", report.true_objects.to_string());
+    line("detections", report.detections.to_string());
+    if !report.sources.is_empty() {
+        let mut table = Table::new(["<source", "detections", "objects", "frames", "boxes", "ellipses", "masks"]);
+        for source in &report.sources {
+            let numbers =
+                [source.detections, source.objects, source.frames, source.boxes, source.ellipses, source.masks];
+            let name = source.name.as_deref().unwrap_or("(none)");
+            table.push(std::iter::once(name.into()).chain(numbers.map(|n| n.to_string().into())).collect());
+        }
+        let _ = write!(text, "\n{}", table.render());
+    }
+    if !report.oddities.is_empty() {
+        let _ = writeln!(text, "\n{HEADING}What looks wrong{HEADING:#}");
+        for oddity in &report.oddities {
+            let _ = writeln!(text, "{WARNING}-{WARNING:#} {}", one_line(oddity));
+        }
+    }
+    text
+}

@@ -1,0 +1,216 @@
+//! `quadlift localize`: from detections to objects.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, anyhow};
+use clap::builder::RangedU64ValueParser;
+use quadlift::Options;
+use quadlift::solve::{BodyKind, Method};
+use quadlift_io::write_scene_file;
+use serde_json::{Value, json};
+
+use crate::args;
+use crate::error::{Outcome, in_words, usage};
+use crate::estimate_table::{render, summaries};
+use crate::files::{expand, outputs, read_scene};
+use crate::localization::{
+    PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, result_file,
+};
+use crate::output::{HEADING, Output, one_line};
+use crate::words::count;
+
+/// Localise the objects that the detections of a scene show
+///
+/// The result is a scene file: the cameras and frames of the scene, the estimated objects with status, uncertainty and
+/// residuals, and the settings. The true objects of a scene, if it has any, are neither read nor copied.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is a folder then,
+and each result has the file name of its scene. A scene that fails is reported and the others are still done.
+
+Examples:
+  quadlift localize scene.json -o estimate.json
+  quadlift localize street.json -o cars.json --source yolo --body cuboid --priors builtin
+  quadlift localize scenes/ -o estimates/
+  quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
+
+Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised; 2 wrong usage."
+)]
+pub struct Args {
+    /// Scene files, folders that hold them, or patterns in quotes
+    #[arg(required = true, value_name = "SCENE.json")]
+    scenes: Vec<PathBuf>,
+
+    /// Where the result is written (of several scenes: a folder); without it, it is only shown
+    #[arg(short, long, value_name = "OUT.json")]
+    output: Option<PathBuf>,
+
+    /// Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularised one)
+    #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodName::Map, hide_possible_values = true)]
+    method: MethodName,
+
+    /// Weight of the regulariser, for --method reg only [default: 1e16]
+    #[arg(long, value_name = "X", value_parser = args::finite)]
+    lambda: Option<f64>,
+
+    /// Kind of body that is fitted: ellipsoid, cuboid or superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid)
+    #[arg(long, value_name = "BODY", default_value = "ellipsoid", value_parser = args::body)]
+    body: BodyKind,
+
+    /// Take the detections of this source only; needed when the scene has several
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
+
+    /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
+    #[arg(long, value_name = "builtin|FILE.toml")]
+    priors: Option<PathBuf>,
+
+    /// Objects with fewer views are not localised
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    min_views: usize,
+
+    /// Leave out detections that are more occluded (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown)
+    #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
+    max_occluded: Option<f64>,
+
+    /// Leave out detections that are more truncated (KITTI: 0 wholly inside of the image)
+    #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
+    max_truncated: Option<f64>,
+
+    /// Seed of everything that is drawn at random
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+
+    /// Number of threads [default: one per core]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    threads: Option<usize>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum MethodName {
+    Map,
+    Planes,
+    Lfd,
+    Pfd,
+    Reg,
+}
+
+impl Args {
+    fn settings(&self) -> anyhow::Result<Settings> {
+        let method = match self.method {
+            MethodName::Map => Method::Map,
+            MethodName::Planes => Method::Planes,
+            MethodName::Lfd => Method::Lfd,
+            MethodName::Pfd => Method::Pfd,
+            MethodName::Reg => Method::Reg,
+        };
+        if self.lambda.is_some() && method != Method::Reg {
+            return usage("--lambda is an option of --method reg only");
+        }
+        let priors = match &self.priors {
+            None => PriorSource::None,
+            Some(_) if method != Method::Map => return usage("--priors is an option of --method map only"),
+            Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
+            Some(path) => PriorSource::File(path.clone()),
+        };
+        let mut options = Options {
+            method,
+            source: self.source.clone(),
+            min_views: self.min_views,
+            max_occluded: self.max_occluded,
+            max_truncated: self.max_truncated,
+            seed: self.seed,
+            ..Default::default()
+        };
+        options.map.body = self.body;
+        if let Some(lambda) = self.lambda {
+            options.reg.lambda = lambda;
+        }
+        Settings::new(options, priors)
+    }
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    if let Some(threads) = args.threads {
+        // Before anything else: the first call of the library starts the threads.
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
+    }
+    let settings = args.settings()?;
+    let inputs = expand(&args.scenes)?;
+    let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
+    let mut documents = Vec::with_capacity(inputs.paths.len());
+    let mut outcome = Outcome::Fine;
+    // One scene after another: the largest one bounds the memory.
+    for (index, input) in inputs.paths.iter().enumerate() {
+        let output = outputs.as_ref().map(|paths| paths[index].as_path());
+        let mut document = json!({ "scene": input.display().to_string() });
+        if index > 0 {
+            out.report("\n")?;
+        }
+        if let Err(error) = one_scene(input, output, &settings, out, &mut document) {
+            out.error(&in_words(&error));
+            document["error"] = in_words(&error).into();
+            outcome = Outcome::SomethingFailed;
+        }
+        documents.push(document);
+    }
+    out.document(&json!({ "scenes": documents }))?;
+    Ok(outcome)
+}
+
+/// Localises a scene, writes and prints the result and adds it to the JSON document.
+fn one_scene(
+    input: &Path,
+    output: Option<&Path>,
+    settings: &Settings,
+    out: &Output,
+    document: &mut Value,
+) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let (mut file, scene) = read_scene(input)?;
+    // The result needs neither; detections are the bulk of a large scene.
+    (file.detections, file.objects) = (Vec::new(), Vec::new());
+    let read = start.elapsed();
+    let title = input.display().to_string();
+    let localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
+    let solved = start.elapsed();
+    let estimates = &localization.estimates;
+    if let Some(output) = output {
+        write_scene_file(output, &result_file(&file, &scene, &localization, settings))?;
+        document["output"] = output.display().to_string().into();
+    }
+    let localised = count_localised(estimates);
+    let mut text = format!(
+        "{HEADING}{}{HEADING:#}: {localised} of {} localised ({})\n\n",
+        one_line(&title),
+        count(estimates.len(), "object"),
+        settings.in_words()
+    );
+    text.push_str(&render(&scene, &localization, settings));
+    if let Some(output) = output {
+        text.push_str(&format!("wrote {}\n", output.display()));
+    }
+    out.report(&text)?;
+    for estimate in estimates {
+        let rejected: Vec<&str> =
+            estimate.views.iter().filter(|v| !v.inlier).map(|v| scene.frames[v.frame_index].id.as_str()).collect();
+        if !rejected.is_empty() {
+            let id = &scene.object_ids[estimate.object_index];
+            out.detail(&one_line(&format!("{id}: rejected the views {}", rejected.join(", "))));
+        }
+    }
+    out.detail(&format!("read in {read:.2?}, localised in {:.2?}", solved - read));
+    if out.json {
+        document["objects"] = serde_json::to_value(summaries(&scene, &localization))?;
+        document["localised"] = localised.into();
+        document["noise"] = noise_json(&localization).into();
+        document["left_out"] = left_out_json(&localization);
+    }
+    if localised == 0 {
+        return Err(anyhow!("{title}: no object could be localised"));
+    }
+    Ok(())
+}

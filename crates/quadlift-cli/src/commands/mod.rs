@@ -1,0 +1,8 @@
+//! The subcommands, one file each.
+
+pub mod completions;
+pub mod demo;
+pub mod evaluate;
+pub mod info;
+pub mod localize;
+pub mod synth;

@@ -1,0 +1,171 @@
+//! Estimates for people: one row per object, then the warnings in words.
+
+use std::fmt::Write;
+
+use anstyle::Style;
+use quadlift::Localization;
+use quadlift::geometry::Body;
+use quadlift::scene::Scene;
+use quadlift::solve::{Estimate, Method, Status};
+use serde::Serialize;
+
+use crate::localization::{Settings, method_name};
+use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
+use crate::table::{Cell, Table, decimals, number};
+use crate::words::{count, some_of, with_unit};
+
+/// The main figures of an estimate.
+#[derive(Debug, Serialize)]
+pub struct Summary<'a> {
+    id: &'a str,
+    category: Option<&'a str>,
+    status: &'static str,
+    views_used: usize,
+    views: usize,
+    center: Option<[f64; 3]>,
+    /// Full lengths along the axes of the body, the longest first.
+    size: Option<[f64; 3]>,
+    center_sd: Option<f64>,
+    residual_px: Option<f64>,
+    warnings: Vec<String>,
+}
+
+/// The main figures of all estimates.
+pub fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Vec<Summary<'a>> {
+    let summary = |estimate: &Estimate| Summary {
+        id: &scene.object_ids[estimate.object_index],
+        category: estimate.category_index.map(|index| scene.categories[index].as_str()),
+        status: estimate.status.name(),
+        views_used: estimate.views_used(),
+        views: estimate.views.len(),
+        center: estimate.center.map(|center| center.coords.into()),
+        size: estimate.body.as_ref().map(full_lengths),
+        center_sd: estimate.center_sd().filter(|sd| sd.is_finite()),
+        residual_px: estimate.rms_residual_px().filter(|r| r.is_finite()),
+        warnings: estimate.warnings.iter().map(ToString::to_string).collect(),
+    };
+    localization.estimates.iter().map(summary).collect()
+}
+
+fn full_lengths(body: &Body) -> [f64; 3] {
+    let half = match body {
+        Body::Ellipsoid(e) => e.semi_axes,
+        Body::Cuboid(c) => c.half_extents,
+        Body::Superellipsoid(s) => s.semi_axes,
+    };
+    let mut lengths: [f64; 3] = (half * 2.0).into();
+    lengths.sort_by(|a, b| b.total_cmp(a));
+    lengths
+}
+
+/// The table and what is to say about it.
+pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -> String {
+    let rows = summaries(scene, localization);
+    let mut text = table(scene, &rows);
+    for note in notes(&rows, localization, settings) {
+        let _ = writeln!(text, "{WARNING}note:{WARNING:#} {}", one_line(&note));
+    }
+    let without = settings.categories_without_prior(scene);
+    if !without.is_empty() {
+        let _ = writeln!(text, "{WARNING}warning:{WARNING:#} no prior for: {}", one_line(&without.join(", ")));
+    }
+    let left_out = localization.left_out;
+    if left_out.without_object > 0 {
+        let _ = writeln!(
+            text,
+            "{WARNING}warning:{WARNING:#} left out {} without an object id (to find out which detections show the \
+             same object is not built in yet)",
+            count(left_out.without_object, "detection")
+        );
+    }
+    if left_out.occluded_or_truncated > 0 {
+        let _ = writeln!(
+            text,
+            "left out {} as too occluded or truncated",
+            count(left_out.occluded_or_truncated, "detection")
+        );
+    }
+    if !localization.noise.is_empty() {
+        let level = |(name, x): &(&str, f64)| format!("{} {x:.3}", name.replace('_', " "));
+        let levels: Vec<String> = localization.noise.iter().map(level).collect();
+        let _ =
+            writeln!(text, "{DIM}noise of the detections, relative to their half size: {}{DIM:#}", levels.join(", "));
+    }
+    text
+}
+
+fn table(scene: &Scene, rows: &[Summary]) -> String {
+    // Lengths get as many decimals as three digits of the typical object need.
+    let mut lengths: Vec<f64> = rows.iter().filter_map(|row| row.size).map(|size| size[1]).collect();
+    lengths.sort_by(f64::total_cmp);
+    let places = decimals(lengths.get(lengths.len() / 2).copied().unwrap_or(1.0), 3);
+    let unit = scene.length_unit.as_deref();
+    let mut table = Table::new([
+        "<object".to_owned(),
+        "<category".to_owned(),
+        "<status".to_owned(),
+        "views".to_owned(),
+        with_unit("x", unit),
+        with_unit("y", unit),
+        with_unit("z", unit),
+        with_unit("size", unit),
+        with_unit("sd of centre", unit),
+        "residual [px]".to_owned(),
+    ]);
+    for row in rows {
+        let coordinate = |axis: usize| number(row.center.map(|center| center[axis]), places).into();
+        let size = row.size.map_or("-".to_owned(), |s| s.map(|x| number(Some(x), places)).join(" x "));
+        table.push(vec![
+            row.id.into(),
+            row.category.unwrap_or_default().into(),
+            Cell::styled(row.status, status_style(row.status)),
+            format!("{}/{}", row.views_used, row.views).into(),
+            coordinate(0),
+            coordinate(1),
+            coordinate(2),
+            size.into(),
+            number(row.center_sd, row.center_sd.map_or(0, |sd| decimals(sd, 2))).into(),
+            number(row.residual_px, 2).into(),
+        ]);
+    }
+    table.render()
+}
+
+fn status_style(status: &str) -> Style {
+    if status == Status::Ok.name() {
+        GOOD
+    } else if status == Status::NotAnEllipsoid.name() {
+        WARNING
+    } else {
+        BAD
+    }
+}
+
+/// What is to say about the objects, each with the ids of those it is about.
+fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> Vec<String> {
+    let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
+    for (row, estimate) in rows.iter().zip(&localization.estimates) {
+        let reason = reason(estimate.status, settings.options.method, settings.options.min_views);
+        for text in reason.into_iter().chain(row.warnings.iter().cloned()) {
+            match notes.iter_mut().find(|(known, _)| *known == text) {
+                Some((_, ids)) => ids.push(row.id),
+                None => notes.push((text, vec![row.id])),
+            }
+        }
+    }
+    notes.into_iter().map(|(text, ids)| format!("{}: {text}", some_of(&ids))).collect()
+}
+
+/// Why there is no body.
+fn reason(status: Status, method: Method, min_views: usize) -> Option<String> {
+    let fewest = min_views.max(method.fewest_views());
+    Some(match status {
+        Status::Ok => return None,
+        Status::NotAnEllipsoid => "the quadric that fits best is not an ellipsoid; only its centre is known".to_owned(),
+        Status::TooFewViews => format!("too few views; {} needs {fewest} here", method_name(method)),
+        Status::Degenerate => {
+            "the views do not determine the object, for example because all are from one point".to_owned()
+        }
+        Status::Diverged => "the refinement found no finite object in front of the cameras".to_owned(),
+    })
+}

@@ -1,0 +1,134 @@
+//! Which files are read and written: patterns and folders are expanded, outputs are checked before the long work.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail};
+use quadlift::scene::Scene;
+use quadlift_io::{SceneFile, read_scene_file};
+
+use crate::error::usage;
+
+/// Reads a scene file and checks it.
+pub fn read_scene(path: &Path) -> anyhow::Result<(SceneFile, Scene)> {
+    let file = read_scene_file(path)?;
+    let scene = file.to_scene().map_err(|error| error.in_file(path))?;
+    Ok((file, scene))
+}
+
+/// The scene files that the arguments name.
+#[derive(Debug)]
+pub struct Inputs {
+    /// The files, in the order of the arguments; those of a folder or pattern are sorted.
+    pub paths: Vec<PathBuf>,
+    /// Whether there are several, or could have been (a folder, a pattern).
+    pub several: bool,
+}
+
+/// Expands folders (their `*.json` files) and patterns that the shell has left alone.
+pub fn expand(arguments: &[PathBuf]) -> anyhow::Result<Inputs> {
+    let mut inputs = Inputs { paths: Vec::new(), several: arguments.len() > 1 };
+    for argument in arguments {
+        if argument.is_dir() {
+            inputs.several = true;
+            inputs.paths.extend(scenes_in_folder(argument)?);
+        } else if let Some(pattern) =
+            argument.to_str().filter(|text| !argument.exists() && text.contains(['*', '?', '[']))
+        {
+            inputs.several = true;
+            inputs.paths.extend(matches(pattern)?);
+        } else {
+            inputs.paths.push(argument.clone());
+        }
+    }
+    Ok(inputs)
+}
+
+fn scenes_in_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let failed = || format!("cannot read the folder {}", folder.display());
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(failed)? {
+        let path = entry.with_context(failed)?.path();
+        if path.is_file() && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
+            paths.push(path);
+        }
+    }
+    if paths.is_empty() {
+        bail!("there is no .json file in the folder {}", folder.display());
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn matches(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
+    let found = match glob::glob(pattern) {
+        Ok(found) => found,
+        Err(error) => return usage(format!("\"{pattern}\" is not a pattern of file names: {error}")),
+    };
+    let mut paths = found.collect::<Result<Vec<_>, _>>().with_context(|| format!("cannot search for {pattern}"))?;
+    paths.retain(|path| path.is_file());
+    if paths.is_empty() {
+        bail!("no file matches {pattern}");
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+/// The results' paths, one per input, checked before anything is computed: the folder exists (of several scenes it is
+/// made), no input is overwritten and no two results have one name.
+pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if !inputs.several {
+        check_file(output)?;
+        if let [input] = inputs.paths.as_slice() {
+            refuse_to_overwrite(input, output)?;
+        }
+        return Ok(vec![output.to_owned()]);
+    }
+    if output.exists() && !output.is_dir() {
+        bail!("cannot write {}: it is a file; several scenes need a folder", output.display());
+    }
+    check_parent(output)?;
+    let mut paths: Vec<PathBuf> = Vec::with_capacity(inputs.paths.len());
+    for input in &inputs.paths {
+        let name = input.file_name().ok_or_else(|| anyhow!("{} has no file name", input.display()))?;
+        let path = output.join(name);
+        if paths.contains(&path) {
+            return usage(format!(
+                "two scenes have the file name {}: one result would overwrite the other",
+                name.display()
+            ));
+        }
+        refuse_to_overwrite(input, &path)?;
+        paths.push(path);
+    }
+    make_folder(output)?;
+    Ok(paths)
+}
+
+/// Refuses a file that cannot be written because its folder does not exist or because it is a folder itself.
+pub fn check_file(path: &Path) -> anyhow::Result<()> {
+    if path.is_dir() {
+        bail!("cannot write {}: it is a folder; expected the name of a file", path.display());
+    }
+    check_parent(path)
+}
+
+/// Makes a folder and those above it.
+pub fn make_folder(path: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
+}
+
+fn check_parent(path: &Path) -> anyhow::Result<()> {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            bail!("cannot write {}: the folder {} does not exist", path.display(), folder.display())
+        }
+        _ => Ok(()),
+    }
+}
+
+fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
+    match (input.canonicalize(), output.canonicalize()) {
+        (Ok(a), Ok(b)) if a == b => usage(format!("the result would overwrite the scene {}", input.display())),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,104 @@
+//! The only place that writes to the terminal.
+//!
+//! Reports and JSON go to the standard output; errors, warnings and details go to the standard error stream. Colours
+//! are left out when the stream is no terminal, or when NO_COLOR or CLICOLOR=0 ask for it. A reader that closes the
+//! pipe early (`quadlift info scene.json | head`) is no error.
+
+use std::io::{ErrorKind, Write};
+
+use anstyle::{AnsiColor, Style};
+use anyhow::Context;
+use serde::Serialize;
+
+/// Style of what went well.
+pub const GOOD: Style = AnsiColor::Green.on_default();
+/// Style of what deserves attention.
+pub const WARNING: Style = AnsiColor::Yellow.on_default();
+/// Style of what failed.
+pub const BAD: Style = AnsiColor::Red.on_default();
+/// Style of headings.
+pub const HEADING: Style = Style::new().bold();
+/// Style of what is less important.
+pub const DIM: Style = Style::new().dimmed();
+
+/// What is shown, and where.
+#[derive(Debug, Clone, Copy)]
+pub struct Output {
+    /// Print one JSON document instead of text.
+    pub json: bool,
+    /// Print errors only (and the JSON document, if one is asked for).
+    pub quiet: bool,
+    /// Print details on the standard error stream.
+    pub verbose: bool,
+}
+
+impl Output {
+    /// Prints a report for people, unless JSON or silence is asked for.
+    pub fn report(&self, text: &str) -> anyhow::Result<()> {
+        if self.json || self.quiet { Ok(()) } else { to_stdout(text) }
+    }
+
+    /// Prints the JSON document, if one is asked for.
+    pub fn document(&self, value: &impl Serialize) -> anyhow::Result<()> {
+        if !self.json {
+            return Ok(());
+        }
+        let mut text = serde_json::to_string_pretty(value).context("cannot express the result as JSON")?;
+        text.push('\n');
+        to_stdout(&text)
+    }
+
+    /// Prints what the command is for, whatever the verbosity.
+    pub fn product(&self, text: &str) -> anyhow::Result<()> {
+        to_stdout(text)
+    }
+
+    /// Prints a detail on the standard error stream.
+    pub fn detail(&self, text: &str) {
+        if self.verbose {
+            to_stderr(&format!("{DIM}{text}{DIM:#}"));
+        }
+    }
+
+    /// Prints an error.
+    pub fn error(&self, text: &str) {
+        let style = BAD.bold();
+        to_stderr(&format!("{style}error:{style:#} {}", one_line(text)));
+    }
+}
+
+/// Text from a file, safe to print: control characters (line breaks, terminal codes) are written as escapes.
+pub fn one_line(text: &str) -> String {
+    text.chars()
+        .flat_map(|c| {
+            let escaped = c.is_control().then(|| c.escape_default());
+            let plain = escaped.is_none().then_some(c);
+            escaped.into_iter().flatten().chain(plain)
+        })
+        .collect()
+}
+
+fn to_stdout(text: &str) -> anyhow::Result<()> {
+    let mut stream = anstream::stdout().lock();
+    match stream.write_all(text.as_bytes()).and_then(|()| stream.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write to the standard output")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn to_stderr(line: &str) {
+    // Nobody is left to tell when the error stream is closed.
+    let _ = writeln!(anstream::stderr().lock(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_from_files_cannot_steer_the_terminal() {
+        assert_eq!(one_line("a\u{1b}[31mb\nc é"), "a\\u{1b}[31mb\\nc é");
+    }
+}

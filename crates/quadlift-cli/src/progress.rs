@@ -1,0 +1,16 @@
+//! Progress bars, on the standard error stream and only when it is a terminal.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::output::{Output, one_line};
+
+/// A bar that counts objects; hidden with `--quiet` and where there is no terminal.
+pub fn object_bar(message: &str, out: &Output) -> ProgressBar {
+    // indicatif draws nothing on a stream that is no terminal.
+    let target = if out.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+    let bar = ProgressBar::with_draw_target(Some(0), target).with_message(one_line(message));
+    match ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} objects {elapsed}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}

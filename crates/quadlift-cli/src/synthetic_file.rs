@@ -1,0 +1,66 @@
+//! Synthetic scenes as scene files.
+
+use quadlift::geometry::Intrinsics;
+use quadlift::synthetic::SyntheticScene;
+use quadlift_io::SceneFile;
+use quadlift_io::scene_file::{CameraRecord, DetectionRecord, EllipseRecord, FrameRecord, ObjectRecord};
+
+/// The scene with its cameras, detections and, as `objects`, the truth.
+pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
+    let scene = &synthetic.scene;
+    // One record for each kind of camera; the first one is simply called "camera".
+    let mut kinds: Vec<(Intrinsics, [u32; 2])> = Vec::new();
+    let name = |index: usize| if index == 0 { "camera".to_owned() } else { format!("camera_{index}") };
+    let mut file = SceneFile {
+        name: Some(scene.name.clone()),
+        length_unit: scene.length_unit.clone(),
+        up: scene.up.map(|up| up.into_inner().into()),
+        ..Default::default()
+    };
+    for frame in &synthetic.frames {
+        let kind = (frame.intrinsics, [frame.width, frame.height]);
+        let camera = kinds.iter().position(|k| *k == kind).unwrap_or_else(|| {
+            kinds.push(kind);
+            kinds.len() - 1
+        });
+        let pose = frame.cam_from_world.matrix();
+        file.frames.push(FrameRecord {
+            id: frame.id.clone(),
+            camera: Some(name(camera)),
+            cam_from_world: Some(std::array::from_fn(|i| std::array::from_fn(|j| pose[(i, j)]))),
+            ..Default::default()
+        });
+    }
+    for (index, (intrinsics, [width, height])) in kinds.iter().enumerate() {
+        file.cameras.push(CameraRecord {
+            id: name(index),
+            model: "PINHOLE".to_owned(),
+            width: Some(f64::from(*width)),
+            height: Some(f64::from(*height)),
+            params: vec![intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy],
+            ..Default::default()
+        });
+    }
+    for detection in &scene.detections {
+        file.detections.push(DetectionRecord {
+            frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
+            object: detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into()),
+            bounding_box: detection.bounding_box.map(|b| b.edges()),
+            ellipse: detection.ellipse.map(|e| {
+                Box::new(EllipseRecord {
+                    center: e.center.into(),
+                    semi_axes: e.semi_axes.into(),
+                    angle: e.angle,
+                    ..Default::default()
+                })
+            }),
+            ..Default::default()
+        });
+    }
+    for (id, body) in &synthetic.truth {
+        let mut object = ObjectRecord { id: id.clone(), ..Default::default() };
+        object.set_body(body);
+        file.objects.push(object);
+    }
+    file
+}

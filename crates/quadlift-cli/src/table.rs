@@ -1,0 +1,129 @@
+//! Aligned tables.
+
+use std::fmt::Write;
+
+use anstyle::Style;
+use unicode_width::UnicodeWidthStr;
+
+use crate::output::{HEADING, one_line};
+
+/// A cell: its text and how it is shown.
+#[derive(Debug, Clone, Default)]
+pub struct Cell {
+    text: String,
+    style: Style,
+}
+
+impl Cell {
+    /// A cell in a style.
+    pub fn styled(text: impl AsRef<str>, style: Style) -> Self {
+        Self { text: one_line(text.as_ref()), style }
+    }
+}
+
+impl<T: AsRef<str>> From<T> for Cell {
+    fn from(text: T) -> Self {
+        Self::styled(text, Style::new())
+    }
+}
+
+/// A table with a header; columns are as wide as their widest cell.
+#[derive(Debug, Clone)]
+pub struct Table {
+    header: Vec<String>,
+    left: Vec<bool>,
+    rows: Vec<Vec<Cell>>,
+}
+
+impl Table {
+    /// An empty table. Columns whose title starts with `<` are aligned to the left, all others to the right.
+    pub fn new<T: AsRef<str>>(titles: impl IntoIterator<Item = T>) -> Self {
+        let mut table = Self { header: Vec::new(), left: Vec::new(), rows: Vec::new() };
+        for title in titles {
+            let title = title.as_ref();
+            table.left.push(title.starts_with('<'));
+            table.header.push(title.strip_prefix('<').unwrap_or(title).to_owned());
+        }
+        table
+    }
+
+    /// Adds a row.
+    pub fn push(&mut self, row: Vec<Cell>) {
+        self.rows.push(row);
+    }
+
+    /// The table as lines of text; columns without any entry are left out.
+    pub fn render(&self) -> String {
+        let heading = self.header.iter().map(|title| Cell::styled(title, HEADING)).collect();
+        let width = |column: usize| {
+            let widest = self.rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.text.width()).max()?;
+            (widest > 0).then(|| widest.max(self.header[column].width()))
+        };
+        let columns: Vec<(usize, usize)> = (0..self.header.len()).filter_map(|c| Some((c, width(c)?))).collect();
+        let mut text = String::new();
+        for row in std::iter::once(&heading).chain(&self.rows) {
+            let mut line = String::new();
+            for &(column, width) in &columns {
+                let Some(Cell { text, style }) = row.get(column) else { continue };
+                let gap = " ".repeat(width - text.width());
+                // Writing to a String cannot fail.
+                let _ = match self.left[column] {
+                    true => write!(line, "{style}{text}{style:#}{gap}  "),
+                    false => write!(line, "{gap}{style}{text}{style:#}  "),
+                };
+            }
+            text.push_str(line.trim_end());
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// A number with this many decimals; a dash when it is missing or not finite.
+pub fn number(x: Option<f64>, decimals: usize) -> String {
+    match x.filter(|x| x.is_finite()) {
+        Some(x) if x.abs() < 1e9 => {
+            let text = format!("{x:.decimals$}");
+            // No "-0.00".
+            if text.trim_start_matches(['-', '0', '.']).is_empty() {
+                text.trim_start_matches('-').to_owned()
+            } else {
+                text
+            }
+        }
+        Some(x) => format!("{x:.3e}"),
+        None => "-".to_owned(),
+    }
+}
+
+/// Decimals that show a number of this size with this many significant digits.
+pub fn decimals(size: f64, digits: i32) -> usize {
+    if !(size.is_finite() && size > 0.0) {
+        return 2;
+    }
+    (digits - 1 - size.log10().floor() as i32).clamp(0, 9) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned_and_empty_ones_left_out() {
+        let mut table = Table::new(["<name", "nothing", "x [m]"]);
+        table.push(vec!["a".into(), "".into(), "1.50".into()]);
+        table.push(vec!["杯子".into(), "".into(), "-10.25".into()]);
+        let text = anstream::adapter::strip_str(&table.render()).to_string();
+        assert_eq!(text, "name   x [m]\na       1.50\n杯子  -10.25\n");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(number(Some(-0.001), 2), "0.00");
+        assert_eq!(number(Some(-1.25), 1), "-1.2");
+        assert_eq!(number(Some(f64::NAN), 1), "-");
+        assert_eq!(number(Some(1e12), 1), "1.000e12");
+        assert_eq!(number(None, 1), "-");
+        assert_eq!((decimals(0.05, 3), decimals(12.0, 3), decimals(0.0, 3)), (4, 1, 2));
+    }
+}

@@ -1,0 +1,370 @@
+//! Bad inputs: each one has a message, a non-zero exit code and leaves nothing half-written.
+//!
+//! `docs/errors.md` is written from this list. With QUADLIFT_UPDATE_DOCS=1 the test rewrites it.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+mod common;
+
+use std::fmt::Write;
+use std::path::Path;
+
+use common::{Folder, Run};
+use serde_json::{Value, json};
+
+/// A bad input.
+struct Case {
+    /// What is wrong.
+    title: &'static str,
+    /// Arguments of the program, separated by blanks.
+    arguments: &'static str,
+    /// Exit code.
+    code: i32,
+    /// Makes the files.
+    make: Box<dyn Fn(&Folder)>,
+}
+
+const LOCALIZE: &str = "localize scene.json -o out.json";
+
+/// A case whose scene is a good one after a change.
+fn changed(title: &'static str, change: impl Fn(&mut Value) + 'static) -> Case {
+    let make = move |folder: &Folder| {
+        let mut scene = folder.small_scene();
+        change(&mut scene);
+        folder.write_json("scene.json", &scene);
+    };
+    Case { title, arguments: LOCALIZE, code: 1, make: Box::new(make) }
+}
+
+/// A case whose scene is this text.
+fn text(title: &'static str, content: impl AsRef<[u8]> + 'static) -> Case {
+    let make = move |folder: &Folder| folder.write("scene.json", &content);
+    Case { title, arguments: LOCALIZE, code: 1, make: Box::new(make) }
+}
+
+/// A case with a good scene and other arguments.
+fn called(title: &'static str, code: i32, arguments: &'static str) -> Case {
+    Case { arguments, code, ..changed(title, |_| {}) }
+}
+
+/// A good scene, as text, after a change of the text.
+fn replaced(title: &'static str, from: &'static str, to: &'static str) -> Case {
+    let make = move |folder: &Folder| {
+        let text = serde_json::to_string_pretty(&folder.small_scene()).unwrap();
+        assert!(text.contains(from));
+        folder.write("scene.json", text.replacen(from, to, 1));
+    };
+    Case { title, arguments: LOCALIZE, code: 1, make: Box::new(make) }
+}
+
+fn files() -> Vec<Case> {
+    let mut truncated = changed("a file that is cut off", |_| {});
+    truncated.make = Box::new(|folder| {
+        let text = folder.small_scene().to_string();
+        folder.write("scene.json", &text[..text.len() / 2]);
+    });
+    let header = "{\"format\": \"quadlift.scene\", \"version\": 1";
+    vec![
+        Case { arguments: "localize no.json -o out.json", ..text("a file that does not exist", "") },
+        text("an empty file", ""),
+        text("a file that is no text", b"\x89PNG\r\n\x1a\n\xff\xd8"),
+        text("text that is no JSON object", "frame,x0,y0,x1,y1\n"),
+        truncated,
+        text("invalid JSON", format!("{header},\n \"frames\": [{{\"id\": \"a\"}},]}}")),
+        text("deep nesting", format!("{header}, \"mine\": {}{}}}", "[".repeat(100_000), "]".repeat(100_000))),
+        changed("no \"format\"", |scene| drop(scene.as_object_mut().unwrap().remove("format"))),
+        changed("another format", |scene| scene["format"] = json!("coco")),
+        changed("another version", |scene| scene["version"] = json!(2)),
+    ]
+}
+
+fn entries() -> Vec<Case> {
+    let pose = "cam_from_world";
+    vec![
+        changed("a list where a record is expected", |scene| scene["frames"][2] = json!([])),
+        changed("a frame id that is used twice", |scene| scene["frames"][1]["id"] = json!("000000")),
+        changed("an unknown frame", |scene| scene["detections"][3]["frame"] = json!("00003")),
+        changed("an unknown camera", |scene| scene["frames"][0]["camera"] = json!("Camera")),
+        changed("an unknown camera model", |scene| scene["cameras"][0]["model"] = json!("PINHOL")),
+        changed("a camera model with distortion", |scene| scene["cameras"][0]["model"] = json!("OPENCV")),
+        changed("a camera without all parameters", |scene| scene["cameras"][0]["params"] = json!([500, 320, 240])),
+        changed("singular intrinsics", |scene| scene["cameras"][0]["params"][1] = json!(0)),
+        changed("an image size of zero", |scene| scene["cameras"][0]["width"] = json!(0)),
+        changed("a pose that is no rotation", move |scene| scene["frames"][0][pose][0][0] = json!(2)),
+        changed("a mirrored pose", move |scene| {
+            scene["frames"][0][pose] = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 5]]);
+        }),
+        changed("a pose without three rows", move |scene| scene["frames"][0][pose] = json!([[1, 0, 0, 0]])),
+        changed("a frame with neither pose nor projection", move |scene| {
+            drop(scene["frames"][0].as_object_mut().unwrap().remove(pose));
+        }),
+        changed("a singular projection", |scene| {
+            scene["frames"][0] = json!({"id": "000000", "projection": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]});
+        }),
+        changed("\"up\" without a direction", |scene| scene["up"] = json!([0, 0, 0])),
+        changed("a box without four numbers", |scene| scene["detections"][2]["box"] = json!([10, 20, 30])),
+        changed("a reversed box", |scene| scene["detections"][2]["box"] = json!([30, 20, 10, 40])),
+        replaced("NaN", "\"box\": [", "\"box\": [NaN, "),
+        replaced("a number that is too large", "\"box\": [", "\"box\": [1e999, "),
+        changed("neither a box nor an ellipse", |scene| {
+            drop(scene["detections"][2].as_object_mut().unwrap().remove("box"));
+        }),
+        changed("an ellipse without positive axes", |scene| {
+            scene["detections"][2]["ellipse"] = json!({"center": [5, 5], "semi_axes": [3, 0], "angle": 0});
+        }),
+        changed("an object twice in one frame", |scene| {
+            let again = scene["detections"][2].clone();
+            scene["detections"].as_array_mut().unwrap().push(again);
+        }),
+        changed("an id that is a number", |scene| scene["detections"][2]["object"] = json!(7)),
+    ]
+}
+
+/// Valid scenes in which no object can be localised: the message tells why.
+fn hopeless() -> Vec<Case> {
+    vec![
+        changed("an empty scene", |scene| {
+            scene["frames"] = json!([]);
+            scene["detections"] = json!([]);
+        }),
+        changed("no detection names an object", |scene| {
+            for detection in scene["detections"].as_array_mut().unwrap() {
+                detection.as_object_mut().unwrap().remove("object");
+            }
+        }),
+        changed("objects that are seen once", |scene| {
+            scene["detections"].as_array_mut().unwrap().retain(|d| d["frame"] == "000002");
+        }),
+        changed("all views from one point", |scene| {
+            let pose = scene["frames"][0]["cam_from_world"].clone();
+            let first: Vec<Value> = scene["detections"].as_array().unwrap().clone();
+            for frame in scene["frames"].as_array_mut().unwrap() {
+                frame["cam_from_world"] = pose.clone();
+            }
+            for (index, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
+                detection["box"] = first[index / 6 * 6]["box"].clone();
+            }
+        }),
+        changed("objects behind the cameras", |scene| {
+            // Turned by 180 degrees about the vertical axis of the image, with the boxes mirrored: the rays are those
+            // of the good scene, backwards.
+            for frame in scene["frames"].as_array_mut().unwrap() {
+                for row in [0, 2] {
+                    for column in 0..4 {
+                        let x = frame["cam_from_world"][row][column].as_f64().unwrap();
+                        frame["cam_from_world"][row][column] = json!(-x);
+                    }
+                }
+            }
+            for detection in scene["detections"].as_array_mut().unwrap() {
+                let b: Vec<f64> = detection["box"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+                detection["box"] = json!([b[0], 960.0 - b[3], b[2], 960.0 - b[1]]);
+            }
+        }),
+        called("fewer views than asked for", 1, "localize scene.json -o out.json --min-views 7"),
+    ]
+}
+
+fn choices() -> Vec<Case> {
+    let sources = |scene: &mut Value| {
+        for (index, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
+            detection["source"] = json!(if index % 2 == 0 { "yolo" } else { "label" });
+        }
+    };
+    let unknown = Case {
+        arguments: "localize scene.json -o out.json --source yolov8",
+        ..changed("a source that does not exist", sources)
+    };
+    let priors = Case {
+        make: Box::new(|folder| {
+            folder.write_json("scene.json", &folder.small_scene());
+            folder.write("priors.toml", "[car]\nsize = [4, 2]\nsize_sd = [1, 1, 1]\n");
+        }),
+        ..called("a wrong file of priors", 1, "localize scene.json -o out.json --priors priors.toml")
+    };
+    vec![
+        changed("several sources and none chosen", sources),
+        unknown,
+        called("built-in priors without metres", 1, "localize scene.json -o out.json --priors builtin"),
+        priors,
+        called("a file of priors that does not exist", 1, "localize scene.json -o out.json --priors no.toml"),
+        called("priors for a closed form", 2, "localize scene.json -o out.json --method lfd --priors builtin"),
+        called("lambda for another method", 2, "localize scene.json -o out.json --lambda 1"),
+        called("a negative lambda", 2, "localize scene.json -o out.json --method reg --lambda=-1"),
+        called("a cuboid from a closed form", 2, "localize scene.json -o out.json --method planes --body cuboid"),
+        called("an unknown body", 2, "localize scene.json -o out.json --body sphere"),
+        called("an exponent out of range", 2, "localize scene.json -o out.json --body superellipsoid:3"),
+        called("an unknown noise", 2, "synth -o out.json --noise fog:1"),
+        called("too many outliers", 2, "synth -o out.json --outliers 1.5"),
+        called("ellipse noise on boxes", 2, "synth -o out.json --noise re:45"),
+        called("ellipses of cuboids", 2, "synth -o out.json --body cuboid --observations ellipses"),
+    ]
+}
+
+fn paths() -> Vec<Case> {
+    let folder = Case {
+        make: Box::new(|folder| {
+            folder.write_json("scene.json", &folder.small_scene());
+            std::fs::create_dir(folder.path("results")).unwrap();
+        }),
+        ..called("an output that is a folder", 1, "localize scene.json -o results")
+    };
+    let twice = Case {
+        make: Box::new(|folder| ["a/scene.json", "b/scene.json"].iter().for_each(|name| folder.write(name, "{}"))),
+        ..called("two results of one name", 2, "localize a/scene.json b/scene.json -o results")
+    };
+    vec![
+        called("an output in a folder that does not exist", 1, "localize scene.json -o no/out.json"),
+        folder,
+        called("an output that is the scene", 2, "localize scene.json -o scene.json"),
+        Case {
+            make: Box::new(|folder| ["a.json", "b.json", "out.json"].iter().for_each(|name| folder.write(name, "{}"))),
+            ..called("several scenes and one file", 1, "localize a.json b.json -o out.json")
+        },
+        twice,
+        called("a pattern that nothing matches", 1, "localize none*.json -o results"),
+        Case {
+            make: Box::new(|folder| std::fs::create_dir(folder.path("empty")).unwrap()),
+            ..called("a folder without scenes", 1, "localize empty -o results")
+        },
+        called("a synthetic scene in a folder that does not exist", 1, "synth -o no/scene.json"),
+        Case {
+            make: Box::new(|folder| folder.write("taken", "")),
+            ..called("a demo in place of a file", 1, "demo --out taken")
+        },
+    ]
+}
+
+fn evaluations() -> Vec<Case> {
+    let pair = |title, arguments, truth: fn(&mut Value)| Case {
+        make: Box::new(move |folder: &Folder| {
+            folder.succeed("synth -o truth.json --objects 2 --views 6");
+            folder.succeed("localize truth.json -o estimate.json");
+            let mut changed = folder.json("truth.json");
+            truth(&mut changed);
+            folder.write_json("truth.json", &changed);
+        }),
+        ..called(title, 1, arguments)
+    };
+    const EVALUATE: &str = "evaluate estimate.json truth.json";
+    vec![
+        pair("a truth without objects", EVALUATE, |truth| drop(truth.as_object_mut().unwrap().remove("objects"))),
+        pair("no common object", EVALUATE, |truth| {
+            truth["objects"][0]["id"] = json!("cup");
+            truth["objects"][1]["id"] = json!("mug");
+        }),
+        pair("an object id that is used twice", EVALUATE, |truth| {
+            truth["objects"][0]["id"] = json!("object_001");
+        }),
+        pair("an axis that is not positive", EVALUATE, |truth| {
+            truth["objects"][1]["ellipsoid"]["semi_axes"][2] = json!(0)
+        }),
+        pair("a rotation that is no unit quaternion", EVALUATE, |truth| {
+            truth["objects"][0]["ellipsoid"]["rotation"] = json!([1, 1, 0, 0]);
+        }),
+        pair("an unknown status", EVALUATE, |truth| truth["objects"][0]["status"] = json!("fine")),
+        pair("no estimate", "evaluate no.json truth.json", |_| {}),
+    ]
+}
+
+/// What the program says: errors, and the notes on objects without a body.
+fn message(run: &Run) -> String {
+    let notes = run.stdout.lines().filter_map(|line| line.strip_prefix("note: "));
+    // The usage line and hints of the argument parser are left out.
+    let errors = run.stderr.lines().take_while(|line| !line.is_empty());
+    notes.chain(errors).collect::<Vec<_>>().join("\n")
+}
+
+fn check(case: &Case) -> String {
+    let folder = Folder::new();
+    (case.make)(&folder);
+    let before = folder.names();
+    let run = folder.run(case.arguments);
+    let title = case.title;
+    assert_eq!(run.code, case.code, "{title}: {}\n{}", run.stdout, run.stderr);
+    assert!(run.stderr.starts_with("error: "), "{title}: {:?}", run.stderr);
+    if run.code == 2 || !run.stdout.contains("wrote ") {
+        assert_eq!(folder.names(), before, "{title}: something was written");
+        assert_eq!(run.stdout, "", "{title}");
+    } else {
+        // Every object has its status in the result, and none is "ok".
+        assert!(run.stderr.ends_with("no object could be localised\n"), "{title}");
+        for object in folder.json("out.json")["objects"].as_array().unwrap() {
+            assert_ne!(object["status"], "ok", "{title}");
+        }
+    }
+    let message = message(&run);
+    assert!(!message.contains(".rs:") && !message.contains("Error {"), "{title}: {message}");
+    message
+}
+
+const INTRODUCTION: &str = "\
+# Messages for bad inputs
+
+What `quadlift` says when an input is wrong, one line per mistake. Errors go to the standard error stream and begin with
+the file, the line and column or the entry. Lists count from zero: `detections[2]` is the third one. Nothing is written
+when a file is refused. The exit code is 1 when a file is at fault and 2 when the command line is.
+
+This table is written by the tests; do not edit it. After a change of a message:
+`QUADLIFT_UPDATE_DOCS=1 cargo test -p quadlift-cli --test bad_inputs`
+";
+
+/// A line as code in Markdown, whether or not it holds backticks.
+fn code_span(line: &str) -> String {
+    if line.contains('`') { format!("`` {line} ``") } else { format!("`{line}`") }
+}
+
+fn document() -> String {
+    let sections = [
+        ("Files", files()),
+        ("Entries of a scene", entries()),
+        ("Scenes in which nothing can be localised", hopeless()),
+        ("Choices", choices()),
+        ("Paths", paths()),
+        ("Evaluation", evaluations()),
+    ];
+    let mut text = INTRODUCTION.to_owned();
+    for (heading, cases) in sections {
+        writeln!(text, "\n## {heading}\n\n| What is wrong | Exit code | Message |\n| --- | --- | --- |").unwrap();
+        for case in cases {
+            let lines: Vec<String> = check(&case).replace('|', "\\|").lines().map(code_span).collect();
+            writeln!(text, "| {} | {} | {} |", case.title, case.code, lines.join("<br>")).unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn every_bad_input_has_its_message() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/errors.md");
+    let document = document();
+    if std::env::var_os("QUADLIFT_UPDATE_DOCS").is_some() {
+        std::fs::write(&path, &document).unwrap();
+    }
+    let written = std::fs::read_to_string(&path).unwrap_or_default().replace("\r\n", "\n");
+    for (line, (new, old)) in document.lines().zip(written.lines()).enumerate() {
+        assert_eq!(new, old, "docs/errors.md:{} is out of date; run with QUADLIFT_UPDATE_DOCS=1", line + 1);
+    }
+    assert!(document == written, "docs/errors.md is out of date; run with QUADLIFT_UPDATE_DOCS=1");
+}
+
+#[test]
+fn an_earlier_result_survives_a_failure() {
+    let folder = Folder::new();
+    folder.write("out.json", "earlier");
+    folder.write("scene.json", "{");
+    assert_eq!(folder.run(LOCALIZE).code, 1);
+    assert_eq!(folder.read("out.json"), "earlier");
+    assert_eq!(folder.names(), ["out.json", "scene.json"]);
+}
+
+#[test]
+fn any_cut_of_a_scene_is_refused_in_words() {
+    let folder = Folder::new();
+    let text = folder.small_scene().to_string();
+    for cut in (1..text.len()).step_by(text.len() / 30) {
+        folder.write("scene.json", &text[..cut]);
+        let run = folder.run("info scene.json");
+        assert!(run.code == 1 && run.stderr.starts_with("error: scene.json"), "{cut}: {}", run.stderr);
+    }
+}

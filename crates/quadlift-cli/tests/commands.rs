@@ -1,0 +1,221 @@
+//! The commands from end to end, through the built program.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+mod common;
+
+use common::Folder;
+use serde_json::{Value, json};
+
+#[test]
+fn the_demo_goes_the_whole_way() {
+    let folder = Folder::new();
+    insta::assert_snapshot!("demo", folder.succeed("demo"));
+    for name in ["scene.json", "estimate.json", "truth.json"] {
+        folder.json(&format!("quadlift-demo/{name}"));
+    }
+    assert!(folder.json("quadlift-demo/scene.json")["objects"].is_null(), "the scene must not hold the truth");
+    // What it proposes to do next works.
+    insta::assert_snapshot!("info_of_the_demo", folder.succeed("info quadlift-demo/scene.json"));
+    folder.succeed("localize quadlift-demo/scene.json -o again.json --method planes");
+    folder.succeed("evaluate again.json quadlift-demo/truth.json");
+    // The file and the call of the demo give the same estimate.
+    folder.succeed("localize quadlift-demo/scene.json -o again.json");
+    assert_eq!(folder.read("again.json"), folder.read("quadlift-demo/estimate.json"));
+}
+
+#[test]
+fn the_demo_finds_its_objects() {
+    let folder = Folder::new();
+    let report: Value = serde_json::from_str(&folder.succeed("demo --out elsewhere --json")).unwrap();
+    assert!(report["evaluation"]["mean"]["iou3d"]["value"].as_f64().unwrap() > 0.75, "{report}");
+    assert_eq!(report["evaluation"]["failures"], 0);
+    assert!(folder.path("elsewhere/scene.json").exists());
+}
+
+#[test]
+fn a_small_scene_is_localised_and_scored() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 3 --views 8 --seed 4 --noise box:0.03");
+    insta::assert_snapshot!("localize", folder.succeed("localize scene.json -o estimate.json"));
+    insta::assert_snapshot!("evaluate", folder.succeed("evaluate estimate.json scene.json"));
+    let result = folder.json("estimate.json");
+    insta::assert_snapshot!(
+        "localization",
+        serde_json::to_string_pretty(&json!({
+            "settings": result["localization"]["settings"],
+            "left_out": result["localization"]["left_out"],
+            "status": result["localization"]["status"],
+            "keys": result.as_object().unwrap().keys().collect::<Vec<_>>(),
+        }))
+        .unwrap()
+    );
+    assert_eq!(result["localization"]["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(result["objects"].as_array().unwrap().len(), 3);
+    assert_eq!(result["objects"][0]["view_residuals_px"].as_array().unwrap().len(), 8);
+}
+
+#[test]
+fn cuboids_are_localised_and_scored() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 3 --views 20 --seed 2 --body cuboid");
+    folder.succeed("localize scene.json -o estimate.json --body cuboid");
+    let scores: Value = serde_json::from_str(&folder.succeed("evaluate estimate.json scene.json --json")).unwrap();
+    assert!(scores["mean"]["cuboid_iou3d"]["value"].as_f64().unwrap() > 0.8, "{scores}");
+    assert_eq!(scores["failures"], 0);
+}
+
+#[test]
+fn json_is_one_document_and_silence_is_silent() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 2 --views 6");
+    for arguments in ["localize scene.json", "info scene.json", "evaluate scene.json scene.json", "synth -o b.json"] {
+        let text = folder.succeed(&format!("{arguments} --json"));
+        let document: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{arguments}: {error}"));
+        assert!(document.is_object());
+        assert_eq!(folder.succeed(&format!("{arguments} -q")), "");
+    }
+    let run = folder.run("localize no.json scene.json --json");
+    let document: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(document["scenes"][0]["error"], "no.json: there is no such file");
+    assert_eq!(document["scenes"][1]["localised"], 2);
+    assert_eq!(run.code, 1);
+    let run = folder.run("info no.json --json");
+    assert_eq!(serde_json::from_str::<Value>(&run.stdout).unwrap()["error"], "no.json: there is no such file");
+}
+
+#[test]
+fn several_scenes_give_a_folder_of_results() {
+    let folder = Folder::new();
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        std::fs::create_dir_all(folder.path("scenes")).unwrap();
+        folder.succeed(&format!("synth -o scenes/{name}.json --objects 2 --views 6 --seed {seed}"));
+    }
+    folder.write("scenes/bad.json", "{");
+    folder.write("scenes/notes.txt", "no scene");
+    // A folder, a pattern and single paths name the same files.
+    for (index, arguments) in
+        ["scenes", "scenes/*.json", "scenes/a.json scenes/b.json scenes/bad.json"].iter().enumerate()
+    {
+        let run = folder.run(&format!("localize {arguments} -o results{index}"));
+        assert_eq!(run.code, 1);
+        assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+        assert!(run.stderr.starts_with("error: scenes/bad.json:1:1: "), "{}", run.stderr);
+        for name in ["a.json", "b.json"] {
+            assert_eq!(folder.read(&format!("results{index}/{name}")), folder.read(&format!("results0/{name}")));
+        }
+        assert!(!folder.path(&format!("results{index}/bad.json")).exists());
+    }
+    folder.succeed("localize scenes/a.json -o single.json");
+    assert_eq!(folder.read("single.json"), folder.read("results0/a.json"));
+    assert_eq!(folder.run("localize scenes/a.json scenes/b.json -o results0").code, 0);
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_byte() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 40 --views 10 --noise box:0.05 --outliers 0.1");
+    for body in ["ellipsoid", "cuboid"] {
+        folder.succeed(&format!("localize scene.json -o one.json --threads 1 --body {body}"));
+        folder.succeed(&format!("localize scene.json -o four.json --threads 4 --body {body}"));
+        assert!(folder.read("one.json") == folder.read("four.json"), "{body}");
+    }
+}
+
+#[test]
+fn detections_without_object_ids_are_counted() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    for detection in scene["detections"].as_array_mut().unwrap().iter_mut().skip(9) {
+        detection.as_object_mut().unwrap().remove("object");
+    }
+    folder.write_json("scene.json", &scene);
+    let text = folder.succeed("localize scene.json");
+    assert!(text.contains("warning: left out 3 detections without an object id"), "{text}");
+    let document: Value = serde_json::from_str(&folder.succeed("localize scene.json --json")).unwrap();
+    assert_eq!(document["scenes"][0]["left_out"]["without_object"], 3);
+}
+
+#[test]
+fn occluded_and_truncated_detections_can_be_left_out() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    scene["detections"][0]["occluded"] = json!(2);
+    scene["detections"][7]["truncated"] = json!(0.5);
+    folder.write_json("scene.json", &scene);
+    let text = folder.succeed("localize scene.json --max-occluded 1 --max-truncated 0");
+    assert!(text.contains("left out 2 detections as too occluded or truncated"), "{text}");
+    assert_eq!(text.matches(" 5/5 ").count(), 2, "{text}");
+}
+
+#[test]
+fn priors_act_where_the_unit_is_known() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    scene["length_unit"] = json!("m");
+    for (index, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
+        detection["category"] = json!(if index < 6 { "truck" } else { "spaceship" });
+    }
+    folder.write_json("scene.json", &scene);
+    let text = folder.succeed("localize scene.json --priors builtin -o out.json");
+    assert!(text.contains("warning: no prior for: spaceship"), "{text}");
+    assert!(text.contains("size [m]"), "{text}");
+    assert_eq!(folder.json("out.json")["localization"]["settings"]["priors"], "builtin");
+    folder.write("priors.toml", "[truck]\nsize = [4.0, 1.0, 1.0]\nsize_sd = [0.01, 0.01, 0.01]\n");
+    folder.succeed("localize scene.json --priors priors.toml -o small.json");
+    assert_ne!(folder.json("out.json")["objects"][0], folder.json("small.json")["objects"][0]);
+    assert_eq!(folder.json("small.json")["localization"]["settings"]["priors"], "priors.toml");
+}
+
+#[test]
+fn info_tells_what_looks_wrong() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    let detections = scene["detections"].as_array_mut().unwrap();
+    detections.truncate(7);
+    detections[0]["box"] = json!([-50, 10, 20, 40]);
+    detections[1]["box"] = json!([1300, 10, 1400, 40]);
+    detections[2].as_object_mut().unwrap().remove("object");
+    detections[3]["category"] = json!("cup");
+    detections[4]["category"] = json!("mug");
+    detections[5]["source"] = json!("yolo");
+    detections[6]["source"] = json!("yolo");
+    let pose = scene["frames"][0]["cam_from_world"].clone();
+    scene["frames"][3] = json!({"id": "bare", "projection": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5]]});
+    scene["frames"].as_array_mut().unwrap().push(json!({"id": "last", "camera": "camera", "cam_from_world": pose}));
+    scene["cameras"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({"id": "spare", "model": "SIMPLE_PINHOLE", "params": [100, 50, 50]}));
+    scene["detections"][3]["frame"] = json!("bare");
+    folder.write_json("scene.json", &scene);
+    insta::assert_snapshot!("info", folder.succeed("info scene.json"));
+    let report: Value = serde_json::from_str(&folder.succeed("info scene.json --json")).unwrap();
+    assert_eq!(report["oddities"].as_array().unwrap().len(), 9, "{report:#}");
+}
+
+#[test]
+fn help_and_completions() {
+    let folder = Folder::new();
+    assert!(folder.succeed("--help").contains("Exit codes:"));
+    assert_eq!(folder.succeed("--version"), format!("quadlift {}\n", env!("CARGO_PKG_VERSION")));
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        assert!(folder.succeed(&format!("completions {shell}")).contains("max-occluded"), "{shell}");
+    }
+    assert_eq!(folder.run("").code, 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_closed_pipe_is_no_error() {
+    let folder = Folder::new();
+    let mut child = std::process::Command::new(folder.command().get_program())
+        .args(["completions", "zsh"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), String::from_utf8(output.stderr).unwrap().as_str()), (Some(0), ""));
+}
