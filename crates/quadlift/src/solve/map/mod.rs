@@ -90,7 +90,7 @@ fn solve<B: BodyModel + FirstFit>(
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
     let mut noise = NoiseLevels::default();
-    let mut fits: Vec<Result<Fit<B>, Estimate>> =
+    let mut fits: Vec<Result<Fit<B>, Box<Estimate>>> =
         map_indices(sample.len(), |k| Prepared::new(views_of(sample[k]), context)?.first_fit(&noise, context));
     let mut statistics = NoiseStatistics::default();
     for round in 0..ROUNDS {
@@ -116,7 +116,7 @@ fn solve<B: BodyModel + FirstFit>(
         let estimate = if index % stride == 0 {
             match &fits[index / stride] {
                 Ok(fit) => fit.refined(&noise, true).estimate(&noise, context),
-                Err(failed) => failed.clone(),
+                Err(failed) => (**failed).clone(),
             }
         } else {
             Prepared::new(views_of(index), context)

@@ -35,8 +35,9 @@ const DEFAULT_EDGE: f64 = 0.1;
 /// Smallest standard deviation: larger ones cost accuracy on exact data, smaller ones stability.
 const FLOOR: f64 = 5e-4;
 
-/// Degrees of freedom up to which the default fills in for missing data.
-const ENOUGH_DATA: f64 = 16.0;
+/// Degrees of freedom up to which the default fills in for missing data: a few objects in a few views do not tell the
+/// noise of a group well enough to be believed alone.
+const ENOUGH_DATA: f64 = 100.0;
 
 /// A standard deviation for each group.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -60,8 +60,8 @@ pub(super) struct Fit<B> {
 
 impl Prepared {
     /// Builds the object's frame and priors; an estimate that says why when there is none.
-    pub(super) fn new(views: ObjectViews, context: &MapContext) -> Result<Self, Estimate> {
-        let failed = |status| Estimate::failed(views.object_index, views.category_index, status);
+    pub(super) fn new(views: ObjectViews, context: &MapContext) -> Result<Self, Box<Estimate>> {
+        let failed = |status| Box::new(Estimate::failed(views.object_index, views.category_index, status));
         if views.views.len() < 2 {
             return Err(failed(Status::TooFewViews));
         }
@@ -73,8 +73,12 @@ impl Prepared {
     }
 
     /// The first fit: from the starts, and again without the outliers where its residuals show some.
-    pub(super) fn first_fit<B: FirstFit>(self, noise: &NoiseLevels, context: &MapContext) -> Result<Fit<B>, Estimate> {
-        let failed = Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged);
+    pub(super) fn first_fit<B: FirstFit>(
+        self,
+        noise: &NoiseLevels,
+        context: &MapContext,
+    ) -> Result<Fit<B>, Box<Estimate>> {
+        let failed = Box::new(Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged));
         let seed = self.seed(context);
         let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
         let (body, equations) = B::from_ellipsoid(&self, &ellipsoid, noise, false, context, seed).ok_or(failed)?;
