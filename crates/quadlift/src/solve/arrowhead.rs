@@ -25,6 +25,19 @@ const BLOCK: usize = 8;
 /// Newton steps on theta before it is given up; 3 to 8 are usual.
 const MAX_ITERATIONS: usize = 60;
 
+/// The level of rounding errors in [`Arrowhead::is_degenerate`] for systems in pixels.
+///
+/// Measured second singular values: at most 4e-16 for degenerate views; 1e-4 to 5e-3 for ordinary ones, 9e-8 for an
+/// arc of 30 arc seconds and for a world whose origin is 5000 camera distances away.
+pub(crate) const PIXEL_ROUNDING: f64 = 1e-13;
+
+/// The same where images are centred on the object and scaled to it: there the rounding errors of the cameras' last
+/// digits show.
+///
+/// Measured: at most 2e-13 for degenerate views near the world's origin and 7e-12 where that is 500 camera distances
+/// away; 0.1 to 0.4 for ordinary views, 3e-7 for exact ones on an arc of 30 arc seconds.
+pub(crate) const CONDITIONED_ROUNDING: f64 = 1e-9;
+
 /// The system after the elimination of the betas.
 #[derive(Debug, Clone)]
 pub(crate) struct Arrowhead {
@@ -81,12 +94,9 @@ impl Arrowhead {
     /// vanishes (all cameras at one point). Or the best quadric projects to nothing, all betas vanish: the pair of
     /// the two camera centres, where there are only two.
     ///
-    /// The columns are scaled to unit length first, which takes out the unit of the world; the rounding errors of
-    /// the factorisation are then a few 1e-16 whatever the units. Measured second values: at most 4e-16 for
-    /// degenerate views, 1e-3 for ordinary ones in pixels, 9e-8 for an arc of 30 arc seconds and for a world whose
-    /// origin is 5000 camera distances away.
-    pub(crate) fn is_degenerate(&self) -> bool {
-        const ROUNDING: f64 = 1e-13;
+    /// Both are compared with `rounding` after the columns were scaled to unit length, which takes out the unit of
+    /// the world. See [`PIXEL_ROUNDING`] and [`CONDITIONED_ROUNDING`].
+    pub(crate) fn is_degenerate(&self, rounding: f64) -> bool {
         let mut r = *self.r();
         let norm: Row = std::array::from_fn(|j| (0..=j).map(|i| r[i][j] * r[i][j]).sum::<f64>().sqrt());
         for row in &mut r {
@@ -95,12 +105,12 @@ impl Arrowhead {
             }
         }
         let Some(smallest) = smallest_singular(&r, None, ROUGH) else { return true };
-        if second_smallest_singular(&r, &smallest).is_none_or(|second| second < ROUNDING) {
+        if second_smallest_singular(&r, &smallest).is_none_or(|second| second < rounding) {
             return true;
         }
         let v: Row = std::array::from_fn(|j| smallest.vector[j] / norm[j]);
         let size = |n: &Row| n.iter().zip(&v).map(|(x, y)| (x * y).abs()).sum::<f64>();
-        self.couplings.iter().all(|n| dot(n, &v).abs() < ROUNDING * size(n))
+        self.couplings.iter().all(|n| dot(n, &v).abs() < rounding * size(n))
     }
 
     /// The minimiser with `|v| = 1`; `None` when a number is not finite.
