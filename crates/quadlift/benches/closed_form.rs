@@ -25,7 +25,7 @@ fn main() {
         group.bench_with_input(BenchmarkId::new("reg", count), views, |b, views| {
             b.iter(|| reg(black_box(views), &RegOptions::default()))
         });
-        // At 1000 views the dense decomposition takes seconds.
+        // At 1000 views the dense decomposition takes more than a second.
         if count <= 100 {
             group.sample_size(10);
             group.bench_with_input(BenchmarkId::new("dense", count), views, |b, views| {

@@ -1,5 +1,8 @@
 //! The O(F) closed form against references: a dense singular value decomposition, and 100-digit arithmetic.
 
+// The reader of the fixture is test code, which clippy cannot tell outside of #[test] functions.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
 mod common;
 
 use common::{Vech, Views, dense_pfd, normalised, scene};
