@@ -9,7 +9,7 @@ use std::hint::black_box;
 
 use common::{dense_pfd, scene};
 use criterion::{BenchmarkId, Criterion};
-use quadlift::solve::{pfd, pfd_unit_quadric};
+use quadlift::solve::{RegOptions, lfd, pfd, pfd_unit_quadric, reg};
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
@@ -21,6 +21,11 @@ fn main() {
         group.bench_with_input(BenchmarkId::new("pfd_unit_quadric", count), views, |b, views| {
             b.iter(|| pfd_unit_quadric(black_box(views)))
         });
+        group.bench_with_input(BenchmarkId::new("lfd", count), views, |b, views| b.iter(|| lfd(black_box(views))));
+        group.bench_with_input(BenchmarkId::new("reg", count), views, |b, views| {
+            b.iter(|| reg(black_box(views), &RegOptions::default()))
+        });
+        // At 1000 views the dense decomposition takes more than a second.
         if count <= 100 {
             group.sample_size(10);
             group.bench_with_input(BenchmarkId::new("dense", count), views, |b, views| {

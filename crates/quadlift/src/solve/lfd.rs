@@ -11,7 +11,7 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, SVector};
 
-use super::arrowhead::Arrowhead;
+use super::arrowhead::{Arrowhead, CONDITIONED_ROUNDING};
 use super::pfd::{ClosedFormError, FEWEST_VIEWS};
 use super::triangulate::triangulate;
 use crate::geometry::{DualQuadric, Ellipse, Ellipsoid, EllipsoidError, Projection, vech3};
@@ -87,7 +87,7 @@ fn one_pass(
         let unit_ellipse = Ellipse { center: Default::default(), semi_axes: ellipse.semi_axes / size, ..*ellipse };
         (conditioned(projection, ellipse, size, origin, unit), vech3(&unit_ellipse.dual_conic()).into())
     }));
-    if system.is_degenerate() {
+    if system.is_degenerate(CONDITIONED_ROUNDING) {
         return Err(ClosedFormError::Degenerate);
     }
     let minimiser = system.minimise_unit_w().ok_or(ClosedFormError::Degenerate)?;

@@ -7,7 +7,7 @@
 
 use nalgebra::SVector;
 
-use super::arrowhead::{Arrowhead, Minimiser};
+use super::arrowhead::{Arrowhead, Minimiser, PIXEL_ROUNDING};
 use crate::geometry::{DualQuadric, Ellipse, Projection, vech3};
 
 /// Views without which the equations have many solutions.
@@ -72,7 +72,7 @@ fn determined_system(observations: &[(Projection, Ellipse)]) -> Result<Arrowhead
         return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
     }
     let system = pixel_system(observations);
-    if system.is_degenerate() { Err(ClosedFormError::Degenerate) } else { Ok(system) }
+    if system.is_degenerate(PIXEL_ROUNDING) { Err(ClosedFormError::Degenerate) } else { Ok(system) }
 }
 
 /// Turns a minimiser into a solution with `Q*_44 <= 0`.
@@ -82,6 +82,9 @@ fn solution(
 ) -> Result<PfdSolution, ClosedFormError> {
     let Minimiser { v, mut betas, residual, iterations } = minimise(system).ok_or(ClosedFormError::Degenerate)?;
     let mut v = SVector::from(v);
+    if !v.iter().chain(&betas).all(|x| x.is_finite()) {
+        return Err(ClosedFormError::Degenerate);
+    }
     if v[9] > 0.0 {
         v.neg_mut();
         betas.iter_mut().for_each(|beta| *beta = -*beta);

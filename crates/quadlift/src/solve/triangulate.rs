@@ -28,7 +28,7 @@ pub(crate) fn triangulate(observations: &[(Projection, Vector2<f64>)]) -> Option
     }
     let mut point = Vector3::zeros();
     for round in 0..ROUNDS {
-        let mut qr = StreamingQr::new();
+        let mut all_rows = Vec::with_capacity(2 * observations.len());
         for (projection, pixel) in observations {
             let (m, moved) = (projection.m(), projection.matrix() * origin.to_homogeneous());
             let depth = if round == 0 { m.row(2).norm() } else { (m.row(2) * point)[0] + moved.z };
@@ -39,7 +39,11 @@ pub(crate) fn triangulate(observations: &[(Projection, Vector2<f64>)]) -> Option
                 }
                 row[3] = (moved[i] - pixel[i] * moved.z) / depth;
             }
-            qr.push_rows(&mut rows);
+            all_rows.extend(rows);
+        }
+        let mut qr = StreamingQr::new();
+        for rows in all_rows.chunks_mut(40) {
+            qr.push_rows(rows);
         }
         let r = qr.r();
         // Parallel rays: the last pivot is the spread of their directions.

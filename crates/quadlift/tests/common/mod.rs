@@ -1,5 +1,6 @@
 //! Test scenes for the closed forms, and the dense solution that they are compared with.
-#![allow(dead_code)] // every test program uses a part of it
+// Every test program uses a part of it; the benchmarks, which use it too, are not test code to clippy.
+#![allow(dead_code, clippy::unwrap_used)]
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
 use quadlift::geometry::{
