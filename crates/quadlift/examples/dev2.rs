@@ -14,11 +14,17 @@ fn main() {
             for e in 0..4 {
                 let pl = edge_plane(v.projection.matrix(), &v.bounding_box.unwrap(), e);
                 let n = pl.xyz();
-                let r = (n.dot(&t.center.coords) + pl.w - t.support(&n)) / v.projection.depth(&t.center) ;
+                let r = (n.dot(&t.center.coords) + pl.w - t.support(&n)) / v.projection.depth(&t.center);
                 w = w.max(r.abs());
             }
         }
         let q = planes(&o.views).unwrap().to_ellipsoid().unwrap();
-        println!("{i} worst px {w:.3e} iou {} center err {:.3e} axes err {:.3e} shape err {:.3e}", iou3d_ellipsoids(&q, &t), (q.center - t.center).norm(), (q.semi_axes-t.semi_axes).norm(), (q.shape()-t.shape()).norm());
+        println!(
+            "{i} worst px {w:.3e} iou {} center err {:.3e} axes err {:.3e} shape err {:.3e}",
+            iou3d_ellipsoids(&q, &t),
+            (q.center - t.center).norm(),
+            (q.semi_axes - t.semi_axes).norm(),
+            (q.shape() - t.shape()).norm()
+        );
     }
 }

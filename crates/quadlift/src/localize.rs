@@ -141,12 +141,12 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
 fn check(options: &Options) -> Result<(), LocalizeError> {
     let map = &options.map;
     let refuse = |text: String| Err(LocalizeError::Option(text));
-    if let BodyKind::Superellipsoid(q) = map.body {
-        if !(1.0..=2.0).contains(&q) {
-            return refuse(format!(
-                "the support exponent of a superellipsoid is {q}; expected 1 (cuboid) to 2 (ellipsoid)"
-            ));
-        }
+    if let BodyKind::Superellipsoid(q) = map.body
+        && !(1.0..=2.0).contains(&q)
+    {
+        return refuse(format!(
+            "the support exponent of a superellipsoid is {q}; expected 1 (cuboid) to 2 (ellipsoid)"
+        ));
     }
     if options.method != Method::Map && map.body != BodyKind::Ellipsoid {
         return refuse("only the method map fits bodies other than ellipsoids".to_owned());

@@ -5,12 +5,18 @@ use super::lfd::lfd;
 use super::options::{Method, RegOptions};
 use super::pfd::{ClosedFormError, pfd};
 use super::planes::planes;
+use super::reg::reg;
 use super::report::{describe, describe_center};
 use crate::geometry::{Body, Ellipse, Ellipsoid, EllipsoidError, Projection};
 use crate::scene::ObjectViews;
 
 /// Solves for one object with [`Method::Planes`], [`Method::Lfd`], [`Method::Pfd`] or [`Method::Reg`].
-pub fn solve_closed_form(object: &ObjectViews, method: Method, _reg: &RegOptions, enclosing_quantile: f64) -> Estimate {
+pub fn solve_closed_form(
+    object: &ObjectViews,
+    method: Method,
+    options: &RegOptions,
+    enclosing_quantile: f64,
+) -> Estimate {
     let blank = |status| Estimate::failed(object.object_index, object.category_index, status);
     if object.views.len() < method.fewest_views() {
         return blank(Status::TooFewViews);
@@ -25,7 +31,7 @@ pub fn solve_closed_form(object: &ObjectViews, method: Method, _reg: &RegOptions
         Method::Planes | Method::Map => planes(&object.views).map(|solution| solution.to_ellipsoid()),
         Method::Lfd => lfd(&observations).map(|solution| solution.to_ellipsoid()).map_err(status),
         Method::Pfd => pfd(&observations).map(|solution| solution.dual_quadric.to_ellipsoid()).map_err(status),
-        Method::Reg => Err(Status::Degenerate),
+        Method::Reg => reg(&observations, options).map(|solution| solution.dual_quadric.to_ellipsoid()).map_err(status),
     };
     match solution {
         Ok(Ok(ellipsoid)) => {

@@ -9,6 +9,7 @@ pub mod map;
 mod options;
 mod pfd;
 pub mod planes;
+mod reg;
 mod report;
 mod singular;
 mod streaming_qr;
@@ -19,3 +20,4 @@ pub use estimate::{Covariance, CovarianceCoordinates, Estimate, Matrix9, Status,
 pub use lfd::{ConditionedSolution, lfd, lfd_from};
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, RegOptions, SizePrior};
 pub use pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
+pub use reg::{RegSolution, reg};

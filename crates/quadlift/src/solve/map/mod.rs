@@ -122,7 +122,7 @@ fn solve<B: BodyModel + FirstFit>(
             Prepared::new(views_of(index), context)
                 .and_then(|prepared| prepared.first_fit::<B>(&noise, context))
                 .map_or_else(
-                    |failed| failed,
+                    |failed| *failed,
                     |fit| fit.reconsidered(&noise, 0, context).refined(&noise, true).estimate(&noise, context),
                 )
         };

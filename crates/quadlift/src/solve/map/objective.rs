@@ -96,10 +96,10 @@ impl Objective<'_> {
         if self.prior.shape_weight > 0.0 {
             body.add_shape_prior(self.prior.shape_weight, equations);
         }
-        if let Some(up) = &self.prior.up {
-            if self.prior.upright_weight > 0.0 {
-                body.add_upright_prior(up, self.prior.upright_weight, equations);
-            }
+        if let Some(up) = &self.prior.up
+            && self.prior.upright_weight > 0.0
+        {
+            body.add_upright_prior(up, self.prior.upright_weight, equations);
         }
         if let Some(log_size) = &self.prior.log_size {
             let gradients = body.log_axes_gradient();
