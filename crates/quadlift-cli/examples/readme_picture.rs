@@ -153,6 +153,6 @@ fn main() -> Result<()> {
         )?;
     }
     svg += "</svg>\n";
-    write_file(&output, |out| out.write_all(svg.as_bytes()))?;
+    write_file(output, |out| out.write_all(svg.as_bytes()))?;
     Ok(())
 }

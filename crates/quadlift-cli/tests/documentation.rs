@@ -1,7 +1,7 @@
 //! The README and the manual are true: their files and commands work in the order in which they are shown, the table of
 //! built-in priors is that of the program, and links between pages lead somewhere.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 mod common;
 
