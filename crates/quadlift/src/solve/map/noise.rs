@@ -22,6 +22,19 @@ pub(super) enum NoiseGroup {
     EllipseAngle,
 }
 
+impl NoiseGroup {
+    /// All groups, in the order of their indices.
+    pub(super) const ALL: [Self; GROUPS] = [
+        Self::BoxCenter,
+        Self::BoxSize,
+        Self::Edge,
+        Self::EllipseCenter,
+        Self::EllipseSize,
+        Self::EllipseAspect,
+        Self::EllipseAngle,
+    ];
+}
+
 /// Number of noise groups.
 const GROUPS: usize = 7;
 
@@ -35,9 +48,12 @@ const DEFAULT_EDGE: f64 = 0.1;
 /// Smallest standard deviation: larger ones cost accuracy on exact data, smaller ones stability.
 const FLOOR: f64 = 5e-4;
 
-/// Degrees of freedom up to which the default fills in for missing data: a few objects in a few views do not tell the
-/// noise of a group well enough to be believed alone.
-const ENOUGH_DATA: f64 = 100.0;
+/// Degrees of freedom up to which the default fills in for missing data.
+const ENOUGH_DATA: f64 = 16.0;
+
+/// Views of an object up to which the default fills in for missing ones: in a few views a body that is not quite of the
+/// right kind follows the measurements, and they look better than they are.
+const ENOUGH_VIEWS: f64 = 10.0;
 
 /// A standard deviation for each group.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +85,7 @@ impl NoiseLevels {
         Self(std::array::from_fn(|g| {
             let (squares, freedom) = (statistics.squares[g], statistics.freedom[g].max(0.0));
             let variance = self.0[g] * self.0[g];
-            let missing = (ENOUGH_DATA - freedom).max(0.0);
+            let missing = (ENOUGH_DATA - freedom).max(statistics.missing[g]);
             let updated = (squares * variance + missing * defaults.0[g] * defaults.0[g]) / (freedom + missing);
             updated.sqrt().max(FLOOR)
         }))
@@ -94,6 +110,7 @@ impl NoiseLevels {
 pub(super) struct NoiseStatistics {
     squares: [f64; GROUPS],
     freedom: [f64; GROUPS],
+    missing: [f64; GROUPS],
 }
 
 impl NoiseStatistics {
@@ -103,11 +120,19 @@ impl NoiseStatistics {
         self.freedom[group as usize] += weight - leverage;
     }
 
+    /// Notes that an object was seen in so many views only, each with `count` residuals of a group in all.
+    pub(super) fn add_views(&mut self, group: NoiseGroup, count: usize, views: usize) {
+        if views > 0 {
+            self.missing[group as usize] += count as f64 * (ENOUGH_VIEWS / views as f64 - 1.0).max(0.0);
+        }
+    }
+
     /// Adds another object's statistics.
     pub(super) fn merge(&mut self, other: &Self) {
         for g in 0..GROUPS {
             self.squares[g] += other.squares[g];
             self.freedom[g] += other.freedom[g];
+            self.missing[g] += other.missing[g];
         }
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::body_model::BodyModel;
 use super::measurements::{Measurements, Plane};
-use super::noise::{NoiseLevels, NoiseStatistics};
+use super::noise::{NoiseGroup, NoiseLevels, NoiseStatistics};
 use super::normal_equations::{NormalEquations, PARAMETERS, Row};
 use super::rows::{ResidualRow, view_rows};
 use crate::geometry::linalg::invert_spd;
@@ -80,14 +80,20 @@ impl Objective<'_> {
         let mut statistics = NoiseStatistics::default();
         let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
         let mut rows = Vec::with_capacity(16);
-        for view in 0..self.measurements.views.len() {
+        let mut counts = [0; NoiseGroup::ALL.len()];
+        let views = self.measurements.views.len();
+        for view in 0..views {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let weight = if self.robust { geman_mcclure(squared_norm(&rows)).1 } else { 1.0 };
             for row in &rows {
                 let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
                 let leverage = weight * gradient.dot(&(covariance * gradient));
                 statistics.add(row.group, row.residual, weight, leverage);
+                counts[row.group as usize] += 1;
             }
+        }
+        for group in NoiseGroup::ALL {
+            statistics.add_views(group, counts[group as usize], views);
         }
         statistics
     }
