@@ -1,6 +1,8 @@
 //! The accuracy that the library promises on synthetic scenes: means over 6 scenes of 50 objects and 20 views, one
 //! setting for all of them. The caller never says which noise there is.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 use nalgebra::{SVector, Vector3};
 use quadlift::geometry::{Body, Ellipsoid, vech3};
 use quadlift::metrics::{iou3d_bodies, iou3d_ellipsoids, nees};

@@ -18,6 +18,8 @@ pub struct View {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// Which edges of the box (left, top, right, bottom) another detection of the frame probably hides.
+    pub hidden_edges: [bool; 4],
 }
 
 impl View {
@@ -48,6 +50,7 @@ impl Scene {
             image_size: frame.image_size,
             bounding_box: detection.bounding_box,
             ellipse: detection.ellipse,
+            hidden_edges: [false; 4],
         }
     }
 

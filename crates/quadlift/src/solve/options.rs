@@ -92,6 +92,16 @@ pub struct MapOptions {
     /// Share of the image's larger side within which a box edge counts as cut off by the border, and tells only
     /// that the object reaches at least so far.
     pub border_margin: f64,
+    /// Mean half size of a box, in pixels, at which the part of the edge noise that is constant in pixels equals the
+    /// part that is proportional to the size; 0 for noise proportional to the size throughout.
+    pub pixel_noise_size: f64,
+    /// Whether single edges that do not fit count less (a heavy-tailed loss per edge).
+    pub heavy_tails: bool,
+    /// Whether the correlation of an edge's errors from view to view is estimated, so that many views that err alike
+    /// do not count as many.
+    pub correlated_views: bool,
+    /// Noise of a box edge that another box probably hides, relative to other edges; 1 to ignore hiding.
+    pub hidden_edge_noise: f64,
 }
 
 impl Default for MapOptions {
@@ -103,6 +113,10 @@ impl Default for MapOptions {
             enclosing_quantile: 0.85,
             robust: true,
             border_margin: 0.025,
+            pixel_noise_size: 67.0,
+            heavy_tails: true,
+            correlated_views: true,
+            hidden_edge_noise: 2.0,
         }
     }
 }

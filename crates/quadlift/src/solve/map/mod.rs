@@ -89,7 +89,7 @@ fn solve<B: BodyModel + FirstFit>(
 ) -> MapSolution {
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
-    let mut noise = NoiseLevels::default();
+    let mut noise = NoiseLevels::new(context.options.pixel_noise_size);
     let mut fits: Vec<Result<Fit<B>, Box<Estimate>>> =
         map_indices(sample.len(), |k| Prepared::new(views_of(sample[k]), context)?.first_fit(&noise, context));
     let mut statistics = NoiseStatistics::default();
@@ -97,7 +97,7 @@ fn solve<B: BodyModel + FirstFit>(
         statistics = NoiseStatistics::default();
         // Summed in the order of the objects, so that the result does not depend on the number of threads.
         for fit in fits.iter().flatten() {
-            statistics.merge(&fit.statistics(&noise));
+            statistics.merge(&fit.statistics(&noise, context));
         }
         let updated = noise.updated(&statistics);
         let settled = updated.change(&noise, &statistics) < SETTLED;
