@@ -36,7 +36,7 @@ pub struct ObjectViews {
     pub object_index: usize,
     /// Index into [`Scene::categories`]: the category of most of its detections, the first of equals.
     pub category_index: Option<usize>,
-    /// The views, in the order of the detections.
+    /// The views, in the order in which their detections were given.
     pub views: Vec<View>,
 }
 

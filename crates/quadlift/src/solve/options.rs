@@ -100,6 +100,11 @@ pub struct MapOptions {
     /// Whether the correlation of an edge's errors from view to view is estimated, so that many views that err alike
     /// do not count as many.
     pub correlated_views: bool,
+    /// Whether all objects stand on a common ground plane, which is estimated; otherwise those whose category's prior
+    /// says so do. Needs the scene's `up`.
+    pub ground_plane: bool,
+    /// Height of the cameras above the ground plane in world units, where it is known.
+    pub camera_height: Option<f64>,
     /// Noise of a box edge that another box probably hides, relative to other edges; 1 to ignore hiding.
     pub hidden_edge_noise: f64,
 }
@@ -116,6 +121,8 @@ impl Default for MapOptions {
             pixel_noise_size: 67.0,
             heavy_tails: true,
             correlated_views: true,
+            ground_plane: false,
+            camera_height: None,
             hidden_edge_noise: 2.0,
         }
     }

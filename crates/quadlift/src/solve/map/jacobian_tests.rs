@@ -82,8 +82,15 @@ fn check_rows_in_form<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) {
 fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
     let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, &MapOptions::default());
     let noise = NoiseLevels::new(67.0);
-    let objective =
-        Objective { measurements: &m, prior, noise: &noise, heavy_tails: false, outlier_scale: None, smooth: false };
+    let objective = Objective {
+        measurements: &m,
+        prior,
+        ground: Some((Plane { n: Vector3::y(), d: 0.7 }, 5.0)),
+        noise: &noise,
+        heavy_tails: false,
+        outlier_scale: None,
+        smooth: false,
+    };
     let here = objective.linearise(body).unwrap();
     for k in 0..9 {
         let mut step = SVector::<f64, 9>::zeros();
@@ -101,7 +108,7 @@ fn prior(up: Vector3<f64>) -> ObjectPrior {
         log_size: Some([(0.3, 9.0), (-0.2, 7.0), (0.1, 11.0)]),
         up: Some(up.normalize()),
         upright_weight: 20.0,
-        ground: Some((Plane { n: up.normalize(), d: 0.7 }, 5.0)),
+        on_ground: true,
         axes_are_named: true,
     }
 }
@@ -163,6 +170,7 @@ fn the_size_prior_of_an_ellipsoid_names_its_axes_by_up_and_length() {
     let objective = Objective {
         measurements: &m,
         prior: &prior,
+        ground: None,
         noise: &noise,
         heavy_tails: false,
         outlier_scale: None,

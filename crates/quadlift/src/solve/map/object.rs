@@ -12,13 +12,15 @@ use super::super::report::describe;
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
 use super::covariance;
+use super::ground::{GroundPlane, LowestPoint};
 use super::levenberg_marquardt::{Stop, minimise};
-use super::measurements::Measurements;
+use super::measurements::{Measurements, Plane};
 use super::noise::{NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
-use super::objective::{OUTLIER_SCALE, ObjectPrior, Objective, outlier_scale};
+use super::objective::{OUTLIER_SCALE, ObjectPrior, Objective, lowest_point, outlier_scale};
 use super::robust::fit_without_outliers;
 use super::starts::{ellipsoid_from_quadric, oriented_starts, unit_sphere};
+use crate::geometry::linalg::invert_spd;
 use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
 use crate::scene::{ObjectViews, View};
 
@@ -58,6 +60,8 @@ pub(super) struct Fit<B> {
     equations: NormalEquations,
     /// Set where the views hold outliers.
     outlier_scale: Option<f64>,
+    /// The ground plane in the object's frame, where the object stands on it.
+    ground: Option<(Plane, f64)>,
 }
 
 impl Prepared {
@@ -84,7 +88,7 @@ impl Prepared {
         let seed = self.seed(context);
         let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
         let (body, equations) = B::from_ellipsoid(&self, &ellipsoid, noise, None, context, seed).ok_or(failed)?;
-        let fit = Fit { prepared: Arc::new(self), ellipsoid, body, equations, outlier_scale: None };
+        let fit = Fit { prepared: Arc::new(self), ellipsoid, body, equations, outlier_scale: None, ground: None };
         Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
     }
 
@@ -96,6 +100,7 @@ impl Prepared {
         Objective {
             measurements: &self.measurements,
             prior: &self.prior,
+            ground: None,
             noise,
             heavy_tails: self.heavy_tails,
             outlier_scale,
@@ -214,9 +219,50 @@ impl FirstFit for OrientedModel {
 }
 
 impl<B: FirstFit> Fit<B> {
+    fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
+        Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
+    }
+
+    /// The lowest point of the body against `up`, for the ground plane; `None` where it does not stand on it.
+    pub(super) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
+        let Prepared { views, measurements, prior, .. } = &*self.prepared;
+        if !prior.on_ground {
+            return None;
+        }
+        let frame = &measurements.frame;
+        let level = Plane { n: up.into_inner(), d: 0.0 };
+        let (reach, _) = self.body.support_gradient(&level.n);
+        // What the object knows without the plane: its row is taken out of the inverse again (Sherman-Morrison).
+        let covariance = invert_spd(&self.equations.hessian())?;
+        let variance_along = |plane: &Plane| {
+            let row = nalgebra::SVector::from(lowest_point(plane, &self.body).1);
+            (row.transpose() * covariance * row)[0]
+        };
+        let with = variance_along(&level);
+        let told = self.ground.map_or(0.0, |(_, weight)| weight * weight * with);
+        let variance = with / (1.0 - told).max(1e-3);
+        let point = frame.point_in_world(&(self.body.center() - level.n * reach));
+        let nearest = views.views.iter().filter_map(|view| Some((view.projection.center_in_world()? - point).norm()));
+        Some(LowestPoint {
+            point,
+            variance: variance * frame.unit * frame.unit,
+            height: 2.0 * reach * frame.unit,
+            distance: nearest.fold(f64::INFINITY, f64::min),
+        })
+    }
+
+    /// Puts the body on the ground plane.
+    pub(super) fn stand_on(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
+        self.ground = self.lowest_point(up).map(|lowest| {
+            let frame = &self.prepared.measurements.frame;
+            let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
+            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / lowest.unevenness())
+        });
+    }
+
     /// Residual statistics under the noise levels of the last fit.
     pub(super) fn statistics(&self, noise: &NoiseLevels, context: &MapContext) -> NoiseStatistics {
-        let objective = self.prepared.objective(noise, self.outlier_scale);
+        let objective = self.objective(noise, self.outlier_scale);
         objective.statistics(&self.body, &self.equations, context.options.correlated_views)
     }
 
@@ -228,7 +274,14 @@ impl<B: FirstFit> Fit<B> {
         let seed = prepared.seed(context);
         let ellipsoid = fit_without_outliers(&objective, &self.body, &tangents, seed)?;
         let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, Some(OUTLIER_SCALE), context, seed)?;
-        Some(Self { prepared: prepared.clone(), ellipsoid, body, equations, outlier_scale: Some(OUTLIER_SCALE) })
+        Some(Self {
+            prepared: prepared.clone(),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale: Some(OUTLIER_SCALE),
+            ground: self.ground,
+        })
     }
 
     /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and
@@ -238,7 +291,11 @@ impl<B: FirstFit> Fit<B> {
         if B::SEVERAL_STARTS {
             // Other random rotations than before.
             let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
-            let again = |scale| B::from_ellipsoid(&self.prepared, &self.ellipsoid, noise, scale, context, seed);
+            let again = |scale| {
+                let (body, _) = B::from_ellipsoid(&self.prepared, &self.ellipsoid, noise, scale, context, seed)?;
+                let objective = self.objective(noise, scale);
+                minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
+            };
             if let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost) {
                 (fit.body, fit.equations) = (body, equations);
             }
@@ -261,7 +318,7 @@ impl<B: FirstFit> Fit<B> {
     /// The fit under new noise levels; the old one where that fails.
     pub(super) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
-        let plain = self.prepared.objective(noise, None);
+        let plain = self.objective(noise, None);
         let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
         let objective = Objective { outlier_scale: scale, ..plain };
         match minimise(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
@@ -301,7 +358,9 @@ fn object_prior(views: &ObjectViews, frame: &ObjectFrame, context: &MapContext) 
     let mut prior = ObjectPrior { shape_weight: 1.0 / context.options.shape_sd, ..Default::default() };
     prior.axes_are_named = context.options.body != BodyKind::Ellipsoid;
     let name = views.category_index.map_or("", |index| context.categories[index].as_str());
+    prior.on_ground = context.options.ground_plane && context.up.is_some();
     let Some(category) = context.options.priors.of(name) else { return prior };
+    prior.on_ground |= category.on_ground && context.up.is_some();
     if let (Some(up), Some(sd)) = (context.up, category.upright_sd) {
         prior.up = Some(up.into_inner());
         prior.upright_weight = 1.0 / sd;

@@ -41,8 +41,8 @@ pub(super) struct ObjectPrior {
     pub up: Option<Vector3<f64>>,
     /// 1/sd of the angle between an axis and `up`.
     pub upright_weight: f64,
-    /// The plane on which the object stands (positive above) and 1/sd of the distance, lengths in object units.
-    pub ground: Option<(Plane, f64)>,
+    /// Whether the object stands on the ground plane.
+    pub on_ground: bool,
     /// The axes of the body model are length, width and height, in this order (set for oriented bodies).
     pub axes_are_named: bool,
 }
@@ -52,6 +52,8 @@ pub(super) struct ObjectPrior {
 pub(super) struct Objective<'a> {
     pub measurements: &'a Measurements,
     pub prior: &'a ObjectPrior,
+    /// The plane on which the object stands (positive above) and 1/sd of the distance, lengths in object units.
+    pub ground: Option<(Plane, f64)>,
     pub noise: &'a NoiseLevels,
     /// Whether single edges may be wrong.
     pub heavy_tails: bool,
@@ -191,16 +193,9 @@ impl Objective<'_> {
                 equations.add_quadratic(weight * (semi_axes[axis].ln() - mean), &row);
             }
         }
-        if let Some((plane, weight)) = &self.prior.ground {
-            let (h, slope) = body.support_gradient(&plane.n);
-            let mut row = [0.0; PARAMETERS];
-            for k in 0..3 {
-                row[k] = weight * plane.n[k];
-            }
-            for k in 0..6 {
-                row[3 + k] = -weight * slope[k];
-            }
-            equations.add_quadratic(weight * (plane.n.dot(body.center()) + plane.d - h), &row);
+        if let Some((plane, weight)) = &self.ground {
+            let (height, row) = lowest_point(plane, body);
+            equations.add_quadratic(weight * height, &row.map(|x| x * weight));
         }
     }
 
@@ -235,4 +230,11 @@ impl Objective<'_> {
         }
         names
     }
+}
+
+/// Height of a body's lowest point above a plane, with its derivatives.
+pub(super) fn lowest_point(plane: &Plane, body: &impl BodyModel) -> (f64, Row) {
+    let (h, slope) = body.support_gradient(&plane.n);
+    let row = std::array::from_fn(|k| if k < 3 { plane.n[k] } else { -slope[k - 3] });
+    (plane.n.dot(body.center()) + plane.d - h, row)
 }
