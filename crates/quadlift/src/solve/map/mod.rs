@@ -1,12 +1,12 @@
 //! Maximum a posteriori refinement: the default estimator (E5, ours).
 //!
 //! All objects of a scene are solved together, because they share the noise levels: each kind of measurement error has
-//! a standard deviation that is estimated from the residuals of the whole scene ([`noise`]). One object's problem is
-//! small: nine parameters, minimised by Levenberg-Marquardt ([`levenberg_marquardt`]) over residuals of tangent planes
-//! and ellipses ([`rows`], [`ellipse_residual`]) and priors ([`objective`]).
+//! a standard deviation that is estimated from the residuals of the whole scene (`noise`). One object's problem is
+//! small: nine parameters, minimised by Levenberg-Marquardt (`levenberg_marquardt`) over residuals of tangent planes
+//! and ellipses (`rows`, `ellipse_residual`) and priors (`objective`).
 //!
 //! Rounds: fit every object from its starts with default noise; look for outliers where the residuals show some
-//! ([`robust`]); then alternate between new noise levels and refits until the levels stand.
+//! (`robust`); then alternate between new noise levels and refits until the levels stand.
 
 mod body_model;
 mod covariance;
