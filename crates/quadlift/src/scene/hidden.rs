@@ -9,6 +9,10 @@ const REACH_PX: f64 = 5.0;
 /// A box reaches lower by more than this many pixels.
 const LOWER_PX: f64 = 1.0;
 
+/// In frames with more boxes than this nothing is looked for: every pair is compared, and where so many boxes crowd, all
+/// of them overlap.
+const MOST_BOXES: usize = 1000;
+
 /// Share of the hidden box's height over which the two must overlap.
 const OVERLAP: f64 = 0.3;
 
@@ -24,7 +28,7 @@ impl Scene {
             }
         }
         let mut hidden = vec![[false; 4]; self.detections.len()];
-        for boxes in &mut by_frame {
+        for boxes in by_frame.iter_mut().filter(|boxes| boxes.len() <= MOST_BOXES) {
             // From the lowest to the highest bottom edge in space, so that a box is hidden by earlier ones only.
             boxes.sort_by(|(_, a), (_, b)| b.y1.total_cmp(&a.y1));
             for (k, (index, far)) in boxes.iter().enumerate() {

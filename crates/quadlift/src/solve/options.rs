@@ -105,8 +105,8 @@ pub struct MapOptions {
     pub ground_plane: bool,
     /// Height of the cameras above the ground plane in world units, where it is known.
     pub camera_height: Option<f64>,
-    /// Noise of a box edge that another box probably hides, relative to other edges; 1 to ignore hiding.
-    pub hidden_edge_noise: f64,
+    /// Whether box edges that another box probably hides have a noise level of their own.
+    pub hidden_edges: bool,
 }
 
 impl Default for MapOptions {
@@ -123,7 +123,7 @@ impl Default for MapOptions {
             correlated_views: true,
             ground_plane: false,
             camera_height: None,
-            hidden_edge_noise: 2.0,
+            hidden_edges: true,
         }
     }
 }

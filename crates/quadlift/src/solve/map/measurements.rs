@@ -9,6 +9,7 @@ use super::super::conditioning::ObjectFrame;
 use super::super::options::MapOptions;
 use super::super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border};
 use super::ellipse_residual::EllipseMeasurement;
+use super::noise::NoiseGroup;
 use crate::geometry::Ellipse;
 use crate::scene::View;
 
@@ -32,8 +33,8 @@ pub(super) struct Edge {
     pub plane: Plane,
     /// At the image border the object is cut off: the edge tells only that the body reaches at least so far.
     pub one_sided: bool,
-    /// Its noise relative to that of the view's other edges.
-    pub noise: f64,
+    /// Whether another box probably hides it.
+    pub group: NoiseGroup,
 }
 
 /// What one view measured.
@@ -92,8 +93,9 @@ impl Measurements {
                 let cut = edges_at_border(bounding_box, view.image_size, margin);
                 for edge in [0, 2, 1, 3] {
                     let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
-                    let noise = if view.hidden_edges[edge] { options.hidden_edge_noise } else { 1.0 };
-                    self.edges.push(Edge { plane, one_sided: cut[edge], noise });
+                    let hidden = view.hidden_edges[edge];
+                    let group = if hidden { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
+                    self.edges.push(Edge { plane, one_sided: cut[edge], group });
                 }
             }
             (None, None) => {}
@@ -118,7 +120,7 @@ impl Measurements {
             for normal in [Vector2::new(-cos, -sin), Vector2::new(cos, sin)] {
                 let line = Vector3::from(ellipse.tangent_line(&normal));
                 let plane = Plane::new(-(p.transpose() * line) / half_size);
-                self.edges.push(Edge { plane, one_sided: false, noise: 1.0 });
+                self.edges.push(Edge { plane, one_sided: false, group: NoiseGroup::Edge });
             }
         }
     }

@@ -9,6 +9,8 @@ pub(super) enum NoiseGroup {
     /// Edge of a box, or another tangent line, relative to the half size (for boxes of a certain size, see
     /// [`super::measurements`]).
     Edge,
+    /// Edge of a box that another box probably hides.
+    HiddenEdge,
     /// Centre of an ellipse, relative to its mean semi-axis.
     EllipseCenter,
     /// Logarithm of the mean semi-axis of an ellipse.
@@ -22,18 +24,24 @@ pub(super) enum NoiseGroup {
 impl NoiseGroup {
     /// All groups, in the order of their indices.
     pub(super) const ALL: [Self; GROUPS] =
-        [Self::Edge, Self::EllipseCenter, Self::EllipseSize, Self::EllipseAspect, Self::EllipseAngle];
+        [Self::Edge, Self::HiddenEdge, Self::EllipseCenter, Self::EllipseSize, Self::EllipseAspect, Self::EllipseAngle];
+
+    /// Whether it is an edge, hidden or not.
+    #[inline]
+    pub(super) fn is_edge(self) -> bool {
+        matches!(self, Self::Edge | Self::HiddenEdge)
+    }
 }
 
 /// Number of noise groups.
-const GROUPS: usize = 5;
+const GROUPS: usize = 6;
 
 /// Names for reports, in the order of the groups.
-pub(super) const GROUP_NAMES: [&str; GROUPS] =
-    ["edge", "ellipse_center", "ellipse_size", "ellipse_aspect", "ellipse_angle"];
+const GROUP_NAMES: [&str; GROUPS] =
+    ["edge_relative", "hidden_edge_relative", "ellipse_center", "ellipse_size", "ellipse_aspect", "ellipse_angle"];
 
 /// Where the estimation starts, and what few data are drawn towards.
-const DEFAULT: f64 = 0.1;
+const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1];
 
 /// Largest correlation between views that is believed.
 const LARGEST_CORRELATION: f64 = 0.9;
@@ -63,7 +71,7 @@ pub(super) struct NoiseLevels {
 impl NoiseLevels {
     /// The levels before anything is known.
     pub(super) fn new(pixel_size: f64) -> Self {
-        Self { sd: [DEFAULT; GROUPS], correlation: 0.0, pixel_size }
+        Self { sd: DEFAULTS, correlation: 0.0, pixel_size }
     }
 
     /// How the noise of an edge, relative to the half size of its box, depends on that size: a detector errs by pixels
@@ -97,7 +105,8 @@ impl NoiseLevels {
         let sd: [f64; GROUPS] = std::array::from_fn(|g| {
             let (squares, freedom) = (statistics.squares[g], statistics.freedom[g].max(0.0));
             let missing = (ENOUGH_DATA - freedom).max(statistics.missing[g]);
-            let updated = (squares * self.sd[g] * self.sd[g] + missing * DEFAULT * DEFAULT) / (freedom + missing);
+            let updated =
+                (squares * self.sd[g] * self.sd[g] + missing * DEFAULTS[g] * DEFAULTS[g]) / (freedom + missing);
             updated.sqrt().max(FLOOR)
         });
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
@@ -120,15 +129,14 @@ impl NoiseLevels {
     /// reported as both, relative to the half size and in pixels.
     pub(super) fn report(&self, statistics: &NoiseStatistics) -> Vec<(&'static str, f64)> {
         let mut report = Vec::new();
-        if statistics.freedom[NoiseGroup::Edge as usize] > 0.0 {
-            let part = self.of(NoiseGroup::Edge) * std::f64::consts::FRAC_1_SQRT_2;
-            report.push(("edge_relative", part));
-            report.push(("edge_px", part * self.pixel_size));
-            report.push(("edge_correlation", self.correlation));
-        }
-        let ellipses = NoiseGroup::ALL.iter().zip(GROUP_NAMES).filter(|(group, _)| **group != NoiseGroup::Edge);
-        for (group, name) in ellipses.filter(|(group, _)| statistics.freedom[**group as usize] > 0.0) {
-            report.push((name, self.of(*group)));
+        let with_data = |group: &&NoiseGroup| statistics.freedom[**group as usize] > 0.0;
+        for &group in NoiseGroup::ALL.iter().filter(with_data) {
+            let part = if group.is_edge() { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 };
+            report.push((GROUP_NAMES[group as usize], self.of(group) * part));
+            if group == NoiseGroup::Edge {
+                report.push(("edge_px", self.of(group) * part * self.pixel_size));
+                report.push(("edge_correlation", self.correlation));
+            }
         }
         report
     }
@@ -191,7 +199,7 @@ mod tests {
         let updated = NoiseLevels::new(67.0).updated(&statistics);
         let expected = (0.1f64 * 0.1 * 250.0 / 900.0).sqrt();
         assert!((updated.of(NoiseGroup::EllipseSize) - expected).abs() < 1e-12);
-        assert!((updated.of(NoiseGroup::Edge) - DEFAULT).abs() < 1e-12);
+        assert!((updated.of(NoiseGroup::Edge) - 0.1).abs() < 1e-12);
         assert_eq!(updated.report(&statistics).len(), 1);
     }
 

@@ -85,7 +85,7 @@ impl Objective<'_> {
     #[inline]
     fn view_loss(&self, rows: &[ResidualRow], edge_weight: f64) -> (f64, f64) {
         let costs = |weight: f64| -> f64 {
-            rows.iter().map(|row| self.row_cost(row) * if row.group == NoiseGroup::Edge { weight } else { 1.0 }).sum()
+            rows.iter().map(|row| self.row_cost(row) * if row.group.is_edge() { weight } else { 1.0 }).sum()
         };
         let Some(scale) = self.outlier_scale else { return (costs(edge_weight), 1.0) };
         // Whether a view is an outlier does not depend on how many others there are.
@@ -101,20 +101,16 @@ impl Objective<'_> {
     #[inline]
     fn row_cost(&self, row: &ResidualRow) -> f64 {
         let squared = row.residual * row.residual;
-        if self.heavy_tails && row.group == NoiseGroup::Edge {
-            (TAILS + 1.0) * (squared / TAILS).ln_1p()
-        } else {
-            squared
-        }
+        if self.heavy_tails && row.group.is_edge() { (TAILS + 1.0) * (squared / TAILS).ln_1p() } else { squared }
     }
 
     #[inline]
     fn row_weight(&self, row: &ResidualRow, edge_weight: f64) -> f64 {
-        match row.group {
-            NoiseGroup::Edge if self.heavy_tails => edge_weight * (TAILS + 1.0) / (TAILS + row.residual * row.residual),
-            NoiseGroup::Edge => edge_weight,
-            _ => 1.0,
+        if !row.group.is_edge() {
+            return 1.0;
         }
+        let tails = if self.heavy_tails { (TAILS + 1.0) / (TAILS + row.residual * row.residual) } else { 1.0 };
+        edge_weight * tails
     }
 
     /// Squared norm of each view's whitened residuals.
@@ -149,14 +145,14 @@ impl Objective<'_> {
             for row in rows.iter().filter(|row| row.residual != 0.0) {
                 let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
                 let weight = view_weight * self.row_weight(row, 1.0);
-                let shared = if row.group == NoiseGroup::Edge { edge_weight } else { 1.0 };
+                let shared = if row.group.is_edge() { edge_weight } else { 1.0 };
                 let leverage = weight * shared * gradient.dot(&(covariance * gradient));
                 // The scale of Student's t distribution by maximum likelihood: weighted squares over the number.
                 statistics.add(row.group, row.residual, weight, view_weight - leverage);
                 counts[row.group as usize] += 1;
             }
             if correlated_views && rows.len() == before.len() {
-                for (a, b) in before.iter().zip(&rows).filter(|(a, _)| a.group == NoiseGroup::Edge) {
+                for (a, b) in before.iter().zip(&rows).filter(|(a, _)| a.group.is_edge()) {
                     // Edges that do not count are zero; wild ones would drown the others.
                     if a.residual != 0.0 && b.residual != 0.0 && a.residual.abs().max(b.residual.abs()) < WILD {
                         products += a.residual * b.residual;

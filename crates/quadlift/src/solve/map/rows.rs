@@ -52,12 +52,12 @@ pub(super) fn view_rows(
         }
         (residual, row)
     };
-    let scale = 1.0 / (noise.of(NoiseGroup::Edge) * noise.size_factor(view.half_size));
+    let inverse_size = 1.0 / noise.size_factor(view.half_size);
     for measured in &measurements.edges[view.edges.clone()] {
         let (residual, row) = edge(&measured.plane);
         // A body that reaches beyond an edge at the image border agrees with it.
         let agrees = measured.one_sided && residual <= 0.0;
-        let scale = if agrees { 0.0 } else { scale / measured.noise };
-        rows.push(ResidualRow { residual: residual * scale, row: row.map(|x| x * scale), group: NoiseGroup::Edge });
+        let scale = if agrees { 0.0 } else { inverse_size / noise.of(measured.group) };
+        rows.push(ResidualRow { residual: residual * scale, row: row.map(|x| x * scale), group: measured.group });
     }
 }
