@@ -27,6 +27,9 @@ pub(super) const CHI2_MEDIAN: f64 = 3.357;
 /// standard deviations it gives way.
 const TAILS: f64 = 9.0;
 
+/// Squared residuals below this can be multiplied with those of a whole view without overflow.
+const SMALL_ENOUGH: f64 = 1e20;
+
 /// Whitened residuals beyond this take no part in the correlation between views.
 const WILD: f64 = 4.0;
 
@@ -84,24 +87,36 @@ impl Objective<'_> {
     /// Cost of a view and the factor on the weights of its rows.
     #[inline]
     fn view_loss(&self, rows: &[ResidualRow], edge_weight: f64) -> (f64, f64) {
-        let costs = |weight: f64| -> f64 {
-            rows.iter().map(|row| self.row_cost(row) * if row.group.is_edge() { weight } else { 1.0 }).sum()
-        };
-        let Some(scale) = self.outlier_scale else { return (costs(edge_weight), 1.0) };
+        let (edges, others) = self.view_cost(rows);
+        let cost = edges * edge_weight + others;
+        let Some(scale) = self.outlier_scale else { return (cost, 1.0) };
         // Whether a view is an outlier does not depend on how many others there are.
-        let ratio = 1.0 + costs(1.0) / (scale * scale);
-        (costs(edge_weight) / ratio, 1.0 / (ratio * ratio))
+        let ratio = 1.0 + (edges + others) / (scale * scale);
+        (cost / ratio, 1.0 / (ratio * ratio))
+    }
+
+    /// Twice the negative log likelihood of a view's edges and of its other residuals, up to constants.
+    #[inline]
+    fn view_cost(&self, rows: &[ResidualRow]) -> (f64, f64) {
+        // The logarithms of Student's t distribution are taken of the product: one logarithm for a view.
+        let (mut tails, mut edges, mut others) = (1.0, 0.0, 0.0);
+        for row in rows {
+            let squared = row.residual * row.residual;
+            if !row.group.is_edge() {
+                others += squared;
+            } else if self.heavy_tails && squared < SMALL_ENOUGH {
+                tails *= 1.0 + squared / TAILS;
+            } else if self.heavy_tails {
+                edges += (TAILS + 1.0) * (squared / TAILS).ln_1p();
+            } else {
+                edges += squared;
+            }
+        }
+        (edges + if tails > 1.0 { (TAILS + 1.0) * f64::ln(tails) } else { 0.0 }, others)
     }
 
     fn edge_weight(&self) -> f64 {
         self.noise.edge_weight(self.measurements.views.len())
-    }
-
-    /// Twice the negative log likelihood of a residual, up to a constant.
-    #[inline]
-    fn row_cost(&self, row: &ResidualRow) -> f64 {
-        let squared = row.residual * row.residual;
-        if self.heavy_tails && row.group.is_edge() { (TAILS + 1.0) * (squared / TAILS).ln_1p() } else { squared }
     }
 
     #[inline]

@@ -15,16 +15,16 @@ pub(super) const FEWEST_VIEWS: usize = 5;
 
 /// A view whose squared residual is this many times the median view's makes a plain fit suspect. Gaussian residuals of
 /// four edges and 20 views exceed it in half of the objects, so it only asks for a closer look.
-const CLOSER_LOOK: f64 = 2.5;
+const CLOSER_LOOK: f64 = 4.0;
 
 /// With this ratio the view is an outlier: Gaussian residuals of four edges reach it once in 100,000 views.
 const OUTLIER: f64 = 10.0;
 
 /// Hypotheses drawn for the closer look.
-const FIRST_HYPOTHESES: usize = 16;
+const FIRST_HYPOTHESES: usize = 12;
 
 /// Squared residuals below this are exact data: their ratios say nothing.
-const SMALLEST_MEDIAN: f64 = 1e-6;
+const SMALLEST_MEDIAN: f64 = 1e-3;
 
 /// Hypotheses drawn.
 const HYPOTHESES: usize = 60;
