@@ -42,7 +42,7 @@ const NOISE_SAMPLE: usize = 2000;
 const ROUNDS: usize = 8;
 
 /// Rounds in which fits that do not agree with the scene's noise are looked at again for outliers.
-const RECONSIDERED: usize = 3;
+const RECONSIDERED: usize = 4;
 
 /// Rounds that the ground plane and the objects on it take to agree.
 const GROUND_ROUNDS: usize = 4;

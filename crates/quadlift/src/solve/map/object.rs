@@ -31,10 +31,10 @@ const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
 
 /// Between two estimates of the noise levels.
-const BETWEEN_ROUNDS: Stop = Stop { evaluations: 10, promised_decrease: 3e-2 };
+const BETWEEN_ROUNDS: Stop = Stop { evaluations: 6, promised_decrease: 0.1 };
 
 /// The end.
-const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-6 };
+const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
 
 /// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
 const SUSPECT_COST: f64 = 12.0;
@@ -270,9 +270,8 @@ impl<B: FirstFit> Fit<B> {
     fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         let prepared = &self.prepared;
         let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
-        let tangents = prepared.measurements.with_ellipses_as_planes(&prepared.views.views, context.options);
         let seed = prepared.seed(context);
-        let ellipsoid = fit_without_outliers(&objective, &self.body, &tangents, seed)?;
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, context.options, seed)?;
         let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, Some(OUTLIER_SCALE), context, seed)?;
         Some(Self {
             prepared: prepared.clone(),

@@ -3,18 +3,22 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::super::options::MapOptions;
 use super::super::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
+use super::noise::{NoiseGroup, NoiseLevels};
 use super::objective::{CHI2_MEDIAN, OUTLIER_SCALE, Objective};
+use super::rows::SMALLEST_DEPTH;
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
+use crate::scene::View;
 
 /// Fewest views of which one can be told to be an outlier.
 pub(super) const FEWEST_VIEWS: usize = 5;
 
 /// A view whose squared residual is this many times the median view's makes a plain fit suspect. Gaussian residuals of
-/// four edges and 20 views exceed it in half of the objects, so it only asks for a closer look.
+/// four edges and 20 views exceed it now and then, so it only asks for a closer look.
 const CLOSER_LOOK: f64 = 4.0;
 
 /// With this ratio the view is an outlier: Gaussian residuals of four edges reach it once in 100,000 views.
@@ -46,29 +50,31 @@ fn largest_to_median(view_costs: &[f64]) -> f64 {
 /// are some.
 ///
 /// A plain fit hides outliers, because it follows them. It is suspect when its residuals are uneven, and wrong when a
-/// fit to only three views agrees with most of the views better than it does. `tangents` holds the tangent planes of
-/// the same views (for boxes it may be the objective's own measurements).
+/// fit to only three views agrees with most of the views better than it does.
 pub(super) fn fit_without_outliers(
     objective: &Objective,
     plain: &impl BodyModel,
-    tangents: &Measurements,
+    views: &[View],
+    options: &MapOptions,
     seed: u64,
 ) -> Option<EllipsoidModel> {
-    let mut costs = objective.view_costs(plain);
-    let ratio = largest_to_median(&costs);
-    if ratio < CLOSER_LOOK {
+    if largest_to_median(&objective.view_costs(plain)) < CLOSER_LOOK {
         return None;
     }
+    // Hypotheses are judged by tangent planes, ellipses too: many of them are tried, and planes are quick.
+    let tangents = objective.measurements.with_ellipses_as_planes(views, options);
+    let mut costs = plane_costs(&tangents, plain, objective.noise);
+    let ratio = largest_to_median(&costs);
     // With h of the views consistent, the h-th smallest residual is the figure of merit (least median of squares).
-    let views = costs.len();
-    let rank = (views / 2 + 2).min(views) - 1;
+    let count = costs.len();
+    let rank = (count / 2 + 2).min(count) - 1;
     costs.sort_by(f64::total_cmp);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut hypotheses = Vec::with_capacity(2 * HYPOTHESES);
-    let mut draw = |count: usize, hypotheses: &mut Vec<(f64, EllipsoidModel)>| {
-        for _ in 0..count {
-            for body in hypothesis(tangents, &draw_three(views, &mut rng)).into_iter().flatten() {
-                let mut costs = objective.view_costs(&body);
+    let mut draw = |number: usize, hypotheses: &mut Vec<(f64, EllipsoidModel)>| {
+        for _ in 0..number {
+            for body in hypothesis(&tangents, &draw_three(count, &mut rng)).into_iter().flatten() {
+                let mut costs = plane_costs(&tangents, &body, objective.noise);
                 costs.sort_by(f64::total_cmp);
                 hypotheses.push((costs[rank], body));
             }
@@ -83,7 +89,7 @@ pub(super) fn fit_without_outliers(
     }
     draw(HYPOTHESES - FIRST_HYPOTHESES, &mut hypotheses);
     // The usual small-sample factor of the least median of squares.
-    let factor = (hypotheses.first()?.0 / CHI2_MEDIAN).sqrt() * (1.0 + 5.0 / (views as f64 - 3.0));
+    let factor = (hypotheses.first()?.0 / CHI2_MEDIAN).sqrt() * (1.0 + 5.0 / (count as f64 - 3.0));
     let noise = objective.noise.scaled(factor.clamp(0.01, 10.0));
     let distrustful = Objective { noise: &noise, outlier_scale: Some(OUTLIER_SCALE), ..*objective };
     let stop = Stop { evaluations: 30, promised_decrease: 1e-3 };
@@ -92,6 +98,22 @@ pub(super) fn fit_without_outliers(
         .filter_map(|(_, start)| minimise(start, stop, |body| distrustful.linearise(body), BodyModel::retract))
         .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
         .map(|(body, _)| body)
+}
+
+/// Squared residuals of each view's tangent planes, as if there were four of them: for boxes the same as
+/// [`Objective::view_costs`], without derivatives.
+fn plane_costs(tangents: &Measurements, body: &impl BodyModel, noise: &NoiseLevels) -> Vec<f64> {
+    let costs = tangents.views.iter().map(|view| {
+        let depth = (view.axis.dot(body.center()) + view.offset).max(SMALLEST_DEPTH);
+        let inverse = 1.0 / (depth * noise.of(NoiseGroup::Edge) * noise.size_factor(view.half_size));
+        let edges = &tangents.edges[view.edges.clone()];
+        let squares = edges.iter().map(|edge| {
+            let residual = edge.plane.n.dot(body.center()) + edge.plane.d - body.support_gradient(&edge.plane.n).0;
+            if edge.one_sided && residual < 0.0 { 0.0 } else { residual * residual }
+        });
+        squares.sum::<f64>() * inverse * inverse * 4.0 / edges.len().max(1) as f64
+    });
+    costs.collect()
 }
 
 /// Three different indices below `n`.

@@ -7,7 +7,7 @@ use super::normal_equations::Row;
 
 /// Depths below this (in object sizes) are taken as this: the object is at or behind the camera, and its residuals
 /// are very large.
-const SMALLEST_DEPTH: f64 = 1e-3;
+pub(super) const SMALLEST_DEPTH: f64 = 1e-3;
 
 /// One whitened residual: divided by the noise of its group.
 #[derive(Debug, Clone, Copy)]
