@@ -8,7 +8,15 @@ use crate::table::{Cell, Table};
 pub fn table(title: &str) -> Table {
     let mut table = Table::new(
         title,
-        ["data", "settings", "held out: average", "worst setting", "median", "best setting", "chosen without each sequence"],
+        [
+            "data",
+            "settings",
+            "held out: average",
+            "worst setting",
+            "median",
+            "best setting",
+            "chosen without each sequence",
+        ],
     );
     table.note(
         "For each sequence the setting with the best O3D on the others is scored on it. The other columns are the \

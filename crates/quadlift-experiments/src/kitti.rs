@@ -32,8 +32,7 @@ const SOURCES: [(&str, &str); 3] = [
 ];
 
 /// Kinds of poses.
-const POSES: [(&str, &str); 2] =
-    [("aligned", "poses registered on the labels"), ("oxts", "poses from GPS and IMU")];
+const POSES: [(&str, &str); 2] = [("aligned", "poses registered on the labels"), ("oxts", "poses from GPS and IMU")];
 
 const SHAPE: [Measure; 3] = [Measure::O3d, Measure::CuboidIou, Measure::ThetaErr];
 const DISTANCE: [Measure; 2] = [Measure::CenterWithin(1.0), Measure::CenterWithin(2.0)];
@@ -113,6 +112,11 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
         AVERAGED.join(", "),
         KITTI_THETA_ERR.average,
     ));
+    let titles = SOURCES.iter().flat_map(|(source, _)| POSES.map(|(poses, _)| format!("{source}, {poses}")));
+    let titles = ["method", "setting", "measure"].into_iter().map(str::to_owned).chain(titles);
+    let mut overview = Table::new(format!("KITTI: averages over {}", AVERAGED.join(", ")), titles);
+    let mut details = Vec::new();
+    let mut averages: Vec<Vec<RowScores>> = Vec::new();
     for (source, boxes) in SOURCES {
         for ((poses, poses_in_words), scenes) in POSES.iter().zip(&scenes_of) {
             // The detector's boxes are known for the averaged sequences only.
@@ -120,12 +124,21 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
             let scores = run_rows(&rows, &scenes[..count], &protocol(source, seed), &steps)?;
             (count..scenes.len()).for_each(|_| rows.iter().for_each(|_| steps.done()));
             let title = format!("KITTI, {boxes}, {poses_in_words} (source `{source}`, `_{poses}`)");
-            for table in tables(&title, &scenes[..count], &scores) {
-                report.table(table);
-            }
+            details.extend(tables(&title, &scenes[..count], &scores));
             report.headlines.extend(headlines(source, poses, &scores));
+            averages.push(scores);
         }
     }
+    for (index, row) in rows.iter().enumerate() {
+        for measure in [Measure::O3d, DISTANCE[0], DISTANCE[1]] {
+            let cells =
+                averages.iter().map(|scores| Cell::figure(over_averaged(&scores[index], measure), measure.decimals()));
+            let label = [row.method.into(), row.setting.as_str().into(), measure.name().into()];
+            overview.push(label.into_iter().chain(cells).collect());
+        }
+    }
+    report.table(overview);
+    details.into_iter().for_each(|table| report.table(table));
     let mut table = held_out::table("KITTI, RRC boxes: settings chosen without the sequence that they are scored on");
     for ((poses, _), scenes) in POSES.iter().zip(&scenes_of) {
         let scores = run_rows(&grid, &scenes[..AVERAGED.len()], &protocol("rrc", seed), &steps)?;
@@ -166,10 +179,12 @@ fn tables(title: &str, scenes: &[TrueScene], scores: &[RowScores]) -> [Table; 2]
     [shapes, distances]
 }
 
+/// The average over the sequences that make it up, which are the first ones.
+fn over_averaged(row: &RowScores, measure: Measure) -> Option<Figure> {
+    average(&row.sequences[..AVERAGED.len()].iter().map(|s| measure.values(s)).collect::<Vec<_>>())
+}
+
 fn headlines(source: &str, poses: &str, scores: &[RowScores]) -> Vec<Headline> {
-    let figure = |row: &RowScores, measure: Measure| -> Option<Figure> {
-        average(&row.sequences[..AVERAGED.len()].iter().map(|s| measure.values(s)).collect::<Vec<_>>())
-    };
     let headline = |id, setting: &str, measure: Measure, paper| {
         let row = scores.iter().find(|s| s.row.method == "map" && s.row.setting == setting)?;
         let what = format!("{}, {source} boxes, {poses} poses", measure.name());
@@ -177,7 +192,7 @@ fn headlines(source: &str, poses: &str, scores: &[RowScores]) -> Vec<Headline> {
             id,
             what,
             paper,
-            ours: figure(row, measure)?,
+            ours: over_averaged(row, measure)?,
             row: row.row.name(),
             decimals: measure.decimals(),
         })

@@ -12,7 +12,7 @@ use crate::progress::Steps;
 
 /// Weight of the regulariser of `reg`, the same in every experiment (the paper keeps one for all of its tests). How it
 /// was chosen is shown by [`crate::reg_weight`].
-pub const REG_LAMBDA: f64 = 1e16;
+pub const REG_LAMBDA: f64 = 1e13;
 
 /// A row: a method and everything that is set about it.
 #[derive(Debug, Clone)]
@@ -36,7 +36,11 @@ impl MethodRow {
             Method::Map => ("map", "ellipsoid"),
         };
         let reg = RegOptions { lambda: REG_LAMBDA };
-        Self { method: method_name, setting: setting.to_owned(), options: Options { method, reg, ..Default::default() } }
+        Self {
+            method: method_name,
+            setting: setting.to_owned(),
+            options: Options { method, reg, ..Default::default() },
+        }
     }
 
     /// `map` with these options, which `setting` says in words.

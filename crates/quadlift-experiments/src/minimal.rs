@@ -74,7 +74,8 @@ fn data_sets(data: &Path) -> Result<[DataSet; 3], Error> {
     };
     let accv = ACCV_SEQUENCES.iter().map(|name| upwards(&format!("accv_{name}"), name));
     let kitti = KITTI_SEQUENCES.iter().map(|name| TrueScene::read(data, &format!("kitti_{name}_aligned"), name));
-    let of_any_object = |name, scenes, source| DataSet { name, scenes, source, choice: Choice::Around45Degrees, rows: rows() };
+    let of_any_object =
+        |name, scenes, source| DataSet { name, scenes, source, choice: Choice::Around45Degrees, rows: rows() };
     Ok([
         of_any_object("ACCV", accv.collect::<Result<_, _>>()?, "yolo"),
         of_any_object("TUW", vec![upwards("tuw_demo", "demo")?], "authors"),
@@ -127,19 +128,16 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
         // KITTI's rows are those of the others and more.
         for row in sets[2].rows.iter().filter(|row| row.options.method.fewest_views() <= views) {
             for measure in MEASURES {
-                let label = [
-                    views.to_string().into(),
-                    row.method.into(),
-                    row.setting.as_str().into(),
-                    measure.name().into(),
-                ];
+                let label =
+                    [views.to_string().into(), row.method.into(), row.setting.as_str().into(), measure.name().into()];
                 let cells = (0..sets.len()).map(|set| Cell::figure(figure(set, row, measure), measure.decimals()));
                 table.push(label.into_iter().chain(cells).collect());
             }
         }
         if views == 2 {
             let headline = |id, set: usize, setting: &str| {
-                let row = sets[set].rows.iter().find(|row| row.options.method == Method::Map && row.setting == setting)?;
+                let row =
+                    sets[set].rows.iter().find(|row| row.options.method == Method::Map && row.setting == setting)?;
                 Some(Headline {
                     id,
                     what: format!("O3D, two views, {}", sets[set].name),

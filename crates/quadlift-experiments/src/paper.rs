@@ -64,10 +64,8 @@ pub const TUW_O3D: [Row<5>; 4] = [
     row("PfD+REG+ES", [0.50, 0.56, 0.52, 0.74, 0.43], 0.55),
 ];
 /// theta_err of the TUW table, radians (`NN` of sequence 8: no ellipsoid).
-pub const TUW_THETA_ERR: [Row<5>; 2] = [
-    row("PfD", [0.69, 0.73, f64::NAN, 0.97, 1.34], 0.93),
-    row("PfD+ES", [0.69, 0.86, 0.77, 0.68, 1.1], 0.82),
-];
+pub const TUW_THETA_ERR: [Row<5>; 2] =
+    [row("PfD", [0.69, 0.73, f64::NAN, 0.97, 1.34], 0.93), row("PfD+ES", [0.69, 0.86, 0.77, 0.68, 1.1], 0.82)];
 
 /// Sequences of the KITTI tables (`tab:kitti`, `tab:distances`).
 pub const KITTI_SEQUENCES: [&str; 6] = ["S05", "S09", "S22", "S23", "S35", "S36"];

@@ -11,7 +11,10 @@ use serde_json::{Value, json};
 use crate::error::Error;
 
 /// Width and height of a plot, pixels.
-const SIZE: (u32, u32) = (640, 420);
+const SIZE: (u32, u32) = (720, 420);
+
+/// Width of the column with the names of the curves, pixels.
+const LEGEND_WIDTH: u32 = 150;
 
 /// Colours that people with any colour vision can tell apart (Okabe and Ito).
 const COLORS: [RGBColor; 6] = [
@@ -114,10 +117,21 @@ impl Plot {
         area: &DrawingArea<B, Shift>,
     ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
         area.fill(&WHITE)?;
+        let (left, right) = area.split_horizontally(SIZE.0 - LEGEND_WIDTH);
+        self.draw_curves(&left)?;
+        self.draw_legend(&right)?;
+        area.present()
+    }
+
+    fn draw_curves<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
         let points = || self.curves.iter().flat_map(|curve| &curve.points);
         let largest = points().map(|point| point.0).fold(0.0, f64::max);
+        let decimals = if largest > 1.0 { 0 } else { 2 };
         let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, ("sans-serif", 20))
+            .caption(&self.title, ("sans-serif", 19))
             .margin(12)
             .x_label_area_size(42)
             .y_label_area_size(52)
@@ -127,33 +141,39 @@ impl Plot {
             .configure_mesh()
             .x_desc(&self.x_label)
             .y_desc("O3D")
+            .x_label_formatter(&|x| format!("{x:.decimals$}"))
             .label_style(("sans-serif", 14))
             .light_line_style(WHITE)
             .bold_line_style(BLACK.mix(0.12))
             .draw()?;
         for (index, curve) in self.curves.iter().enumerate() {
-            let style = color(index).stroke_width(2);
-            chart
-                .draw_series(LineSeries::new(curve.points.iter().copied(), style))?
-                .label(&curve.name)
-                .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style));
+            chart.draw_series(LineSeries::new(curve.points.iter().copied(), color(index).stroke_width(2)))?;
             chart.draw_series(curve.points.iter().map(|point| Circle::new(*point, 2, color(index).filled())))?;
         }
         for mark in &self.marks {
             let style = color(mark.curve).stroke_width(2);
-            chart
-                .draw_series(mark.points.iter().map(|point| Circle::new(*point, 6, style)))?
-                .label(&mark.name)
-                .legend(move |(x, y)| Circle::new((x + 9, y), 6, style));
+            chart.draw_series(mark.points.iter().map(|point| Circle::new(*point, 6, style)))?;
         }
-        chart
-            .configure_series_labels()
-            .label_font(("sans-serif", 14))
-            .position(SeriesLabelPosition::LowerLeft)
-            .background_style(WHITE.mix(0.85))
-            .border_style(BLACK.mix(0.3))
-            .draw()?;
-        area.present()
+        Ok(())
+    }
+
+    /// The names beside the curves, where they hide none.
+    fn draw_legend<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let mut y = 60;
+        for (index, curve) in self.curves.iter().enumerate() {
+            area.draw(&PathElement::new(vec![(0, y), (18, y)], color(index).stroke_width(2)))?;
+            area.draw(&Text::new(curve.name.as_str(), (26, y - 8), ("sans-serif", 14)))?;
+            y += 22;
+        }
+        for mark in &self.marks {
+            area.draw(&Circle::new((9, y), 6, color(mark.curve).stroke_width(2)))?;
+            area.draw(&Text::new(mark.name.as_str(), (26, y - 8), ("sans-serif", 14)))?;
+            y += 22;
+        }
+        Ok(())
     }
 }
 
@@ -164,8 +184,7 @@ fn color(index: usize) -> RGBColor {
 /// Makes the font known to the drawing library, once.
 fn font_is_registered() -> bool {
     static REGISTERED: OnceLock<bool> = OnceLock::new();
-    *REGISTERED
-        .get_or_init(|| register_font("sans-serif", FontStyle::Normal, ttf_noto_sans::REGULAR).is_ok())
+    *REGISTERED.get_or_init(|| register_font("sans-serif", FontStyle::Normal, ttf_noto_sans::REGULAR).is_ok())
 }
 
 #[cfg(test)]

@@ -189,7 +189,14 @@ mod tests {
         let mut report = Report::new("tuw", "TUW");
         let ours = Figure { value: 0.8123, standard_error: None };
         let what = "O3D".to_owned();
-        report.headlines.push(Headline { id: "x", what, paper: Some((0.55, "PfD+REG+ES")), ours, row: "map".into(), decimals: 3 });
+        report.headlines.push(Headline {
+            id: "x",
+            what,
+            paper: Some((0.55, "PfD+REG+ES")),
+            ours,
+            row: "map".into(),
+            decimals: 3,
+        });
         let text = summary(std::slice::from_ref(&report)).to_markdown();
         assert!(text.contains("| tuw | O3D | 0.55 | PfD+REG+ES | 0.812 | map |"), "{text}");
         assert_eq!(report.headline("x").unwrap().ours, ours);

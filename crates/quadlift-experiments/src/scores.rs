@@ -109,7 +109,9 @@ mod tests {
         let mean = 0.5;
         let variance = x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / 3.0;
         let expected = (variance / 4.0).sqrt();
-        for sequences in [vec![x.to_vec()], x.iter().map(|x| vec![*x]).collect(), vec![x[..2].to_vec(), x[2..].to_vec()]] {
+        for sequences in
+            [vec![x.to_vec()], x.iter().map(|x| vec![*x]).collect(), vec![x[..2].to_vec(), x[2..].to_vec()]]
+        {
             assert!((average(&sequences).unwrap().standard_error.unwrap() - expected).abs() < 1e-15);
         }
     }

@@ -39,7 +39,8 @@ impl Columns<'_> {
                 continue;
             }
             let decimals = measure.decimals();
-            let cell = |values: &Vec<f64>| crate::scores::mean(values).map_or(Cell::Empty, |x| Cell::number(x, decimals));
+            let cell =
+                |values: &Vec<f64>| crate::scores::mean(values).map_or(Cell::Empty, |x| Cell::number(x, decimals));
             let mut row = vec![ours.row.method.into(), ours.row.setting.as_str().into(), measure.name().into()];
             row.extend(averaged.iter().map(cell));
             row.push(Cell::figure(average(&averaged), decimals));

@@ -52,6 +52,16 @@ impl NoiseCurve {
         (0..=self.steps).map(|k| f64::from(k) * self.step).collect()
     }
 
+    /// The largest amount.
+    pub(crate) fn largest(&self) -> f64 {
+        f64::from(self.steps) * self.step
+    }
+
+    /// Decimals that show the amounts.
+    fn decimals(&self) -> usize {
+        if self.step < 1.0 { 2 } else { 0 }
+    }
+
     /// The scene with an amount of noise and a seed.
     pub(crate) fn scene(&self, amount: f64, seed: u64) -> Result<TrueScene, Error> {
         true_scene(&SyntheticOptions { seed, ..(self.make)(amount) })
@@ -128,8 +138,11 @@ fn of_boxes(sigma: f64) -> SyntheticOptions {
 
 fn true_scene(options: &SyntheticOptions) -> Result<TrueScene, Error> {
     let synthetic = generate(options)?;
-    let object =
-        |(id, body): (String, quadlift::geometry::Body)| TruthObject { id, ellipsoid: Some(body.ellipsoid()), cuboid: None };
+    let object = |(id, body): (String, quadlift::geometry::Body)| TruthObject {
+        id,
+        ellipsoid: Some(body.ellipsoid()),
+        cuboid: None,
+    };
     let truth = synthetic.truth.into_iter().map(object).collect();
     Ok(TrueScene { sequence: "synthetic".to_owned(), scene: synthetic.scene, truth })
 }
@@ -202,13 +215,13 @@ pub fn run(seed: u64, progress: Progress) -> Result<Report, Error> {
         report.headlines.extend(headline(curve, &rows, &figures));
     }
     report.table(harder_readings(&rows, seeds, &steps)?);
-    report.table(reg_weight::scan(seed, &steps)?);
+    report.table(reg_weight::table(seed, &steps)?);
     Ok(report)
 }
 
 fn table(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure>>]) -> Table {
     let amounts = curve.amounts();
-    let decimals = if curve.step < 1.0 { 2 } else { 0 };
+    let decimals = curve.decimals();
     let titles = amounts.iter().map(|amount| format!("{amount:.decimals$}"));
     let mut table = Table::new(
         format!("{}: O3D over the {}", curve.title, curve.x_label),
@@ -245,9 +258,8 @@ fn plot(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure>>])
         .zip(figures)
         .map(|(row, figures)| Curve { name: row.method.to_owned(), points: points(figures) })
         .collect();
-    let end = amounts.last().copied().unwrap_or_default();
     let mark = |(index, ends): (usize, &CurveEnds)| {
-        let points = vec![(0.0, ends.without_noise), (end, curve.paper?(ends))];
+        let points = vec![(0.0, ends.without_noise), (curve.largest(), curve.paper?(ends))];
         Some(Mark { name: format!("paper, {}", ends.method), curve: index, points })
     };
     // The first two rows are pfd and reg, as in the paper.
@@ -271,10 +283,10 @@ fn headline(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure
         "boxes" => "synthetic_boxes",
         _ => "synthetic_outliers",
     };
-    let end = *curve.amounts().last()?;
+    let (end, decimals) = (curve.largest(), curve.decimals());
     Some(Headline {
         id,
-        what: format!("O3D, {} {end}", curve.x_label),
+        what: format!("O3D, {} {end:.decimals$}", curve.x_label),
         paper: curve.paper.map(|at_end| (at_end(&paper::SYNTHETIC[1]), paper::SYNTHETIC[1].method)),
         ours: (*figures[index].last()?)?,
         row: rows[index].name(),
