@@ -192,7 +192,7 @@ pub fn run(seed: u64, progress: Progress) -> Result<Report, Error> {
     let total = (amounts + HARDER_READINGS.len()) * SCENES as usize + reg_weight::STEPS;
     let steps = Steps::new("synthetic", total, progress);
 
-    let mut report = Report::new("synthetic", "Synthetic scenes (section 5.1, figure 3 of the paper)");
+    let mut report = Report::new("synthetic", "Synthetic scenes (section 5.1)");
     report.text(format!(
         "50 ellipsoids in a cube of side 20, 20 views from a distance of 200 on a path of 60 degrees of azimuth and 70 \
          of elevation, one kind of noise at a time, as in the paper; each figure is the mean O3D over {SCENES} scenes \
@@ -286,7 +286,7 @@ fn headline(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure
     let (end, decimals) = (curve.largest(), curve.decimals());
     Some(Headline {
         id,
-        what: format!("O3D, {} {end:.decimals$}", curve.x_label),
+        what: format!("O3D, {}: {end:.decimals$}", curve.title),
         paper: curve.paper.map(|at_end| (at_end(&paper::SYNTHETIC[1]), paper::SYNTHETIC[1].method)),
         ours: (*figures[index].last()?)?,
         row: rows[index].name(),
