@@ -64,6 +64,8 @@ impl Settings {
         });
         if o.method == Method::Map {
             json["body"] = body_name(o.map.body).into();
+            json["ground_plane"] = o.map.ground_plane.into();
+            json["camera_height"] = o.map.camera_height.into();
             json["priors"] = match &self.priors {
                 PriorSource::None => Value::Null,
                 PriorSource::Builtin => "builtin".into(),

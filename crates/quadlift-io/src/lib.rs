@@ -15,3 +15,8 @@ pub use atomic::write_file;
 pub use error::{EntryError, ReadError, WriteError};
 pub use priors::{builtin_priors, read_priors};
 pub use scene_file::{SceneFile, estimates_to_objects, read_scene_file, write_scene_file};
+
+// The examples of the manual are tests of this crate, which sees the library and the files.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/api.md")]
+struct ApiPage;

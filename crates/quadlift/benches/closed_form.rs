@@ -2,6 +2,8 @@
 //!
 //! `cargo bench -p quadlift --bench closed_form`
 
+#![allow(missing_docs, clippy::unwrap_used)]
+
 #[path = "../tests/common/mod.rs"]
 mod common;
 

@@ -1,4 +1,30 @@
 //! quadlift lifts 2D object detections from posed images to 3D objects.
+//!
+//! A [`scene::Scene`] holds posed frames and the detections in them; [`localize()`] gives an estimate for every object
+//! that the detections name: an ellipsoid, a cuboid or a superellipsoid, with its uncertainty and residuals.
+//!
+//! ```
+//! use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
+//! use quadlift::{Options, localize};
+//!
+//! // Three objects in 20 views, and boxes with noise; `scene::SceneBuilder` builds a scene from your own data.
+//! let synthetic = generate(&SyntheticOptions {
+//!     objects: 3,
+//!     observations: Observations::Boxes,
+//!     noise: vec![Noise::BoxEdges(0.02)],
+//!     ..Default::default()
+//! })?;
+//! let result = localize(&synthetic.scene, &Options::default(), &|_done, _total| {})?;
+//! for (estimate, (id, _truth)) in result.estimates.iter().zip(&synthetic.truth) {
+//!     println!("{id}: {}, {:?}", estimate.status.name(), estimate.ellipsoid());
+//!     assert!(estimate.body.is_some());
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Each folder uses only those above it in this order: [`geometry`] (the vocabulary), [`scene`] (what users bring),
+//! [`solve`] (the method), [`metrics`] (how good an estimate is), [`synthetic`] (scenes with known truth), and
+//! [`localize()`], the one call. The library reads no files and prints nothing.
 #![forbid(unsafe_code)]
 
 pub mod geometry;

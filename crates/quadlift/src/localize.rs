@@ -80,13 +80,22 @@ pub type Progress<'a> = &'a (dyn Fn(usize, usize) + Sync);
 /// [`crate::solve::Status`] instead.
 pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<Localization, LocalizeError> {
     check(options)?;
+    if options.map.ground_plane && scene.up.is_none() && !scene.frames.is_empty() {
+        let text = "the ground plane needs to know where up is; give the scene an \"up\" direction (against gravity)";
+        return Err(LocalizeError::Option(text.to_owned()));
+    }
     let source = chosen_source(scene, options.source.as_deref())?;
     let from_source = |d: &Detection| source.is_none() || d.source_index == source;
     let visible = |d: &Detection| {
         let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
         within(d.occluded, options.max_occluded) && within(d.truncated, options.max_truncated)
     };
-    let groups = scene.detections_by_object(|d| from_source(d) && visible(d));
+    let mut groups = scene.detections_by_object(|d| from_source(d) && visible(d));
+    // In the order of the frames, so that neighbours in the list are neighbours in time.
+    for group in &mut groups {
+        group.sort_by_key(|&index| scene.detections[index as usize].frame_index);
+    }
+    let hidden = scene.hidden_edges(from_source);
     // Objects that only other sources name are not listed; those whose detections are all left out are.
     let mut named = vec![false; scene.object_ids.len()];
     let mut left_out = LeftOut::default();
@@ -105,6 +114,9 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
     let fewest = options.min_views.max(options.method.fewest_views());
     let views_of = |k: usize| {
         let mut object = scene.object_views(objects[k], &groups[objects[k]]);
+        for (view, &detection) in object.views.iter_mut().zip(&groups[objects[k]]) {
+            view.hidden_edges = hidden[detection as usize];
+        }
         if object.views.len() < fewest {
             // Too few to be asked for: the solvers answer with a status.
             object.views.clear();
@@ -112,8 +124,13 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         object
     };
     let (mut estimates, noise) = if options.method == Method::Map {
-        let context =
-            MapContext { categories: &scene.categories, up: scene.up, seed: options.seed, options: &options.map };
+        let context = MapContext {
+            categories: &scene.categories,
+            up: scene.up,
+            cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
+            seed: options.seed,
+            options: &options.map,
+        };
         let solution = map(objects.len(), &views_of, &context, &report);
         (solution.estimates, solution.noise)
     } else {

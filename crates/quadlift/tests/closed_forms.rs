@@ -1,5 +1,7 @@
 //! The closed forms on synthetic views: what they recover, what they refuse, and what must not change the result.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod common;
 
 use common::{Vech, Views, arc, camera, observe, random_ellipsoid, scene};

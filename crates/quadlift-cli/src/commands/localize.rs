@@ -80,6 +80,14 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
     max_truncated: Option<f64>,
 
+    /// All objects stand on a common ground plane, which is estimated (the scene needs `up`)
+    #[arg(long)]
+    ground_plane: bool,
+
+    /// Height of the cameras above the ground plane, in world units, where it is known
+    #[arg(long, value_name = "H", value_parser = args::positive)]
+    camera_height: Option<f64>,
+
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -110,6 +118,9 @@ impl Args {
         if self.lambda.is_some() && method != Method::Reg {
             return usage("--lambda is an option of --method reg only");
         }
+        if (self.ground_plane || self.camera_height.is_some()) && method != Method::Map {
+            return usage("--ground-plane and --camera-height are options of --method map only");
+        }
         let priors = match &self.priors {
             None => PriorSource::None,
             Some(_) if method != Method::Map => return usage("--priors is an option of --method map only"),
@@ -126,6 +137,8 @@ impl Args {
             ..Default::default()
         };
         options.map.body = self.body;
+        options.map.ground_plane = self.ground_plane;
+        options.map.camera_height = self.camera_height;
         if let Some(lambda) = self.lambda {
             options.reg.lambda = lambda;
         }

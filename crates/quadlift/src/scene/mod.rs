@@ -3,6 +3,7 @@
 //! A [`Scene`] is built with [`SceneBuilder`]; after that no solver meets an unknown id, an empty box or a NaN.
 
 mod builder;
+mod hidden;
 mod views;
 
 pub use builder::{DetectionInput, SceneBuilder, SceneError};

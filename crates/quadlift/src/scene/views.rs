@@ -18,6 +18,8 @@ pub struct View {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// Which edges of the box (left, top, right, bottom) another detection of the frame probably hides.
+    pub hidden_edges: [bool; 4],
 }
 
 impl View {
@@ -34,7 +36,7 @@ pub struct ObjectViews {
     pub object_index: usize,
     /// Index into [`Scene::categories`]: the category of most of its detections, the first of equals.
     pub category_index: Option<usize>,
-    /// The views, in the order of the detections.
+    /// The views, in the order in which their detections were given.
     pub views: Vec<View>,
 }
 
@@ -48,6 +50,7 @@ impl Scene {
             image_size: frame.image_size,
             bounding_box: detection.bounding_box,
             ellipse: detection.ellipse,
+            hidden_edges: [false; 4],
         }
     }
 

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3}
 use proptest::prelude::*;
 
 use super::super::conditioning::ObjectFrame;
+use super::super::options::MapOptions;
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
 use super::measurements::{Measurements, Plane};
 use super::noise::NoiseLevels;
@@ -30,6 +31,7 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
         image_size: Some(Vector2::new(640.0, 480.0)),
         bounding_box: bounding_box.map(|b| BoundingBox::new(b).unwrap()),
         ellipse,
+        hidden_edges: [false; 4],
     }
 }
 
@@ -41,14 +43,14 @@ fn measurements(ellipses_as_planes: bool) -> Measurements {
         view(0.9, None, Some([1.0, 150.0, 400.0, 310.0])),
         view(-0.4, Some(ellipse), None),
     ];
-    Measurements::new(frame, &views, ellipses_as_planes, 0.025)
+    Measurements::new(frame, &views, ellipses_as_planes, &MapOptions::default())
 }
 
 /// Whitened residuals of all views; one-sided edges that agree are left out on both sides of a difference.
 fn residuals<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) -> (Vec<f64>, Vec<[f64; 9]>) {
     let (mut values, mut slopes, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for index in 0..m.views.len() {
-        view_rows(m, index, body, &NoiseLevels::default(), smooth, &mut rows);
+        view_rows(m, index, body, &NoiseLevels::new(67.0), smooth, &mut rows);
         values.extend(rows.iter().map(|r| r.residual));
         slopes.extend(rows.iter().map(|r| r.row));
     }
@@ -78,9 +80,17 @@ fn check_rows_in_form<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) {
 
 /// The gradient of the priors' cost, 2 J^T r, against differences of the cost.
 fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, 0.0);
-    let noise = NoiseLevels::default();
-    let objective = Objective { measurements: &m, prior, noise: &noise, robust: false, smooth: false };
+    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, &MapOptions::default());
+    let noise = NoiseLevels::new(67.0);
+    let objective = Objective {
+        measurements: &m,
+        prior,
+        ground: Some((Plane { n: Vector3::y(), d: 0.7 }, 5.0)),
+        noise: &noise,
+        heavy_tails: false,
+        outlier_scale: None,
+        smooth: false,
+    };
     let here = objective.linearise(body).unwrap();
     for k in 0..9 {
         let mut step = SVector::<f64, 9>::zeros();
@@ -98,7 +108,7 @@ fn prior(up: Vector3<f64>) -> ObjectPrior {
         log_size: Some([(0.3, 9.0), (-0.2, 7.0), (0.1, 11.0)]),
         up: Some(up.normalize()),
         upright_weight: 20.0,
-        ground: Some((Plane { n: up.normalize(), d: 0.7 }, 5.0)),
+        on_ground: true,
         axes_are_named: true,
     }
 }
@@ -155,9 +165,17 @@ fn the_size_prior_of_an_ellipsoid_names_its_axes_by_up_and_length() {
         up: Some(up),
         ..Default::default()
     };
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, 0.0);
-    let noise = NoiseLevels::default();
-    let objective = Objective { measurements: &m, prior: &prior, noise: &noise, robust: false, smooth: false };
+    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, &MapOptions::default());
+    let noise = NoiseLevels::new(67.0);
+    let objective = Objective {
+        measurements: &m,
+        prior: &prior,
+        ground: None,
+        noise: &noise,
+        heavy_tails: false,
+        outlier_scale: None,
+        smooth: false,
+    };
     let body = EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::new(1.0, 2.0, 0.5));
     assert!(objective.linearise(&body).unwrap().cost < 1e-20);
     let wrong = EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::new(0.5, 2.0, 1.0));

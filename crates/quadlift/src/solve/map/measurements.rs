@@ -6,6 +6,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3x4, Vector2, Vector3, Vector4};
 
 use super::super::conditioning::ObjectFrame;
+use super::super::options::MapOptions;
 use super::super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border};
 use super::ellipse_residual::EllipseMeasurement;
 use crate::geometry::Ellipse;
@@ -25,22 +26,26 @@ impl Plane {
     }
 }
 
-/// An edge whose partner on the other side of the box is not a plain measurement.
+/// A measured tangent plane.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SingleEdge {
+pub(super) struct Edge {
     pub plane: Plane,
     /// At the image border the object is cut off: the edge tells only that the body reaches at least so far.
     pub one_sided: bool,
+    /// Its noise relative to that of the view's other edges.
+    pub noise: f64,
 }
 
-/// What one view measured; ranges index into [`Measurements`].
+/// What one view measured.
 #[derive(Debug, Clone)]
 pub(super) struct MeasuredView {
     /// Unit viewing axis: the depth of a point is `axis.x + offset`.
     pub axis: Vector3<f64>,
     pub offset: f64,
-    pub pairs: Range<usize>,
-    pub singles: Range<usize>,
+    /// Mean half size of the box or mean semi-axis of the ellipse, in pixels.
+    pub half_size: f64,
+    /// Its edges in [`Measurements::edges`]: opposite ones follow each other.
+    pub edges: Range<usize>,
     pub ellipse: Option<EllipseMeasurement>,
 }
 
@@ -49,58 +54,46 @@ pub(super) struct MeasuredView {
 pub(super) struct Measurements {
     pub frame: ObjectFrame,
     pub views: Vec<MeasuredView>,
-    /// Opposite tangent planes.
-    pub pairs: Vec<[Plane; 2]>,
-    pub singles: Vec<SingleEdge>,
+    pub edges: Vec<Edge>,
 }
 
 /// Directions in which the tangent lines of an ellipse are taken for bodies whose outline is no ellipse.
 const TANGENT_DIRECTIONS: usize = 4;
 
 impl Measurements {
-    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by tangent lines in four directions;
-    /// `border_margin` is the share of the image's larger side within which an edge counts as cut off.
-    pub(super) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool, border_margin: f64) -> Self {
-        let mut all = Self {
-            frame,
-            views: Vec::with_capacity(views.len()),
-            pairs: Vec::with_capacity(2 * views.len()),
-            singles: Vec::new(),
-        };
+    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by tangent lines in four directions.
+    pub(super) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool, options: &MapOptions) -> Self {
+        let mut all =
+            Self { frame, views: Vec::with_capacity(views.len()), edges: Vec::with_capacity(4 * views.len()) };
         for view in views {
-            all.push(view, ellipses_as_planes, border_margin);
+            all.push(view, ellipses_as_planes, options);
         }
         all
     }
 
     /// The same views as tangent planes only.
-    pub(super) fn with_ellipses_as_planes(&self, views: &[View]) -> Cow<'_, Self> {
+    pub(super) fn with_ellipses_as_planes(&self, views: &[View], options: &MapOptions) -> Cow<'_, Self> {
         if self.views.iter().all(|view| view.ellipse.is_none()) {
             return Cow::Borrowed(self);
         }
-        Cow::Owned(Self::new(self.frame, views, true, 0.0))
+        Cow::Owned(Self::new(self.frame, views, true, options))
     }
 
-    fn push(&mut self, view: &View, ellipses_as_planes: bool, border_margin: f64) {
+    fn push(&mut self, view: &View, ellipses_as_planes: bool, options: &MapOptions) {
         let p = self.frame.local_projection(&view.projection);
-        let (first_pair, first_single) = (self.pairs.len(), self.singles.len());
+        let first = self.edges.len();
         let mut ellipse = None;
         match (&view.ellipse, &view.bounding_box) {
             (Some(observed), _) if ellipses_as_planes => self.push_tangents(&p, observed),
             (Some(observed), _) => ellipse = Some(EllipseMeasurement::new(&p, observed)),
             (None, Some(bounding_box)) => {
                 let half_size = bounding_box.mean_half_size();
-                let margin = view.image_size.map_or(0.0, |s| border_margin * s.max()).max(BORDER_TOLERANCE_PX);
+                let margin = view.image_size.map_or(0.0, |s| options.border_margin * s.max()).max(BORDER_TOLERANCE_PX);
                 let cut = edges_at_border(bounding_box, view.image_size, margin);
-                let plane = |edge| Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
-                for (a, b) in [(0, 2), (1, 3)] {
-                    if cut[a] || cut[b] {
-                        for edge in [a, b] {
-                            self.singles.push(SingleEdge { plane: plane(edge), one_sided: cut[edge] });
-                        }
-                    } else {
-                        self.pairs.push([plane(a), plane(b)]);
-                    }
+                for edge in [0, 2, 1, 3] {
+                    let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
+                    let noise = if view.hidden_edges[edge] { options.hidden_edge_noise } else { 1.0 };
+                    self.edges.push(Edge { plane, one_sided: cut[edge], noise });
                 }
             }
             (None, None) => {}
@@ -108,8 +101,12 @@ impl Measurements {
         self.views.push(MeasuredView {
             axis: Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]),
             offset: p[(2, 3)],
-            pairs: first_pair..self.pairs.len(),
-            singles: first_single..self.singles.len(),
+            half_size: match (&view.ellipse, &view.bounding_box) {
+                (Some(ellipse), _) => ellipse.semi_axes.mean(),
+                (None, Some(bounding_box)) => bounding_box.mean_half_size(),
+                (None, None) => 1.0,
+            },
+            edges: first..self.edges.len(),
             ellipse,
         });
     }
@@ -118,11 +115,11 @@ impl Measurements {
         let half_size = ellipse.semi_axes.mean();
         for k in 0..TANGENT_DIRECTIONS {
             let (sin, cos) = (std::f64::consts::PI * k as f64 / TANGENT_DIRECTIONS as f64).sin_cos();
-            let normal = Vector2::new(cos, sin);
-            self.pairs.push([-normal, normal].map(|n| {
-                let line = ellipse.tangent_line(&n);
-                Plane::new(-(p.transpose() * Vector3::from(line)) / half_size)
-            }));
+            for normal in [Vector2::new(-cos, -sin), Vector2::new(cos, sin)] {
+                let line = Vector3::from(ellipse.tangent_line(&normal));
+                let plane = Plane::new(-(p.transpose() * line) / half_size);
+                self.edges.push(Edge { plane, one_sided: false, noise: 1.0 });
+            }
         }
     }
 }

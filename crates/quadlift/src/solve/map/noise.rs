@@ -6,11 +6,8 @@
 /// A kind of measurement error with a standard deviation of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NoiseGroup {
-    /// Position of a box along an axis, relative to its mean half size.
-    BoxCenter,
-    /// Half extent of a box along an axis, relative to its mean half size.
-    BoxSize,
-    /// A single edge of a box whose other edge lies at the image border.
+    /// Edge of a box, or another tangent line, relative to the half size (for boxes of a certain size, see
+    /// [`super::measurements`]).
     Edge,
     /// Centre of an ellipse, relative to its mean semi-axis.
     EllipseCenter,
@@ -22,70 +19,118 @@ pub(super) enum NoiseGroup {
     EllipseAngle,
 }
 
+impl NoiseGroup {
+    /// All groups, in the order of their indices.
+    pub(super) const ALL: [Self; GROUPS] =
+        [Self::Edge, Self::EllipseCenter, Self::EllipseSize, Self::EllipseAspect, Self::EllipseAngle];
+}
+
 /// Number of noise groups.
-const GROUPS: usize = 7;
+const GROUPS: usize = 5;
 
 /// Names for reports, in the order of the groups.
 pub(super) const GROUP_NAMES: [&str; GROUPS] =
-    ["box_center", "box_size", "edge", "ellipse_center", "ellipse_size", "ellipse_aspect", "ellipse_angle"];
+    ["edge", "ellipse_center", "ellipse_size", "ellipse_aspect", "ellipse_angle"];
 
 /// Where the estimation starts, and what few data are drawn towards.
-const DEFAULT_EDGE: f64 = 0.1;
+const DEFAULT: f64 = 0.1;
+
+/// Largest correlation between views that is believed.
+const LARGEST_CORRELATION: f64 = 0.9;
 
 /// Smallest standard deviation: larger ones cost accuracy on exact data, smaller ones stability.
-const FLOOR: f64 = 5e-4;
+const FLOOR: f64 = 2e-4;
 
-/// Degrees of freedom up to which the default fills in for missing data: a few objects in a few views do not tell the
-/// noise of a group well enough to be believed alone.
-const ENOUGH_DATA: f64 = 100.0;
+/// Degrees of freedom up to which the default fills in for missing data.
+const ENOUGH_DATA: f64 = 16.0;
 
-/// A standard deviation for each group.
+/// Views of an object up to which the default fills in for missing ones: in a few views a body that is not quite of the
+/// right kind follows the measurements, and they look better than they are.
+const ENOUGH_VIEWS: f64 = 10.0;
+
+/// What the residuals of a scene tell about its measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct NoiseLevels([f64; GROUPS]);
-
-impl Default for NoiseLevels {
-    fn default() -> Self {
-        // Centre and half extent are means of two independent edges.
-        let half = DEFAULT_EDGE * std::f64::consts::FRAC_1_SQRT_2;
-        Self([half, half, DEFAULT_EDGE, DEFAULT_EDGE, DEFAULT_EDGE, DEFAULT_EDGE, DEFAULT_EDGE])
-    }
+pub(super) struct NoiseLevels {
+    /// A standard deviation for each group.
+    sd: [f64; GROUPS],
+    /// Correlation of an edge's error with that in the object's next view, in [0, 1).
+    correlation: f64,
+    /// Half size of a box, in pixels, at which the part of the edge noise that is constant in pixels equals the part
+    /// that is proportional to the size.
+    pixel_size: f64,
 }
 
 impl NoiseLevels {
+    /// The levels before anything is known.
+    pub(super) fn new(pixel_size: f64) -> Self {
+        Self { sd: [DEFAULT; GROUPS], correlation: 0.0, pixel_size }
+    }
+
+    /// How the noise of an edge, relative to the half size of its box, depends on that size: a detector errs by pixels
+    /// on small boxes and by a share of the size on large ones (E9). One where both parts are equal.
+    #[inline]
+    pub(super) fn size_factor(&self, half_size: f64) -> f64 {
+        let pixels = self.pixel_size / half_size;
+        (0.5 * (1.0 + pixels * pixels)).sqrt()
+    }
+
     /// The standard deviation of a group.
     #[inline]
     pub(super) fn of(&self, group: NoiseGroup) -> f64 {
-        self.0[group as usize]
+        self.sd[group as usize]
     }
 
-    /// All groups multiplied by a factor.
+    /// All standard deviations multiplied by a factor.
     pub(super) fn scaled(&self, factor: f64) -> Self {
-        Self(self.0.map(|s| s * factor))
+        Self { sd: self.sd.map(|s| s * factor), ..*self }
+    }
+
+    /// How much an edge counts among those of `views` views: errors that stay the same from view to view tell their
+    /// own size no better in many views than in few (E9). `(1 - c) / (1 + c)` is the share of independent views in a
+    /// long row of them with the correlation c between neighbours.
+    pub(super) fn edge_weight(&self, views: usize) -> f64 {
+        ((1.0 - self.correlation) / (1.0 + self.correlation)).max(1.0 / views.max(1) as f64)
     }
 
     /// The levels that the statistics ask for.
     pub(super) fn updated(&self, statistics: &NoiseStatistics) -> Self {
-        let defaults = Self::default();
-        Self(std::array::from_fn(|g| {
+        let sd: [f64; GROUPS] = std::array::from_fn(|g| {
             let (squares, freedom) = (statistics.squares[g], statistics.freedom[g].max(0.0));
-            let variance = self.0[g] * self.0[g];
-            let missing = (ENOUGH_DATA - freedom).max(0.0);
-            let updated = (squares * variance + missing * defaults.0[g] * defaults.0[g]) / (freedom + missing);
+            let missing = (ENOUGH_DATA - freedom).max(statistics.missing[g]);
+            let updated = (squares * self.sd[g] * self.sd[g] + missing * DEFAULT * DEFAULT) / (freedom + missing);
             updated.sqrt().max(FLOOR)
-        }))
+        });
+        // What remains of exact data is the pull of the priors, which says nothing about measurements.
+        let exact = sd[NoiseGroup::Edge as usize] < 2.0 * FLOOR;
+        let [sum, pairs] = statistics.neighbours;
+        let told = pairs > ENOUGH_DATA && !exact;
+        let correlation = if told { (sum / pairs).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 };
+        Self { sd, correlation, ..*self }
     }
 
     /// Largest relative change against other levels, over the groups that have data.
     pub(super) fn change(&self, other: &Self, statistics: &NoiseStatistics) -> f64 {
         (0..GROUPS)
             .filter(|&g| statistics.freedom[g] > 0.0)
-            .map(|g| (self.0[g] / other.0[g]).ln().abs())
-            .fold(0.0, f64::max)
+            .map(|g| (self.sd[g] / other.sd[g]).ln().abs())
+            .fold((self.correlation - other.correlation).abs(), f64::max)
     }
 
-    /// Names and levels of the groups that have data.
+    /// Names and levels of what has data. The noise of an edge has two equal parts at the half size `pixel_size`: it is
+    /// reported as both, relative to the half size and in pixels.
     pub(super) fn report(&self, statistics: &NoiseStatistics) -> Vec<(&'static str, f64)> {
-        (0..GROUPS).filter(|&g| statistics.freedom[g] > 0.0).map(|g| (GROUP_NAMES[g], self.0[g])).collect()
+        let mut report = Vec::new();
+        if statistics.freedom[NoiseGroup::Edge as usize] > 0.0 {
+            let part = self.of(NoiseGroup::Edge) * std::f64::consts::FRAC_1_SQRT_2;
+            report.push(("edge_relative", part));
+            report.push(("edge_px", part * self.pixel_size));
+            report.push(("edge_correlation", self.correlation));
+        }
+        let ellipses = NoiseGroup::ALL.iter().zip(GROUP_NAMES).filter(|(group, _)| **group != NoiseGroup::Edge);
+        for (group, name) in ellipses.filter(|(group, _)| statistics.freedom[**group as usize] > 0.0) {
+            report.push((name, self.of(*group)));
+        }
+        report
     }
 }
 
@@ -94,13 +139,30 @@ impl NoiseLevels {
 pub(super) struct NoiseStatistics {
     squares: [f64; GROUPS],
     freedom: [f64; GROUPS],
+    missing: [f64; GROUPS],
+    /// Correlation of an edge's residuals in views that follow each other, times the number of pairs; that number.
+    neighbours: [f64; 2],
 }
 
 impl NoiseStatistics {
-    /// Adds a whitened residual with its robust weight and its leverage (what the fit itself took of it).
-    pub(super) fn add(&mut self, group: NoiseGroup, residual: f64, weight: f64, leverage: f64) {
+    /// Adds a whitened residual with its weight, and what it adds to the degrees of freedom (one without robust losses,
+    /// less its leverage: what the fit itself took of it).
+    pub(super) fn add(&mut self, group: NoiseGroup, residual: f64, weight: f64, freedom: f64) {
         self.squares[group as usize] += weight * residual * residual;
-        self.freedom[group as usize] += weight - leverage;
+        self.freedom[group as usize] += freedom;
+    }
+
+    /// Notes that an object was seen in so many views only, each with `count` residuals of a group in all.
+    pub(super) fn add_views(&mut self, group: NoiseGroup, count: usize, views: usize) {
+        if views > 0 {
+            self.missing[group as usize] += count as f64 * (ENOUGH_VIEWS / views as f64 - 1.0).max(0.0);
+        }
+    }
+
+    /// Adds an object's correlation between an edge's residuals in views that follow each other, over `pairs` of them.
+    pub(super) fn add_neighbours(&mut self, correlation: f64, pairs: usize) {
+        self.neighbours[0] += correlation * pairs as f64;
+        self.neighbours[1] += pairs as f64;
     }
 
     /// Adds another object's statistics.
@@ -108,6 +170,10 @@ impl NoiseStatistics {
         for g in 0..GROUPS {
             self.squares[g] += other.squares[g];
             self.freedom[g] += other.freedom[g];
+            self.missing[g] += other.missing[g];
+        }
+        for k in 0..2 {
+            self.neighbours[k] += other.neighbours[k];
         }
     }
 }
@@ -120,21 +186,33 @@ mod tests {
     fn plenty_of_data_sets_the_level_and_none_leaves_the_default() {
         let mut statistics = NoiseStatistics::default();
         for _ in 0..1000 {
-            statistics.add(NoiseGroup::EllipseSize, 0.5, 1.0, 0.1);
+            statistics.add(NoiseGroup::EllipseSize, 0.5, 1.0, 0.9);
         }
-        let updated = NoiseLevels::default().updated(&statistics);
+        let updated = NoiseLevels::new(67.0).updated(&statistics);
         let expected = (0.1f64 * 0.1 * 250.0 / 900.0).sqrt();
         assert!((updated.of(NoiseGroup::EllipseSize) - expected).abs() < 1e-12);
-        assert!((updated.of(NoiseGroup::Edge) - DEFAULT_EDGE).abs() < 1e-12);
+        assert!((updated.of(NoiseGroup::Edge) - DEFAULT).abs() < 1e-12);
         assert_eq!(updated.report(&statistics).len(), 1);
+    }
+
+    #[test]
+    fn correlated_views_count_less_but_never_less_than_one() {
+        let mut statistics = NoiseStatistics::default();
+        statistics.add_neighbours(0.7, 50);
+        statistics.add_neighbours(0.9, 50);
+        let updated = NoiseLevels::new(67.0).updated(&statistics);
+        assert!((updated.correlation - 0.8).abs() < 1e-12);
+        assert!((updated.edge_weight(100) - 1.0 / 9.0).abs() < 1e-12);
+        assert_eq!(updated.edge_weight(2), 0.5);
+        assert_eq!(NoiseLevels::new(67.0).edge_weight(100), 1.0);
     }
 
     #[test]
     fn exact_data_reach_the_floor() {
         let mut statistics = NoiseStatistics::default();
         for _ in 0..100 {
-            statistics.add(NoiseGroup::BoxSize, 0.0, 1.0, 0.0);
+            statistics.add(NoiseGroup::Edge, 0.0, 1.0, 1.0);
         }
-        assert_eq!(NoiseLevels::default().updated(&statistics).of(NoiseGroup::BoxSize), FLOOR);
+        assert_eq!(NoiseLevels::new(67.0).updated(&statistics).of(NoiseGroup::Edge), FLOOR);
     }
 }

@@ -12,13 +12,15 @@ use super::super::report::describe;
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
 use super::covariance;
+use super::ground::{GroundPlane, LowestPoint};
 use super::levenberg_marquardt::{Stop, minimise};
-use super::measurements::Measurements;
+use super::measurements::{Measurements, Plane};
 use super::noise::{NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
-use super::objective::{OUTLIER_SCALE, ObjectPrior, Objective};
+use super::objective::{OUTLIER_SCALE, ObjectPrior, Objective, lowest_point, outlier_scale};
 use super::robust::fit_without_outliers;
 use super::starts::{ellipsoid_from_quadric, oriented_starts, unit_sphere};
+use crate::geometry::linalg::invert_spd;
 use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
 use crate::scene::{ObjectViews, View};
 
@@ -45,6 +47,7 @@ pub(super) struct Prepared {
     pub views: ObjectViews,
     pub measurements: Measurements,
     pub prior: ObjectPrior,
+    heavy_tails: bool,
 }
 
 /// A fitted object.
@@ -55,7 +58,10 @@ pub(super) struct Fit<B> {
     ellipsoid: EllipsoidModel,
     body: B,
     equations: NormalEquations,
-    robust: bool,
+    /// Set where the views hold outliers.
+    outlier_scale: Option<f64>,
+    /// The ground plane in the object's frame, where the object stands on it.
+    ground: Option<(Plane, f64)>,
 }
 
 impl Prepared {
@@ -67,9 +73,9 @@ impl Prepared {
         }
         let frame = ObjectFrame::from_views(&views.views).ok_or_else(|| failed(Status::Degenerate))?;
         let ellipses_as_planes = context.options.body != BodyKind::Ellipsoid;
-        let measurements = Measurements::new(frame, &views.views, ellipses_as_planes, context.options.border_margin);
+        let measurements = Measurements::new(frame, &views.views, ellipses_as_planes, context.options);
         let prior = object_prior(&views, &frame, context);
-        Ok(Self { views, measurements, prior })
+        Ok(Self { views, measurements, prior, heavy_tails: context.options.heavy_tails })
     }
 
     /// The first fit: from the starts, and again without the outliers where its residuals show some.
@@ -81,8 +87,8 @@ impl Prepared {
         let failed = Box::new(Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged));
         let seed = self.seed(context);
         let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) = B::from_ellipsoid(&self, &ellipsoid, noise, false, context, seed).ok_or(failed)?;
-        let fit = Fit { prepared: Arc::new(self), ellipsoid, body, equations, robust: false };
+        let (body, equations) = B::from_ellipsoid(&self, &ellipsoid, noise, None, context, seed).ok_or(failed)?;
+        let fit = Fit { prepared: Arc::new(self), ellipsoid, body, equations, outlier_scale: None, ground: None };
         Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
     }
 
@@ -90,13 +96,21 @@ impl Prepared {
         context.seed ^ (self.views.object_index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
     }
 
-    fn objective<'a>(&'a self, noise: &'a NoiseLevels, robust: bool) -> Objective<'a> {
-        Objective { measurements: &self.measurements, prior: &self.prior, noise, robust, smooth: false }
+    fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
+        Objective {
+            measurements: &self.measurements,
+            prior: &self.prior,
+            ground: None,
+            noise,
+            heavy_tails: self.heavy_tails,
+            outlier_scale,
+            smooth: false,
+        }
     }
 
     /// The best ellipsoid over its starts, all views believed.
     fn fit_ellipsoid(&self, noise: &NoiseLevels) -> Option<EllipsoidModel> {
-        let objective = Objective { smooth: true, ..self.objective(noise, false) };
+        let objective = Objective { smooth: true, ..self.objective(noise, None) };
         let linear = planes_in_frame(&self.views.views, &self.measurements.frame)
             .ok()
             .and_then(|quadric| ellipsoid_from_quadric(&quadric));
@@ -118,7 +132,7 @@ pub(super) trait FirstFit: BodyModel {
         prepared: &Prepared,
         ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
-        robust: bool,
+        outlier_scale: Option<f64>,
         context: &MapContext,
         seed: u64,
     ) -> Option<(Self, NormalEquations)>;
@@ -137,11 +151,11 @@ impl FirstFit for EllipsoidModel {
         prepared: &Prepared,
         ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
-        robust: bool,
+        outlier_scale: Option<f64>,
         _context: &MapContext,
         _seed: u64,
     ) -> Option<(Self, NormalEquations)> {
-        let equations = prepared.objective(noise, robust).linearise(ellipsoid)?;
+        let equations = prepared.objective(noise, outlier_scale).linearise(ellipsoid)?;
         Some((ellipsoid.clone(), equations))
     }
 
@@ -165,11 +179,11 @@ impl FirstFit for OrientedModel {
         prepared: &Prepared,
         ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
-        robust: bool,
+        outlier_scale: Option<f64>,
         context: &MapContext,
         seed: u64,
     ) -> Option<(Self, NormalEquations)> {
-        let objective = prepared.objective(noise, robust);
+        let objective = prepared.objective(noise, outlier_scale);
         let exponent = match context.options.body {
             BodyKind::Superellipsoid(exponent) => exponent,
             BodyKind::Cuboid | BodyKind::Ellipsoid => 1.0,
@@ -205,20 +219,69 @@ impl FirstFit for OrientedModel {
 }
 
 impl<B: FirstFit> Fit<B> {
+    fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
+        Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
+    }
+
+    /// The lowest point of the body against `up`, for the ground plane; `None` where it does not stand on it.
+    pub(super) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
+        let Prepared { views, measurements, prior, .. } = &*self.prepared;
+        if !prior.on_ground {
+            return None;
+        }
+        let frame = &measurements.frame;
+        let level = Plane { n: up.into_inner(), d: 0.0 };
+        let (reach, _) = self.body.support_gradient(&level.n);
+        // What the object knows without the plane: its row is taken out of the inverse again (Sherman-Morrison).
+        let covariance = invert_spd(&self.equations.hessian())?;
+        let variance_along = |plane: &Plane| {
+            let row = nalgebra::SVector::from(lowest_point(plane, &self.body).1);
+            (row.transpose() * covariance * row)[0]
+        };
+        let with = variance_along(&level);
+        let told = self.ground.map_or(0.0, |(_, weight)| weight * weight * with);
+        let variance = with / (1.0 - told).max(1e-3);
+        let point = frame.point_in_world(&(self.body.center() - level.n * reach));
+        let nearest = views.views.iter().filter_map(|view| Some((view.projection.center_in_world()? - point).norm()));
+        Some(LowestPoint {
+            point,
+            variance: variance * frame.unit * frame.unit,
+            height: 2.0 * reach * frame.unit,
+            distance: nearest.fold(f64::INFINITY, f64::min),
+        })
+    }
+
+    /// Puts the body on the ground plane.
+    pub(super) fn stand_on(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
+        self.ground = self.lowest_point(up).map(|lowest| {
+            let frame = &self.prepared.measurements.frame;
+            let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
+            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / lowest.unevenness())
+        });
+    }
+
     /// Residual statistics under the noise levels of the last fit.
-    pub(super) fn statistics(&self, noise: &NoiseLevels) -> NoiseStatistics {
-        self.prepared.objective(noise, self.robust).statistics(&self.body, &self.equations)
+    pub(super) fn statistics(&self, noise: &NoiseLevels, context: &MapContext) -> NoiseStatistics {
+        let objective = self.objective(noise, self.outlier_scale);
+        objective.statistics(&self.body, &self.equations, context.options.correlated_views)
     }
 
     /// A fit that leaves outliers out, where this plain one shows some.
     fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         let prepared = &self.prepared;
-        let objective = Objective { smooth: true, ..prepared.objective(noise, false) };
-        let tangents = prepared.measurements.with_ellipses_as_planes(&prepared.views.views);
+        let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
+        let tangents = prepared.measurements.with_ellipses_as_planes(&prepared.views.views, context.options);
         let seed = prepared.seed(context);
         let ellipsoid = fit_without_outliers(&objective, &self.body, &tangents, seed)?;
-        let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, true, context, seed)?;
-        Some(Self { prepared: prepared.clone(), ellipsoid, body, equations, robust: true })
+        let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, Some(OUTLIER_SCALE), context, seed)?;
+        Some(Self {
+            prepared: prepared.clone(),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale: Some(OUTLIER_SCALE),
+            ground: self.ground,
+        })
     }
 
     /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and
@@ -228,22 +291,26 @@ impl<B: FirstFit> Fit<B> {
         if B::SEVERAL_STARTS {
             // Other random rotations than before.
             let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
-            let again = |robust| B::from_ellipsoid(&self.prepared, &self.ellipsoid, noise, robust, context, seed);
-            if let Some((body, equations)) = again(fit.robust).filter(|(_, n)| n.cost < fit.equations.cost) {
+            let again = |scale| {
+                let (body, _) = B::from_ellipsoid(&self.prepared, &self.ellipsoid, noise, scale, context, seed)?;
+                let objective = self.objective(noise, scale);
+                minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
+            };
+            if let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost) {
                 (fit.body, fit.equations) = (body, equations);
             }
             // A wrong start can look like outliers: where all views agree with another one there are none.
-            if let Some((body, equations)) = fit.robust.then(|| again(false)).flatten() {
-                let costs = fit.prepared.objective(noise, false).view_costs(&body);
+            if let Some((body, equations)) = fit.outlier_scale.and_then(|_| again(None)) {
+                let costs = fit.prepared.objective(noise, None).view_costs(&body);
                 if costs.iter().all(|cost| *cost <= OUTLIER_SCALE * OUTLIER_SCALE) {
-                    (fit.body, fit.equations, fit.robust) = (body, equations, false);
+                    (fit.body, fit.equations, fit.outlier_scale) = (body, equations, None);
                 }
             }
         }
-        if fit.robust || !context.options.robust {
+        if fit.outlier_scale.is_some() || !context.options.robust {
             return fit;
         }
-        let costs = fit.prepared.objective(noise, false).view_costs(&fit.body);
+        let costs = fit.prepared.objective(noise, None).view_costs(&fit.body);
         let mean = costs.iter().sum::<f64>() / costs.len().max(1) as f64;
         (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
     }
@@ -251,9 +318,11 @@ impl<B: FirstFit> Fit<B> {
     /// The fit under new noise levels; the old one where that fails.
     pub(super) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
-        let objective = self.prepared.objective(noise, self.robust);
+        let plain = self.objective(noise, None);
+        let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
+        let objective = Objective { outlier_scale: scale, ..plain };
         match minimise(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
-            Some((body, equations)) => Self { body, equations, ..self.clone() },
+            Some((body, equations)) => Self { body, equations, outlier_scale: scale, ..self.clone() },
             None => self.clone(),
         }
     }
@@ -261,8 +330,11 @@ impl<B: FirstFit> Fit<B> {
     /// The estimate in the world.
     pub(super) fn estimate(&self, noise: &NoiseLevels, context: &MapContext) -> Estimate {
         let Prepared { views, measurements, .. } = &*self.prepared;
-        let costs = if self.robust { self.prepared.objective(noise, true).view_costs(&self.body) } else { Vec::new() };
-        let inlier = |view: usize| costs.get(view).is_none_or(|cost| *cost <= OUTLIER_SCALE * OUTLIER_SCALE);
+        let costs = self.outlier_scale.map(|_| self.prepared.objective(noise, None).view_costs(&self.body));
+        let inlier = |view: usize| match (&costs, self.outlier_scale) {
+            (Some(costs), Some(scale)) => costs[view] <= scale * scale,
+            _ => true,
+        };
         let mut estimate = describe(
             Estimate::failed(views.object_index, views.category_index, Status::Ok),
             self.body.body_in_world(&measurements.frame),
@@ -286,7 +358,9 @@ fn object_prior(views: &ObjectViews, frame: &ObjectFrame, context: &MapContext) 
     let mut prior = ObjectPrior { shape_weight: 1.0 / context.options.shape_sd, ..Default::default() };
     prior.axes_are_named = context.options.body != BodyKind::Ellipsoid;
     let name = views.category_index.map_or("", |index| context.categories[index].as_str());
+    prior.on_ground = context.options.ground_plane && context.up.is_some();
     let Some(category) = context.options.priors.of(name) else { return prior };
+    prior.on_ground |= category.on_ground && context.up.is_some();
     if let (Some(up), Some(sd)) = (context.up, category.upright_sd) {
         prior.up = Some(up.into_inner());
         prior.upright_weight = 1.0 / sd;

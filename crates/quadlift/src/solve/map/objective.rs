@@ -4,13 +4,31 @@ use nalgebra::Vector3;
 
 use super::body_model::BodyModel;
 use super::measurements::{Measurements, Plane};
-use super::noise::{NoiseLevels, NoiseStatistics};
+use super::noise::{NoiseGroup, NoiseLevels, NoiseStatistics};
 use super::normal_equations::{NormalEquations, PARAMETERS, Row};
 use super::rows::{ResidualRow, view_rows};
 use crate::geometry::linalg::invert_spd;
 
 /// Scale of the redescending loss (Geman-McClure) on the norm of a view's whitened residuals.
 pub(super) const OUTLIER_SCALE: f64 = 4.0;
+
+/// The outlier scale of an object whose views have these squared residuals: larger where half of the views agree less
+/// well than the noise of the scene lets expect, because then that noise is not the object's.
+pub(super) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
+    view_costs.sort_by(f64::total_cmp);
+    let median = view_costs.get(view_costs.len() / 2).copied().unwrap_or(0.0);
+    OUTLIER_SCALE * (median / CHI2_MEDIAN).sqrt().clamp(1.0, 10.0)
+}
+
+/// Median of the chi-square distribution with four degrees of freedom: a view of four edges.
+pub(super) const CHI2_MEDIAN: f64 = 3.357;
+
+/// Degrees of freedom of Student's t distribution, the likelihood of an edge: near zero it is a Gaussian, beyond three
+/// standard deviations it gives way.
+const TAILS: f64 = 9.0;
+
+/// Whitened residuals beyond this take no part in the correlation between views.
+const WILD: f64 = 4.0;
 
 /// Priors of one object, in its frame.
 #[derive(Debug, Clone, Default)]
@@ -23,8 +41,8 @@ pub(super) struct ObjectPrior {
     pub up: Option<Vector3<f64>>,
     /// 1/sd of the angle between an axis and `up`.
     pub upright_weight: f64,
-    /// The plane on which the object stands (positive above) and 1/sd of the distance, lengths in object units.
-    pub ground: Option<(Plane, f64)>,
+    /// Whether the object stands on the ground plane.
+    pub on_ground: bool,
     /// The axes of the body model are length, width and height, in this order (set for oriented bodies).
     pub axes_are_named: bool,
 }
@@ -34,9 +52,13 @@ pub(super) struct ObjectPrior {
 pub(super) struct Objective<'a> {
     pub measurements: &'a Measurements,
     pub prior: &'a ObjectPrior,
+    /// The plane on which the object stands (positive above) and 1/sd of the distance, lengths in object units.
+    pub ground: Option<(Plane, f64)>,
     pub noise: &'a NoiseLevels,
-    /// Whether views may be outliers.
-    pub robust: bool,
+    /// Whether single edges may be wrong.
+    pub heavy_tails: bool,
+    /// Whether views may be outliers: the scale beyond which they count less, in units of the noise.
+    pub outlier_scale: Option<f64>,
     /// Whether shapes of ellipses are compared in the smooth form, for the way from a start.
     pub smooth: bool,
 }
@@ -46,22 +68,53 @@ impl Objective<'_> {
     pub(super) fn linearise(&self, body: &impl BodyModel) -> Option<NormalEquations> {
         let mut equations = NormalEquations::zero();
         let mut rows = Vec::with_capacity(16);
+        let edge_weight = self.edge_weight();
         for view in 0..self.measurements.views.len() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-            let weight = if self.robust {
-                let (cost, weight) = geman_mcclure(squared_norm(&rows));
-                equations.cost += cost;
-                weight
-            } else {
-                equations.cost += squared_norm(&rows);
-                1.0
-            };
+            let (cost, view_weight) = self.view_loss(&rows, edge_weight);
+            equations.cost += cost;
             for row in &rows {
-                equations.add_row(row.residual, &row.row, weight);
+                equations.add_row(row.residual, &row.row, view_weight * self.row_weight(row, edge_weight));
             }
         }
         self.add_priors(body, &mut equations);
         equations.cost.is_finite().then_some(equations)
+    }
+
+    /// Cost of a view and the factor on the weights of its rows.
+    #[inline]
+    fn view_loss(&self, rows: &[ResidualRow], edge_weight: f64) -> (f64, f64) {
+        let costs = |weight: f64| -> f64 {
+            rows.iter().map(|row| self.row_cost(row) * if row.group == NoiseGroup::Edge { weight } else { 1.0 }).sum()
+        };
+        let Some(scale) = self.outlier_scale else { return (costs(edge_weight), 1.0) };
+        // Whether a view is an outlier does not depend on how many others there are.
+        let ratio = 1.0 + costs(1.0) / (scale * scale);
+        (costs(edge_weight) / ratio, 1.0 / (ratio * ratio))
+    }
+
+    fn edge_weight(&self) -> f64 {
+        self.noise.edge_weight(self.measurements.views.len())
+    }
+
+    /// Twice the negative log likelihood of a residual, up to a constant.
+    #[inline]
+    fn row_cost(&self, row: &ResidualRow) -> f64 {
+        let squared = row.residual * row.residual;
+        if self.heavy_tails && row.group == NoiseGroup::Edge {
+            (TAILS + 1.0) * (squared / TAILS).ln_1p()
+        } else {
+            squared
+        }
+    }
+
+    #[inline]
+    fn row_weight(&self, row: &ResidualRow, edge_weight: f64) -> f64 {
+        match row.group {
+            NoiseGroup::Edge if self.heavy_tails => edge_weight * (TAILS + 1.0) / (TAILS + row.residual * row.residual),
+            NoiseGroup::Edge => edge_weight,
+            _ => 1.0,
+        }
     }
 
     /// Squared norm of each view's whitened residuals.
@@ -70,24 +123,54 @@ impl Objective<'_> {
         (0..self.measurements.views.len())
             .map(|view| {
                 view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-                squared_norm(&rows)
+                rows.iter().map(|row| row.residual * row.residual).sum()
             })
             .collect()
     }
 
     /// Residual statistics for the noise levels; nothing when the normal equations are singular.
-    pub(super) fn statistics(&self, body: &impl BodyModel, equations: &NormalEquations) -> NoiseStatistics {
+    pub(super) fn statistics(
+        &self,
+        body: &impl BodyModel,
+        equations: &NormalEquations,
+        correlated_views: bool,
+    ) -> NoiseStatistics {
         let mut statistics = NoiseStatistics::default();
         let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
-        let mut rows = Vec::with_capacity(16);
-        for view in 0..self.measurements.views.len() {
+        let edge_weight = self.edge_weight();
+        let mut counts = [0; NoiseGroup::ALL.len()];
+        let (mut products, mut squares, mut pairs) = (0.0, 0.0, 0);
+        let views = self.measurements.views.len();
+        let (mut rows, mut before) = (Vec::with_capacity(16), Vec::<ResidualRow>::with_capacity(16));
+        for view in 0..views {
+            std::mem::swap(&mut rows, &mut before);
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-            let weight = if self.robust { geman_mcclure(squared_norm(&rows)).1 } else { 1.0 };
-            for row in &rows {
+            let (_, view_weight) = self.view_loss(&rows, edge_weight);
+            for row in rows.iter().filter(|row| row.residual != 0.0) {
                 let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
-                let leverage = weight * gradient.dot(&(covariance * gradient));
-                statistics.add(row.group, row.residual, weight, leverage);
+                let weight = view_weight * self.row_weight(row, 1.0);
+                let shared = if row.group == NoiseGroup::Edge { edge_weight } else { 1.0 };
+                let leverage = weight * shared * gradient.dot(&(covariance * gradient));
+                // The scale of Student's t distribution by maximum likelihood: weighted squares over the number.
+                statistics.add(row.group, row.residual, weight, view_weight - leverage);
+                counts[row.group as usize] += 1;
             }
+            if correlated_views && rows.len() == before.len() {
+                for (a, b) in before.iter().zip(&rows).filter(|(a, _)| a.group == NoiseGroup::Edge) {
+                    // Edges that do not count are zero; wild ones would drown the others.
+                    if a.residual != 0.0 && b.residual != 0.0 && a.residual.abs().max(b.residual.abs()) < WILD {
+                        products += a.residual * b.residual;
+                        squares += 0.5 * (a.residual * a.residual + b.residual * b.residual);
+                        pairs += 1;
+                    }
+                }
+            }
+        }
+        if squares > 0.0 {
+            statistics.add_neighbours(products / squares, pairs);
+        }
+        for group in NoiseGroup::ALL {
+            statistics.add_views(group, counts[group as usize], views);
         }
         statistics
     }
@@ -110,16 +193,9 @@ impl Objective<'_> {
                 equations.add_quadratic(weight * (semi_axes[axis].ln() - mean), &row);
             }
         }
-        if let Some((plane, weight)) = &self.prior.ground {
-            let (h, slope) = body.support_gradient(&plane.n);
-            let mut row = [0.0; PARAMETERS];
-            for k in 0..3 {
-                row[k] = weight * plane.n[k];
-            }
-            for k in 0..6 {
-                row[3 + k] = -weight * slope[k];
-            }
-            equations.add_quadratic(weight * (plane.n.dot(body.center()) + plane.d - h), &row);
+        if let Some((plane, weight)) = &self.ground {
+            let (height, row) = lowest_point(plane, body);
+            equations.add_quadratic(weight * height, &row.map(|x| x * weight));
         }
     }
 
@@ -156,12 +232,9 @@ impl Objective<'_> {
     }
 }
 
-fn squared_norm(rows: &[ResidualRow]) -> f64 {
-    rows.iter().map(|row| row.residual * row.residual).sum()
-}
-
-/// Cost and weight of a view under the Geman-McClure loss.
-fn geman_mcclure(squared: f64) -> (f64, f64) {
-    let ratio = 1.0 + squared / (OUTLIER_SCALE * OUTLIER_SCALE);
-    (squared / ratio, 1.0 / (ratio * ratio))
+/// Height of a body's lowest point above a plane, with its derivatives.
+pub(super) fn lowest_point(plane: &Plane, body: &impl BodyModel) -> (f64, Row) {
+    let (h, slope) = body.support_gradient(&plane.n);
+    let row = std::array::from_fn(|k| if k < 3 { plane.n[k] } else { -slope[k - 3] });
+    (plane.n.dot(body.center()) + plane.d - h, row)
 }

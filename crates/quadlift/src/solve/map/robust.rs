@@ -7,7 +7,7 @@ use super::super::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
-use super::objective::Objective;
+use super::objective::{CHI2_MEDIAN, OUTLIER_SCALE, Objective};
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 
 /// Fewest views of which one can be told to be an outlier.
@@ -31,9 +31,6 @@ const HYPOTHESES: usize = 60;
 
 /// Hypotheses that are refined.
 const REFINED: usize = 3;
-
-/// Median of the chi-square distribution with four degrees of freedom.
-const CHI2_MEDIAN: f64 = 3.357;
 
 /// Largest squared residual of a view over the median one; one when there are too few views to tell.
 fn largest_to_median(view_costs: &[f64]) -> f64 {
@@ -88,7 +85,7 @@ pub(super) fn fit_without_outliers(
     // The usual small-sample factor of the least median of squares.
     let factor = (hypotheses.first()?.0 / CHI2_MEDIAN).sqrt() * (1.0 + 5.0 / (views as f64 - 3.0));
     let noise = objective.noise.scaled(factor.clamp(0.01, 10.0));
-    let distrustful = Objective { noise: &noise, robust: true, ..*objective };
+    let distrustful = Objective { noise: &noise, outlier_scale: Some(OUTLIER_SCALE), ..*objective };
     let stop = Stop { evaluations: 30, promised_decrease: 1e-3 };
     hypotheses
         .into_iter()
@@ -122,17 +119,20 @@ fn hypothesis(tangents: &Measurements, triple: &[usize; 3]) -> [Option<Ellipsoid
     let mut centers = 0;
     for &index in triple {
         let view = &tangents.views[index];
-        let pairs = tangents.pairs[view.pairs.clone()].iter().flatten();
-        let singles = tangents.singles[view.singles.clone()].iter().filter(|s| !s.one_sided).map(|s| &s.plane);
-        for plane in pairs.chain(singles) {
-            let p = nalgebra::Vector4::new(plane.n.x, plane.n.y, plane.n.z, plane.d);
-            rows.push(tangency_row(&(p / view.offset.abs().max(0.1))));
-        }
-        for [a, b] in &tangents.pairs[view.pairs.clone()] {
-            // The plane halfway between the two passes near the centre.
-            if centers < center_rows.len() {
-                let n = a.n - b.n;
-                center_rows[centers] = [n.x, n.y, n.z, a.d - b.d].map(|x| x / view.offset.abs().max(0.1));
+        let scale = 1.0 / view.offset.abs().max(0.1);
+        for pair in tangents.edges[view.edges.clone()].chunks(2) {
+            for edge in pair.iter().filter(|edge| !edge.one_sided) {
+                let n = edge.plane.n * scale;
+                rows.push(tangency_row(&nalgebra::Vector4::new(n.x, n.y, n.z, edge.plane.d * scale)));
+            }
+            if let [a, b] = pair
+                && !a.one_sided
+                && !b.one_sided
+                && centers < center_rows.len()
+            {
+                // The plane halfway between the two passes near the centre.
+                let n = a.plane.n - b.plane.n;
+                center_rows[centers] = [n.x, n.y, n.z, a.plane.d - b.plane.d].map(|x| x * scale);
                 centers += 1;
             }
         }

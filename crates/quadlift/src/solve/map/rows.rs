@@ -17,7 +17,7 @@ pub(super) struct ResidualRow {
     pub group: NoiseGroup,
 }
 
-/// Fills `rows` with the residuals of one view; at most 13 of them. `smooth` is for the way from a start (see
+/// Fills `rows` with the residuals of one view; edges keep their places, those that do not count are zero. `smooth` is for the way from a start (see
 /// [`super::ellipse_residual`]).
 #[inline]
 pub(super) fn view_rows(
@@ -33,7 +33,7 @@ pub(super) fn view_rows(
     if let Some(ellipse) = &view.ellipse {
         ellipse.push_rows(body, noise, smooth, rows);
     }
-    if view.pairs.is_empty() && view.singles.is_empty() {
+    if view.edges.is_empty() {
         return;
     }
     let depth = view.axis.dot(body.center()) + view.offset;
@@ -52,21 +52,12 @@ pub(super) fn view_rows(
         }
         (residual, row)
     };
-    let (center, size) = (0.5 / noise.of(NoiseGroup::BoxCenter), 0.5 / noise.of(NoiseGroup::BoxSize));
-    for [low, high] in &measurements.pairs[view.pairs.clone()] {
-        let ((ra, a), (rb, b)) = (edge(low), edge(high));
-        let difference = std::array::from_fn(|k| (a[k] - b[k]) * center);
-        let sum = std::array::from_fn(|k| (a[k] + b[k]) * size);
-        rows.push(ResidualRow { residual: (ra - rb) * center, row: difference, group: NoiseGroup::BoxCenter });
-        rows.push(ResidualRow { residual: (ra + rb) * size, row: sum, group: NoiseGroup::BoxSize });
-    }
-    let single = 1.0 / noise.of(NoiseGroup::Edge);
-    for measured in &measurements.singles[view.singles.clone()] {
+    let scale = 1.0 / (noise.of(NoiseGroup::Edge) * noise.size_factor(view.half_size));
+    for measured in &measurements.edges[view.edges.clone()] {
         let (residual, row) = edge(&measured.plane);
         // A body that reaches beyond an edge at the image border agrees with it.
-        if !(measured.one_sided && residual <= 0.0) {
-            let row = row.map(|x| x * single);
-            rows.push(ResidualRow { residual: residual * single, row, group: NoiseGroup::Edge });
-        }
+        let agrees = measured.one_sided && residual <= 0.0;
+        let scale = if agrees { 0.0 } else { scale / measured.noise };
+        rows.push(ResidualRow { residual: residual * scale, row: row.map(|x| x * scale), group: NoiseGroup::Edge });
     }
 }

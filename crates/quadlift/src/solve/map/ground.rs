@@ -1,0 +1,131 @@
+//! The common ground plane: objects that stand on it tell where it is, and it tells where they stand (E9, ours).
+//!
+//! The plane is `up.x = g0 + g1 (e1.x) + g2 (e2.x)` with two horizontal directions e1, e2, about a reference point.
+//! Its three numbers are found by weighted least squares over the objects' lowest points, and over the cameras where
+//! their height above the ground is known.
+
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
+
+use super::body_model::horizontal_basis;
+use crate::geometry::linalg::solve_spd;
+
+/// Standard deviation of the plane's slopes before anything is known.
+const SLOPE_SD: f64 = 0.06;
+
+/// Standard deviation of the height of one camera above the ground, relative to that height.
+const CAMERA_HEIGHT_SD: f64 = 0.03;
+
+/// Standard deviation of an object's lowest point above the plane: this share of a typical object height ...
+const UNEVENNESS: f64 = 0.07;
+
+/// ... and this share of its distance from the nearest camera.
+const UNEVENNESS_FAR: f64 = 0.01;
+
+/// Residuals beyond this many standard deviations count less (an object that does not stand on the ground).
+const GIVES_WAY: f64 = 3.0;
+
+/// A plane; heights above it are `normal.(x - reference) + offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct GroundPlane {
+    pub reference: Point3<f64>,
+    pub normal: Vector3<f64>,
+    pub offset: f64,
+}
+
+/// The lowest point of an object and its variance along `up`, without what the plane itself told.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LowestPoint {
+    pub point: Point3<f64>,
+    pub variance: f64,
+    /// Height of the object.
+    pub height: f64,
+    /// Distance from the nearest camera.
+    pub distance: f64,
+}
+
+impl LowestPoint {
+    /// Standard deviation of the point's height above the plane.
+    pub(super) fn unevenness(&self) -> f64 {
+        UNEVENNESS * self.height + UNEVENNESS_FAR * self.distance
+    }
+}
+
+impl GroundPlane {
+    /// Fits the plane; `None` without objects.
+    pub(super) fn fit(
+        up: &Unit<Vector3<f64>>,
+        lowest: &[LowestPoint],
+        cameras: &[Point3<f64>],
+        camera_height: Option<f64>,
+    ) -> Option<Self> {
+        let reference = lowest.first()?.point;
+        let [e1, e2] = horizontal_basis(up);
+        // Points on the plane, with the variance of their height.
+        let mut points: Vec<(Point3<f64>, f64)> =
+            lowest.iter().map(|l| (l.point, l.variance + l.unevenness().powi(2))).collect();
+        if let Some(height) = camera_height {
+            // Cameras on a path are not independent: together they count as one.
+            let variance = (CAMERA_HEIGHT_SD * height).powi(2) * cameras.len() as f64;
+            points.extend(cameras.iter().map(|camera| (camera - up.into_inner() * height, variance)));
+        }
+        let mut plane = Vector3::zeros();
+        let mut weights = vec![1.0; points.len()];
+        for _ in 0..3 {
+            let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, SLOPE_SD.powi(-2), SLOPE_SD.powi(-2)));
+            let mut right = Vector3::zeros();
+            for ((point, variance), weight) in points.iter().zip(&weights) {
+                let d = point - reference;
+                let row = Vector3::new(1.0, e1.dot(&d), e2.dot(&d));
+                normal += row * row.transpose() * (weight / variance);
+                right += row * (up.dot(&d) * weight / variance);
+            }
+            plane = solve_spd(&normal, &right)?;
+            for ((point, variance), weight) in points.iter().zip(&mut weights) {
+                let d = point - reference;
+                let residual = up.dot(&d) - plane.dot(&Vector3::new(1.0, e1.dot(&d), e2.dot(&d)));
+                *weight = 1.0 / (1.0 + residual * residual / (variance * GIVES_WAY * GIVES_WAY));
+            }
+        }
+        let direction = up.into_inner() - e1 * plane.y - e2 * plane.z;
+        let length = direction.norm();
+        Some(Self { reference, normal: direction / length, offset: -plane.x / length })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(x: f64, y: f64, z: f64) -> LowestPoint {
+        LowestPoint { point: Point3::new(x, y, z), variance: 1e-4, height: 1.0, distance: 1.0 }
+    }
+
+    fn height(plane: &GroundPlane, x: f64, y: f64, z: f64) -> f64 {
+        plane.normal.dot(&(Point3::new(x, y, z) - plane.reference)) + plane.offset
+    }
+
+    #[test]
+    fn a_gently_sloped_plane_is_found_in_spite_of_a_floating_object() {
+        let mut lowest: Vec<LowestPoint> = (0..30)
+            .map(|k| {
+                let (x, y) = (f64::from(k % 6) * 10.0, f64::from(k / 6) * 10.0);
+                point(x, y, 0.5 + 0.02 * x)
+            })
+            .collect();
+        lowest.push(point(20.0, 20.0, 4.0));
+        let plane = GroundPlane::fit(&Vector3::z_axis(), &lowest, &[], None).unwrap();
+        for (x, y) in [(0.0, 0.0), (50.0, 40.0)] {
+            assert!(height(&plane, x, y, 0.5 + 0.02 * x).abs() < 0.05, "{plane:?}");
+        }
+        assert!((height(&plane, 20.0, 20.0, 4.0) - 3.1).abs() < 0.1);
+    }
+
+    #[test]
+    fn cameras_of_known_height_fix_the_plane_of_a_single_uncertain_object() {
+        let cameras: Vec<Point3<f64>> = (0..10).map(|k| Point3::new(f64::from(k), 0.0, 1.65)).collect();
+        let vague = LowestPoint { variance: 4.0, ..point(15.0, 3.0, 1.0) };
+        let plane = GroundPlane::fit(&Vector3::z_axis(), &[vague], &cameras, Some(1.65)).unwrap();
+        assert!(height(&plane, 5.0, 0.0, 0.0).abs() < 0.06, "{plane:?}");
+        assert!(GroundPlane::fit(&Vector3::z_axis(), &[], &cameras, Some(1.65)).is_none());
+    }
+}

@@ -1,0 +1,206 @@
+//! The accuracy that the library promises on synthetic scenes: means over 6 scenes of 50 objects and 20 views, one
+//! setting for all of them. The caller never says which noise there is.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+use nalgebra::{SVector, Vector3};
+use quadlift::geometry::{Body, Ellipsoid, vech3};
+use quadlift::metrics::{iou3d_bodies, iou3d_ellipsoids, nees};
+use quadlift::solve::{BodyKind, Estimate, MapOptions, Method, Status};
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
+use quadlift::{Localization, Options, localize};
+
+const SCENES: u64 = 6;
+
+fn ellipses(noise: Option<Noise>) -> impl Fn(u64) -> SyntheticOptions {
+    move |seed| SyntheticOptions { seed, noise: noise.into_iter().collect(), ..Default::default() }
+}
+
+fn boxes(sigma: f64) -> impl Fn(u64) -> SyntheticOptions {
+    move |seed| SyntheticOptions {
+        seed,
+        noise: vec![Noise::BoxEdges(sigma)],
+        observations: Observations::Boxes,
+        ..Default::default()
+    }
+}
+
+fn run(options: &SyntheticOptions, method: &Options) -> (SyntheticScene, Localization) {
+    let synthetic = generate(options).unwrap();
+    let localization = localize(&synthetic.scene, method, &|_, _| {}).unwrap();
+    (synthetic, localization)
+}
+
+fn method(method: Method) -> Options {
+    Options { method, ..Default::default() }
+}
+
+fn body(body: BodyKind) -> Options {
+    Options { map: MapOptions { body, ..Default::default() }, ..Default::default() }
+}
+
+/// Mean IoU of the estimated with the true bodies; a failed estimate counts as zero.
+fn mean_iou(make: impl Fn(u64) -> SyntheticOptions, options: &Options) -> f64 {
+    let mut sum = 0.0;
+    for seed in 0..SCENES {
+        let (synthetic, localization) = run(&make(seed), options);
+        assert_eq!(localization.estimates.len(), synthetic.truth.len());
+        for (estimate, (_, truth)) in localization.estimates.iter().zip(&synthetic.truth) {
+            sum += estimate.body.map_or(0.0, |body| iou3d_bodies(&body, truth)) / synthetic.truth.len() as f64;
+        }
+    }
+    sum / SCENES as f64
+}
+
+#[track_caller]
+fn assert_mean_iou(at_least: f64, make: impl Fn(u64) -> SyntheticOptions, options: &Options) {
+    let found = mean_iou(make, options);
+    println!("mean IoU {found:.4}, at least {at_least}");
+    assert!(found >= at_least, "mean IoU {found:.4}, expected at least {at_least}");
+}
+
+#[test]
+fn exact_ellipses() {
+    assert_mean_iou(0.9999, ellipses(None), &method(Method::Map));
+    assert_mean_iou(0.9999, ellipses(None), &method(Method::Lfd));
+    assert_mean_iou(0.9999, ellipses(None), &method(Method::Pfd));
+}
+
+#[test]
+fn exact_boxes() {
+    assert_mean_iou(0.9999, boxes(0.0), &method(Method::Map));
+    assert_mean_iou(0.9999, boxes(0.0), &method(Method::Planes));
+}
+
+#[test]
+fn noises_of_the_paper() {
+    let map = method(Method::Map);
+    assert_mean_iou(0.98, ellipses(Some(Noise::Rotation(45.0))), &map);
+    assert_mean_iou(0.90, ellipses(Some(Noise::Size(0.3))), &map);
+    assert_mean_iou(0.84, ellipses(Some(Noise::Translation(0.3))), &map);
+    assert_mean_iou(0.81, ellipses(Some(Noise::SizePerAxis(0.3))), &map);
+    assert_mean_iou(0.77, ellipses(Some(Noise::TranslationFullAxis(0.3))), &map);
+}
+
+#[test]
+fn noisy_boxes() {
+    assert_mean_iou(0.83, boxes(0.05), &method(Method::Map));
+    assert_mean_iou(0.75, boxes(0.10), &method(Method::Map));
+}
+
+#[test]
+fn gross_outliers_are_found_and_left_out() {
+    let make = |seed| SyntheticOptions { outlier_share: 0.3, ..boxes(0.02)(seed) };
+    assert_mean_iou(0.88, make, &method(Method::Map));
+    let (mut wrong, mut total) = (0, 0);
+    for seed in 0..SCENES {
+        let (synthetic, localization) = run(&make(seed), &method(Method::Map));
+        let views = localization.estimates.iter().flat_map(|estimate| &estimate.views);
+        for (view, outlier) in views.zip(&synthetic.outliers) {
+            wrong += usize::from(view.inlier == *outlier);
+            total += 1;
+        }
+    }
+    assert_eq!(total, 6000);
+    assert!(wrong < 60, "{wrong} of {total} views are taken for what they are not");
+}
+
+#[test]
+fn cuboids_are_fitted_as_cuboids() {
+    let make = |sigma: f64| move |seed| SyntheticOptions { body: BodyKind::Cuboid, ..boxes(sigma)(seed) };
+    assert_mean_iou(0.999, make(0.0), &body(BodyKind::Cuboid));
+    assert_mean_iou(0.78, make(0.05), &body(BodyKind::Cuboid));
+}
+
+#[test]
+fn superellipsoids_lie_between() {
+    let make = |seed| SyntheticOptions { objects: 10, body: BodyKind::Superellipsoid(1.4), ..boxes(0.0)(seed) };
+    assert_mean_iou(0.99, make, &body(BodyKind::Superellipsoid(1.4)));
+}
+
+#[test]
+fn one_object_alone_is_as_exact() {
+    assert_mean_iou(0.998, |seed| SyntheticOptions { objects: 1, ..boxes(0.0)(seed) }, &method(Method::Map));
+    assert_mean_iou(0.998, |seed| SyntheticOptions { objects: 1, ..ellipses(None)(seed) }, &method(Method::Map));
+}
+
+#[test]
+fn two_views_give_an_answer_that_says_so() {
+    let make = |seed| SyntheticOptions { views: 2, ..boxes(0.02)(seed) };
+    assert_mean_iou(0.35, make, &method(Method::Map));
+    let (_, localization) = run(&make(0), &method(Method::Map));
+    assert!(localization.estimates.iter().all(|e| e.status == Status::Ok && !e.warnings.is_empty()));
+    let (_, localization) = run(&make(0), &method(Method::Planes));
+    assert!(localization.estimates.iter().all(|e| e.status == Status::TooFewViews));
+}
+
+/// E6: 20 views on an arc, boxes; the covariance must describe the errors that are made. Six scenes of 120 objects.
+#[test]
+fn uncertainty_is_honest() {
+    for (sigma, span) in [(0.02, 10.0), (0.05, 60.0), (0.1, 60.0)] {
+        let mut errors: Vec<f64> = Vec::new();
+        for seed in 0..SCENES {
+            let make = SyntheticOptions { objects: 120, trajectory: Trajectory::Arc { span }, ..boxes(sigma)(seed) };
+            let (synthetic, localization) = run(&make, &method(Method::Map));
+            let pairs = localization.estimates.iter().zip(&synthetic.truth);
+            errors.extend(pairs.map(|(estimate, (_, truth))| error_squared(estimate, truth)));
+        }
+        errors.sort_by(f64::total_cmp);
+        let median = errors[errors.len() / 2];
+        println!("sigma {sigma}, span {span} degrees: median NEES {median:.2}");
+        // The chi-square distribution with nine degrees of freedom has the median 8.34.
+        assert!((7.0..=10.0).contains(&median), "sigma {sigma}, span {span}: median NEES {median:.2}");
+    }
+}
+
+/// The squared error in (t, vech A), normalised by the covariance; the library's figure is checked against a
+/// calculation of its own.
+fn error_squared(estimate: &Estimate, truth: &Body) -> f64 {
+    let (a, b) = (estimate.ellipsoid().unwrap(), truth.ellipsoid());
+    let coordinates = |e: &Ellipsoid| {
+        let mut x = SVector::<f64, 9>::zeros();
+        x.fixed_rows_mut::<3>(0).copy_from(&e.center.coords);
+        x.fixed_rows_mut::<6>(3).copy_from(&vech3(&e.shape()));
+        x
+    };
+    let error = coordinates(&a) - coordinates(&b);
+    let covariance = estimate.covariance.unwrap().matrix;
+    let independent = (error.transpose() * covariance.lu().solve(&error).unwrap())[0];
+    let value = nees(&a, &b, &covariance).unwrap();
+    assert!((value - independent).abs() < 1e-4 * independent, "{value} {independent}");
+    value
+}
+
+#[test]
+fn the_answer_moves_with_the_world() {
+    for method in [Method::Map, Method::Planes, Method::Lfd].map(method) {
+        for make in [boxes(0.05)(3), ellipses(Some(Noise::Translation(0.1)))(3)] {
+            if method.method == Method::Planes && make.observations == Observations::Ellipses {
+                continue;
+            }
+            let score = |scale: f64, offset: Vector3<f64>| -> Vec<f64> {
+                let (synthetic, localization) = run(&SyntheticOptions { scale, offset, ..make.clone() }, &method);
+                let pairs = localization.estimates.iter().zip(&synthetic.truth);
+                pairs
+                    .map(|(e, (_, truth))| e.ellipsoid().map_or(0.0, |e| iou3d_ellipsoids(&e, &truth.ellipsoid())))
+                    .collect()
+            };
+            let plain = score(1.0, Vector3::zeros());
+            for (scale, offset) in
+                [(1.0, Vector3::new(1e6, -1e6, 1e6)), (1e-3, Vector3::zeros()), (1e3, Vector3::zeros())]
+            {
+                for (i, (a, b)) in plain.iter().zip(score(scale, offset)).enumerate() {
+                    assert!((a - b).abs() < 0.004, "{:?} object {i} scale {scale} {offset:?}: {a} {b}", method.method);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let make = SyntheticOptions { outlier_share: 0.3, ..boxes(0.05)(5) };
+    let a = format!("{:?}", run(&make, &method(Method::Map)).1);
+    let b = format!("{:?}", run(&make, &method(Method::Map)).1);
+    assert_eq!(a, b);
+}

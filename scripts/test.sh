@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# Installs what the tests need and runs them all: unit tests, end-to-end tests, examples in the documentation.
+#
+# They need a Rust toolchain and nothing else; cargo fetches the rest. Arguments go to cargo (scripts/test.sh --release).
+# Tests on real data are skipped unless that is at hand, see CONTRIBUTING.md.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+if ! command -v cargo >/dev/null; then
+    echo "cargo is not installed; see https://rustup.rs" >&2
+    exit 1
+fi
+# A changed snapshot is a failure here, never a file to be reviewed later.
+export INSTA_UPDATE=no
+cargo test --workspace --locked --no-fail-fast "$@"
