@@ -33,12 +33,12 @@ pub fn finite(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Reads three numbers separated by commas.
-/// A finite number above zero.
+/// Reads a finite number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     finite(text).ok().filter(|x| *x > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
 }
 
+/// Reads three numbers separated by commas.
 pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
     match numbers?.as_slice() {

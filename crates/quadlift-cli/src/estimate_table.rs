@@ -89,7 +89,7 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
         let level = |(name, x): &(&str, f64)| format!("{} {x:.3}", name.replace('_', " "));
         let levels: Vec<String> = localization.noise.iter().map(level).collect();
         let _ =
-            writeln!(text, "{DIM}noise of the detections, relative to their half size: {}{DIM:#}", levels.join(", "));
+            writeln!(text, "{DIM}noise of the detections (relative to their half size, or in px): {}{DIM:#}", levels.join(", "));
     }
     text
 }

@@ -1,0 +1,49 @@
+//! The default estimator on whole synthetic scenes: clean, noisy and with outliers, and with many views.
+//!
+//! `cargo bench -p quadlift --bench map`. One thread: `RAYON_NUM_THREADS=1`. Times are per scene of 50 objects.
+
+#![allow(missing_docs, clippy::unwrap_used)]
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion};
+use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
+use quadlift::{Options, localize};
+
+fn main() {
+    let mut criterion = Criterion::default().sample_size(20).configure_from_args();
+    let boxes = |sigma: f64| SyntheticOptions {
+        noise: vec![Noise::BoxEdges(sigma)],
+        observations: Observations::Boxes,
+        ..Default::default()
+    };
+    let ellipses = |noise: Vec<Noise>| SyntheticOptions { noise, ..Default::default() };
+    let mut group = criterion.benchmark_group("map_50_objects");
+    for (name, scene, body) in [
+        ("boxes exact", boxes(0.0), BodyKind::Ellipsoid),
+        ("boxes 0.05", boxes(0.05), BodyKind::Ellipsoid),
+        ("ellipses exact", ellipses(vec![]), BodyKind::Ellipsoid),
+        ("ellipses TE 0.1", ellipses(vec![Noise::Translation(0.1)]), BodyKind::Ellipsoid),
+        ("ellipses SE 0.3", ellipses(vec![Noise::Size(0.3)]), BodyKind::Ellipsoid),
+        ("outliers 0.3", SyntheticOptions { outlier_share: 0.3, ..boxes(0.02) }, BodyKind::Ellipsoid),
+        ("cuboids 0.05", SyntheticOptions { body: BodyKind::Cuboid, ..boxes(0.05) }, BodyKind::Cuboid),
+    ] {
+        let scene = generate(&scene).unwrap().scene;
+        let options = Options { map: MapOptions { body, ..Default::default() }, ..Default::default() };
+        group.bench_with_input(name, &scene, |b, scene| {
+            b.iter(|| localize(black_box(scene), &options, &|_, _| {}).unwrap())
+        });
+    }
+    group.finish();
+    let mut group = criterion.benchmark_group("map_one_object_by_views");
+    group.sample_size(10);
+    for views in [10, 100, 1000, 10_000] {
+        let scene = generate(&SyntheticOptions { objects: 1, views, ..boxes(0.05) }).unwrap().scene;
+        group.bench_with_input(BenchmarkId::from_parameter(views), &scene, |b, scene| {
+            b.iter(|| localize(black_box(scene), &Options::default(), &|_, _| {}).unwrap())
+        });
+    }
+    group.finish();
+    criterion.final_summary();
+}
