@@ -88,8 +88,11 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     if !localization.noise.is_empty() {
         let level = |(name, x): &(&str, f64)| format!("{} {x:.3}", name.replace('_', " "));
         let levels: Vec<String> = localization.noise.iter().map(level).collect();
-        let _ =
-            writeln!(text, "{DIM}noise of the detections (relative to their half size, or in px): {}{DIM:#}", levels.join(", "));
+        let _ = writeln!(
+            text,
+            "{DIM}noise of the detections (relative to their half size, or in px): {}{DIM:#}",
+            levels.join(", ")
+        );
     }
     text
 }

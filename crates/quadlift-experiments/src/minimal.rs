@@ -50,19 +50,20 @@ fn rows() -> Vec<MethodRow> {
 
 /// Further rows for cars.
 fn car_rows() -> Vec<MethodRow> {
-    let priors = builtin_priors();
-    let mut sizes = priors.clone();
-    for prior in sizes.by_category.values_mut() {
-        *prior = CategoryPrior { size: prior.size, ..Default::default() };
-    }
+    let row = |setting, keep: fn(&CategoryPrior) -> CategoryPrior| {
+        let mut priors = builtin_priors();
+        priors.by_category.values_mut().for_each(|prior| *prior = keep(prior));
+        MethodRow::map(setting, MapOptions { priors, ..Default::default() })
+    };
     vec![
-        MethodRow::map(CAR_SIZE, MapOptions { priors: sizes, ..Default::default() }),
-        MethodRow::map(CAR_UPRIGHT, MapOptions { priors, ..Default::default() }),
+        row(CAR_SIZE, |prior| CategoryPrior { size: prior.size, ..Default::default() }),
+        row(CAR_UPRIGHT, |prior| CategoryPrior { on_ground: false, ..*prior }),
+        row("ellipsoid, car size, upright, on the ground", |prior| *prior),
     ]
 }
 
 const CAR_SIZE: &str = "ellipsoid, car size";
-const CAR_UPRIGHT: &str = "ellipsoid, car size, upright, on the ground";
+const CAR_UPRIGHT: &str = "ellipsoid, car size, upright";
 
 fn data_sets(data: &Path) -> Result<[DataSet; 3], Error> {
     // The files of the first two do not say which way is up. In LINEMOD's model frames it is z, as on the marker board;
