@@ -18,7 +18,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{completions, demo, evaluate, info, localize, synth};
+use commands::{completions, demo, evaluate, info, localize, reproduce, synth};
 use error::Outcome;
 use output::Output;
 
@@ -58,6 +58,7 @@ enum Command {
     Evaluate(evaluate::Args),
     Synth(synth::Args),
     Info(info::Args),
+    Reproduce(reproduce::Args),
     Completions(completions::Args),
 }
 
@@ -70,6 +71,7 @@ fn main() -> ExitCode {
         Command::Evaluate(args) => evaluate::run(&args, &out),
         Command::Synth(args) => synth::run(&args, &out),
         Command::Info(args) => info::run(&args, &out),
+        Command::Reproduce(args) => reproduce::run(&args, &out),
         Command::Completions(args) => completions::run(&args, &out),
     };
     match result {

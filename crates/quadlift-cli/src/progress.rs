@@ -6,10 +6,15 @@ use crate::output::{Output, one_line};
 
 /// A bar that counts objects; hidden with `--quiet` and where there is no terminal.
 pub fn object_bar(message: &str, out: &Output) -> ProgressBar {
+    counting_bar(message, "objects", out)
+}
+
+/// A bar that counts something else.
+pub fn counting_bar(message: &str, things: &str, out: &Output) -> ProgressBar {
     // indicatif draws nothing on a stream that is no terminal.
     let target = if out.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(0), target).with_message(one_line(message));
-    match ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} objects {elapsed}") {
+    match ProgressStyle::with_template(&format!("{{msg}} {{bar:30}} {{pos}}/{{len}} {things} {{elapsed}}")) {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }

@@ -5,4 +5,5 @@ pub mod demo;
 pub mod evaluate;
 pub mod info;
 pub mod localize;
+pub mod reproduce;
 pub mod synth;

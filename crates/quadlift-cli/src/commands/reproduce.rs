@@ -1,0 +1,181 @@
+//! `quadlift reproduce`: the experiments of the paper, beside its figures.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use quadlift_experiments::data::data_folder;
+use quadlift_experiments::{CONVENTIONS, Experiment, Report, page, run as run_experiment, summary};
+use quadlift_io::write_file;
+use serde_json::{Value, json};
+
+use crate::error::Outcome;
+use crate::files::make_folder;
+use crate::output::Output;
+use crate::progress::counting_bar;
+
+/// Rerun the experiments of the paper and show its figures beside ours
+///
+/// The paper is "3D Pose from Detections" (ICCV 2015). Each table has the paper's printed figures in the rows whose
+/// setting is "paper".
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Experiments:
+  synthetic  noise of ellipses and of boxes, outliers (needs no data)
+  accv       one object on a table, 100 views
+  tuw        several objects on a table, 8 views
+  kitti      parked cars seen from a moving car
+  minimal    two and three views with a wide baseline
+  all        all of them
+
+With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
+\"results\" for all. The same seed gives the same files, with any number of threads.
+
+Examples:
+  quadlift reproduce synthetic
+  quadlift reproduce kitti --data ../shared/data --json
+  quadlift reproduce all --out docs
+
+Exit codes: 0 done; 1 there is no data, or a file cannot be read or written; 2 wrong usage."
+)]
+pub struct Args {
+    /// Which experiment
+    #[arg(value_enum)]
+    experiment: Name,
+
+    /// Folder of the real data, the one that holds `scenes` (default: QUADLIFT_DATA, or ../shared/data)
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+
+    /// Folder for the tables and plots; it is made if it does not exist
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    /// Print Markdown instead of aligned text
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+
+    /// Seed of everything that is drawn at random
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Name {
+    Synthetic,
+    Accv,
+    Tuw,
+    Kitti,
+    Minimal,
+    All,
+}
+
+impl Name {
+    fn experiments(self) -> Vec<Experiment> {
+        match self {
+            Self::Synthetic => vec![Experiment::Synthetic],
+            Self::Accv => vec![Experiment::Accv],
+            Self::Tuw => vec![Experiment::Tuw],
+            Self::Kitti => vec![Experiment::Kitti],
+            Self::Minimal => vec![Experiment::Minimal],
+            Self::All => Experiment::ALL.to_vec(),
+        }
+    }
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    let experiments = args.experiment.experiments();
+    // What is missing is said before the long work.
+    if experiments.iter().any(|experiment| experiment.needs_data()) {
+        data_folder(args.data.as_deref())?;
+    }
+    if let Some(folder) = &args.out {
+        if folder.exists() && !folder.is_dir() {
+            bail!("cannot write to {}: it is a file; expected a folder", folder.display());
+        }
+        make_folder(folder)?;
+    }
+    let mut reports = Vec::new();
+    for experiment in experiments {
+        let report = with_progress(experiment, args, out)?;
+        let text = if args.markdown { report.to_markdown(plot_folder(args)) } else { report.to_text() };
+        out.report(&format!("{text}\n"))?;
+        reports.push(report);
+    }
+    let summary = summary(&reports);
+    out.report(&format!(
+        "{}\n{CONVENTIONS}",
+        if args.markdown { summary.to_markdown() } else { format!("{}\n", summary.to_text()) }
+    ))?;
+    if let Some(folder) = &args.out {
+        write_files(folder, &reports, args)?;
+        out.report(&format!(
+            "\nWrote {0}/{1}.md, {0}/{1}.json and the plots in {0}/{1}.\n",
+            folder.display(),
+            name(args)
+        ))?;
+    }
+    out.document(&document(&reports, args))?;
+    Ok(Outcome::Fine)
+}
+
+fn with_progress(experiment: Experiment, args: &Args, out: &Output) -> anyhow::Result<Report> {
+    let bar = counting_bar("", "steps", out);
+    let report = run_experiment(experiment, args.data.as_deref(), args.seed, &|name, done, total| {
+        bar.set_message(name.to_owned());
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    Ok(report?)
+}
+
+/// The name of the files.
+fn name(args: &Args) -> &'static str {
+    match args.experiment {
+        Name::Synthetic => "synthetic",
+        Name::Accv => "accv",
+        Name::Tuw => "tuw",
+        Name::Kitti => "kitti",
+        Name::Minimal => "minimal",
+        Name::All => "results",
+    }
+}
+
+/// The folder of the plots, beside the page.
+fn plot_folder(args: &Args) -> &'static str {
+    name(args)
+}
+
+fn write_files(folder: &Path, reports: &[Report], args: &Args) -> anyhow::Result<()> {
+    let write = |path: PathBuf, bytes: &[u8]| write_file(&path, |file| file.write_all(bytes));
+    let mut json = serde_json::to_string_pretty(&document(reports, args))?;
+    json.push('\n');
+    write(folder.join(format!("{}.md", name(args))), page(reports, &command(args), plot_folder(args)).as_bytes())?;
+    write(folder.join(format!("{}.json", name(args))), json.as_bytes())?;
+    let plots = folder.join(plot_folder(args));
+    for plot in reports.iter().flat_map(Report::plots) {
+        make_folder(&plots)?;
+        write(plots.join(format!("{}.svg", plot.name)), plot.svg()?.as_bytes())?;
+        write(plots.join(format!("{}.png", plot.name)), &plot.png()?)?;
+    }
+    Ok(())
+}
+
+/// The command that writes these files, without the folder of the data: that is the reader's own.
+fn command(args: &Args) -> String {
+    let experiment = if args.experiment == Name::All { "all" } else { name(args) };
+    let folder = args.out.as_ref().map(|folder| format!(" --out {}", folder.display())).unwrap_or_default();
+    let seed = if args.seed == 0 { String::new() } else { format!(" --seed {}", args.seed) };
+    format!("quadlift reproduce {experiment}{folder}{seed}")
+}
+
+fn document(reports: &[Report], args: &Args) -> Value {
+    json!({
+        "program": "quadlift",
+        "version": env!("CARGO_PKG_VERSION"),
+        "seed": args.seed,
+        "experiments": reports.iter().map(Report::to_json).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,35 @@
+//! What can go wrong.
+
+use std::path::PathBuf;
+
+use quadlift::LocalizeError;
+use quadlift::synthetic::SyntheticError;
+use quadlift_io::ReadError;
+
+/// Why an experiment cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The real data is not there.
+    #[error(
+        "there is no real data: {} has no folder \"scenes\"; name the folder of the data with --data DIR or the \
+         environment variable QUADLIFT_DATA (only the experiment \"synthetic\" needs none)", .0.display()
+    )]
+    NoData(PathBuf),
+    /// A scene file cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The options do not fit a scene.
+    #[error(transparent)]
+    Localize(#[from] LocalizeError),
+    /// A synthetic scene cannot be made.
+    #[error("cannot make a synthetic scene: {0}")]
+    Synthetic(#[from] SyntheticError),
+    /// A plot cannot be drawn.
+    #[error("cannot draw the plot \"{plot}\": {reason}")]
+    Plot {
+        /// Name of the plot.
+        plot: String,
+        /// What the drawing library says.
+        reason: String,
+    },
+}

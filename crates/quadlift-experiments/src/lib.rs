@@ -1,0 +1,75 @@
+//! The experiments of *3D Pose from Detections* (section 5), rerun beside the paper's figures: one file for each.
+//!
+//! [`run`] gives a [`Report`] of text, tables and plots. Nothing here is tuned on the truth it is scored with; every
+//! setting of an experiment stands in the `rows` of its file.
+#![forbid(unsafe_code)]
+
+mod accv;
+pub mod data;
+mod error;
+pub mod held_out;
+mod kitti;
+pub mod methods;
+mod minimal;
+pub mod paper;
+pub mod plot;
+mod progress;
+pub mod reg_weight;
+mod report;
+pub mod scores;
+pub mod sequences;
+mod synthetic;
+pub mod table;
+mod tuw;
+mod wide_views;
+
+use std::path::Path;
+
+pub use error::Error;
+pub use progress::{Progress, Steps};
+pub use report::{Block, CONVENTIONS, Headline, Report, page, summary};
+
+/// An experiment of the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Experiment {
+    /// Section 5.1: noise of ellipses, and of boxes.
+    Synthetic,
+    /// Section 5.2: one object on a table, 100 views.
+    Accv,
+    /// Section 5.3: several objects on a table, few views.
+    Tuw,
+    /// Section 5.4: parked cars from a moving car.
+    Kitti,
+    /// Section 5.5: two and three views.
+    Minimal,
+}
+
+impl Experiment {
+    /// All experiments, in the order of the paper.
+    pub const ALL: [Self; 5] = [Self::Synthetic, Self::Accv, Self::Tuw, Self::Kitti, Self::Minimal];
+
+    /// Whether it needs the real data.
+    pub fn needs_data(self) -> bool {
+        self != Self::Synthetic
+    }
+}
+
+/// Runs an experiment. The same seed gives the same report, with any number of threads.
+///
+/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none.
+///
+/// # Errors
+/// [`Error`]: no data, a file that is wrong.
+pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
+    if experiment == Experiment::Synthetic {
+        return synthetic::run(seed, progress);
+    }
+    let data = data::data_folder(data)?;
+    match experiment {
+        Experiment::Synthetic => synthetic::run(seed, progress),
+        Experiment::Accv => accv::run(&data, seed, progress),
+        Experiment::Tuw => tuw::run(&data, seed, progress),
+        Experiment::Kitti => kitti::run(&data, seed, progress),
+        Experiment::Minimal => minimal::run(&data, seed, progress),
+    }
+}

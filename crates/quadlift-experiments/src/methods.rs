@@ -1,0 +1,94 @@
+//! The rows of every table: methods with their bodies and priors. All settings of an experiment stand in its own
+//! file, made with the functions here.
+
+use quadlift::Options;
+use quadlift::metrics::ObjectScore;
+use quadlift::solve::{MapOptions, Method, RegOptions};
+use rayon::prelude::*;
+
+use crate::data::TrueScene;
+use crate::error::Error;
+use crate::progress::Steps;
+
+/// Weight of the regulariser of `reg`, the same in every experiment (the paper keeps one for all of its tests). How it
+/// was chosen is shown by [`crate::reg_weight`].
+pub const REG_LAMBDA: f64 = 1e13;
+
+/// A row: a method and everything that is set about it.
+#[derive(Debug, Clone)]
+pub struct MethodRow {
+    /// The method's name.
+    pub method: &'static str,
+    /// Body, priors and other settings, in words.
+    pub setting: String,
+    /// The same for the program.
+    pub options: Options,
+}
+
+impl MethodRow {
+    /// A method without settings.
+    pub fn closed_form(method: Method) -> Self {
+        let (method_name, setting) = match method {
+            Method::Pfd => ("pfd", "ellipsoid"),
+            Method::Reg => ("reg", "ellipsoid"),
+            Method::Lfd => ("lfd", "ellipsoid"),
+            Method::Planes => ("planes", "ellipsoid"),
+            Method::Map => ("map", "ellipsoid"),
+        };
+        let reg = RegOptions { lambda: REG_LAMBDA };
+        Self {
+            method: method_name,
+            setting: setting.to_owned(),
+            options: Options { method, reg, ..Default::default() },
+        }
+    }
+
+    /// `map` with these options, which `setting` says in words.
+    pub fn map(setting: &str, map: MapOptions) -> Self {
+        let options = Options { method: Method::Map, map, ..Default::default() };
+        Self { method: "map", setting: setting.to_owned(), options }
+    }
+
+    /// The row's name in one line: "map, cuboid, car prior".
+    pub fn name(&self) -> String {
+        format!("{}, {}", self.method, self.setting)
+    }
+}
+
+/// The methods without settings: `pfd`, `reg`, `lfd`, `planes`.
+pub fn closed_forms() -> Vec<MethodRow> {
+    [Method::Pfd, Method::Reg, Method::Lfd, Method::Planes].map(MethodRow::closed_form).to_vec()
+}
+
+/// The scores of one row on several sequences.
+#[derive(Debug, Clone)]
+pub struct RowScores {
+    /// The row.
+    pub row: MethodRow,
+    /// For each sequence, the scores of its objects.
+    pub sequences: Vec<Vec<ObjectScore>>,
+}
+
+/// Runs every row on every scene, in parallel; `protocol` completes the options (source, limits on occlusion, seed).
+///
+/// # Errors
+/// [`Error`] of the first scene that fails.
+pub fn run_rows(
+    rows: &[MethodRow],
+    scenes: &[TrueScene],
+    protocol: &(dyn Fn(&mut Options) + Sync),
+    steps: &Steps,
+) -> Result<Vec<RowScores>, Error> {
+    let run = |row: &MethodRow, scene: &TrueScene| {
+        let mut options = row.options.clone();
+        protocol(&mut options);
+        let scores = scene.scores(&options);
+        steps.done();
+        scores
+    };
+    let scores = |row: &MethodRow| -> Result<RowScores, Error> {
+        let sequences = scenes.par_iter().map(|scene| run(row, scene)).collect::<Result<_, _>>()?;
+        Ok(RowScores { row: row.clone(), sequences })
+    };
+    rows.par_iter().map(scores).collect()
+}
