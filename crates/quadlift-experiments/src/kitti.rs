@@ -78,7 +78,7 @@ fn ablations() -> Vec<MethodRow> {
         MethodRow::map("noise relative to the size only", MapOptions { pixel_noise_size: 0.0, ..car() }),
         MethodRow::map("no heavy tails", MapOptions { heavy_tails: false, ..car() }),
         MethodRow::map("views not correlated", MapOptions { correlated_views: false, ..car() }),
-        MethodRow::map("hidden edges like others", MapOptions { hidden_edge_noise: 1.0, ..car() }),
+        MethodRow::map("hidden edges like others", MapOptions { hidden_edges: false, ..car() }),
         MethodRow::map("camera height not known", MapOptions { camera_height: None, ..car() }),
         MethodRow::map("no ground plane", without_ground(car())),
     ]

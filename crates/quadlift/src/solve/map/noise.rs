@@ -54,7 +54,7 @@ const ENOUGH_DATA: f64 = 16.0;
 
 /// Views of an object up to which the default fills in for missing ones: in a few views a body that is not quite of the
 /// right kind follows the measurements, and they look better than they are.
-const ENOUGH_VIEWS: f64 = 10.0;
+const ENOUGH_VIEWS: f64 = 7.0;
 
 /// What the residuals of a scene tell about its measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
