@@ -11,6 +11,8 @@
 mod body_model;
 mod covariance;
 mod ellipse_residual;
+mod first_fit;
+mod fit;
 mod ground;
 #[cfg(test)]
 mod jacobian_tests;
@@ -27,9 +29,11 @@ mod starts;
 use nalgebra::{Point3, Unit, Vector3};
 
 use self::body_model::{BodyModel, EllipsoidModel, OrientedModel};
+use self::first_fit::FirstFit;
+use self::fit::Fit;
 use self::ground::{GroundPlane, LowestPoint};
 use self::noise::{NoiseLevels, NoiseStatistics};
-use self::object::{FirstFit, Fit, Prepared};
+use self::object::Prepared;
 use super::estimate::Estimate;
 use super::options::{BodyKind, MapOptions};
 use crate::parallel::map_indices;

@@ -1,0 +1,143 @@
+//! What each kind of body does by itself: the first fit from an ellipsoid, and the way back into the world.
+
+use nalgebra::{Point3, Rotation3, Vector3};
+
+use super::super::conditioning::ObjectFrame;
+use super::super::estimate::Covariance;
+use super::super::options::BodyKind;
+use super::super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
+use super::MapContext;
+use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
+use super::covariance;
+use super::levenberg_marquardt::{Stop, minimise};
+use super::noise::NoiseLevels;
+use super::normal_equations::NormalEquations;
+use super::object::{FROM_START, Prepared};
+use super::starts::oriented_starts;
+use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
+use crate::scene::View;
+
+/// To decide between many starts: few steps.
+const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
+
+/// Oriented starts that are followed to the end.
+const FOLLOWED_STARTS: usize = 3;
+
+/// How the first fit of each kind of body comes from the ellipsoid.
+pub(super) trait FirstFit: BodyModel {
+    /// Whether the first fit chooses between several starts, which is worth repeating under other noise levels.
+    const SEVERAL_STARTS: bool;
+
+    fn from_ellipsoid(
+        prepared: &Prepared,
+        ellipsoid: &EllipsoidModel,
+        noise: &NoiseLevels,
+        outlier_scale: Option<f64>,
+        context: &MapContext,
+        seed: u64,
+    ) -> Option<(Self, NormalEquations)>;
+
+    /// The body in the world.
+    fn body_in_world(&self, frame: &ObjectFrame) -> Body;
+
+    /// Covariance in world units.
+    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance>;
+}
+
+impl FirstFit for EllipsoidModel {
+    const SEVERAL_STARTS: bool = false;
+
+    fn from_ellipsoid(
+        prepared: &Prepared,
+        ellipsoid: &EllipsoidModel,
+        noise: &NoiseLevels,
+        outlier_scale: Option<f64>,
+        _context: &MapContext,
+        _seed: u64,
+    ) -> Option<(Self, NormalEquations)> {
+        let equations = prepared.objective(noise, outlier_scale).linearise(ellipsoid)?;
+        Some((ellipsoid.clone(), equations))
+    }
+
+    fn body_in_world(&self, frame: &ObjectFrame) -> Body {
+        Body::Ellipsoid(Ellipsoid {
+            center: frame.point_in_world(self.center()),
+            semi_axes: self.semi_axes() * frame.unit,
+            rotation: Rotation3::from_matrix_unchecked(*self.axes()),
+        })
+    }
+
+    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
+        covariance::of_ellipsoid(self, equations, frame)
+    }
+}
+
+impl FirstFit for OrientedModel {
+    const SEVERAL_STARTS: bool = true;
+
+    fn from_ellipsoid(
+        prepared: &Prepared,
+        ellipsoid: &EllipsoidModel,
+        noise: &NoiseLevels,
+        outlier_scale: Option<f64>,
+        context: &MapContext,
+        seed: u64,
+    ) -> Option<(Self, NormalEquations)> {
+        let objective = prepared.objective(noise, outlier_scale);
+        let exponent = match context.options.body {
+            BodyKind::Superellipsoid(exponent) => exponent,
+            BodyKind::Cuboid | BodyKind::Ellipsoid => 1.0,
+        };
+        let centers = centers_from_size(prepared);
+        let starts = oriented_starts(ellipsoid, exponent, &prepared.prior, &centers, seed);
+        let descend = |start: OrientedModel, stop: Stop| {
+            minimise(start, stop, |body| objective.linearise(body), BodyModel::retract)
+        };
+        let mut screened: Vec<_> = starts.into_iter().filter_map(|start| descend(start, SCREENING)).collect();
+        screened.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        screened
+            .into_iter()
+            .take(FOLLOWED_STARTS)
+            .filter_map(|(start, _)| descend(start, FROM_START))
+            .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+    }
+
+    fn body_in_world(&self, frame: &ObjectFrame) -> Body {
+        let center: Point3<f64> = frame.point_in_world(self.center());
+        let semi_axes = self.semi_axes() * frame.unit;
+        let rotation = Rotation3::from_matrix_unchecked(*self.axes());
+        if self.exponent() == 1.0 {
+            Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation })
+        } else {
+            Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent: self.exponent() })
+        }
+    }
+
+    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
+        covariance::of_oriented(self, equations, frame)
+    }
+}
+
+/// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
+/// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
+fn centers_from_size(prepared: &Prepared) -> Vec<Vector3<f64>> {
+    let frame = &prepared.measurements.frame;
+    let Some([_, _, (log_half_height, _)]) = prepared.prior.log_size else { return Vec::new() };
+    let whole = |view: &&View| {
+        let b = view.bounding_box;
+        b.is_some_and(|b| !edges_at_border(&b, view.image_size, BORDER_TOLERANCE_PX).contains(&true))
+    };
+    let height = |view: &View| view.bounding_box.map_or(0.0, |b| b.size().y);
+    let tallest = prepared.views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));
+    let Some(view) = tallest else { return Vec::new() };
+    let (Some(bounding_box), Some(camera)) = (view.bounding_box, view.projection.center_in_world()) else {
+        return Vec::new();
+    };
+    let Some(ray) = view.projection.ray_in_world(&bounding_box.center()) else { return Vec::new() };
+    let depth = view.projection.focal_length() * 2.0 * log_half_height.exp() * frame.unit / bounding_box.size().y;
+    let along = view.projection.depth(&(camera + ray));
+    [0.85, 1.0, 1.2]
+        .into_iter()
+        .map(|factor| (camera + ray * (depth * factor / along) - frame.origin) / frame.unit)
+        .collect()
+}

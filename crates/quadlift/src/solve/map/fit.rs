@@ -1,0 +1,177 @@
+//! A fitted object, on its way through the rounds to an estimate.
+
+use std::sync::Arc;
+
+use nalgebra::{Unit, Vector3};
+
+use super::super::estimate::{Estimate, Status, Warning};
+use super::super::report::describe;
+use super::MapContext;
+use super::body_model::{BodyModel, EllipsoidModel};
+use super::first_fit::FirstFit;
+use super::ground::{GroundPlane, LowestPoint};
+use super::levenberg_marquardt::{Stop, minimise};
+use super::measurements::Plane;
+use super::noise::{NoiseLevels, NoiseStatistics};
+use super::normal_equations::NormalEquations;
+use super::object::Prepared;
+use super::objective::{OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
+use super::robust::fit_without_outliers;
+use crate::geometry::linalg::invert_spd;
+
+/// Between two estimates of the noise levels.
+const BETWEEN_ROUNDS: Stop = Stop { evaluations: 6, promised_decrease: 0.1 };
+
+/// The end.
+const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
+
+/// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
+const SUSPECT_COST: f64 = 12.0;
+
+/// A fitted object.
+#[derive(Clone)]
+pub(super) struct Fit<B> {
+    pub prepared: Arc<Prepared>,
+    /// The ellipsoid from whose starts the body came.
+    pub ellipsoid: EllipsoidModel,
+    pub body: B,
+    pub equations: NormalEquations,
+    /// Set where the views hold outliers.
+    pub outlier_scale: Option<f64>,
+    /// The ground plane in the object's frame, where the object stands on it.
+    pub ground: Option<(Plane, f64)>,
+}
+
+impl<B: FirstFit> Fit<B> {
+    fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
+        Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
+    }
+
+    /// The lowest point of the body against `up`, for the ground plane; `None` where it does not stand on it.
+    pub(super) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
+        let Prepared { views, measurements, prior, .. } = &*self.prepared;
+        if !prior.on_ground {
+            return None;
+        }
+        let frame = &measurements.frame;
+        let level = Plane { n: up.into_inner(), d: 0.0 };
+        let (reach, _) = self.body.support_gradient(&level.n);
+        // What the object knows without the plane: its row is taken out of the inverse again (Sherman-Morrison).
+        let covariance = invert_spd(&self.equations.hessian())?;
+        let variance_along = |plane: &Plane| {
+            let row = nalgebra::SVector::from(lowest_point(plane, &self.body).1);
+            (row.transpose() * covariance * row)[0]
+        };
+        let with = variance_along(&level);
+        let told = self.ground.map_or(0.0, |(_, weight)| weight * weight * with);
+        let variance = with / (1.0 - told).max(1e-3);
+        let point = frame.point_in_world(&(self.body.center() - level.n * reach));
+        let nearest = views.views.iter().filter_map(|view| Some((view.projection.center_in_world()? - point).norm()));
+        Some(LowestPoint {
+            point,
+            variance: variance * frame.unit * frame.unit,
+            height: 2.0 * reach * frame.unit,
+            distance: nearest.fold(f64::INFINITY, f64::min),
+        })
+    }
+
+    /// Puts the body on the ground plane.
+    pub(super) fn stand_on(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
+        self.ground = self.lowest_point(up).map(|lowest| {
+            let frame = &self.prepared.measurements.frame;
+            let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
+            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / lowest.unevenness())
+        });
+    }
+
+    /// Residual statistics under the noise levels of the last fit.
+    pub(super) fn statistics(&self, noise: &NoiseLevels, context: &MapContext) -> NoiseStatistics {
+        let objective = self.objective(noise, self.outlier_scale);
+        objective.statistics(&self.body, &self.equations, context.options.correlated_views)
+    }
+
+    /// A fit that leaves outliers out, where this plain one shows some.
+    pub(super) fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
+        let prepared = &self.prepared;
+        let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
+        let seed = prepared.seed(context);
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, context.options, seed)?;
+        let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, Some(OUTLIER_SCALE), context, seed)?;
+        Some(Self {
+            prepared: prepared.clone(),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale: Some(OUTLIER_SCALE),
+            ground: self.ground,
+        })
+    }
+
+    /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and
+    /// for outliers where the residuals are much larger than the noise.
+    pub(super) fn reconsidered(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
+        let mut fit = self.refined(noise, false);
+        if B::SEVERAL_STARTS {
+            // Other random rotations than before.
+            let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
+            let again = |scale| {
+                let (body, _) = B::from_ellipsoid(&self.prepared, &self.ellipsoid, noise, scale, context, seed)?;
+                let objective = self.objective(noise, scale);
+                minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
+            };
+            if let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost) {
+                (fit.body, fit.equations) = (body, equations);
+            }
+            // A wrong start can look like outliers: where all views agree with another one there are none.
+            if let Some((body, equations)) = fit.outlier_scale.and_then(|_| again(None)) {
+                let costs = fit.prepared.objective(noise, None).view_costs(&body);
+                if costs.iter().all(|cost| *cost <= OUTLIER_SCALE * OUTLIER_SCALE) {
+                    (fit.body, fit.equations, fit.outlier_scale) = (body, equations, None);
+                }
+            }
+        }
+        if fit.outlier_scale.is_some() || !context.options.robust {
+            return fit;
+        }
+        let costs = fit.prepared.objective(noise, None).view_costs(&fit.body);
+        let mean = costs.iter().sum::<f64>() / costs.len().max(1) as f64;
+        (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
+    }
+
+    /// The fit under new noise levels; the old one where that fails.
+    pub(super) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
+        let stop = if last { POLISH } else { BETWEEN_ROUNDS };
+        let plain = self.objective(noise, None);
+        let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
+        let objective = Objective { outlier_scale: scale, ..plain };
+        match minimise(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
+            Some((body, equations)) => Self { body, equations, outlier_scale: scale, ..self.clone() },
+            None => self.clone(),
+        }
+    }
+
+    /// The estimate in the world.
+    pub(super) fn estimate(&self, noise: &NoiseLevels, context: &MapContext) -> Estimate {
+        let Prepared { views, measurements, .. } = &*self.prepared;
+        let costs = self.outlier_scale.map(|_| self.prepared.objective(noise, None).view_costs(&self.body));
+        let inlier = |view: usize| match (&costs, self.outlier_scale) {
+            (Some(costs), Some(scale)) => costs[view] <= scale * scale,
+            _ => true,
+        };
+        let mut estimate = describe(
+            Estimate::failed(views.object_index, views.category_index, Status::Ok),
+            self.body.body_in_world(&measurements.frame),
+            &views.views,
+            inlier,
+            context.options.enclosing_quantile,
+        );
+        estimate.covariance = self.body.covariance(&self.equations, &measurements.frame);
+        if estimate.covariance.is_none() {
+            estimate.warnings.push(Warning::NoCovariance);
+        }
+        if views.views.iter().all(|view| estimate.center.is_some_and(|c| view.projection.depth(&c) <= 0.0)) {
+            estimate.status = Status::Diverged;
+        }
+        estimate
+    }
+}
