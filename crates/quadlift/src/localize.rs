@@ -95,7 +95,9 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
     for group in &mut groups {
         group.sort_by_key(|&index| scene.detections[index as usize].frame_index);
     }
-    let hidden = scene.hidden_edges(|d| options.map.hidden_edges && from_source(d));
+    // The closed forms do not look at them.
+    let uses_hidden_edges = options.method == Method::Map && options.map.hidden_edges;
+    let hidden = scene.hidden_edges(|d| uses_hidden_edges && from_source(d));
     // Objects that only other sources name are not listed; those whose detections are all left out are.
     let mut named = vec![false; scene.object_ids.len()];
     let mut left_out = LeftOut::default();

@@ -10,7 +10,8 @@ use super::report::{describe, describe_center};
 use crate::geometry::{Body, Ellipse, Ellipsoid, EllipsoidError, Projection};
 use crate::scene::ObjectViews;
 
-/// Solves for one object with [`Method::Planes`], [`Method::Lfd`], [`Method::Pfd`] or [`Method::Reg`].
+/// Solves for one object with [`Method::Planes`], [`Method::Lfd`], [`Method::Pfd`] or [`Method::Reg`]. The objects of a
+/// scene share their noise levels under [`Method::Map`], see [`super::map`]; here it gives what `planes` gives.
 pub fn solve_closed_form(
     object: &ObjectViews,
     method: Method,

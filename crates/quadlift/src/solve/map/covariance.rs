@@ -2,7 +2,7 @@
 
 use super::super::conditioning::ObjectFrame;
 use super::super::estimate::{Covariance, CovarianceCoordinates, Matrix9};
-use super::body_model::{EllipsoidModel, OrientedModel};
+use super::body_model::EllipsoidModel;
 use super::normal_equations::NormalEquations;
 use crate::geometry::linalg::invert_spd;
 
@@ -22,11 +22,7 @@ pub(super) fn of_ellipsoid(
 
 /// Covariance of centre, rotation vector and log semi-axes; only the centre depends on the unit and the model's axes
 /// are those of the body.
-pub(super) fn of_oriented(
-    _model: &OrientedModel,
-    equations: &NormalEquations,
-    frame: &ObjectFrame,
-) -> Option<Covariance> {
+pub(super) fn of_oriented(equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
     let local = invert_spd(&equations.hessian())?;
     let mut map = Matrix9::identity();
     map.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(frame.unit);

@@ -28,6 +28,7 @@ pub(super) trait FirstFit: BodyModel {
     /// Whether the first fit chooses between several starts, which is worth repeating under other noise levels.
     const SEVERAL_STARTS: bool;
 
+    /// The body that a fitted ellipsoid leads to, and the objective there; `None` when no start can be evaluated.
     fn from_ellipsoid(
         prepared: &Prepared,
         ellipsoid: &EllipsoidModel,
@@ -114,7 +115,7 @@ impl FirstFit for OrientedModel {
     }
 
     fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
-        covariance::of_oriented(self, equations, frame)
+        covariance::of_oriented(equations, frame)
     }
 }
 

@@ -58,10 +58,12 @@ impl Prepared {
         Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
     }
 
+    /// Seed of what is drawn for this object: the same whatever the other objects are.
     pub(super) fn seed(&self, context: &MapContext) -> u64 {
         context.seed ^ (self.views.object_index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
     }
 
+    /// The objective of the object, not on any ground plane.
     pub(super) fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
         Objective {
             measurements: &self.measurements,

@@ -17,8 +17,8 @@ pub(super) struct ResidualRow {
     pub group: NoiseGroup,
 }
 
-/// Fills `rows` with the residuals of one view; edges keep their places, those that do not count are zero. `smooth` is for the way from a start (see
-/// [`super::ellipse_residual`]).
+/// Fills `rows` with the residuals of one view; edges keep their places, those that do not count are zero. `smooth` is
+/// for the way from a start (see [`super::ellipse_residual`]).
 #[inline]
 pub(super) fn view_rows(
     measurements: &Measurements,
