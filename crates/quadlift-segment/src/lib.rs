@@ -1,0 +1,2 @@
+//! Object masks from images by co-segmentation, and ellipses from masks.
+#![forbid(unsafe_code)]
