@@ -17,7 +17,7 @@ use super::measurements::Measurements;
 use super::noise::NoiseLevels;
 use super::objective::{ObjectPrior, Objective};
 use super::poses::PoseCorrections;
-use super::starts::{ellipsoid_from_quadric, unit_sphere};
+use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
 use crate::scene::ObjectViews;
 
 /// From a start: many steps, no need to end exactly.
@@ -96,9 +96,12 @@ impl Prepared {
         let linear = planes_in_frame(&self.views.views, &self.measurements.frame)
             .ok()
             .and_then(|quadric| ellipsoid_from_quadric(&quadric));
-        [Some(unit_sphere(Vector3::zeros())), linear]
+        let sphere = unit_sphere(Vector3::zeros());
+        let upright = upright_ellipsoids(&sphere, &self.prior, &centers_from_size(self));
+        [Some(sphere), linear]
             .into_iter()
             .flatten()
+            .chain(upright)
             .filter_map(|start| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
             .map(|(body, _)| body)
