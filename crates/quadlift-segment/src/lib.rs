@@ -1,2 +1,8 @@
 //! Object masks from images by co-segmentation, and ellipses from masks.
 #![forbid(unsafe_code)]
+
+mod mask;
+mod moments;
+
+pub use mask::{Mask, MaskError};
+pub use moments::{Moments, PixelTerm};
