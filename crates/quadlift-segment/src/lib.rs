@@ -3,6 +3,8 @@
 
 mod mask;
 mod moments;
+mod rle;
 
 pub use mask::{Mask, MaskError};
 pub use moments::{Moments, PixelTerm};
+pub use rle::{Rle, RleError};
