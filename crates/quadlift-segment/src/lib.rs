@@ -6,7 +6,9 @@ mod hull;
 mod label_image;
 mod mask;
 mod moments;
+mod parallel;
 mod polygon;
+pub mod render;
 mod rle;
 
 pub use contacts::Contacts;
