@@ -39,7 +39,7 @@ impl Path {
         let azimuth = rng.random_range(0.0..std::f64::consts::TAU);
         let elevation = [0, 1].map(|_| rng.random_range(18.0..45.0f64).to_radians());
         // A single object fills a third of the image; several must have room.
-        let distance = rng.random_range(5.0..7.0) * f64::max(1.0, 0.48 * radius);
+        let distance = rng.random_range(5.0..7.0) * f64::max(1.0, 0.42 * radius);
         Self { middle: *middle, distance, azimuth, arc, elevation }
     }
 

@@ -11,7 +11,7 @@ pub struct RenderOptions {
     pub seed: u64,
     /// Number of objects, at most 255. They stand close together, so that they hide parts of each other.
     pub objects: usize,
-    /// The kinds of objects, taken in turn; not empty.
+    /// The kinds of objects, not empty: taken in turn, in an order that is drawn.
     pub kinds: Vec<ObjectKind>,
     /// Number of views.
     pub views: usize,

@@ -3,6 +3,7 @@
 use nalgebra::{Point3, Rotation3, Vector2, Vector3};
 use quadlift::synthetic::random::normal;
 use rand::RngExt;
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::camera::Path;
@@ -41,13 +42,15 @@ impl World {
     /// Draws a world.
     pub(super) fn draw(options: &RenderOptions, rng: &mut ChaCha8Rng) -> Self {
         let ground_color = any_color(rng, 0.2..0.7);
+        let mut kinds = options.kinds.clone();
+        kinds.shuffle(rng);
         let mut colors = Vec::new();
         let drawn: Vec<Object> = (0..options.objects)
             .map(|index| {
                 let hidden = rng.random_range(0.0..1.0f64) < options.camouflage;
                 let color = if hidden { near(rng, &ground_color, 0.1, 0.05) } else { any_color(rng, 0.05..0.95) };
                 colors.push(color);
-                Object::draw(rng, options.kinds[index % options.kinds.len()], &color)
+                Object::draw(rng, kinds[index % kinds.len()], &color)
             })
             .collect();
         let (objects, radius) = placed(rng, drawn);
