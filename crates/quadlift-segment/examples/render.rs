@@ -1,4 +1,5 @@
-//! Renders a scene and writes its images and label images: `render FOLDER [SEED] [OBJECTS] [VIEWS]`.
+//! Renders a scene and writes its images, its label images and, in `detections.txt`, a line for each detection with its
+//! frame, its value in the label image and the visible share: `render FOLDER [SEED] [OBJECTS] [VIEWS]`.
 
 use std::path::Path;
 use std::time::Instant;
@@ -25,6 +26,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let labels = labels.to_8_bit().ok_or("more than 255 objects")?;
         labels.save(folder.join(format!("{}_labels.png", frame.id)))?;
     }
+    let mut lines = String::new();
+    for (k, detection) in rendered.synthetic.scene.detections.iter().enumerate() {
+        let frame = &rendered.synthetic.frames[detection.frame_index as usize].id;
+        lines += &format!("{frame} {} {:.3}\n", rendered.values[k], rendered.visible_fractions[k]);
+    }
+    std::fs::write(folder.join("detections.txt"), lines)?;
     let detections = rendered.synthetic.scene.detections.len();
     let message = format!("{} images, {detections} detections, {seconds:.2} s\n", rendered.images.len());
     std::io::Write::write_all(&mut std::io::stdout(), message.as_bytes())?;

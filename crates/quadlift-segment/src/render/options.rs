@@ -11,7 +11,7 @@ pub struct RenderOptions {
     pub seed: u64,
     /// Number of objects, at most 255. They stand close together, so that they hide parts of each other.
     pub objects: usize,
-    /// The kinds of objects, not empty: taken in turn, in an order that is drawn.
+    /// The kinds of objects, not empty: taken in turn, in an order that is drawn. By default a third are ellipsoids.
     pub kinds: Vec<ObjectKind>,
     /// Number of views.
     pub views: usize,
@@ -36,7 +36,7 @@ impl Default for RenderOptions {
         Self {
             seed: 0,
             objects: 4,
-            kinds: ObjectKind::ALL.to_vec(),
+            kinds: [ObjectKind::ALL.as_slice(), &[ObjectKind::Ellipsoid; 3]].concat(),
             views: 20,
             width: 480,
             height: 360,
