@@ -68,7 +68,7 @@ fn a_lone_ellipsoid_is_where_its_projection_is() {
 
 #[test]
 fn masks_lie_in_the_projections_of_the_envelopes() {
-    let rendered = render(&RenderOptions { objects: 9, views: 3, ..small() }).unwrap();
+    let rendered = render(&RenderOptions { objects: 9, kinds: ObjectKind::ALL.to_vec(), views: 3, ..small() }).unwrap();
     assert!(ObjectKind::ALL.iter().all(|kind| rendered.kinds.contains(kind)), "{:?}", rendered.kinds);
     for (detection, &value) in rendered.synthetic.scene.detections.iter().zip(&rendered.values) {
         let projection = &rendered.synthetic.scene.frames[detection.frame_index as usize].projection;
