@@ -45,7 +45,7 @@ const CAR_ROW: &str = "cuboid, car prior";
 
 /// A kind of body, nothing known about cars.
 fn plain(body: BodyKind) -> MapOptions {
-    MapOptions { body, ..Default::default() }
+    MapOptions { body: Some(body), ..Default::default() }
 }
 
 /// A kind of body, with what is known about cars.

@@ -88,6 +88,11 @@ impl NoiseLevels {
         self.sd[group as usize]
     }
 
+    /// The same levels with independent views.
+    pub(super) fn uncorrelated(&self) -> Self {
+        Self { correlation: 0.0, ..*self }
+    }
+
     /// All standard deviations multiplied by a factor.
     pub(super) fn scaled(&self, factor: f64) -> Self {
         Self { sd: self.sd.map(|s| s * factor), ..*self }
