@@ -24,7 +24,9 @@ pub struct BodyChoice(pub Option<BodyKind>);
 pub fn body_choice(text: &str) -> Result<BodyChoice, String> {
     match text {
         "auto" => Ok(BodyChoice(None)),
-        text => body(text).map(|body| BodyChoice(Some(body))).map_err(|error| error.replace("expected ", "expected auto, ")),
+        text => {
+            body(text).map(|body| BodyChoice(Some(body))).map_err(|error| error.replace("expected ", "expected auto, "))
+        }
     }
 }
 

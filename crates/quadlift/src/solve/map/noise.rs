@@ -116,7 +116,7 @@ impl NoiseLevels {
             // Drawn towards the default in the logarithm: exact data do not look noisy for being few.
             let told = (self.sd[g] * (squares / freedom).sqrt()).max(FLOOR);
             let share = freedom / (freedom + missing);
-            (share * told.ln() + (1.0 - share) * DEFAULTS[g].ln()).exp()
+            (share * told.ln() + (1.0 - share) * DEFAULTS[g].ln()).exp().max(FLOOR)
         });
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
         let exact = sd[NoiseGroup::Edge as usize] < 2.0 * FLOOR;
