@@ -1,5 +1,6 @@
 //! Figures of the methods on scenes with images and masks:
-//! `cargo run --release -p quadlift-segment --example measure -- SCENE.json... [--sequences] [--seed=N]`.
+//! `cargo run --release -p quadlift-segment --example measure -- SCENE.json... [--sequences] [--seed=N]
+//! [--method=NAME]`.
 //!
 //! The boxes are those of the source `visible-mask` that are at least 70 % visible; the truth is the mask that the
 //! detection names. Means over sequences (an object in a scene), except the median and the angle (over views; objects
@@ -51,7 +52,11 @@ fn main() {
         (SegmentMethod::GraphCut, false),
         (SegmentMethod::GraphCut, true),
     ];
+    let only = arguments.iter().find_map(|a| a.strip_prefix("--method="));
     for (method, fall_back) in methods {
+        if only.is_some_and(|name| name != method.name()) {
+            continue;
+        }
         let options = SegmentOptions { method, fall_back, seed, ..Default::default() };
         let mut rows = Vec::new();
         let (mut frames, mut fallen) = (0, 0);

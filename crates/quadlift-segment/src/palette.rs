@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::vector_math::{dot, exp, ln, sum};
+use crate::vector_math::{exp, ln, weighted_sums};
 
 /// Standard deviation that every Gaussian has at least, in scaled CIELAB: noise of the camera and of compression.
 pub(crate) const COLOR_NOISE: f64 = 0.01;
@@ -125,9 +125,11 @@ impl ColorSums {
     ///
     /// A row is added up in f32, the rows in f64.
     pub(crate) fn add_row(&mut self, weights: &[f32], colors: [&[f32]; 3], products: [&[f32]; 6]) {
-        self.0[0] += f64::from(sum(weights));
-        for (total, values) in self.0[1..].iter_mut().zip(colors.iter().chain(&products)) {
-            *total += f64::from(dot(weights, values));
+        let [x, y, z] = colors;
+        let [xx, xy, xz, yy, yz, zz] = products;
+        let sums = weighted_sums(weights, [x, y, z, xx, xy, xz, yy, yz, zz]);
+        for (total, value) in self.0.iter_mut().zip(sums) {
+            *total += f64::from(value);
         }
     }
 

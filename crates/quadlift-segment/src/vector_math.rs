@@ -67,18 +67,35 @@ pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
-/// The sum of a list.
+/// The sum of the weights, and of their products with each of nine lists; all of the same length.
 #[inline]
-pub(crate) fn sum(a: &[f32]) -> f32 {
-    let mut lanes = [0.0; LANES];
-    let a = a.chunks_exact(LANES);
-    let rest: f32 = a.remainder().iter().sum();
-    for a in a {
-        for i in 0..LANES {
-            lanes[i] += a[i];
+pub(crate) fn weighted_sums(weights: &[f32], lists: [&[f32]; 9]) -> [f32; 10] {
+    // Four at a time: the ten running sums then stay in registers.
+    const FEW: usize = 4;
+    let n = weights.len();
+    let lists = lists.map(|list| &list[..n]);
+    let whole = n - n % FEW;
+    let mut lanes = [[0.0f32; FEW]; 10];
+    for start in (0..whole).step_by(FEW) {
+        let w: [f32; FEW] = std::array::from_fn(|i| weights[start + i]);
+        for i in 0..FEW {
+            lanes[0][i] += w[i];
+        }
+        for (lane, list) in lanes[1..].iter_mut().zip(&lists) {
+            let list = &list[start..start + FEW];
+            for i in 0..FEW {
+                lane[i] += w[i] * list[i];
+            }
         }
     }
-    lanes.iter().sum::<f32>() + rest
+    let mut sums = lanes.map(|lane| (lane[0] + lane[1]) + (lane[2] + lane[3]));
+    for i in whole..n {
+        sums[0] += weights[i];
+        for (sum, list) in sums[1..].iter_mut().zip(&lists) {
+            *sum += weights[i] * list[i];
+        }
+    }
+    sums
 }
 
 #[cfg(test)]
@@ -102,7 +119,9 @@ mod tests {
             let b: Vec<f32> = a.iter().map(|x| 1.0 - x * 0.3).collect();
             let exact: f64 = a.iter().zip(&b).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum();
             prop_assert!((f64::from(dot(&a, &b)) - exact).abs() < 1e-4);
-            prop_assert!((f64::from(sum(&a)) - a.iter().map(|&x| f64::from(x)).sum::<f64>()).abs() < 1e-4);
+            let sums = weighted_sums(&a, std::array::from_fn(|k| if k == 7 { &b[..] } else { &a[..] }));
+            prop_assert!((f64::from(sums[8]) - exact).abs() < 1e-4);
+            prop_assert!((f64::from(sums[0]) - a.iter().map(|&x| f64::from(x)).sum::<f64>()).abs() < 1e-4);
         }
     }
 

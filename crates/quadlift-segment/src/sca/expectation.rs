@@ -2,7 +2,7 @@
 
 use super::model::Model;
 use crate::palette::{LogDensity, mixture_row, part};
-use crate::vector_math::{exp, ln};
+use crate::vector_math::{dot, exp, ln};
 
 /// What the E step finds out about one row of the grid; one list for each stel, one after the other.
 #[derive(Debug, Clone)]
@@ -22,6 +22,7 @@ pub(super) struct Row {
     /// Numbers for use inside.
     top: Vec<f32>,
     total: Vec<f32>,
+    log_evidence: Vec<f32>,
 }
 
 impl Row {
@@ -36,6 +37,7 @@ impl Row {
             responsibilities: zeros(stels * gaussians),
             top: zeros(1),
             total: zeros(1),
+            log_evidence: zeros(1),
         }
     }
 
@@ -83,29 +85,37 @@ impl Model<'_> {
 
         // q ~ p b^eta, relative to the stel with the largest b that the pixel may belong to.
         let allowed = &self.allowed[range];
-        row.top.fill(f32::MIN);
         for (s, log_likelihood) in row.log_likelihood.chunks_exact(n).enumerate() {
-            for ((top, &value), &allowed) in row.top.iter_mut().zip(log_likelihood).zip(allowed) {
-                let value = if s == 0 { value - (1.0 - allowed) * NEVER } else { value };
-                *top = if value > *top { value } else { *top };
+            if s == 0 {
+                for ((top, &value), &allowed) in row.top.iter_mut().zip(log_likelihood).zip(allowed) {
+                    *top = value - (1.0 - allowed) * NEVER;
+                }
+            } else {
+                for (top, &value) in row.top.iter_mut().zip(log_likelihood) {
+                    *top = if value > *top { value } else { *top };
+                }
             }
         }
-        row.total.fill(0.0);
+        let (top, total) = (&row.top[..n], &mut row.total[..n]);
+        total.fill(0.0);
         let eta = self.tempering;
-        for (s, posterior) in row.posterior.chunks_exact_mut(n).enumerate() {
-            let (prior, log_likelihood) = (&row.prior[s * n..(s + 1) * n], &row.log_likelihood[s * n..(s + 1) * n]);
+        let lists = row.prior.chunks_exact(n).zip(row.log_likelihood.chunks_exact(n));
+        for (s, (posterior, (prior, log_likelihood))) in row.posterior.chunks_exact_mut(n).zip(lists).enumerate() {
             for i in 0..n {
-                let allowed = if s == 0 { allowed[i] } else { 1.0 };
-                // Excluded pixels may lie far above the top; exp is finite for any argument.
-                posterior[i] = allowed * prior[i] * exp(eta * (log_likelihood[i] - row.top[i]));
-                row.total[i] += posterior[i];
+                // An excluded pixel may lie far above the top; exp is finite for any argument.
+                posterior[i] = prior[i] * exp(eta * (log_likelihood[i] - top[i]));
             }
+            if s == 0 {
+                posterior.iter_mut().zip(allowed).for_each(|(q, allowed)| *q *= allowed);
+            }
+            total.iter_mut().zip(&*posterior).for_each(|(total, q)| *total += q);
         }
-        let mut free_energy = 0.0;
-        for ((total, top), seen) in row.total.iter_mut().zip(&row.top).zip(seen) {
-            free_energy -= seen * (ln(*total) + eta * top);
-            *total = 1.0 / *total;
+        let log_evidence = &mut row.log_evidence[..n];
+        for i in 0..n {
+            log_evidence[i] = ln(total[i]) + eta * top[i];
+            total[i] = 1.0 / total[i];
         }
+        let free_energy = -dot(log_evidence, seen);
         for posterior in row.posterior.chunks_exact_mut(n) {
             for (q, inverse) in posterior.iter_mut().zip(&row.total) {
                 *q *= inverse;
