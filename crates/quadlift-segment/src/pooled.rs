@@ -1,6 +1,5 @@
-//! Co-segmentation without stels: one pair of palettes for all frames of an object, and graph cuts.
+//! Graph cuts with palettes that all frames of an object share.
 
-use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::frames::Frames;
@@ -10,43 +9,72 @@ use crate::smoothing::smooth_labels;
 
 /// Gaussians in each of the two palettes.
 const GAUSSIANS: usize = 6;
-/// Rounds of palettes and cuts.
-const ROUNDS: usize = 5;
 /// Exponent of the likelihood: neighbouring pixels are not independent.
 const TEMPERING: f32 = 0.5;
 /// Colours that a palette is made from.
 const COLORS: usize = 6000;
-/// Probability of the object above which a pixel is one at first.
+/// Probability of the object above which a pixel is one at first, where only the box is known.
 const FIRST_OBJECT: f32 = 0.4;
 
-/// Log-odds of the object and labels for each pixel of each frame, as GrabCut makes them for a single image, but with
-/// the palettes of all frames together and the prior of the box.
+/// The pixels of a frame, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Labelled {
+    /// Log-odds of the object.
+    pub log_odds: Vec<f32>,
+    /// Whether the pixel is taken for the object's.
+    pub inside: Vec<bool>,
+}
+
+/// What [`pooled_cuts`] knows about the pixels of a frame at first, row by row.
+#[derive(Debug, Clone)]
+pub(crate) struct Start {
+    /// Log-odds of the object by place.
+    pub prior: Vec<f32>,
+    /// First labels.
+    pub inside: Vec<bool>,
+}
+
+/// A start that knows the box only.
+pub(crate) fn start_from_box(frames: &Frames) -> Vec<Start> {
+    let object = &frames.prior.object;
+    let prior = object.iter().map(|p| (p / (1.0 - p)).ln()).collect();
+    let inside = object.iter().map(|&p| p > FIRST_OBJECT).collect();
+    vec![Start { prior, inside }; frames.frames.len()]
+}
+
+/// Rounds of GrabCut (Rother, Kolmogorov, Blake, 2004) on all frames together: one palette of the object and one of the
+/// background are fitted to the labels of all frames, then each frame is cut again by place, colours and edges.
 ///
-/// There must be at least one frame with a seen pixel.
-pub(crate) fn pooled_cut(frames: &Frames, strength: f32, seed: u64) -> Vec<(Vec<f32>, Vec<bool>)> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let prior = &frames.prior;
-    let first: Vec<bool> = prior.object.iter().map(|&p| p > FIRST_OBJECT).collect();
-    let mut labelled = vec![(Vec::new(), first); frames.frames.len()];
-    for _ in 0..ROUNDS {
+/// There must be at least one frame with a seen pixel, a start for each, and at least one round.
+pub(crate) fn pooled_cuts(
+    frames: &Frames,
+    starts: Vec<Start>,
+    rounds: usize,
+    strength: f32,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Labelled> {
+    let (priors, mut labelled): (Vec<_>, Vec<_>) =
+        starts.into_iter().map(|s| (s.prior, Labelled { log_odds: Vec::new(), inside: s.inside })).unzip();
+    for _ in 0..rounds {
         let mut palette_of = |object: bool| {
-            // The trace: a palette of pixels without a label, where all have the other one.
-            let weight = |t: usize, i: usize| if labelled[t].1[i] == object { 1.0 } else { 1e-6 };
-            let colors = frames.draw_colors(COLORS, &mut rng, weight);
-            fit_palette(&colors, GAUSSIANS, &mut rng).iter().map(LogDensity::new).collect::<Vec<_>>()
+            // The trace: a palette for a label that no pixel has.
+            let weight = |t: usize, i: usize| if labelled[t].inside[i] == object { 1.0 } else { 1e-6 };
+            let colors = frames.draw_colors(COLORS, rng, weight);
+            fit_palette(&colors, GAUSSIANS, rng).iter().map(LogDensity::new).collect::<Vec<_>>()
         };
         let palettes = [palette_of(true), palette_of(false)];
-        for (frame, labelled) in frames.frames.iter().zip(&mut labelled) {
+        for ((frame, prior), labelled) in frames.frames.iter().zip(&priors).zip(&mut labelled) {
             let [object, background] = palettes.each_ref().map(|palette| log_likelihood(palette, &frame.colors));
-            let log_odds: Vec<f32> = (0..frames.pixels())
-                .map(|i| {
-                    let p = prior.object[i];
-                    let evidence = frame.seen[i] * TEMPERING * (object[i] - background[i]);
-                    if prior.excluded[i] { EXCLUDED } else { (p / (1.0 - p)).ln() + evidence }
-                })
+            let evidence = object.iter().zip(&background).zip(&frame.seen);
+            labelled.log_odds = evidence
+                .zip(prior.iter().zip(&frames.prior.excluded))
+                .map(
+                    |(((object, background), seen), (prior, &excluded))| {
+                        if excluded { EXCLUDED } else { prior + seen * TEMPERING * (object - background) }
+                    },
+                )
                 .collect();
-            let labels = smooth_labels(&log_odds, &frame.colors, frames.grid, strength);
-            *labelled = (log_odds, labels);
+            labelled.inside = smooth_labels(&labelled.log_odds, &frame.colors, frames.grid, strength);
         }
     }
     labelled

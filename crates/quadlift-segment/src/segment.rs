@@ -4,6 +4,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::Vector2;
 use quadlift::geometry::Ellipse;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
 use crate::cleanup::clean;
 use crate::confidence::{Failure, decidedness, failure};
@@ -12,8 +14,8 @@ use crate::frames::Frames;
 use crate::mask::Mask;
 use crate::moments::{Moments, PixelTerm};
 use crate::parallel::map_slice;
-use crate::pooled::pooled_cut;
-use crate::sca::{self, ScaOptions};
+use crate::pooled::{Labelled, Start, pooled_cuts, start_from_box};
+use crate::sca::{self, PixelOdds, ScaOptions};
 use crate::smoothing::smooth_labels;
 
 /// How the pixels of crops are told apart.
@@ -21,10 +23,11 @@ use crate::smoothing::smooth_labels;
 pub enum SegmentMethod {
     /// Stel Component Analysis: a pixel is the object's when its posterior is above 1/2.
     Sca,
-    /// Stel Component Analysis, its log-odds smoothed by a graph cut.
+    /// Stel Component Analysis, finished by graph cuts: the stels say where the object is, colours of all frames
+    /// together and edges decide its outline.
     #[default]
     ScaCut,
-    /// Palettes that all frames share and graph cuts; no stels.
+    /// Graph cuts with colours of all frames together and the prior of the box; no stels.
     GraphCut,
     /// Mixtures of colours without places: a baseline that shows what the stels are good for.
     PlainMixture,
@@ -123,25 +126,40 @@ pub fn segment_object(crops: &[Crop], options: &SegmentOptions) -> Result<Vec<Vi
     }
     let CropOptions { grid, margin } = *first.options();
     let frames = Frames::new(crops, grid, margin);
+    let labelled = labelled(&frames, options);
+    Ok(crops.iter().zip(labelled).map(|(crop, labelled)| view(crop, labelled, options.fall_back)).collect())
+}
+
+/// Rounds of graph cuts that start from the box, and from what SCA has found.
+const CUTS_FROM_BOX: usize = 5;
+const CUTS_FROM_SCA: usize = 2;
+
+fn labelled(frames: &Frames, options: &SegmentOptions) -> Vec<Labelled> {
     let strength = options.smoothing as f32;
-    let cut = |log_odds: Vec<Vec<f32>>| {
-        let labels = log_odds.iter().zip(&frames.frames);
-        let labels: Vec<_> = labels.map(|(odds, f)| smooth_labels(odds, &f.colors, grid, strength)).collect();
-        log_odds.into_iter().zip(labels).collect()
-    };
-    let threshold = |log_odds: Vec<Vec<f32>>| {
-        let labels: Vec<Vec<bool>> = log_odds.iter().map(|odds| odds.iter().map(|&x| x > 0.0).collect()).collect();
-        log_odds.into_iter().zip(labels).collect()
-    };
-    let labelled: Vec<(Vec<f32>, Vec<bool>)> = match options.method {
-        SegmentMethod::ScaCut => cut(sca::fit(&frames, &options.sca, options.seed)),
-        SegmentMethod::Sca => threshold(sca::fit(&frames, &options.sca, options.seed)),
-        SegmentMethod::PlainMixture => threshold(sca::fit_plain_mixture(&frames, &options.sca, options.seed)),
-        SegmentMethod::GraphCut => pooled_cut(&frames, strength, options.seed),
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    match options.method {
+        SegmentMethod::Sca => threshold(sca::fit(frames, &options.sca, &mut rng)),
+        SegmentMethod::PlainMixture => threshold(sca::fit_plain_mixture(frames, &options.sca, &mut rng)),
+        SegmentMethod::ScaCut => {
+            // The stels say where the object is, the cuts follow its edges; colours are learned anew from these.
+            let odds = sca::fit(frames, &options.sca, &mut rng);
+            let starts = odds.into_iter().zip(&frames.frames).map(|(odds, frame)| Start {
+                prior: odds.prior,
+                inside: smooth_labels(&odds.posterior, &frame.colors, frames.grid, strength),
+            });
+            pooled_cuts(frames, starts.collect(), CUTS_FROM_SCA, strength, &mut rng)
+        }
+        SegmentMethod::GraphCut => pooled_cuts(frames, start_from_box(frames), CUTS_FROM_BOX, strength, &mut rng),
         SegmentMethod::Box => Vec::new(),
+    }
+}
+
+fn threshold(odds: Vec<PixelOdds>) -> Vec<Labelled> {
+    let labels = |odds: PixelOdds| Labelled {
+        inside: odds.posterior.iter().map(|&x| x > 0.0).collect(),
+        log_odds: odds.posterior,
     };
-    let views = crops.iter().zip(labelled);
-    Ok(views.map(|(crop, (log_odds, labels))| view(crop, &log_odds, labels, options.fall_back)).collect())
+    odds.into_iter().map(labels).collect()
 }
 
 /// Called with the number of objects done and their total, from any thread.
@@ -175,14 +193,15 @@ fn check(crops: &[Crop], options: &SegmentOptions) -> Result<(), SegmentError> {
 }
 
 /// The result of a view from the labels of its grid.
-fn view(crop: &Crop, log_odds: &[f32], mut inside: Vec<bool>, fall_back: bool) -> ViewSegmentation {
+fn view(crop: &Crop, labelled: Labelled, fall_back: bool) -> ViewSegmentation {
+    let Labelled { log_odds, mut inside } = labelled;
     let grid = crop.grid();
     // A mask is a set of pixels of the image: what lies outside of it is not the object's, whatever the prior says.
     let seen = crop.seen();
     inside.iter_mut().zip(&seen).for_each(|(inside, &seen)| *inside &= seen);
     clean(&mut inside, grid);
     let box_in_image: Vec<bool> = crop.in_box().iter().zip(&seen).map(|(&in_box, &seen)| in_box && seen).collect();
-    let confidence = decidedness(log_odds, &box_in_image);
+    let confidence = decidedness(&log_odds, &box_in_image);
     let failure = failure(&inside, &box_in_image, confidence, grid);
     if let (Some(failure), true) = (failure, fall_back) {
         return of_box(crop, SegmentStatus::FellBack(failure));

@@ -18,6 +18,15 @@ mod stels;
 
 pub(crate) use model::{EXCLUDED, fit, fit_plain_mixture};
 
+/// What SCA says about the pixels of a frame (row by row).
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct PixelOdds {
+    /// Log-odds of the object by its place alone: the components, mixed for this frame.
+    pub prior: Vec<f32>,
+    /// Log-odds by place and colours: the posterior.
+    pub posterior: Vec<f32>,
+}
+
 /// Settings of the model; the defaults are for a grid of 64 pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScaOptions {
@@ -48,9 +57,9 @@ impl Default for ScaOptions {
         Self {
             stels: 3,
             components: 5,
-            gaussians: 3,
-            warm_rounds: 8,
-            rounds: 12,
+            gaussians: 4,
+            warm_rounds: 6,
+            rounds: 8,
             tolerance: 1e-4,
             tempering: 0.6,
             tying: 4.0,

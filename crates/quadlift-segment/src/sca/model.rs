@@ -1,12 +1,11 @@
 //! The model and the order in which its parts are learned.
 
-use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::ScaOptions;
 use super::expectation::Row;
 use super::maximization::{Learn, normalized};
 use super::stels::Stels;
+use super::{PixelOdds, ScaOptions};
 use crate::blur::Blur;
 use crate::frames::Frames;
 use crate::palette::{Palette, fit_palette};
@@ -36,26 +35,24 @@ const PRIOR_ROUNDS: usize = 2;
 /// Rounds after which the change of F may end the fit.
 const FEWEST_ROUNDS: usize = 4;
 
-/// Log-odds of the object for each pixel of each frame (row by row), by SCA.
+/// Log-odds of the object for each frame, by SCA.
 ///
 /// There must be at least one frame with a seen pixel, and the options in their ranges.
-pub(crate) fn fit(frames: &Frames, options: &ScaOptions, seed: u64) -> Vec<Vec<f32>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut model = Model::new(frames, options, &mut rng);
+pub(crate) fn fit(frames: &Frames, options: &ScaOptions, rng: &mut ChaCha8Rng) -> Vec<PixelOdds> {
+    let mut model = Model::new(frames, options, rng);
     for round in 0..options.warm_rounds {
         model.round(if round < PRIOR_ROUNDS { Learn::Palettes } else { Learn::Stels });
     }
     if options.components > 1 && frames.frames.len() > 1 {
-        model.split_into_components(options.components, &mut rng);
+        model.split_into_components(options.components, rng);
     }
     model.run(Learn::Stels);
     model.log_odds()
 }
 
 /// The same by colours alone: each stel has a share of the pixels but no place (a baseline).
-pub(crate) fn fit_plain_mixture(frames: &Frames, options: &ScaOptions, seed: u64) -> Vec<Vec<f32>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut model = Model::new(frames, options, &mut rng);
+pub(crate) fn fit_plain_mixture(frames: &Frames, options: &ScaOptions, rng: &mut ChaCha8Rng) -> Vec<PixelOdds> {
+    let mut model = Model::new(frames, options, rng);
     // The first palettes are those of the places that the prior names: no likelihood at first.
     model.tempering = 0.0;
     model.round(Learn::Palettes);
@@ -143,22 +140,20 @@ impl<'a> Model<'a> {
         Row::new(self.frames.grid, self.options.stels, self.options.gaussians)
     }
 
-    /// Log-odds of the object: those of the blended prior, and the tempered ratio of the likelihoods, in each of which
-    /// the stels have the proportions of the prior.
-    fn log_odds(&self) -> Vec<Vec<f32>> {
+    /// Log-odds of the object: those of the blended prior, and with the tempered ratio of the likelihoods, in each of
+    /// which the stels have the proportions of the prior.
+    fn log_odds(&self) -> Vec<PixelOdds> {
         let object_stels = self.object_stels();
         let mut row = self.row();
         (0..self.frames.frames.len())
             .map(|t| {
-                let mut odds = vec![0.0f32; self.frames.pixels()];
+                let unknown = vec![EXCLUDED; self.frames.pixels()];
+                let mut odds = PixelOdds { prior: unknown.clone(), posterior: unknown };
                 self.expect(t, &mut row, |row| {
-                    for i in 0..row.length {
-                        let pixel = row.start + i;
-                        odds[pixel] = if self.allowed[pixel] == 0.0 {
-                            EXCLUDED
-                        } else {
-                            pixel_log_odds(row, i, &object_stels, self.tempering)
-                        };
+                    for i in (0..row.length).filter(|i| self.allowed[row.start + i] > 0.0) {
+                        let (prior, ratio) = pixel_odds(row, i, &object_stels);
+                        odds.prior[row.start + i] = prior;
+                        odds.posterior[row.start + i] = prior + self.tempering * ratio;
                     }
                 });
                 odds
@@ -170,7 +165,8 @@ impl<'a> Model<'a> {
 /// Log-odds of a pixel that cannot be the object.
 pub(crate) const EXCLUDED: f32 = -50.0;
 
-fn pixel_log_odds(row: &Row, i: usize, object_stels: &[bool], tempering: f32) -> f32 {
+/// The prior's log-odds of a pixel and the logarithm of the ratio of its likelihoods.
+fn pixel_odds(row: &Row, i: usize, object_stels: &[bool]) -> (f32, f32) {
     // Prior and `log sum p b - log sum p` of the stels that are the object or are not.
     let side = |object: bool| {
         let stels =
@@ -182,5 +178,5 @@ fn pixel_log_odds(row: &Row, i: usize, object_stels: &[bool], tempering: f32) ->
     };
     let ((prior, object), (_, background)) = (side(true), side(false));
     let prior = prior.clamp(1e-6, 1.0 - 1e-6);
-    ln(prior) - ln(1.0 - prior) + tempering * (object - background)
+    (ln(prior) - ln(1.0 - prior), object - background)
 }
