@@ -16,7 +16,6 @@ use crate::moments::{Moments, PixelTerm};
 use crate::parallel::map_slice;
 use crate::pooled::{Labelled, Start, pooled_cuts, start_from_box};
 use crate::sca::{self, PixelOdds, ScaOptions};
-use crate::smoothing::smooth_labels;
 
 /// How the pixels of crops are told apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -143,10 +142,9 @@ fn labelled(frames: &Frames, options: &SegmentOptions) -> Vec<Labelled> {
         SegmentMethod::ScaCut => {
             // The stels say where the object is, the cuts follow its edges; colours are learned anew from these.
             let odds = sca::fit(frames, &options.sca, &mut rng);
-            let starts = odds.into_iter().zip(&frames.frames).map(|(odds, frame)| Start {
-                prior: odds.prior,
-                inside: smooth_labels(&odds.posterior, &frame.colors, frames.grid, strength),
-            });
+            let starts = odds
+                .into_iter()
+                .map(|odds| Start { prior: odds.prior, inside: odds.posterior.iter().map(|&x| x > 0.0).collect() });
             pooled_cuts(frames, starts.collect(), CUTS_FROM_SCA, strength, &mut rng)
         }
         SegmentMethod::GraphCut => pooled_cuts(frames, start_from_box(frames), CUTS_FROM_BOX, strength, &mut rng),

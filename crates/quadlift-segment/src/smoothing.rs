@@ -1,33 +1,50 @@
 //! Labels that keep together where colours do: the graph cut of log-odds.
 
+use std::ops::Range;
+
 use crate::graph_cut::{GraphCut, NEIGHBORS};
-use crate::palette::Colors;
+use crate::palette::{Colors, part};
+use crate::vector_math::exp;
 
 /// The labelling of the grid's pixels that costs least, when neighbours with different labels cost
 /// `strength / distance * exp(-|difference of colours|^2 / (2 mean))`, the mean taken over all neighbours of the crop
 /// (GrabCut: Rother, Kolmogorov, Blake, 2004).
 pub(crate) fn smooth_labels(log_odds: &[f32], colors: &Colors, grid: usize, strength: f32) -> Vec<bool> {
-    // Each pair of neighbours once: right, and the three below.
-    let pairs = || {
-        (0..grid * grid).flat_map(move |i| {
-            (4..8).filter_map(move |direction| {
-                let (dx, dy) = NEIGHBORS[direction];
-                let (x, y) = ((i % grid) as i32 + dx, (i / grid) as i32 + dy);
-                let inside = (0..grid as i32).contains(&x) && (0..grid as i32).contains(&y);
-                inside.then(|| (i, direction, y as usize * grid + x as usize))
-            })
-        })
+    // Squared differences of colours, each pair of neighbours once: to the right, and to the three below. For each of
+    // these directions the pixels of a row that have such a neighbour are `columns`.
+    let columns = |direction: usize| {
+        let dx = NEIGHBORS[direction].0;
+        usize::from(dx < 0)..grid - usize::from(dx > 0)
     };
-    let squares: Vec<f32> =
-        pairs().map(|(i, _, j)| colors.iter().map(|axis| (axis[i] - axis[j]) * (axis[i] - axis[j])).sum()).collect();
+    let rows = |direction: usize| 0..grid - NEIGHBORS[direction].1 as usize;
+    let mut squares = Vec::with_capacity(4 * grid * grid);
+    for direction in 4..8 {
+        let (dx, dy) = NEIGHBORS[direction];
+        let step = (dy as usize * grid).wrapping_add_signed(dx as isize);
+        for y in rows(direction) {
+            let Range { start, end } = columns(direction);
+            let (here, there) = (y * grid + start..y * grid + end, y * grid + start + step..y * grid + end + step);
+            let ([a, b, c], [d, e, f]) = (part(colors, here), part(colors, there));
+            squares.extend((0..end - start).map(|i| {
+                let (x, y, z) = (a[i] - d[i], b[i] - e[i], c[i] - f[i]);
+                x * x + y * y + z * z
+            }));
+        }
+    }
     let mean = squares.iter().map(|&d| f64::from(d)).sum::<f64>() / squares.len().max(1) as f64;
     // The small number: crops of one colour.
     let beta = (1.0 / (2.0 * mean + 1e-12)) as f32;
+    squares.iter_mut().for_each(|square| *square = strength * exp(-beta * *square));
     let mut cut = GraphCut::new(grid, grid);
-    for ((i, direction, _), square) in pairs().zip(&squares) {
+    let mut weights = squares.iter();
+    for direction in 4..8 {
         // Along the axes, or along a diagonal.
         let inverse_distance = if direction == 4 || direction == 6 { 1.0 } else { std::f32::consts::FRAC_1_SQRT_2 };
-        cut.set_weight(i % grid, i / grid, direction, strength * inverse_distance * (-beta * square).exp());
+        for y in rows(direction) {
+            for (x, weight) in columns(direction).zip(&mut weights) {
+                cut.set_weight(x, y, direction, inverse_distance * weight);
+            }
+        }
     }
     cut.solve(log_odds)
 }
