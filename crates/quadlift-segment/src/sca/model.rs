@@ -67,7 +67,7 @@ pub(crate) fn fit_plain_mixture(frames: &Frames, options: &ScaOptions, rng: &mut
 
 impl<'a> Model<'a> {
     /// The start: palettes of the middle of the box and of what surrounds it, one component at the prior.
-    fn new(frames: &'a Frames, options: &'a ScaOptions, rng: &mut ChaCha8Rng) -> Self {
+    pub(super) fn new(frames: &'a Frames, options: &'a ScaOptions, rng: &mut ChaCha8Rng) -> Self {
         let (object, background) = frames.prior.color_weights();
         let count = frames.frames.len();
         let object_colors = frames.draw_colors(FIRST_COLORS, rng, |_, i| object[i]);
