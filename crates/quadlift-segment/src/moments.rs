@@ -121,7 +121,7 @@ impl PixelSums {
             return None;
         }
         let n = self.count;
-        let mean = |sum: u128, origin: u32| sum as f64 / n as f64 + f64::from(origin) + 0.5;
+        let mean = |sum: u128, origin: u32| (sum + n * u128::from(origin)) as f64 / n as f64 + 0.5;
         // n sum(ab) - sum(a) sum(b) is formed exactly: no digits are lost far from the origin.
         let central = |ab: u128, a: u128, b: u128| ((n * ab) as i128 - (a * b) as i128) as f64 / (n as f64 * n as f64);
         let (xx, yy) = (central(self.xx, self.x, self.x), central(self.yy, self.y, self.y));

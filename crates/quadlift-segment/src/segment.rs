@@ -13,7 +13,7 @@ use crate::crop::{Crop, CropOptions};
 use crate::frames::Frames;
 use crate::mask::Mask;
 use crate::moments::{Moments, PixelTerm};
-use crate::parallel::map_slice;
+use crate::parallel::map_indices;
 use crate::pooled::{Labelled, Start, pooled_cuts, start_from_box};
 use crate::sca::{self, PixelOdds, ScaOptions};
 
@@ -170,8 +170,8 @@ pub fn segment_objects(
     progress: Progress,
 ) -> Vec<Result<Vec<ViewSegmentation>, SegmentError>> {
     let done = AtomicUsize::new(0);
-    map_slice(objects, |crops| {
-        let views = segment_object(crops, options);
+    map_indices(objects.len(), |index| {
+        let views = segment_object(&objects[index], options);
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, objects.len());
         views
     })

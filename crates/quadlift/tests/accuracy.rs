@@ -36,7 +36,7 @@ fn method(method: Method) -> Options {
 }
 
 fn body(body: BodyKind) -> Options {
-    Options { map: MapOptions { body, ..Default::default() }, ..Default::default() }
+    Options { map: MapOptions { body: Some(body), ..Default::default() }, ..Default::default() }
 }
 
 /// Mean IoU of the estimated with the true bodies; a failed estimate counts as zero.

@@ -75,11 +75,21 @@ impl CategoryPriors {
     }
 }
 
+/// How wrong the poses of the cameras may be: standard deviations of each frame's error, independent of the others'.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseNoise {
+    /// Of the turn about each axis, radians; positive.
+    pub rotation_sd: f64,
+    /// Of the shift along each axis, world units; positive.
+    pub translation_sd: f64,
+}
+
 /// Options of the maximum a posteriori estimator.
 #[derive(Debug, Clone)]
 pub struct MapOptions {
-    /// The kind of body.
-    pub body: BodyKind,
+    /// The kind of body; without one it is chosen for the whole scene: an ellipsoid, unless its boxes clearly ask for a
+    /// superellipsoid.
+    pub body: Option<BodyKind>,
     /// Priors by category; empty by default.
     pub priors: CategoryPriors,
     /// Standard deviation of the deviation of log semi-axes from their mean: the shape prior. With 0.5 the covariance of
@@ -107,12 +117,15 @@ pub struct MapOptions {
     pub camera_height: Option<f64>,
     /// Whether box edges that another box probably hides have a noise level of their own.
     pub hidden_edges: bool,
+    /// Estimate a correction of every frame's pose with this prior; poses are taken as exact without it. Worth it only
+    /// where several objects are seen in each frame.
+    pub pose_noise: Option<PoseNoise>,
 }
 
 impl Default for MapOptions {
     fn default() -> Self {
         Self {
-            body: BodyKind::Ellipsoid,
+            body: None,
             priors: CategoryPriors::default(),
             shape_sd: 0.4,
             enclosing_quantile: 0.85,
@@ -124,6 +137,7 @@ impl Default for MapOptions {
             ground_plane: false,
             camera_height: None,
             hidden_edges: true,
+            pose_noise: None,
         }
     }
 }

@@ -50,6 +50,40 @@ pub(super) struct ObjectPrior {
     pub axes_are_named: bool,
 }
 
+impl ObjectPrior {
+    /// For each axis of the body, which of length (0), width (1) and height (2) it is.
+    pub(super) fn named_axes(&self, body: &impl BodyModel) -> [usize; 3] {
+        if self.axes_are_named {
+            return [0, 1, 2];
+        }
+        let semi_axes = body.semi_axes();
+        let mut names = [0; 3];
+        match &self.up {
+            Some(up) => {
+                let vertical = (body.axes().transpose() * up).iamax();
+                let (a, b) = ((vertical + 1) % 3, (vertical + 2) % 3);
+                let length = if semi_axes[a] >= semi_axes[b] { a } else { b };
+                names[vertical] = 2;
+                names[length] = 0;
+                names[3 - vertical - length] = 1;
+            }
+            None => {
+                // Longest to longest: the only sensible match when no direction is known.
+                let order = |values: [f64; 3]| {
+                    let mut order = [0, 1, 2];
+                    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+                    order
+                };
+                let by_prior = order(self.log_size.unwrap_or_default().map(|(mean, _)| mean));
+                for (axis, name) in order(semi_axes.into()).into_iter().zip(by_prior) {
+                    names[axis] = name;
+                }
+            }
+        }
+        names
+    }
+}
+
 /// The objective of one object.
 #[derive(Debug)]
 pub(super) struct Objective<'a> {
@@ -139,6 +173,36 @@ impl Objective<'_> {
             .collect()
     }
 
+    /// Every residual with the index of its view and its weight; views are taken as independent.
+    pub(super) fn each_row(&self, body: &impl BodyModel, mut take: impl FnMut(usize, &ResidualRow, f64)) {
+        let mut rows = Vec::with_capacity(16);
+        for view in 0..self.measurements.views.len() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (_, view_weight) = self.view_loss(&rows, 1.0);
+            for row in &rows {
+                take(view, row, view_weight * self.row_weight(row, 1.0));
+            }
+        }
+    }
+
+    /// Logarithm of the evidence for the noise levels at a fit (Laplace's approximation), up to what does not depend on
+    /// them.
+    pub(super) fn evidence(&self, body: &impl BodyModel, equations: &NormalEquations) -> f64 {
+        let Some(covariance) = invert_spd(&equations.hessian()) else { return 0.0 };
+        let edge_weight = self.edge_weight();
+        let mut rows = Vec::with_capacity(16);
+        let mut normaliser = 0.0;
+        for view in 0..self.measurements.views.len() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (_, view_weight) = self.view_loss(&rows, edge_weight);
+            for row in rows.iter().filter(|row| row.residual != 0.0) {
+                let weight = view_weight * if row.group.is_edge() { edge_weight } else { 1.0 };
+                normaliser += weight * self.noise.of(row.group).ln();
+            }
+        }
+        0.5 * (covariance.determinant().ln() - equations.cost) - normaliser
+    }
+
     /// Residual statistics for the noise levels; nothing when the normal equations are singular.
     pub(super) fn statistics(
         &self,
@@ -151,6 +215,7 @@ impl Objective<'_> {
         let edge_weight = self.edge_weight();
         let mut counts = [0; NoiseGroup::ALL.len()];
         let (mut products, mut squares, mut pairs) = (0.0, 0.0, 0);
+        let mut determined = 0.0;
         let views = self.measurements.views.len();
         let (mut rows, mut before) = (Vec::with_capacity(16), Vec::<ResidualRow>::with_capacity(16));
         for view in 0..views {
@@ -162,6 +227,7 @@ impl Objective<'_> {
                 let weight = view_weight * self.row_weight(row, 1.0);
                 let shared = if row.group.is_edge() { edge_weight } else { 1.0 };
                 let leverage = weight * shared * gradient.dot(&(covariance * gradient));
+                determined += leverage;
                 // The scale of Student's t distribution by maximum likelihood: weighted squares over the number.
                 statistics.add(row.group, row.residual, weight, view_weight - leverage);
                 counts[row.group as usize] += 1;
@@ -180,6 +246,7 @@ impl Objective<'_> {
         if squares > 0.0 {
             statistics.add_neighbours(products / squares, pairs);
         }
+        statistics.add_determined(determined, PARAMETERS);
         for group in NoiseGroup::ALL {
             statistics.add_views(group, counts[group as usize], views);
         }
@@ -198,7 +265,7 @@ impl Objective<'_> {
         if let Some(log_size) = &self.prior.log_size {
             let gradients = body.log_axes_gradient();
             let semi_axes = body.semi_axes();
-            for (axis, named) in self.named_axes(body).into_iter().enumerate() {
+            for (axis, named) in self.prior.named_axes(body).into_iter().enumerate() {
                 let (mean, weight) = log_size[named];
                 let row: Row = gradients[axis].map(|x| x * weight);
                 equations.add_quadratic(weight * (semi_axes[axis].ln() - mean), &row);
@@ -208,38 +275,6 @@ impl Objective<'_> {
             let (height, row) = lowest_point(plane, body);
             equations.add_quadratic(weight * height, &row.map(|x| x * weight));
         }
-    }
-
-    /// For each axis of the body, which of length (0), width (1) and height (2) it is.
-    fn named_axes(&self, body: &impl BodyModel) -> [usize; 3] {
-        if self.prior.axes_are_named {
-            return [0, 1, 2];
-        }
-        let semi_axes = body.semi_axes();
-        let mut names = [0; 3];
-        match &self.prior.up {
-            Some(up) => {
-                let vertical = (body.axes().transpose() * up).iamax();
-                let (a, b) = ((vertical + 1) % 3, (vertical + 2) % 3);
-                let length = if semi_axes[a] >= semi_axes[b] { a } else { b };
-                names[vertical] = 2;
-                names[length] = 0;
-                names[3 - vertical - length] = 1;
-            }
-            None => {
-                // Longest to longest: the only sensible match when no direction is known.
-                let order = |values: [f64; 3]| {
-                    let mut order = [0, 1, 2];
-                    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-                    order
-                };
-                let by_prior = order(self.prior.log_size.unwrap_or_default().map(|(mean, _)| mean));
-                for (axis, name) in order(semi_axes.into()).into_iter().zip(by_prior) {
-                    names[axis] = name;
-                }
-            }
-        }
-        names
     }
 }
 
