@@ -5,6 +5,8 @@
 //! The boxes are those of the source `visible-mask` that are at least 70 % visible; the truth is the mask that the
 //! detection names. Means over sequences (an object in a scene), except the median and the angle (over views; objects
 //! whose axes differ by less than a fifth have no angle).
+// A tool for development: it stops at the first thing that is wrong, and its table is its output.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::path::PathBuf;
 use std::sync::LazyLock;

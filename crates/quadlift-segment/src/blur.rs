@@ -68,8 +68,9 @@ mod tests {
         map[16 * grid + 15] = 1.0;
         let blur = Blur::new(sigma);
         blur.apply(&mut map, grid, &mut Vec::new());
-        let density =
-            |dx: f32, dy: f32| (-(dx * dx + dy * dy) / (2.0 * sigma * sigma)).exp() / (6.2832 * sigma * sigma);
+        let density = |dx: f32, dy: f32| {
+            (-(dx * dx + dy * dy) / (2.0 * sigma * sigma)).exp() / (std::f32::consts::TAU * sigma * sigma)
+        };
         for (x, y) in [(15, 16), (17, 16), (15, 13), (12, 18)] {
             let expected = density(x as f32 - 15.0, y as f32 - 16.0);
             assert!((map[y * grid + x] - expected).abs() < 2e-4, "{x} {y}");

@@ -1,4 +1,6 @@
 //! Objects segmented from crops to ellipses: found where they are, in all the awkward cases, and the same every time.
+// Helpers of tests, which clippy does not take for tests.
+#![allow(clippy::unwrap_used)]
 
 use image::{Rgb, RgbImage};
 use nalgebra::Vector2;
