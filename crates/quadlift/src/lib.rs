@@ -35,4 +35,4 @@ pub mod scene;
 pub mod solve;
 pub mod synthetic;
 
-pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, localize};
+pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, chosen_source, localize};
