@@ -3,13 +3,18 @@
 
 mod args;
 mod commands;
+mod contact_sheet;
 mod error;
 mod estimate_table;
 mod evaluation;
+mod file_names;
 mod files;
 mod localization;
 mod output;
 mod progress;
+mod rendered_scene;
+mod segmentation;
+mod segmented_scene;
 mod synthetic_file;
 mod table;
 mod words;
@@ -18,14 +23,15 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{completions, demo, evaluate, info, localize, reproduce, synth};
+use commands::{completions, demo, evaluate, info, localize, reproduce, segment, synth};
 use error::Outcome;
 use output::Output;
 
 const EXIT_CODES: &str = "\
 Exit codes:
   0  all is well
-  1  a file could not be read or written, or no object could be localised (of several scenes: in at least one)
+  1  a file could not be read or written, a detection could not be segmented, or no object could be localised (of
+     several scenes: in at least one)
   2  wrong usage: unknown options, values out of range, options that contradict each other
 
 Start with:
@@ -54,6 +60,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Demo(demo::Args),
+    Segment(segment::Args),
     Localize(localize::Args),
     Evaluate(evaluate::Args),
     Synth(synth::Args),
@@ -67,6 +74,7 @@ fn main() -> ExitCode {
     let out = Output { json: cli.json, quiet: cli.quiet, verbose: cli.verbose };
     let result = match cli.command {
         Command::Demo(args) => demo::run(&args, &out),
+        Command::Segment(args) => segment::run(&args, &out),
         Command::Localize(args) => localize::run(&args, &out),
         Command::Evaluate(args) => evaluate::run(&args, &out),
         Command::Synth(args) => synth::run(&args, &out),

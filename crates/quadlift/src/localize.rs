@@ -223,7 +223,10 @@ fn check(options: &Options) -> Result<(), LocalizeError> {
 }
 
 /// Index of the source whose detections count; `None` when the scene has one at most.
-fn chosen_source(scene: &Scene, chosen: Option<&str>) -> Result<Option<u32>, LocalizeError> {
+///
+/// # Errors
+/// [`LocalizeError::SeveralSources`], [`LocalizeError::UnknownSource`].
+pub fn chosen_source(scene: &Scene, chosen: Option<&str>) -> Result<Option<u32>, LocalizeError> {
     let sources = &scene.sources;
     match chosen {
         Some(name) => match sources.iter().position(|s| s == name) {

@@ -6,4 +6,5 @@ pub mod evaluate;
 pub mod info;
 pub mod localize;
 pub mod reproduce;
+pub mod segment;
 pub mod synth;

@@ -5,20 +5,25 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use nalgebra::Vector3;
 use quadlift::solve::BodyKind;
-use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift_io::write_scene_file;
+use quadlift_segment::render::{ObjectKind, RenderOptions, render};
 use serde_json::json;
 
 use crate::args;
 use crate::error::{Outcome, usage};
-use crate::files::check_file;
+use crate::files::{check_file, make_folder};
 use crate::output::Output;
+use crate::rendered_scene::{check_folders, write_images};
 use crate::synthetic_file::scene_file;
 
 /// Write a synthetic scene whose truth is known
 ///
 /// Objects of random place, size and orientation lie in a cube of side 20; the cameras stand 200 away from its centre
 /// and look at it. The truth is written as the `objects` of the scene; no estimator reads it.
+///
+/// With --render there are images and true masks as well, for `segment`: textured objects stand on a cluttered ground,
+/// and a camera goes around them on an arc.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -29,10 +34,15 @@ Noise (--noise, several times if wanted):
   se:0.3     size of the ellipse, uniform; one factor for both axes (se2: one for each axis)
   te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
 
+With --render: images in `images` and label images of the masks in `masks`, two folders beside SCENE.json; the boxes are
+those of the visible pixels, the true bodies the smallest ellipsoids around the objects. Of the options above it takes
+--objects, --views, --noise box:X, --trajectory arc:SPAN and --seed.
+
 Examples:
   quadlift synth -o scene.json --noise box:0.05 --outliers 0.05
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
+  quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
 )]
 pub struct Args {
@@ -40,9 +50,9 @@ pub struct Args {
     #[arg(short, long, value_name = "SCENE.json")]
     output: PathBuf,
 
-    /// Number of objects
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
-    objects: usize,
+    /// Number of objects [default: 50; with --render: 4]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
+    objects: Option<usize>,
 
     /// Number of views
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
@@ -64,9 +74,10 @@ pub struct Args {
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
     outliers: f64,
 
-    /// Where the cameras stand: paper (60 degrees around, 70 up) or arc:SPAN (degrees)
-    #[arg(long, value_name = "PATH", default_value = "paper", value_parser = trajectory)]
-    trajectory: Trajectory,
+    /// Where the cameras stand: paper (60 degrees around, 70 up) or arc:SPAN (degrees) [default: paper; with --render:
+    /// arc:100]
+    #[arg(long, value_name = "PATH", value_parser = trajectory)]
+    trajectory: Option<Trajectory>,
 
     /// Factor on the whole world; the pixels stay the same
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = args::finite)]
@@ -79,6 +90,35 @@ pub struct Args {
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
+
+    /// Render images and true masks
+    #[arg(long, help_heading = "Rendering", conflicts_with_all = ["body", "observations", "outliers", "scale", "offset"])]
+    render: bool,
+
+    #[command(flatten)]
+    rendering: Rendering,
+}
+
+/// What can be chosen about images.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Rendering")]
+struct Rendering {
+    /// Width and height of the images in pixels [default: 480x360]
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = image_size, requires = "render")]
+    image_size: Option<[u32; 2]>,
+
+    /// Kinds of objects, taken in turn: ellipsoid, hammer, mug, duck, chair, angle, car, drill, banana [default: all, and a
+    /// third of them ellipsoids]
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = kind, requires = "render")]
+    kinds: Vec<ObjectKind>,
+
+    /// Share of the objects that have the colour of the ground, from 0 to 1 [default: 0.25]
+    #[arg(long, value_name = "SHARE", value_parser = args::finite, requires = "render")]
+    camouflage: Option<f64>,
+
+    /// Factor on the noise of the camera's sensor [default: 1]
+    #[arg(long, value_name = "FACTOR", value_parser = args::finite, requires = "render")]
+    sensor_noise: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -111,14 +151,51 @@ fn trajectory(text: &str) -> Result<Trajectory, String> {
     }
 }
 
+fn image_size(text: &str) -> Result<[u32; 2], String> {
+    let size = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
+    match size {
+        Some([Ok(width), Ok(height)]) => Ok([width, height]),
+        _ => Err("expected WIDTHxHEIGHT in pixels, such as 640x480".to_owned()),
+    }
+}
+
+fn kind(text: &str) -> Result<ObjectKind, String> {
+    ObjectKind::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| {
+        let names: Vec<&str> = ObjectKind::ALL.iter().map(|kind| kind.name()).collect();
+        format!("expected {}", names.join(", "))
+    })
+}
+
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    let synthetic = if args.render { rendered(args)? } else { drawn(args)? };
+    let outliers = synthetic.outliers.iter().filter(|wrong| **wrong).count();
+    let (objects, views) = (synthetic.truth.len(), synthetic.frames.len());
+    let detections = synthetic.scene.detections.len();
+    let images = if args.render { " with images and masks" } else { "" };
+    out.report(&format!(
+        "wrote {}: {objects} objects, {views} views{images}, {detections} detections, {outliers} of them outliers\n",
+        args.output.display(),
+    ))?;
+    out.document(&json!({
+        "output": args.output.display().to_string(),
+        "objects": objects,
+        "views": views,
+        "detections": detections,
+        "outliers": outliers,
+    }))?;
+    Ok(Outcome::Fine)
+}
+
+/// A scene of detections alone.
+fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     check_file(&args.output)?;
+    let defaults = SyntheticOptions::default();
     let options = SyntheticOptions {
         seed: args.seed,
-        objects: args.objects,
+        objects: args.objects.unwrap_or(defaults.objects),
         body: args.body,
         views: args.views,
-        trajectory: args.trajectory,
+        trajectory: args.trajectory.unwrap_or_default(),
         scale: args.scale,
         offset: Vector3::from(args.offset),
         observations: match args.observations {
@@ -128,29 +205,58 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         },
         noise: args.noise.clone(),
         outlier_share: args.outliers,
-        ..Default::default()
+        ..defaults
     };
     let synthetic = match generate(&options) {
         Ok(synthetic) => synthetic,
         Err(error) => return usage(error.to_string()),
     };
     write_scene_file(&args.output, &scene_file(&synthetic))?;
-    let outliers = synthetic.outliers.iter().filter(|wrong| **wrong).count();
-    let detections = synthetic.scene.detections.len();
-    out.report(&format!(
-        "wrote {}: {} objects, {} views, {detections} detections, {outliers} of them outliers\n",
-        args.output.display(),
-        args.objects,
-        args.views,
-    ))?;
-    out.document(&json!({
-        "output": args.output.display().to_string(),
-        "objects": args.objects,
-        "views": args.views,
-        "detections": detections,
-        "outliers": outliers,
-    }))?;
-    Ok(Outcome::Fine)
+    Ok(synthetic)
+}
+
+/// A scene with images; its folder is made.
+fn rendered(args: &Args) -> anyhow::Result<SyntheticScene> {
+    let defaults = RenderOptions::default();
+    let box_noise = match args.noise.as_slice() {
+        [] => 0.0,
+        [Noise::BoxEdges(amount)] => *amount,
+        _ => return usage("with --render only the boxes have noise, of one amount: --noise box:X"),
+    };
+    let arc = match args.trajectory {
+        None => defaults.arc,
+        Some(Trajectory::Arc { span }) => span,
+        Some(_) => return usage("with --render the cameras stand on an arc: --trajectory arc:SPAN"),
+    };
+    let [width, height] = args.rendering.image_size.unwrap_or([defaults.width, defaults.height]);
+    let kinds = &args.rendering.kinds;
+    let options = RenderOptions {
+        seed: args.seed,
+        objects: args.objects.unwrap_or(defaults.objects),
+        kinds: if kinds.is_empty() { defaults.kinds } else { kinds.clone() },
+        views: args.views,
+        width,
+        height,
+        arc,
+        camouflage: args.rendering.camouflage.unwrap_or(defaults.camouflage),
+        sensor_noise: args.rendering.sensor_noise.unwrap_or(defaults.sensor_noise),
+        box_noise,
+        least_visible: defaults.least_visible,
+    };
+    if args.output.is_dir() {
+        check_file(&args.output)?;
+    }
+    check_folders(&args.output)?;
+    let rendered = match render(&options) {
+        Ok(rendered) => rendered,
+        Err(error) => return usage(error.to_string()),
+    };
+    if let Some(folder) = args.output.parent() {
+        make_folder(folder)?;
+    }
+    // Last, so that it never names images that do not exist.
+    write_scene_file(&args.output, &write_images(&rendered, &args.output)?)?;
+    Ok(rendered.synthetic)
 }
 
 #[cfg(test)]
@@ -164,5 +270,8 @@ mod tests {
         assert!(noise("box").is_err() && noise("box:x").is_err() && noise("fog:1").is_err());
         assert_eq!(trajectory("arc:60"), Ok(Trajectory::Arc { span: 60.0 }));
         assert!(trajectory("arc").is_err() && trajectory("circle:3").is_err());
+        assert_eq!(image_size("640x480"), Ok([640, 480]));
+        assert!(image_size("640").is_err() && image_size("-1x5").is_err());
+        assert_eq!((kind("mug"), kind("cup").is_err()), (Ok(ObjectKind::Mug), true));
     }
 }

@@ -14,6 +14,7 @@ pub fn expected(field: &str) -> Option<&'static str> {
         "mask" => {
             "\"mask\": {\"path\": \"...\", \"value\": a whole number}, {\"rle\": {...}} or {\"polygons\": [[x, y, ...]]}"
         }
+        "segmentation" => "\"segmentation\": {\"method\": \"...\", \"status\": \"...\"} as written by quadlift segment",
         "rle" => "\"rle\": {\"size\": [height, width], \"counts\": ...} as in COCO",
         "polygons" => "\"polygons\": [[x, y, x, y, ...], ...] in pixels",
         "frame" | "camera" | "id" | "object" | "category" | "source" => "ids and names are text, also \"12\"",

@@ -27,7 +27,7 @@ pub use object_records::{
 pub use read::{parse_scene_file, read_scene_file};
 pub use records::{
     CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile,
-    VERSION,
+    SegmentationRecord, VERSION,
 };
 pub use results::estimates_to_objects;
 pub use write::{write_scene, write_scene_file};

@@ -177,6 +177,9 @@ pub struct DetectionRecord {
     /// Mask.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<Box<MaskRecord>>,
+    /// How ellipse and mask were found in the image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segmentation: Option<Box<SegmentationRecord>>,
     /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
     pub occluded: Option<f64>,
@@ -202,6 +205,32 @@ pub struct EllipseRecord {
     pub semi_axes: [f64; 2],
     /// Direction of the first semi-axis in radians, from x towards y.
     pub angle: f64,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// How the ellipse and the mask of a detection were found in its image (`quadlift segment`), and what they are worth.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct SegmentationRecord {
+    /// `sca+cut`, `sca`, `graphcut`, `masks` or `box`.
+    pub method: String,
+    /// `ok`; `fell_back`: no mask could be trusted, ellipse and mask are those of the box; `box`: nothing but the box
+    /// was looked at; `failed`: the detection is as it was.
+    pub status: String,
+    /// Why, in words, for `fell_back` and `failed`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// From 0 (nothing is known beyond the box) to 1 (every pixel is certain); absent for given masks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
+    /// Share of the mask's outline at the border of the image, where there is any: the object may go on unseen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cut_by_border: Option<f64>,
+    /// Share of the mask's outline at other objects' masks, where there is any: one may hide a part of the other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub touches_others: Option<f64>,
     /// Fields that this version does not know.
     #[serde(flatten)]
     pub extra: Map<String, Value>,

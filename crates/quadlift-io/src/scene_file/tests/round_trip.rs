@@ -86,8 +86,17 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
     let mask = (option::of(text()), option::of(any::<u32>()), option::of(rle), option::of(polygons), extra())
         .prop_map(|(path, value, rle, polygons, extra)| Box::new(MaskRecord { path, value, rle, polygons, extra }));
     let levels = (option::of(number()), option::of(number()), option::of(number()), option::of(number()));
-    (names, option::of(numbers()), option::of(ellipse), option::of(mask), levels, extra()).prop_map(
-        |(names, bounding_box, ellipse, mask, levels, extra)| {
+    let shares = (option::of(number()), option::of(number()), option::of(number()));
+    let segmentation = (text(), text(), option::of(text()), shares, extra()).prop_map(
+        |(method, status, reason, (confidence, cut_by_border, touches_others), extra)| {
+            let record =
+                SegmentationRecord { method, status, reason, confidence, cut_by_border, touches_others, extra };
+            Box::new(record)
+        },
+    );
+    let seen = (option::of(ellipse), option::of(mask), option::of(segmentation));
+    (names, option::of(numbers()), seen, levels, extra()).prop_map(
+        |(names, bounding_box, (ellipse, mask, segmentation), levels, extra)| {
             let (frame, object, category, source) = names;
             let (score, occluded, truncated, visible_fraction) = levels;
             DetectionRecord {
@@ -99,6 +108,7 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
                 bounding_box,
                 ellipse,
                 mask,
+                segmentation,
                 occluded,
                 truncated,
                 visible_fraction,

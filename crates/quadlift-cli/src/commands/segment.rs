@@ -1,0 +1,316 @@
+//! `quadlift segment`: from images to masks and ellipses.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, anyhow, bail};
+use clap::builder::RangedU64ValueParser;
+use quadlift_io::scene_file::{MaskSource, SceneImages};
+use quadlift_io::{write_png, write_scene_file};
+use quadlift_segment::SegmentMethod;
+use serde_json::{Value, json};
+
+use crate::contact_sheet::contact_sheet;
+use crate::error::{Outcome, usage};
+use crate::file_names::FileNames;
+use crate::files::{Inputs, make_folder, outputs, read_scene};
+use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
+use crate::segmentation::{Group, Method, Segmentation, Settings, segment_scene};
+use crate::segmented_scene::add_to_scene;
+use crate::table::{Cell, Table, number};
+use crate::words::count;
+
+/// Problems that are told one by one; the JSON document has all of them.
+const MOST_TOLD: usize = 20;
+
+/// Find the masks of detected objects in their images, and the ellipses of the masks
+///
+/// The crops of one object in all of its frames are segmented together. The result is the same scene with an `ellipse`,
+/// a `mask` and a `segmentation` (how far they can be trusted) in each detection; `localize` takes it from there.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Methods:
+  sca+cut   stels (parts that move and change colour together over the frames), finished by graph cuts
+  sca       stels alone
+  graphcut  graph cuts with the colours of all frames together, without stels
+  masks     the masks that the scene names (of SAM, YOLO-seg, Mask R-CNN, ...); the only method that reads them
+  box       the ellipse in each box, for comparison
+
+Contact sheets show each crop with the outline of the mask (yellow), the ellipse in the box (blue) and the ellipse that
+was found (pink), in a frame: green; orange where the mask touches the border of the image or another object; red where
+the mask could not be trusted and the ellipse is that of the box.
+
+Examples:
+  quadlift segment scene.json -o segmented.json --contact-sheets sheets
+  quadlift segment scene.json -o segmented.json --source yolo --out-masks masks
+  quadlift segment scene.json -o segmented.json --method masks
+  quadlift localize segmented.json -o objects.json
+
+Exit codes: 0 fine; 1 at least one detection could not be segmented, or none; 2 wrong usage."
+)]
+pub struct Args {
+    /// The scene file; its frames name their images
+    #[arg(value_name = "SCENE.json")]
+    scene: PathBuf,
+
+    /// Where the scene with ellipses and masks is written
+    #[arg(short, long, value_name = "OUT.json")]
+    output: PathBuf,
+
+    /// Where masks come from: sca+cut, sca, graphcut, masks or box (see below)
+    #[arg(long, value_name = "METHOD", default_value = "sca+cut", value_parser = method)]
+    method: Method,
+
+    /// Segment the detections of this source only; needed when the scene has several
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
+
+    /// Folder for the masks as label images (PNG), one for each frame; without it they are written into OUT.json
+    #[arg(long, value_name = "DIR")]
+    out_masks: Option<PathBuf>,
+
+    /// Folder for a picture of each object's crops with masks and ellipses (PNG)
+    #[arg(long, value_name = "DIR")]
+    contact_sheets: Option<PathBuf>,
+
+    /// Seed of everything that is drawn at random
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+
+    /// Number of threads [default: one per core]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    threads: Option<usize>,
+}
+
+fn method(text: &str) -> Result<Method, String> {
+    match text {
+        "sca+cut" => Ok(Method::Image(SegmentMethod::ScaCut)),
+        "sca" => Ok(Method::Image(SegmentMethod::Sca)),
+        "graphcut" => Ok(Method::Image(SegmentMethod::GraphCut)),
+        "masks" => Ok(Method::Masks),
+        "box" => Ok(Method::Image(SegmentMethod::Box)),
+        _ => Err("expected sca+cut, sca, graphcut, masks or box".to_owned()),
+    }
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    if let Some(threads) = args.threads {
+        // Before anything else: the first call of the library starts the threads.
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
+    }
+    let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
+    outputs(&inputs, &args.output)?;
+    let start = Instant::now();
+    let (mut file, scene) = read_scene(&args.scene)?;
+    let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;
+    check_folders(args, &images)?;
+    let settings = Settings {
+        method: args.method,
+        source: args.source.clone(),
+        seed: args.seed,
+        with_crops: args.contact_sheets.is_some(),
+    };
+    let title = args.scene.display().to_string();
+    let segmentation = segment_scene(&title, &scene, &images, &settings, out).with_context(|| title.clone())?;
+    let problems: Vec<String> = segmentation.problems.iter().map(|problem| problem.in_words(&scene)).collect();
+    for problem in problems.iter().take(MOST_TOLD) {
+        out.error(problem);
+    }
+    if problems.len() > MOST_TOLD {
+        out.error(&format!("{} more problems of this kind (--json lists all)", problems.len() - MOST_TOLD));
+    }
+    let done = segmentation.found.iter().flatten().count();
+    if done == 0 {
+        return Err(anyhow!("{title}: no detection could be segmented"));
+    }
+    let segmented = start.elapsed();
+    for folder in [&args.out_masks, &args.contact_sheets].into_iter().flatten() {
+        make_folder(folder)?;
+    }
+    if let Some(folder) = &args.contact_sheets {
+        write_sheets(&segmentation, folder)?;
+    }
+    let folders = [&args.scene, &args.output].map(|path| path.parent().unwrap_or(Path::new("")));
+    add_to_scene(&mut file, &scene, &segmentation, args.method, folders, args.out_masks.as_deref())?;
+    // Last, so that it never names masks that do not exist.
+    write_scene_file(&args.output, &file)?;
+    out.detail(&format!("segmented in {segmented:.2?}, written in {:.2?}", start.elapsed() - segmented));
+    out.report(&report(args, &segmentation))?;
+    out.document(&json!({
+        "scene": title,
+        "output": args.output.display().to_string(),
+        "method": args.method.name(),
+        "masks": args.out_masks.as_ref().map(|folder| folder.display().to_string()),
+        "contact_sheets": args.contact_sheets.as_ref().map(|folder| folder.display().to_string()),
+        "objects": segmentation.groups.iter().map(|group| Summary::of(group, &segmentation).to_json()).collect::<Vec<_>>(),
+        "without_box": segmentation.without_box.len(),
+        "problems": problems,
+    }))?;
+    Ok(if problems.is_empty() { Outcome::Fine } else { Outcome::SomethingFailed })
+}
+
+/// Refuses folders for masks and sheets that are files or that hold what the scene names: it could be overwritten.
+fn check_folders(args: &Args, images: &SceneImages) -> anyhow::Result<()> {
+    let folders = [("--out-masks", &args.out_masks), ("--contact-sheets", &args.contact_sheets)];
+    let mut seen: Vec<PathBuf> = Vec::new();
+    for (option, folder) in folders {
+        let Some(folder) = folder else { continue };
+        if folder.exists() && !folder.is_dir() {
+            bail!("cannot write to {}: it is a file; expected a folder", folder.display());
+        }
+        let here = folder.canonicalize().unwrap_or_else(|_| folder.clone());
+        if seen.contains(&here) {
+            return usage("--out-masks and --contact-sheets need different folders");
+        }
+        let masks = images.masks.iter().flatten().filter_map(|mask| match mask {
+            MaskSource::Labels { path, .. } => Some(path),
+            _ => None,
+        });
+        let mut last: Option<&Path> = None;
+        for path in images.images.iter().flatten().chain(masks) {
+            let parent = path.parent().unwrap_or(Path::new(""));
+            // Most files lie in the folder of the one before.
+            if last.replace(parent) != Some(parent) && parent.canonicalize().is_ok_and(|parent| parent == here) {
+                return usage(format!(
+                    "{option} {} is the folder of {}, which could be overwritten; choose another one",
+                    folder.display(),
+                    path.display()
+                ));
+            }
+        }
+        seen.push(here);
+    }
+    Ok(())
+}
+
+/// Writes a contact sheet for each object; detections without an object id share one.
+fn write_sheets(segmentation: &Segmentation, folder: &Path) -> anyhow::Result<()> {
+    let ids = segmentation.groups.iter().map(|group| group.object.as_deref().unwrap_or("without_object"));
+    for (group, name) in segmentation.groups.iter().zip(FileNames::new(ids).iter()) {
+        let views: Vec<_> = group
+            .detections
+            .iter()
+            .map(|&index| (segmentation.crops[index].as_ref(), segmentation.found[index].as_ref()))
+            .collect();
+        write_png(&folder.join(format!("{name}.png")), &contact_sheet(&views))?;
+    }
+    Ok(())
+}
+
+/// What came of the detections of an object.
+#[derive(Debug, Default)]
+struct Summary {
+    object: Option<String>,
+    detections: usize,
+    ok: usize,
+    fell_back: usize,
+    failed: usize,
+    cut: usize,
+    touching: usize,
+    /// Mean over the masks that have one.
+    confidence: Option<f64>,
+}
+
+impl Summary {
+    fn of(group: &Group, segmentation: &Segmentation) -> Self {
+        let mut summary =
+            Self { object: group.object.clone(), detections: group.detections.len(), ..Default::default() };
+        let mut confidences = Vec::new();
+        for &index in &group.detections {
+            let Some(found) = &segmentation.found[index] else {
+                summary.failed += 1;
+                continue;
+            };
+            if found.fell_back.is_some() {
+                summary.fell_back += 1;
+                continue;
+            }
+            summary.ok += 1;
+            summary.cut += usize::from(found.contacts.cut_by_border());
+            summary.touching += usize::from(found.contacts.touches_another());
+            confidences.extend(found.confidence);
+        }
+        summary.confidence =
+            (!confidences.is_empty()).then(|| confidences.iter().sum::<f64>() / confidences.len() as f64);
+        summary
+    }
+
+    fn to_json(&self) -> Value {
+        json!({
+            "object": self.object,
+            "detections": self.detections,
+            "ok": self.ok,
+            "fell_back": self.fell_back,
+            "failed": self.failed,
+            "cut_by_border": self.cut,
+            "touches_others": self.touching,
+            "confidence": self.confidence,
+        })
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        let some = |n: usize, style| if n == 0 { Cell::from("0") } else { Cell::styled(n.to_string(), style) };
+        vec![
+            Cell::from(self.object.as_deref().unwrap_or("(no object id)")),
+            Cell::from(self.detections.to_string()),
+            some(self.ok, GOOD),
+            some(self.fell_back, WARNING),
+            some(self.failed, BAD),
+            Cell::from(self.cut.to_string()),
+            Cell::from(self.touching.to_string()),
+            Cell::from(number(self.confidence, 2)),
+        ]
+    }
+}
+
+fn report(args: &Args, segmentation: &Segmentation) -> String {
+    let summaries: Vec<Summary> = segmentation.groups.iter().map(|group| Summary::of(group, segmentation)).collect();
+    let total = |f: fn(&Summary) -> usize| summaries.iter().map(f).sum::<usize>();
+    let mut table = Table::new([
+        "<object",
+        "detections",
+        "ok",
+        "fell back",
+        "failed",
+        "cut by border",
+        "touch others",
+        "confidence",
+    ]);
+    summaries.iter().for_each(|summary| table.push(summary.cells()));
+    let mut text = format!(
+        "{HEADING}{}{HEADING:#}: {} of {} segmented ({})\n\n{}",
+        one_line(&args.scene.display().to_string()),
+        total(|s| s.detections - s.failed),
+        count(total(|s| s.detections), "detection"),
+        args.method.name(),
+        table.render()
+    );
+    let fell_back = total(|s| s.fell_back);
+    if fell_back > 0 {
+        text.push_str(&format!(
+            "note: in {} no mask could be trusted; the ellipse is that of the box\n",
+            count(fell_back, "detection")
+        ));
+    }
+    if let Some(alone) = summaries.iter().find(|s| s.object.is_none())
+        && matches!(args.method, Method::Image(_))
+    {
+        text.push_str(&format!(
+            "note: {} without an object id: each was segmented alone, which is less certain\n",
+            count(alone.detections, "detection")
+        ));
+    }
+    if !segmentation.without_box.is_empty() {
+        text.push_str(&format!(
+            "note: left out {} without a box\n",
+            count(segmentation.without_box.len(), "detection")
+        ));
+    }
+    for folder in [&args.out_masks, &args.contact_sheets].into_iter().flatten() {
+        text.push_str(&format!("wrote {}{}\n", folder.display(), std::path::MAIN_SEPARATOR));
+    }
+    text.push_str(&format!("wrote {}\n", args.output.display()));
+    text
+}

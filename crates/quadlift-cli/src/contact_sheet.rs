@@ -1,0 +1,137 @@
+//! Contact sheets: the crops of one object side by side, with what was found in them, for people to look at.
+
+use image::imageops::{FilterType, replace, resize};
+use image::{Rgb, RgbImage};
+use nalgebra::Vector2;
+use quadlift::geometry::Ellipse;
+use quadlift_segment::Crop;
+
+use crate::segmentation::Found;
+
+/// Pixels of the longer side of a crop on the sheet.
+const CROP: u32 = 144;
+/// Pixels of the frame around each crop.
+const FRAME: u32 = 4;
+/// Pixels of the place of a crop, with its frame and a gap.
+const PLACE: u32 = CROP + 2 * FRAME + 4;
+/// Crops side by side.
+const COLUMNS: usize = 10;
+/// Most crops on a sheet; of more views an evenly spread choice is shown.
+pub const MOST_CROPS: usize = 200;
+
+const PAPER: Rgb<u8> = Rgb([24, 24, 24]);
+/// The mask's outline.
+const OUTLINE: Rgb<u8> = Rgb([255, 225, 0]);
+/// The ellipse in the box.
+const BOX_ELLIPSE: Rgb<u8> = Rgb([0, 200, 255]);
+/// The ellipse that was found.
+const ELLIPSE: Rgb<u8> = Rgb([255, 0, 160]);
+/// Frames: a mask that is free, one that is cut or touches another, one that was given up, and no result at all.
+const FREE: Rgb<u8> = Rgb([60, 170, 60]);
+const CUT: Rgb<u8> = Rgb([255, 150, 0]);
+const GIVEN_UP: Rgb<u8> = Rgb([220, 30, 30]);
+
+/// Draws the sheet of an object: row by row, in the order of the views.
+pub fn contact_sheet(views: &[(Option<&Crop>, Option<&Found>)]) -> RgbImage {
+    let shown = views.len().min(MOST_CROPS);
+    let columns = shown.clamp(1, COLUMNS);
+    let rows = shown.div_ceil(columns).max(1);
+    let mut sheet = RgbImage::from_pixel(columns as u32 * PLACE, rows as u32 * PLACE, PAPER);
+    for place in 0..shown {
+        let (crop, found) = views[place * views.len() / shown];
+        let frame = match found {
+            None => GIVEN_UP,
+            Some(found) if found.fell_back.is_some() => GIVEN_UP,
+            Some(found) if found.contacts.cut_by_border() || found.contacts.touches_another() => CUT,
+            Some(_) => FREE,
+        };
+        let drawing = crop.map_or_else(|| RgbImage::from_pixel(CROP, CROP, PAPER), |crop| draw(crop, found));
+        let [width, height] = [drawing.width(), drawing.height()];
+        let framed = RgbImage::from_pixel(width + 2 * FRAME, height + 2 * FRAME, frame);
+        // In the middle of its place.
+        let x = (place % columns) as i64 * i64::from(PLACE) + i64::from((PLACE - framed.width()) / 2);
+        let y = (place / columns) as i64 * i64::from(PLACE) + i64::from((PLACE - framed.height()) / 2);
+        replace(&mut sheet, &framed, x, y);
+        replace(&mut sheet, &drawing, x + i64::from(FRAME), y + i64::from(FRAME));
+    }
+    sheet
+}
+
+/// A crop in its true proportions, with the mask's outline and the ellipses.
+fn draw(crop: &Crop, found: Option<&Found>) -> RgbImage {
+    let window = crop.window();
+    let size = window.size();
+    let side = |x: f64| ((f64::from(CROP) * x / size.max()).round() as u32).max(1);
+    let (width, height) = (side(size.x), side(size.y));
+    let grid = crop.grid() as u32;
+    let colors = crop.colors();
+    let small = RgbImage::from_fn(grid, grid, |x, y| Rgb(colors[(y * grid + x) as usize]));
+    let mut drawing = resize(&small, width, height, FilterType::Triangle);
+    let scale = Vector2::new(f64::from(width), f64::from(height)).component_div(&size);
+    let corner = Vector2::new(window.x0, window.y0);
+    draw_ellipse(&mut drawing, &Ellipse::inscribed_in(crop.bounding_box()), &corner, &scale, BOX_ELLIPSE);
+    let Some(found) = found else { return drawing };
+    let inside = |x: i64, y: i64| {
+        let place = Vector2::new(x as f64 + 0.5, y as f64 + 0.5).component_div(&scale) + corner;
+        // Casts saturate: what is left of the image is asked for separately.
+        place.min() >= 0.0 && found.mask.contains(place.x as u32, place.y as u32)
+    };
+    for (x, y, pixel) in drawing.enumerate_pixels_mut() {
+        let (x, y) = (i64::from(x), i64::from(y));
+        if inside(x, y) && [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().any(|(dx, dy)| !inside(x + dx, y + dy)) {
+            *pixel = OUTLINE;
+        }
+    }
+    draw_ellipse(&mut drawing, &found.ellipse, &corner, &scale, ELLIPSE);
+    drawing
+}
+
+fn draw_ellipse(image: &mut RgbImage, ellipse: &Ellipse, corner: &Vector2<f64>, scale: &Vector2<f64>, color: Rgb<u8>) {
+    let axis = Vector2::new(ellipse.angle.cos(), ellipse.angle.sin());
+    let other = Vector2::new(-axis.y, axis.x);
+    const POINTS: usize = 1000;
+    for k in 0..POINTS {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / POINTS as f64).sin_cos();
+        let point = ellipse.center + axis * (ellipse.semi_axes.x * cos) + other * (ellipse.semi_axes.y * sin);
+        let place = (point - corner).component_mul(scale);
+        if place.min() >= 0.0 && place.x < f64::from(image.width()) && place.y < f64::from(image.height()) {
+            image.put_pixel(place.x as u32, place.y as u32, color);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use quadlift::geometry::BoundingBox;
+    use quadlift_segment::{Contacts, CropOptions, Mask};
+
+    use super::*;
+
+    #[test]
+    fn mask_and_ellipses_are_where_they_are_in_the_image() {
+        // A wide box: the drawing keeps its proportions, 280 x 140 pixels of the image on 144 x 72.
+        let image = RgbImage::from_pixel(400, 300, Rgb([100, 100, 100]));
+        let bounding_box = BoundingBox::new([100.0, 100.0, 300.0, 200.0]).unwrap();
+        let crop = Crop::cut(&image, &bounding_box, &CropOptions::default()).unwrap();
+        let mask = Mask { origin: [150, 120], ..Mask::from_fn(100, 60, |_, _| true) };
+        let ellipse = Ellipse::new([200.0, 150.0].into(), [40.0, 20.0].into(), 0.0).unwrap();
+        let found = Found { mask, ellipse, confidence: None, fell_back: None, contacts: Contacts::default() };
+        let drawing = draw(&crop, Some(&found));
+        assert_eq!(drawing.dimensions(), (144, 72));
+        let at = |x: f64, y: f64| {
+            *drawing.get_pixel(((x - 60.0) * 144.0 / 280.0) as u32, ((y - 80.0) * 72.0 / 140.0) as u32)
+        };
+        assert_eq!(at(298.9, 150.0), BOX_ELLIPSE);
+        assert_eq!(at(238.9, 150.0), ELLIPSE);
+        assert_eq!(at(200.0, 121.0), OUTLINE);
+        assert_eq!((at(200.0, 150.0), at(70.0, 90.0)), (Rgb([100; 3]), Rgb([100; 3])));
+    }
+
+    #[test]
+    fn sheets_have_a_place_for_each_view_and_no_more_than_fit() {
+        let size = |views: usize| contact_sheet(&vec![(None, None); views]).dimensions();
+        assert_eq!(size(1), (PLACE, PLACE));
+        assert_eq!(size(12), (10 * PLACE, 2 * PLACE));
+        assert_eq!(size(5000), (10 * PLACE, 20 * PLACE));
+    }
+}

@@ -1,0 +1,61 @@
+//! Rendered scenes as files: images, true masks and the scene file that names them.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use quadlift_io::scene_file::MaskRecord;
+use quadlift_io::{SceneFile, write_label_image, write_png};
+use quadlift_segment::render::RenderedScene;
+
+use crate::files::make_folder;
+use crate::synthetic_file::scene_file;
+
+/// Folders of the images and of the masks, beside the scene file.
+const FOLDERS: [&str; 2] = ["images", "masks"];
+
+/// Refuses to write images and masks beside a scene file that does not exist yet where there are such folders already:
+/// they hold somebody's files.
+pub fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
+    for folder in folders(scene_file) {
+        let taken = folder.exists() && !std::fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_none());
+        if taken && !scene_file.exists() {
+            bail!(
+                "cannot write images to {}: it exists and is not empty; give the scene a folder of its own",
+                folder.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Writes the images and the label images of a rendered scene beside the scene file and gives the content of that one,
+/// with the truth.
+pub fn write_images(rendered: &RenderedScene, path: &Path) -> anyhow::Result<SceneFile> {
+    let [images, masks] = folders(path);
+    make_folder(&images)?;
+    make_folder(&masks)?;
+    let mut file = scene_file(&rendered.synthetic);
+    let name = |index: usize| format!("{}.png", rendered.synthetic.frames[index].id);
+    for (index, frame) in file.frames.iter_mut().enumerate() {
+        write_png(&images.join(name(index)), &rendered.images[index])?;
+        write_label_image(&masks.join(name(index)), &rendered.labels[index])?;
+        frame.image = Some(format!("{}/{}", FOLDERS[0], name(index)));
+    }
+    for (index, detection) in rendered.synthetic.scene.detections.iter().enumerate() {
+        let record = &mut file.detections[index];
+        record.visible_fraction = Some(rendered.visible_fractions[index]);
+        record.mask = Some(Box::new(MaskRecord {
+            path: Some(format!("{}/{}", FOLDERS[1], name(detection.frame_index as usize))),
+            value: Some(rendered.values[index].into()),
+            ..Default::default()
+        }));
+    }
+    for (object, kind) in file.objects.iter_mut().zip(&rendered.kinds) {
+        object.category = Some(kind.name().to_owned());
+    }
+    Ok(file)
+}
+
+fn folders(scene_file: &Path) -> [PathBuf; 2] {
+    FOLDERS.map(|name| scene_file.parent().unwrap_or(Path::new("")).join(name))
+}
