@@ -8,7 +8,7 @@
 //! - angle: `1/2 log(l1 / l2) sin(angle)`.
 //!
 //! Beside a box only the last two are compared: the edges tell place and size better (the ellipse of a mask's moments
-//! is smaller than what its box touches), the ellipse tells the shape.
+//! is smaller than what its box touches), the ellipse tells the shape. They are then compared in the smooth form below.
 //!
 //! The last two jump where the predicted ellipse is a circle, as a start is. On the way from a start they are replaced
 //! by the vector `1/2 log(l1 / l2) (cos, sin)(2 angle)` against the observed one, which is smooth everywhere but does
@@ -76,9 +76,15 @@ impl EllipseMeasurement {
         as_vector: bool,
         rows: &mut Vec<ResidualRow>,
     ) {
-        let [center, size, aspect, angle] =
-            [NoiseGroup::EllipseCenter, NoiseGroup::EllipseSize, NoiseGroup::EllipseAspect, NoiseGroup::EllipseAngle]
-                .map(|group| (group, 1.0 / noise.of(group)));
+        let shape = |group| if self.shape_only { NoiseGroup::Shape } else { group };
+        let [center, size, aspect, angle] = [
+            NoiseGroup::EllipseCenter,
+            NoiseGroup::EllipseSize,
+            shape(NoiseGroup::EllipseAspect),
+            shape(NoiseGroup::EllipseAngle),
+        ]
+        .map(|group| (group, 1.0 / noise.of(group)));
+        let as_vector = as_vector || self.shape_only;
         let mut push = |residual: f64, row: Row, (group, weight): (NoiseGroup, f64)| {
             rows.push(ResidualRow { residual: residual * weight, row: row.map(|x| x * weight), group });
         };

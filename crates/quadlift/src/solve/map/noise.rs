@@ -19,29 +19,51 @@ pub(super) enum NoiseGroup {
     EllipseAspect,
     /// Angle of an ellipse, times half the logarithm of its axis ratio.
     EllipseAngle,
+    /// Shape of an ellipse beside a box: half the logarithm of its axis ratio as a vector at twice its angle.
+    Shape,
 }
 
 impl NoiseGroup {
     /// All groups, in the order of their indices.
-    pub(super) const ALL: [Self; GROUPS] =
-        [Self::Edge, Self::HiddenEdge, Self::EllipseCenter, Self::EllipseSize, Self::EllipseAspect, Self::EllipseAngle];
+    pub(super) const ALL: [Self; GROUPS] = [
+        Self::Edge,
+        Self::HiddenEdge,
+        Self::EllipseCenter,
+        Self::EllipseSize,
+        Self::EllipseAspect,
+        Self::EllipseAngle,
+        Self::Shape,
+    ];
 
     /// Whether it is an edge, hidden or not.
     #[inline]
     pub(super) fn is_edge(self) -> bool {
         matches!(self, Self::Edge | Self::HiddenEdge)
     }
+
+    /// Whether single residuals may be far off: edges, and shapes of masks.
+    #[inline]
+    pub(super) fn has_heavy_tails(self) -> bool {
+        self.is_edge() || self == Self::Shape
+    }
 }
 
 /// Number of noise groups.
-const GROUPS: usize = 6;
+const GROUPS: usize = 7;
 
 /// Names for reports, in the order of the groups.
-const GROUP_NAMES: [&str; GROUPS] =
-    ["edge_relative", "hidden_edge_relative", "ellipse_center", "ellipse_size", "ellipse_aspect", "ellipse_angle"];
+const GROUP_NAMES: [&str; GROUPS] = [
+    "edge_relative",
+    "hidden_edge_relative",
+    "ellipse_center",
+    "ellipse_size",
+    "ellipse_aspect",
+    "ellipse_angle",
+    "shape",
+];
 
 /// Where the estimation starts, and what few data are drawn towards.
-const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1];
+const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1];
 
 /// Largest correlation between views that is believed.
 const LARGEST_CORRELATION: f64 = 0.9;

@@ -137,7 +137,8 @@ impl Objective<'_> {
         for row in rows {
             let squared = row.residual * row.residual;
             if !row.group.is_edge() {
-                others += squared;
+                let heavy = self.heavy_tails && row.group.has_heavy_tails();
+                others += if heavy { (TAILS + 1.0) * (squared / TAILS).ln_1p() } else { squared };
             } else if self.heavy_tails && squared < SMALL_ENOUGH {
                 tails *= 1.0 + squared / TAILS;
             } else if self.heavy_tails {
@@ -155,11 +156,9 @@ impl Objective<'_> {
 
     #[inline]
     fn row_weight(&self, row: &ResidualRow, edge_weight: f64) -> f64 {
-        if !row.group.is_edge() {
-            return 1.0;
-        }
-        let tails = if self.heavy_tails { (TAILS + 1.0) / (TAILS + row.residual * row.residual) } else { 1.0 };
-        edge_weight * tails
+        let heavy = self.heavy_tails && row.group.has_heavy_tails();
+        let tails = if heavy { (TAILS + 1.0) / (TAILS + row.residual * row.residual) } else { 1.0 };
+        if row.group.is_edge() { edge_weight * tails } else { tails }
     }
 
     /// Squared norm of each view's whitened residuals.
