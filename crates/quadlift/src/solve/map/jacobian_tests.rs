@@ -129,6 +129,12 @@ proptest! {
     #[test]
     fn rows_of_a_superellipsoid(a in -3.0..3.0f64, b in -1.5..1.5f64, x in -0.5..0.5f64, q in 1.2..2.0f64) {
         let body = OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, 0.6), q);
+        // Where a component of R^T n vanishes the curvature of the support function has no bound, and differences tell
+        // nothing.
+        let smooth = |edge: &super::measurements::Edge| {
+            (body.axes().tr_mul(&edge.plane.n)).normalize().abs().min() > 0.02
+        };
+        prop_assume!(measurements(true).edges.iter().all(smooth));
         check_rows(&measurements(true), &body);
     }
 
