@@ -27,6 +27,7 @@
 //! [`localize()`], the one call. The library reads no files and prints nothing.
 #![forbid(unsafe_code)]
 
+pub mod associate;
 pub mod geometry;
 mod localize;
 pub mod metrics;
@@ -35,4 +36,5 @@ pub mod scene;
 pub mod solve;
 pub mod synthetic;
 
+pub use associate::associate;
 pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, localize};
