@@ -14,10 +14,10 @@ use crate::parallel::map_indices;
 const KEPT: usize = 3;
 
 /// All boxes are paired with all while the square of their number is not larger.
-const ALL_PAIRS: usize = 4_000_000;
+const ALL_PAIRS: usize = 1_000_000;
 
 /// Spheres of one box that are tested; those whose boxes agree best.
-const MOST_TESTED: usize = 300;
+const MOST_TESTED: usize = 100;
 
 /// Least score of a birth where nothing has been found yet; later, the evidence decides.
 const FIRST_LEAST_SCORE: f64 = 4.0;
@@ -45,8 +45,7 @@ pub(super) fn births(
     is_seed: &(impl Fn(usize) -> bool + Sync),
 ) -> Vec<Birth> {
     let least_score = if used.contains(&true) { 0.0 } else { FIRST_LEAST_SCORE };
-    let density = problem.clutter.among_neighbours(observations, model.log_clutter_rate, used);
-    let mut scorer = SphereScorer { problem, observations, model, used: used.to_vec(), density };
+    let mut scorer = SphereScorer::new(problem, observations, model, used);
     let candidates = distinct(observations, pairs(&scorer, is_seed));
     let grown = map_indices(candidates.len(), |k| {
         let (birth, category) = &candidates[k];
@@ -62,12 +61,14 @@ pub(super) fn births(
             queue.push(Queued { birth, category, place, rescored: 0 });
         }
     }
+    let mut used = used.to_vec();
     let mut accepted = Vec::new();
     while let Some(Queued { birth, category, place, rescored }) = queue.pop() {
-        let free: Vec<u32> = birth.boxes.iter().copied().filter(|&i| !scorer.used[i as usize]).collect();
+        let free: Vec<u32> = birth.boxes.iter().copied().filter(|&i| !used[i as usize]).collect();
         if free.len() == birth.boxes.len() {
-            for &index in &free {
-                scorer.used[index as usize] = true;
+            scorer.take(&free);
+            for index in free {
+                used[index as usize] = true;
             }
             accepted.push(birth);
             continue;
@@ -121,11 +122,7 @@ impl Eq for Queued {}
 /// The best spheres of each box with a box of another frame, scored.
 fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Vec<Birth> {
     let observations = scorer.observations;
-    let free_in = |frame: usize, category: usize| {
-        observations.cameras[frame].boxes.clone().filter(move |&i| scorer.is_free(i, category))
-    };
-    let is_free = |&i: &usize| scorer.is_free(i, observations.boxes[i].category);
-    let free: Vec<usize> = (0..observations.boxes.len()).filter(is_free).collect();
+    let free: Vec<usize> = scorer.all_free().collect();
     let mut frames: Vec<u32> = free.iter().map(|&i| observations.boxes[i].frame as u32).collect();
     frames.dedup();
     let all_pairs = free.len() * free.len() <= ALL_PAIRS;
@@ -138,10 +135,10 @@ fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Ve
         let mut spheres = Vec::new();
         for &frame in partners.iter().filter(|&&f| f as usize != sighting.frame) {
             let partner_camera = &observations.cameras[frame as usize];
-            for partner in free_in(frame as usize, sighting.category) {
-                let other = (partner_camera, &observations.boxes[partner]);
+            for partner in scorer.free_in(frame as usize, sighting.category) {
+                let other = (partner_camera, &observations.boxes[partner as usize]);
                 if let Some(pair) = pair_sphere((camera, sighting), other) {
-                    spheres.push((pair.disagreement, partner as u32, pair.sphere));
+                    spheres.push((pair.disagreement, partner, pair.sphere));
                 }
             }
         }

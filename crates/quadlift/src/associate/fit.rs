@@ -153,6 +153,8 @@ fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &Ellipso
             return None;
         }
         let scale = view.inverse_sd / depth;
+        // One logarithm for the four edges.
+        let mut product = 1.0f64;
         for edge in &view.edges {
             let (h, slope) = body.support_gradient(&edge.normal);
             let residual = (edge.normal.dot(center) + edge.offset - h) * scale;
@@ -160,10 +162,11 @@ fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &Ellipso
                 continue;
             }
             let ratio = residual * residual / TAILS;
-            equations.cost += (TAILS + 1.0) * ratio.ln_1p();
+            product *= 1.0 + ratio;
             let row = std::array::from_fn(|k| scale * if k < 3 { edge.normal[k] } else { -slope[k - 3] });
             equations.add_row(residual, &row, (TAILS + 1.0) / TAILS / (1.0 + ratio));
         }
+        equations.cost += (TAILS + 1.0) * product.ln();
     }
     body.add_shape_prior(1.0 / SHAPE_SD, &mut equations);
     if let Some((mean, weight)) = log_size {

@@ -1,9 +1,33 @@
 //! Points in space by place: which lie within a distance, without looking at all of them.
 
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
 use nalgebra::Vector3;
 
 /// Points in a leaf, at most.
 const LEAF: usize = 8;
+
+/// A point and its squared distance; ordered by distance, equals by index.
+#[derive(PartialEq)]
+struct Found {
+    squared: f64,
+    index: u32,
+}
+
+impl Eq for Found {}
+
+impl Ord for Found {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.squared.total_cmp(&other.squared).then(self.index.cmp(&other.index))
+    }
+}
+
+impl PartialOrd for Found {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
 
 /// A k-d tree over points that do not move.
 #[derive(Debug, Clone)]
@@ -72,25 +96,35 @@ impl PointTree {
 
     /// Indices of the `count` nearest points (fewer where there are fewer), nearest first, equals by index.
     pub fn nearest(&self, place: &Vector3<f64>, count: usize) -> Vec<u32> {
-        let mut radius = 0.0;
-        let mut found = self.within(place, radius);
-        if found.len() < count.min(self.points.len()) {
-            // A radius that surely holds all, halved while it still holds enough.
-            radius = self.points.iter().map(|p| (p - place).norm()).fold(0.0, f64::max) * (1.0 + 1e-12);
-            found = (0..self.points.len() as u32).collect();
-            while found.len() > 2 * count {
-                let fewer = self.within(place, 0.6 * radius);
-                if fewer.len() < count {
-                    break;
-                }
-                radius *= 0.6;
-                found = fewer;
+        // The farthest of the best so far is on top.
+        let mut best: BinaryHeap<Found> = BinaryHeap::with_capacity(count + 1);
+        let offer = |index: u32, best: &mut BinaryHeap<Found>| {
+            best.push(Found { squared: (self.points[index as usize] - place).norm_squared(), index });
+            if best.len() > count {
+                best.pop();
             }
+        };
+        // Ranges to be looked at, with the squared distance of the plane that hides them.
+        let mut ranges = vec![(0.0, 0..self.order.len())];
+        while let Some((hidden_by, range)) = ranges.pop() {
+            if best.len() == count && best.peek().is_none_or(|worst| hidden_by > worst.squared) {
+                continue;
+            }
+            if range.len() <= LEAF {
+                self.order[range].iter().for_each(|&index| offer(index, &mut best));
+                continue;
+            }
+            let middle = range.start + range.len() / 2;
+            let index = self.order[middle];
+            offer(index, &mut best);
+            let axis = usize::from(self.split_axes[middle]);
+            let beyond = place[axis] - self.points[index as usize][axis];
+            let (low, high) = (range.start..middle, middle + 1..range.end);
+            let (near, far) = if beyond <= 0.0 { (low, high) } else { (high, low) };
+            ranges.push((beyond * beyond, far));
+            ranges.push((0.0, near));
         }
-        let distance = |i: u32| (self.points[i as usize] - place).norm_squared();
-        found.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)));
-        found.truncate(count);
-        found
+        best.into_sorted_vec().into_iter().map(|found| found.index).collect()
     }
 
     fn is_within(&self, index: u32, place: &Vector3<f64>, radius: f64) -> bool {

@@ -17,10 +17,10 @@ use crate::parallel::map_indices;
 pub(super) const ROUNDS: usize = 8;
 
 /// Rounds that begin with births, besides the third last.
-const BIRTH_ROUNDS: usize = 3;
+const BIRTH_ROUNDS: usize = 2;
 
 /// Rounds in which a fit also starts from a sphere.
-const SPHERE_ROUNDS: usize = 3;
+const SPHERE_ROUNDS: usize = 1;
 
 /// Everything that changes while objects are sought.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2};
 
 use super::model::Model;
-use super::observations::Observations;
+use super::observations::{Camera, Observations};
 use super::problem::Problem;
 use super::rays::{LOG_RADIUS_SD, RAY_SD, Sphere};
 use super::statistics::LN_2PI;
@@ -28,22 +28,65 @@ pub(super) struct Score {
     pub boxes: Vec<u32>,
 }
 
-/// Scores spheres over the boxes that are not used.
+/// A box that may be claimed.
+#[derive(Debug, Clone, Copy)]
+struct Free {
+    center: Vector2<f64>,
+    log_half: [f64; 2],
+    /// Log density of what else the box may be.
+    density: f64,
+    category: u32,
+    index: u32,
+}
+
+/// Scores spheres over the boxes that belong to no object.
 pub(super) struct SphereScorer<'a> {
     pub problem: &'a Problem<'a>,
     pub observations: &'a Observations,
-    pub model: &'a Model,
-    /// Boxes that belong to an object already.
-    pub used: Vec<bool>,
-    /// Log density of what else a box may be.
-    pub density: Vec<f64>,
+    model: &'a Model,
+    /// The free boxes of each frame, by the horizontal places of their middles.
+    free: Vec<Vec<Free>>,
 }
 
-impl SphereScorer<'_> {
-    /// Whether a box may be claimed for an object of a category.
-    pub fn is_free(&self, index: usize, category: usize) -> bool {
-        let sighting = &self.observations.boxes[index];
-        !self.used[index] && sighting.category == category && !self.problem.is_trusted(sighting)
+impl<'a> SphereScorer<'a> {
+    /// For the boxes that are not used.
+    pub fn new(
+        problem: &'a Problem<'a>,
+        observations: &'a Observations,
+        model: &'a Model,
+        used: &[bool],
+    ) -> SphereScorer<'a> {
+        let density = problem.clutter.among_neighbours(observations, model.log_clutter_rate, used);
+        let in_frame = |camera: &Camera| {
+            let is_free = |&i: &usize| !used[i] && !problem.is_trusted(&observations.boxes[i]);
+            let free = |i: usize| {
+                let sighting = &observations.boxes[i];
+                let (center, log_half) = (sighting.center(), sighting.log_half);
+                Free { center, log_half, density: density[i], category: sighting.category as u32, index: i as u32 }
+            };
+            let mut boxes: Vec<Free> = camera.boxes.clone().filter(is_free).map(free).collect();
+            boxes.sort_by(|a, b| a.center.x.total_cmp(&b.center.x));
+            boxes
+        };
+        let free = observations.cameras.iter().map(in_frame).collect();
+        Self { problem, observations, model, free }
+    }
+
+    /// The free boxes of a frame in a category.
+    pub fn free_in(&self, frame: usize, category: usize) -> impl Iterator<Item = u32> + '_ {
+        self.free[frame].iter().filter(move |b| b.category as usize == category).map(|b| b.index)
+    }
+
+    /// All free boxes, by frames.
+    pub fn all_free(&self) -> impl Iterator<Item = usize> + '_ {
+        self.free.iter().flatten().map(|b| b.index as usize)
+    }
+
+    /// Takes boxes away.
+    pub fn take(&mut self, boxes: &[u32]) {
+        for &index in boxes {
+            self.free[self.observations.boxes[index as usize].frame].retain(|b| b.index != index);
+        }
     }
 
     /// The penalty of a size that the category's objects do not have; `None` when it is out of the question.
@@ -108,43 +151,47 @@ impl SphereScorer<'_> {
         if !inside || half_size < self.observations.least_half_size {
             return None;
         }
-        // Most frames have no box there: one look before anything is calculated.
         let m = &camera.matrix;
         let slope = |axis: usize| -> RowVector3<f64> {
             (m.fixed_view::<1, 3>(axis, 0) - m.fixed_view::<1, 3>(2, 0) * place[axis]) / h.z
         };
-        let (du, dv) = (slope(0), slope(1));
-        let (cu, cv) = (du * covariance, dv * covariance);
+        let du = slope(0);
         let own = (RAY_SD * half_size).powi(2);
-        let spread = Matrix2::new(own + cu.dot(&du), cu.dot(&dv), cu.dot(&dv), own + cv.dot(&dv));
+        // Most frames have no free box there: one look before anything else is calculated.
+        let across = own + (du * covariance).dot(&du);
+        let reach = (GATE * across).sqrt();
+        let free = &self.free[frame];
+        let first = free.partition_point(|b| b.center.x < place.x - reach);
+        let near = free[first..].iter().take_while(|b| b.center.x <= place.x + reach);
+        let mut near = near.filter(|b| b.category as usize == category).peekable();
+        if near.peek().is_none() {
+            return Some(None);
+        }
+        let dv = slope(1);
+        let off = (du * covariance).dot(&dv);
+        let spread = Matrix2::new(across, off, off, own + (dv * covariance).dot(&dv));
         let determinant = spread.determinant();
         if determinant.is_nan() || determinant <= 0.0 {
             return Some(None);
         }
-        let reach = (GATE * spread.m11).sqrt();
+        let size_variance = LOG_RADIUS_SD * LOG_RADIUS_SD * (1.0 + 1.0 / rays.max(1) as f64);
+        let aspect_variance = LOG_ASPECT_SD * LOG_ASPECT_SD;
+        let log_half_size = half_size.ln();
+        let constant = -2.0 * LN_2PI - 0.5 * (determinant * 4.0 * size_variance * aspect_variance).ln();
         let mut best: Option<(u32, f64)> = None;
-        // The middles of boxes lie right of their left edges, by half the widest box at most.
-        for index in self.observations.overlapping(frame, place.x - reach, place.x + reach) {
-            if !self.is_free(index, category) {
-                continue;
-            }
-            let sighting = &self.observations.boxes[index];
-            let d = sighting.center() - place;
+        for candidate in near {
+            let d = candidate.center - place;
             let distance =
                 (spread.m22 * d.x * d.x - 2.0 * spread.m12 * d.x * d.y + spread.m11 * d.y * d.y) / determinant;
             if distance > GATE {
                 continue;
             }
-            let [w, h] = sighting.log_half;
-            let size_variance = LOG_RADIUS_SD * LOG_RADIUS_SD * (1.0 + 1.0 / rays.max(1) as f64);
-            let aspect_variance = LOG_ASPECT_SD * LOG_ASPECT_SD;
-            let (size, aspect) = (0.5 * (w + h) - half_size.ln(), 0.5 * (w - h));
-            let value = -2.0 * LN_2PI
-                - 0.5 * (determinant.ln() + (4.0 * size_variance * aspect_variance).ln())
-                - 0.5 * (distance + size * size / size_variance + aspect * aspect / aspect_variance)
-                - self.density[index];
+            let [w, h] = candidate.log_half;
+            let (size, aspect) = (0.5 * (w + h) - log_half_size, 0.5 * (w - h));
+            let square = distance + size * size / size_variance + aspect * aspect / aspect_variance;
+            let value = constant - 0.5 * square - candidate.density;
             if best.is_none_or(|(_, b)| value > b) {
-                best = Some((index as u32, value));
+                best = Some((candidate.index, value));
             }
         }
         Some(best)
