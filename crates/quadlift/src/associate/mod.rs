@@ -11,12 +11,15 @@
 //! 3. `rounds`: boxes are assigned anew (`assignment`), bodies fitted (`fit`), the scene's noise learnt (`model`,
 //!    `frame_shift`), objects given up (`evidence`) and merged (`merge`), new ones born of what is left (`births`,
 //!    `sphere_score`).
+//! 4. `search`: all of that twice, the second time with the noise and the shifts that the first time has learnt; the
+//!    result with more evidence stays. A thorough search tries more starts and dissolves weak objects (`dissolve`).
 //!
 //! Nothing is drawn at random: the same input gives the same answer, on any number of threads.
 
 mod assignment;
 mod births;
 mod clutter;
+mod dissolve;
 mod doubt;
 mod evidence;
 mod fit;

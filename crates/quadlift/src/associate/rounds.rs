@@ -3,6 +3,7 @@
 
 use super::assignment::{Share, assign, count_visible, owners};
 use super::births::births;
+use super::dissolve::dissolve_weak;
 use super::evidence::{LEAST_EVIDENCE, evidence};
 use super::fit::{Start, fit};
 use super::frame_shift::learn_shifts;
@@ -87,8 +88,8 @@ impl State {
         self.objects.extend(new);
     }
 
-    /// All rounds; ends early when nothing changes any more.
-    pub fn run(&mut self, problem: &Problem, report: &impl Fn(), dissolve: &impl Fn(&mut Self)) {
+    /// All rounds; ends early when nothing changes any more. A thorough run dissolves weak objects and tries again.
+    pub fn run(&mut self, problem: &Problem, report: &impl Fn(), thorough: bool) {
         let mut before = None;
         for round in 0..ROUNDS {
             let last_births = ROUNDS - 3;
@@ -115,8 +116,8 @@ impl State {
                 let objects = std::mem::take(&mut self.objects);
                 self.objects = drop_nested(problem, &self.observations, &self.model, objects);
             }
-            if round + 4 == ROUNDS || round == last_births {
-                dissolve(self);
+            if thorough && (round + 1 == last_births || round == last_births) {
+                dissolve_weak(problem, self);
             }
             report();
             let now = Some(self.owners());

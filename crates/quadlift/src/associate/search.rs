@@ -30,16 +30,39 @@ pub(super) fn search(problem: &Problem, observations: Observations, progress: &(
         }
         return state;
     }
+    let trusted = state.objects.clone();
     let frames = state.observations.cameras.len();
-    // A round takes about as long as the growth over a fifth of the frames.
-    let (per_round, done) = (frames / 5 + 1, AtomicUsize::new(0));
-    let total = frames + ROUNDS * per_round;
-    let advance = |steps: usize| progress(done.fetch_add(steps, Ordering::Relaxed) + steps, total);
-    let order = problem.order.frames.clone();
-    state.grow(problem, &order, &|| advance(1));
-    state.run(problem, &|| advance(per_round), &|_| {});
+    let thorough = problem.options.thorough;
+    // Rounds take about as long as the growth over all frames.
+    let (per_round, done) = (frames / ROUNDS + 1, AtomicUsize::new(0));
+    let passes = if thorough { 4 } else { 2 };
+    let total = passes * (frames + ROUNDS * per_round);
+    let advance = |steps: usize| progress((done.fetch_add(steps, Ordering::Relaxed) + steps).min(total), total);
+    let pass = |mut state: State, order: Option<&[u32]>| {
+        state.objects = trusted.clone();
+        if let Some(order) = order {
+            state.grow(problem, order, &|| advance(1));
+        }
+        state.run(problem, &|| advance(per_round), thorough);
+        state
+    };
+    let mut best = pass(state.clone(), Some(&problem.order.frames));
+    if thorough {
+        let other_order = problem.order.starting_at(&best.observations.cameras, frames / 2);
+        for order in [Some(other_order.as_slice()), None] {
+            best = better(problem, best, pass(state.clone(), order));
+        }
+    }
+    // Once more with what has been learnt: noise, sizes, and above all the shifts of the frames.
+    let again = pass(best.clone(), Some(&problem.order.frames));
+    best = better(problem, best, again);
     progress(total, total);
-    state
+    best
+}
+
+/// The state with more evidence, the first of equals.
+fn better(problem: &Problem, first: State, second: State) -> State {
+    if second.evidence(problem) > first.evidence(problem) { second } else { first }
 }
 
 impl State {
