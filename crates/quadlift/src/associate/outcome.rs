@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::doubt::{Doubt, doubt};
+use super::doubt::{Doubt, doubts};
 use super::evidence::evidence;
 use super::object::Object;
 use super::options::IdUse;
@@ -117,14 +117,23 @@ impl Association {
     }
 }
 
+/// An object with the detections that are its own.
+struct Found<'a> {
+    /// Indices into the scene, ascending.
+    members: Vec<usize>,
+    object: Option<&'a Object>,
+    doubt: Option<Doubt>,
+    trusted_id: Option<u32>,
+}
+
 /// Collects the result of a search.
 pub(super) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, state: &State) -> Association {
     let observations = &state.observations;
-    let mut found: Vec<(Vec<usize>, Option<&Object>, Option<u32>)> = Vec::new();
-    for object in &state.objects {
+    let mut found: Vec<Found> = Vec::new();
+    for (object, doubt) in state.objects.iter().zip(doubts(problem, state)) {
         let mut members: Vec<usize> = object.boxes.iter().map(|&i| observations.boxes[i as usize].detection).collect();
         members.sort_unstable();
-        found.push((members, Some(object), object.trusted_id));
+        found.push(Found { members, object: Some(object), doubt, trusted_id: object.trusted_id });
     }
     if problem.options.ids == IdUse::Trust {
         // Ids whose boxes no ellipsoid explains stay all the same.
@@ -135,18 +144,19 @@ pub(super) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, st
                 others.entry(id).or_default().push(index);
             }
         }
-        found.extend(others.into_iter().map(|(id, members)| (members, None, Some(id))));
+        let named = |(id, members)| Found { members, object: None, doubt: None, trusted_id: Some(id) };
+        found.extend(others.into_iter().map(named));
     }
-    found.sort_by(|a, b| a.0.first().cmp(&b.0.first()));
+    found.sort_by(|a, b| a.members.first().cmp(&b.members.first()));
     let mut association = Association {
         object_of_detection: vec![None; scene.detections.len()],
         edge_sd: state.model.edge_sd,
         frame_shift_sd: state.model.shift_sd,
-        clutter: detections.len() - found.iter().map(|(members, ..)| members.len()).sum::<usize>(),
+        clutter: detections.len() - found.iter().map(|f| f.members.len()).sum::<usize>(),
         ..Default::default()
     };
     let names = names(scene, &found, problem.options.ids);
-    for (index, ((members, object, _), id)) in found.into_iter().zip(names).enumerate() {
+    for (index, (Found { members, object, doubt, .. }, id)) in found.into_iter().zip(names).enumerate() {
         for &member in &members {
             association.object_of_detection[member] = Some(index as u32);
         }
@@ -164,7 +174,7 @@ pub(super) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, st
             expected_views: object.map_or(0, |o| o.visible).max(members.len()),
             evidence: object.map(|o| evidence(problem, observations, &state.model, o)),
             ellipsoid,
-            doubtful: object.and_then(|o| doubt(problem, observations, &state.model, o)),
+            doubtful: doubt,
         });
     }
     association.outcome = if association.objects.is_empty() { Outcome::NothingAgrees } else { Outcome::Found };
@@ -173,11 +183,11 @@ pub(super) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, st
 
 /// Ids of the objects: the one that most of an object's detections came with (the object with most of them gets it), or
 /// a new one that the scene does not use.
-fn names(scene: &Scene, found: &[(Vec<usize>, Option<&Object>, Option<u32>)], ids: IdUse) -> Vec<String> {
+fn names(scene: &Scene, found: &[Found], ids: IdUse) -> Vec<String> {
     let mut claims: Vec<(usize, u32, usize)> = Vec::new();
-    for (object, (members, _, trusted)) in found.iter().enumerate() {
-        if let Some(id) = trusted {
-            claims.push((usize::MAX, *id, object));
+    for (object, Found { members, trusted_id, .. }) in found.iter().enumerate() {
+        if let Some(id) = *trusted_id {
+            claims.push((usize::MAX, id, object));
         } else if ids == IdUse::Evidence {
             let mut counts: HashMap<u32, usize> = HashMap::new();
             for id in members.iter().filter_map(|&m| scene.detections[m].object_index) {
