@@ -6,6 +6,7 @@
 
 mod atomic;
 mod error;
+pub mod images;
 mod numbers;
 pub mod priors;
 pub mod scene_file;
@@ -13,6 +14,7 @@ mod wording;
 
 pub use atomic::write_file;
 pub use error::{EntryError, ReadError, WriteError};
+pub use images::{read_image, read_image_size, read_label_image, write_label_image, write_png};
 pub use priors::{builtin_priors, read_priors};
 pub use scene_file::{SceneFile, estimates_to_objects, read_scene_file, write_scene_file};
 

@@ -23,6 +23,13 @@ impl Item for f64 {
     }
 }
 
+impl Item for u32 {
+    const ZERO: Self = 0;
+    fn plural(f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("whole numbers")
+    }
+}
+
 /// A list of exactly `N` items.
 #[derive(Clone, Copy)]
 pub struct List<T, const N: usize>([T; N]);
@@ -70,6 +77,11 @@ impl<'de, T: Item + Deserialize<'de>, const N: usize> Deserialize<'de> for List<
 
 /// For `deserialize_with`: `N` numbers.
 pub fn list<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
+    List::deserialize(deserializer).map(|list| list.0)
+}
+
+/// For `deserialize_with`: `N` whole numbers that are not negative.
+pub fn whole_list<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[u32; N], D::Error> {
     List::deserialize(deserializer).map(|list| list.0)
 }
 

@@ -11,7 +11,11 @@ pub fn expected(field: &str) -> Option<&'static str> {
         "up" => "\"up\": [x, y, z], the world direction against gravity",
         "rotation" => "\"rotation\": a unit quaternion [w, x, y, z]",
         "half_extents" => "\"half_extents\": three numbers, half the size along each axis",
-        "mask" => "\"mask\": {\"path\": \"...\", \"value\": a whole number}",
+        "mask" => {
+            "\"mask\": {\"path\": \"...\", \"value\": a whole number}, {\"rle\": {...}} or {\"polygons\": [[x, y, ...]]}"
+        }
+        "rle" => "\"rle\": {\"size\": [height, width], \"counts\": ...} as in COCO",
+        "polygons" => "\"polygons\": [[x, y, x, y, ...], ...] in pixels",
         "frame" | "camera" | "id" | "object" | "category" | "source" => "ids and names are text, also \"12\"",
         _ => return None,
     })

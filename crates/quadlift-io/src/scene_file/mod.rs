@@ -2,11 +2,13 @@
 //!
 //! [`read_scene_file`] gives a [`SceneFile`] (plain records, as written); [`SceneFile::to_scene`] and
 //! [`SceneFile::to_objects`] check it and give the library's types; [`estimates_to_objects`],
-//! [`SceneFile::with_results`] and [`write_scene_file`] go the other way.
+//! [`SceneFile::with_results`] and [`write_scene_file`] go the other way. [`SceneFile::to_images`] finds the images of
+//! the frames and the masks of the detections.
 
 mod bodies;
 mod convert;
 mod expected;
+mod images;
 mod object_records;
 mod read;
 mod records;
@@ -18,10 +20,14 @@ mod write;
 mod tests;
 
 pub use bodies::ObjectBodies;
+pub use images::{MaskSource, SceneImages};
 pub use object_records::{
     CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use read::{parse_scene_file, read_scene_file};
-pub use records::{CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, SceneFile, VERSION};
+pub use records::{
+    CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile,
+    VERSION,
+};
 pub use results::estimates_to_objects;
 pub use write::{write_scene, write_scene_file};

@@ -3,7 +3,11 @@
 //! Pixels are corner-based (the first pixel covers [0, 1)), camera axes are OpenCV's, angles are radians, rotations
 //! are unit quaternions with w first. Fields that this version does not know are kept in `extra`.
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
+
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 use super::object_records::ObjectRecord;
@@ -170,7 +174,7 @@ pub struct DetectionRecord {
     /// Ellipse in pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ellipse: Option<Box<EllipseRecord>>,
-    /// Mask image.
+    /// Mask.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<Box<MaskRecord>>,
     /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
@@ -203,15 +207,77 @@ pub struct EllipseRecord {
     pub extra: Map<String, Value>,
 }
 
-/// A mask: the pixels of an image that have one value.
+/// A mask in one of three forms: the pixels of an image that have one value, COCO's runs, or polygons.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
 pub struct MaskRecord {
-    /// Path of the image, relative to the scene file.
-    pub path: String,
-    /// The value of the object's pixels; every value but zero when absent.
+    /// Path of a label image, relative to the scene file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<String>,
+    /// The value of the object's pixels in the label image; every value but zero when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<u32>,
+    /// Runs as in COCO.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rle: Option<RleRecord>,
+    /// Polygons as in COCO, `[x, y, x, y, ...]` in pixels each; the mask is their union.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub polygons: Option<Vec<Vec<f64>>>,
     /// Fields that this version does not know.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
+}
+
+/// COCO's run-length encoding: runs down the columns of the image, the first one outside of the object.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct RleRecord {
+    /// Height and width of the image in pixels.
+    #[serde(deserialize_with = "numbers::whole_list")]
+    pub size: [u32; 2],
+    /// The runs.
+    pub counts: RleCounts,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// The runs of COCO's run-length encoding, in one of its two forms.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum RleCounts {
+    /// Their lengths.
+    Runs(Vec<u32>),
+    /// The compressed text.
+    Compressed(String),
+}
+
+impl Default for RleCounts {
+    fn default() -> Self {
+        Self::Runs(Vec::new())
+    }
+}
+
+impl<'de> Deserialize<'de> for RleCounts {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(RleCountsVisitor)
+    }
+}
+
+struct RleCountsVisitor;
+
+impl<'de> Visitor<'de> for RleCountsVisitor {
+    type Value = RleCounts;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a list of whole numbers, or the text of the compressed form")
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<RleCounts, E> {
+        Ok(RleCounts::Compressed(text.to_owned()))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<RleCounts, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(seq)).map(RleCounts::Runs)
+    }
 }

@@ -3,7 +3,7 @@
 //! OpenCV axes (x right, y down, z forward); the pixel origin is the top-left corner of the image, so that the
 //! first pixel's centre is (0.5, 0.5).
 
-use nalgebra::{Matrix3, Matrix3x4, Point3, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, Vector2, Vector3, Vector4};
 
 use super::rotation::rotation_defect;
 
@@ -151,6 +151,17 @@ impl Projection {
         center.iter().all(|x| x.is_finite()).then(|| Point3::from(center))
     }
 
+    /// The same camera turned about its centre and then shifted, both in the world; `None` where it has no centre (see
+    /// [`Projection::center_in_world`]).
+    pub fn with_moved_camera(&self, turn: &Rotation3<f64>, shift: &Vector3<f64>) -> Option<Self> {
+        let center = self.center_in_world()?;
+        let m = self.m() * turn.matrix().transpose();
+        let mut matrix = Matrix3x4::zeros();
+        matrix.fixed_columns_mut::<3>(0).copy_from(&m);
+        matrix.set_column(3, &-(m * (center.coords + shift)));
+        Some(Self { matrix })
+    }
+
     /// Unit direction of the ray through a pixel, pointing away from the camera, in the world.
     pub fn ray_in_world(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         let ray = self.m().lu().solve(&Vector3::new(pixel.x, pixel.y, 1.0))?;
@@ -203,6 +214,20 @@ mod tests {
         assert!((projection.focal_length() - (500.0f64 * 510.0).sqrt()).abs() < 1e-9);
         let ray = projection.ray_in_world(&Vector2::new(320.0, 240.0)).unwrap();
         assert!((ray - Vector3::z()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_moved_camera_sees_what_moved_with_it_where_it_was() {
+        let intrinsics = Intrinsics::new(500.0, 510.0, 320.0, 240.0).unwrap();
+        let projection = Projection::from_camera(&intrinsics, &CamFromWorld::new(pose(4.0)).unwrap());
+        let (turn, shift) = (Rotation3::new(Vector3::new(0.1, -0.2, 0.3)), Vector3::new(1.0, 2.0, 3.0));
+        let moved = projection.with_moved_camera(&turn, &shift).unwrap();
+        let center = projection.center_in_world().unwrap();
+        assert!((moved.center_in_world().unwrap() - center - shift).norm() < 1e-12);
+        let point = Point3::new(0.3, -0.4, 1.0);
+        let moved_point = center + turn * (point - center) + shift;
+        let (before, after) = (projection.project_point(&point).unwrap(), moved.project_point(&moved_point).unwrap());
+        assert!((before - after).norm() < 1e-9);
     }
 
     #[test]

@@ -18,6 +18,6 @@ mod triangulate;
 pub use closed_form::solve_closed_form;
 pub use estimate::{Covariance, CovarianceCoordinates, Estimate, Matrix9, Status, ViewReport, Warning};
 pub use lfd::{ConditionedSolution, lfd, lfd_from};
-pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, RegOptions, SizePrior};
+pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
 pub use pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
 pub use reg::{RegSolution, reg};

@@ -75,6 +75,15 @@ impl CategoryPriors {
     }
 }
 
+/// How wrong the poses of the cameras may be: standard deviations of each frame's error, independent of the others'.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseNoise {
+    /// Of the turn about each axis, radians; positive.
+    pub rotation_sd: f64,
+    /// Of the shift along each axis, world units; positive.
+    pub translation_sd: f64,
+}
+
 /// Options of the maximum a posteriori estimator.
 #[derive(Debug, Clone)]
 pub struct MapOptions {
@@ -107,6 +116,9 @@ pub struct MapOptions {
     pub camera_height: Option<f64>,
     /// Whether box edges that another box probably hides have a noise level of their own.
     pub hidden_edges: bool,
+    /// Estimate a correction of every frame's pose with this prior; poses are taken as exact without it. Worth it only
+    /// where several objects are seen in each frame.
+    pub pose_noise: Option<PoseNoise>,
 }
 
 impl Default for MapOptions {
@@ -124,6 +136,7 @@ impl Default for MapOptions {
             ground_plane: false,
             camera_height: None,
             hidden_edges: true,
+            pose_noise: None,
         }
     }
 }

@@ -7,7 +7,7 @@ mod cameras;
 mod noise;
 mod objects;
 mod options;
-mod random;
+pub mod random;
 
 pub use options::{Noise, Observations, SyntheticError, SyntheticOptions, Trajectory};
 

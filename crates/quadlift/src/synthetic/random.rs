@@ -5,21 +5,21 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// The generator number `stream` of a seed; those of different numbers are independent.
-pub(super) fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
+pub fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream);
     rng
 }
 
 /// A number from the standard normal distribution (Box-Muller: always two draws, the second value is not kept).
-pub(super) fn normal(rng: &mut ChaCha8Rng) -> f64 {
+pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
     // 1 - u lies in (0, 1]: its logarithm is finite.
     let radius = (-2.0 * (1.0 - rng.random_range(0.0..1.0f64)).ln()).sqrt();
     radius * rng.random_range(0.0..std::f64::consts::TAU).cos()
 }
 
 /// A uniformly distributed rotation: four normal numbers, normalised, are a uniform unit quaternion.
-pub(super) fn rotation(rng: &mut ChaCha8Rng) -> Rotation3<f64> {
+pub fn rotation(rng: &mut ChaCha8Rng) -> Rotation3<f64> {
     let [w, x, y, z] = std::array::from_fn(|_| normal(rng));
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
 }

@@ -1,5 +1,6 @@
 //! Tests of the scene file as a whole.
 
+mod images;
 mod messages;
 mod real_data;
 mod round_trip;

@@ -2,12 +2,19 @@
 
 use std::path::PathBuf;
 
+use quadlift_segment::PixelTerm;
+
 use crate::scene_file::{parse_scene_file, read_scene_file, write_scene};
+
+/// The folder of the real data.
+fn data() -> PathBuf {
+    std::env::var_os("QUADLIFT_DATA")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")), PathBuf::from)
+}
 
 #[test]
 fn every_real_scene_is_read_checked_and_written_back() {
-    let data = std::env::var_os("QUADLIFT_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")), PathBuf::from);
+    let data = data();
     let Ok(folder) = std::fs::read_dir(data.join("scenes")) else {
         println!("skipped: there is no {}; set QUADLIFT_DATA", data.join("scenes").display());
         return;
@@ -28,4 +35,24 @@ fn every_real_scene_is_read_checked_and_written_back() {
     }
     assert!(count > 0);
     println!("{count} scenes");
+}
+
+#[test]
+fn the_masks_of_real_scenes_have_the_boxes_of_their_detections() {
+    let path = data().join("scenes/lmo_A.json");
+    if !path.exists() {
+        println!("skipped: there is no {}; set QUADLIFT_DATA", path.display());
+        return;
+    }
+    let file = read_scene_file(&path).unwrap();
+    let (scene, images) = (file.to_scene().unwrap(), file.to_images(&path).unwrap());
+    assert_eq!(images.read_image(&scene, 0).unwrap().dimensions(), (640, 480));
+    let masked = |index: &usize| images.masks[*index].is_some();
+    let detections: Vec<usize> = (0..scene.detections.len()).filter(masked).take(40).collect();
+    assert_eq!(detections.len(), 40);
+    for (mask, &index) in images.read_masks(&scene, &detections).into_iter().zip(&detections) {
+        let mask = mask.unwrap().unwrap();
+        assert_eq!(mask.bounding_box(), scene.detections[index].bounding_box, "detections[{index}]");
+        assert!(quadlift_segment::Moments::of_mask(&mask, PixelTerm::Centers).unwrap().ellipse().is_some());
+    }
 }

@@ -75,8 +75,16 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
     let names = (name(), option::of(name()), option::of(name()), option::of(name()));
     let ellipse = (numbers(), numbers(), number(), extra())
         .prop_map(|(center, semi_axes, angle, extra)| Box::new(EllipseRecord { center, semi_axes, angle, extra }));
-    let mask = (text(), option::of(any::<u32>()), extra())
-        .prop_map(|(path, value, extra)| Box::new(MaskRecord { path, value, extra }));
+    let counts =
+        prop_oneof![vec(any::<u32>(), 0..4).prop_map(RleCounts::Runs), text().prop_map(RleCounts::Compressed),];
+    let rle = (any::<u32>(), any::<u32>(), counts, extra()).prop_map(|(height, width, counts, extra)| RleRecord {
+        size: [height, width],
+        counts,
+        extra,
+    });
+    let polygons = vec(vec(number(), 0..4), 0..3);
+    let mask = (option::of(text()), option::of(any::<u32>()), option::of(rle), option::of(polygons), extra())
+        .prop_map(|(path, value, rle, polygons, extra)| Box::new(MaskRecord { path, value, rle, polygons, extra }));
     let levels = (option::of(number()), option::of(number()), option::of(number()), option::of(number()));
     (names, option::of(numbers()), option::of(ellipse), option::of(mask), levels, extra()).prop_map(
         |(names, bounding_box, ellipse, mask, levels, extra)| {

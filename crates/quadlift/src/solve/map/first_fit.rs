@@ -1,11 +1,10 @@
 //! What each kind of body does by itself: the first fit from an ellipsoid, and the way back into the world.
 
-use nalgebra::{Point3, Rotation3, Vector3};
+use nalgebra::{Point3, Rotation3};
 
 use super::super::conditioning::ObjectFrame;
 use super::super::estimate::Covariance;
 use super::super::options::BodyKind;
-use super::super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
 use super::covariance;
@@ -13,9 +12,8 @@ use super::levenberg_marquardt::{Stop, minimise};
 use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
-use super::starts::oriented_starts;
+use super::starts::{centers_from_size, oriented_starts};
 use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
-use crate::scene::View;
 
 /// To decide between many starts: few steps.
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
@@ -117,28 +115,4 @@ impl FirstFit for OrientedModel {
     fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
         covariance::of_oriented(equations, frame)
     }
-}
-
-/// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
-/// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
-fn centers_from_size(prepared: &Prepared) -> Vec<Vector3<f64>> {
-    let frame = &prepared.measurements.frame;
-    let Some([_, _, (log_half_height, _)]) = prepared.prior.log_size else { return Vec::new() };
-    let whole = |view: &&View| {
-        let b = view.bounding_box;
-        b.is_some_and(|b| !edges_at_border(&b, view.image_size, BORDER_TOLERANCE_PX).contains(&true))
-    };
-    let height = |view: &View| view.bounding_box.map_or(0.0, |b| b.size().y);
-    let tallest = prepared.views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));
-    let Some(view) = tallest else { return Vec::new() };
-    let (Some(bounding_box), Some(camera)) = (view.bounding_box, view.projection.center_in_world()) else {
-        return Vec::new();
-    };
-    let Some(ray) = view.projection.ray_in_world(&bounding_box.center()) else { return Vec::new() };
-    let depth = view.projection.focal_length() * 2.0 * log_half_height.exp() * frame.unit / bounding_box.size().y;
-    let along = view.projection.depth(&(camera + ray));
-    [0.85, 1.0, 1.2]
-        .into_iter()
-        .map(|factor| (camera + ray * (depth * factor / along) - frame.origin) / frame.unit)
-        .collect()
 }

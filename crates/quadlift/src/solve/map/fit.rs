@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::{Unit, Vector3, Vector6};
 
 use super::super::estimate::{Estimate, Status, Warning};
 use super::super::report::describe;
@@ -14,7 +14,7 @@ use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Plane;
 use super::noise::{NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
-use super::object::Prepared;
+use super::object::{FROM_START, Prepared};
 use super::objective::{OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
 use super::robust::fit_without_outliers;
 use crate::geometry::linalg::invert_spd;
@@ -64,8 +64,12 @@ impl<B: FirstFit> Fit<B> {
         };
         let with = variance_along(&level);
         let told = self.ground.map_or(0.0, |(_, weight)| weight * weight * with);
-        let variance = with / (1.0 - told).max(1e-3);
-        let point = frame.point_in_world(&(self.body.center() - level.n * reach));
+        let free = (1.0 - told).max(0.05);
+        let variance = with / free;
+        // Likewise the point is put back to where it would be without the plane's pull.
+        let pulled = self.ground.map_or(0.0, |(plane, _)| lowest_point(&plane, &self.body).0);
+        let lowest = self.body.center() - level.n * reach + level.n * (pulled * (1.0 / free - 1.0));
+        let point = frame.point_in_world(&lowest);
         let nearest = views.views.iter().filter_map(|view| Some((view.projection.center_in_world()? - point).norm()));
         Some(LowestPoint {
             point,
@@ -80,7 +84,24 @@ impl<B: FirstFit> Fit<B> {
         self.ground = self.lowest_point(up).map(|lowest| {
             let frame = &self.prepared.measurements.frame;
             let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
-            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / lowest.unevenness())
+            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / (ground.unevenness * lowest.unevenness()))
+        });
+    }
+
+    /// For every residual of the last fit: index of the frame, residual, its derivatives by a motion of the camera
+    /// (rotation vector about its centre, shift; world axes and units) and its weight. That the body is seen from
+    /// another side when the camera turns is left out: it is small against where the body appears.
+    pub(super) fn each_pose_row(&self, noise: &NoiseLevels, mut take: impl FnMut(usize, f64, Vector6<f64>, f64)) {
+        let Prepared { views, measurements, .. } = &*self.prepared;
+        let center = measurements.frame.point_in_world(self.body.center());
+        let cameras: Vec<_> = views.views.iter().map(|view| view.projection.center_in_world()).collect();
+        self.objective(noise, self.outlier_scale).each_row(&self.body, |view, row, weight| {
+            let Some(camera) = cameras[view] else { return };
+            // Moving the camera is moving the body the other way.
+            let by_point = Vector3::new(row.row[0], row.row[1], row.row[2]) / measurements.frame.unit;
+            let by_turn = -(center - camera).cross(&by_point);
+            let derivative = Vector6::new(by_turn.x, by_turn.y, by_turn.z, -by_point.x, -by_point.y, -by_point.z);
+            take(views.views[view].frame_index, row.residual, derivative, weight);
         });
     }
 
@@ -88,6 +109,11 @@ impl<B: FirstFit> Fit<B> {
     pub(super) fn statistics(&self, noise: &NoiseLevels, context: &MapContext) -> NoiseStatistics {
         let objective = self.objective(noise, self.outlier_scale);
         objective.statistics(&self.body, &self.equations, context.options.correlated_views)
+    }
+
+    /// Logarithm of the evidence for the noise levels of the last fit, up to what does not depend on them.
+    pub(super) fn evidence(&self, noise: &NoiseLevels) -> f64 {
+        self.objective(noise, self.outlier_scale).evidence(&self.body, &self.equations)
     }
 
     /// A fit that leaves outliers out, where this plain one shows some.
@@ -105,6 +131,23 @@ impl<B: FirstFit> Fit<B> {
             outlier_scale: Some(OUTLIER_SCALE),
             ground: self.ground,
         })
+    }
+
+    /// The better one of the fit and another from the first starts, for noise levels that are far from those of the
+    /// first fit: where the measurements determine little, its valley need not be the right one.
+    pub(super) fn restarted(self, noise: &NoiseLevels, context: &MapContext) -> Self {
+        if self.outlier_scale.is_some() {
+            return self;
+        }
+        let again = || {
+            let ellipsoid = self.prepared.fit_ellipsoid(noise)?;
+            let seed = self.prepared.seed(context);
+            let (body, _) = B::from_ellipsoid(&self.prepared, &ellipsoid, noise, None, context, seed)?;
+            let objective = self.objective(noise, None);
+            let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
+            (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
+        };
+        again().unwrap_or(self)
     }
 
     /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and

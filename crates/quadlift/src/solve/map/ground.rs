@@ -21,6 +21,9 @@ const UNEVENNESS: f64 = 0.07;
 /// ... and this share of its distance from the nearest camera.
 const UNEVENNESS_FAR: f64 = 0.01;
 
+/// So many objects as expected are added when the unevenness of the ground is estimated.
+const UNEVENNESS_PRIOR: f64 = 4.0;
+
 /// Residuals beyond this many standard deviations count less (an object that does not stand on the ground).
 const GIVES_WAY: f64 = 3.0;
 
@@ -30,6 +33,8 @@ pub(super) struct GroundPlane {
     pub reference: Point3<f64>,
     pub normal: Vector3<f64>,
     pub offset: f64,
+    /// How much more uneven the ground is than expected, one or more: poses that wander in height make it look so.
+    pub unevenness: f64,
 }
 
 /// The lowest point of an object and its variance along `up`, without what the plane itself told.
@@ -61,34 +66,43 @@ impl GroundPlane {
         let reference = lowest.first()?.point;
         let [e1, e2] = horizontal_basis(up);
         // Points on the plane, with the variance of their height.
-        let mut points: Vec<(Point3<f64>, f64)> =
-            lowest.iter().map(|l| (l.point, l.variance + l.unevenness().powi(2))).collect();
+        let mut points: Vec<(Point3<f64>, f64, f64)> =
+            lowest.iter().map(|l| (l.point, l.variance, l.unevenness().powi(2))).collect();
         if let Some(height) = camera_height {
             // Cameras on a path are not independent: together they count as one.
             let variance = (CAMERA_HEIGHT_SD * height).powi(2) * cameras.len() as f64;
-            points.extend(cameras.iter().map(|camera| (camera - up.into_inner() * height, variance)));
+            points.extend(cameras.iter().map(|camera| (camera - up.into_inner() * height, variance, 0.0)));
         }
         let mut plane = Vector3::zeros();
         let mut weights = vec![1.0; points.len()];
-        for _ in 0..3 {
+        let mut unevenness2 = 1.0f64;
+        for _ in 0..5 {
             let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, SLOPE_SD.powi(-2), SLOPE_SD.powi(-2)));
             let mut right = Vector3::zeros();
-            for ((point, variance), weight) in points.iter().zip(&weights) {
+            for ((point, variance, uneven), weight) in points.iter().zip(&weights) {
+                let variance = variance + unevenness2 * uneven;
                 let d = point - reference;
                 let row = Vector3::new(1.0, e1.dot(&d), e2.dot(&d));
                 normal += row * row.transpose() * (weight / variance);
                 right += row * (up.dot(&d) * weight / variance);
             }
             plane = solve_spd(&normal, &right)?;
-            for ((point, variance), weight) in points.iter().zip(&mut weights) {
+            let mut ratio = (UNEVENNESS_PRIOR, UNEVENNESS_PRIOR);
+            for ((point, variance, uneven), weight) in points.iter().zip(&mut weights) {
+                let variance = variance + unevenness2 * uneven;
                 let d = point - reference;
                 let residual = up.dot(&d) - plane.dot(&Vector3::new(1.0, e1.dot(&d), e2.dot(&d)));
                 *weight = 1.0 / (1.0 + residual * residual / (variance * GIVES_WAY * GIVES_WAY));
+                if *uneven > 0.0 {
+                    ratio.0 += residual * residual / variance;
+                    ratio.1 += 1.0;
+                }
             }
+            unevenness2 = (unevenness2 * ratio.0 / ratio.1).clamp(1.0, 1e4);
         }
         let direction = up.into_inner() - e1 * plane.y - e2 * plane.z;
         let length = direction.norm();
-        Some(Self { reference, normal: direction / length, offset: -plane.x / length })
+        Some(Self { reference, normal: direction / length, offset: -plane.x / length, unevenness: unevenness2.sqrt() })
     }
 }
 

@@ -22,18 +22,17 @@ mod noise;
 pub(crate) mod normal_equations;
 mod object;
 mod objective;
+mod poses;
 mod robust;
 mod rows;
+mod scene_fit;
 mod starts;
 
 use nalgebra::{Point3, Unit, Vector3};
 
-use self::body_model::{BodyModel, EllipsoidModel, OrientedModel};
+use self::body_model::{EllipsoidModel, OrientedModel};
 use self::first_fit::FirstFit;
-use self::fit::Fit;
-use self::ground::{GroundPlane, LowestPoint};
-use self::noise::{NoiseLevels, NoiseStatistics};
-use self::object::Prepared;
+use self::scene_fit::SceneFit;
 use super::estimate::Estimate;
 use super::options::{BodyKind, MapOptions};
 use crate::parallel::map_indices;
@@ -41,18 +40,6 @@ use crate::scene::ObjectViews;
 
 /// Objects from which the noise levels are estimated; larger scenes use this many, evenly spread.
 const NOISE_SAMPLE: usize = 2000;
-
-/// Rounds of noise estimation, at most.
-const ROUNDS: usize = 8;
-
-/// Rounds in which fits that do not agree with the scene's noise are looked at again for outliers.
-const RECONSIDERED: usize = 4;
-
-/// Rounds that the ground plane and the objects on it take to agree.
-const GROUND_ROUNDS: usize = 4;
-
-/// Relative change of every noise level below which they stand.
-const SETTLED: f64 = 0.02;
 
 /// What the objects of a scene share.
 #[derive(Debug, Clone)]
@@ -92,7 +79,7 @@ pub fn map(
     }
 }
 
-fn solve<B: BodyModel + FirstFit>(
+fn solve<B: FirstFit>(
     count: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &MapContext,
@@ -100,62 +87,15 @@ fn solve<B: BodyModel + FirstFit>(
 ) -> MapSolution {
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
-    let mut noise = NoiseLevels::new(context.options.pixel_noise_size);
-    let mut fits: Vec<Result<Fit<B>, Box<Estimate>>> =
-        map_indices(sample.len(), |k| Prepared::new(views_of(sample[k]), context)?.first_fit(&noise, context));
-    let mut statistics = NoiseStatistics::default();
-    let mut ground = None;
-    for round in 0..ROUNDS {
-        statistics = NoiseStatistics::default();
-        // Summed in the order of the objects, so that the result does not depend on the number of threads.
-        for fit in fits.iter().flatten() {
-            statistics.merge(&fit.statistics(&noise, context));
-        }
-        let updated = noise.updated(&statistics);
-        let settled = updated.change(&noise, &statistics) < SETTLED;
-        noise = updated;
-        ground = ground_plane(&fits, context);
-        if let (Some(ground), Some(up)) = (&ground, &context.up) {
-            fits.iter_mut().flatten().for_each(|fit| fit.stand_on(ground, up));
-        }
-        fits = map_indices(fits.len(), |k| {
-            let fit = fits[k].as_ref().map_err(Clone::clone)?;
-            // Now that the noise of the scene is known, a fit with much larger residuals stands out.
-            Ok(if round < RECONSIDERED { fit.reconsidered(&noise, round, context) } else { fit.refined(&noise, false) })
-        });
-        if settled && (ground.is_none() || round >= GROUND_ROUNDS) {
-            break;
-        }
-    }
-    let fits = &fits;
+    let scene = SceneFit::<B>::new(sample.len(), &|k| views_of(sample[k]), context);
     let estimates = map_indices(count, |index| {
         let estimate = if index % stride == 0 {
-            match &fits[index / stride] {
-                Ok(fit) => fit.refined(&noise, true).estimate(&noise, context),
-                Err(failed) => (**failed).clone(),
-            }
+            scene.estimate(index / stride, context)
         } else {
-            Prepared::new(views_of(index), context)
-                .and_then(|prepared| prepared.first_fit::<B>(&noise, context))
-                .map_or_else(
-                    |failed| *failed,
-                    |mut fit| {
-                        if let (Some(ground), Some(up)) = (&ground, &context.up) {
-                            fit.stand_on(ground, up);
-                        }
-                        fit.reconsidered(&noise, 0, context).refined(&noise, true).estimate(&noise, context)
-                    },
-                )
+            scene.estimate_other(views_of(index), context)
         };
         done();
         estimate
     });
-    MapSolution { estimates, noise: noise.report(&statistics) }
-}
-
-/// The ground plane under the objects that stand on it.
-fn ground_plane<B: FirstFit>(fits: &[Result<Fit<B>, Box<Estimate>>], context: &MapContext) -> Option<GroundPlane> {
-    let up = context.up?;
-    let lowest: Vec<LowestPoint> = fits.iter().flatten().filter_map(|fit| fit.lowest_point(&up)).collect();
-    GroundPlane::fit(&up, &lowest, &context.cameras, context.options.camera_height)
+    MapSolution { estimates, noise: scene.noise_report() }
 }

@@ -54,7 +54,7 @@ const ENOUGH_DATA: f64 = 16.0;
 
 /// Views of an object up to which the default fills in for missing ones: in a few views a body that is not quite of the
 /// right kind follows the measurements, and they look better than they are.
-const ENOUGH_VIEWS: f64 = 7.0;
+const ENOUGH_VIEWS: f64 = 9.0;
 
 /// What the residuals of a scene tell about its measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -105,9 +105,13 @@ impl NoiseLevels {
         let sd: [f64; GROUPS] = std::array::from_fn(|g| {
             let (squares, freedom) = (statistics.squares[g], statistics.freedom[g].max(0.0));
             let missing = (ENOUGH_DATA - freedom).max(statistics.missing[g]);
-            let updated =
-                (squares * self.sd[g] * self.sd[g] + missing * DEFAULTS[g] * DEFAULTS[g]) / (freedom + missing);
-            updated.sqrt().max(FLOOR)
+            if freedom <= 0.0 {
+                return DEFAULTS[g];
+            }
+            // Drawn towards the default in the logarithm: exact data do not look noisy for being few.
+            let told = (self.sd[g] * (squares / freedom).sqrt()).max(FLOOR);
+            let share = freedom / (freedom + missing);
+            (share * told.ln() + (1.0 - share) * DEFAULTS[g].ln()).exp()
         });
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
         let exact = sd[NoiseGroup::Edge as usize] < 2.0 * FLOOR;
@@ -150,6 +154,8 @@ pub(super) struct NoiseStatistics {
     missing: [f64; GROUPS],
     /// Correlation of an edge's residuals in views that follow each other, times the number of pairs; that number.
     neighbours: [f64; 2],
+    /// Parameters that the measurements determine, and parameters.
+    determined: [f64; 2],
 }
 
 impl NoiseStatistics {
@@ -173,6 +179,18 @@ impl NoiseStatistics {
         self.neighbours[1] += pairs as f64;
     }
 
+    /// Adds an object: the sum of the leverages of its measurements is the number of parameters that they determine,
+    /// the priors do the rest.
+    pub(super) fn add_determined(&mut self, leverage: f64, parameters: usize) {
+        self.determined[0] += leverage;
+        self.determined[1] += parameters as f64;
+    }
+
+    /// Share of the parameters that the measurements determine.
+    pub(super) fn determined(&self) -> f64 {
+        self.determined[0] / self.determined[1].max(1.0)
+    }
+
     /// Adds another object's statistics.
     pub(super) fn merge(&mut self, other: &Self) {
         for g in 0..GROUPS {
@@ -182,6 +200,7 @@ impl NoiseStatistics {
         }
         for k in 0..2 {
             self.neighbours[k] += other.neighbours[k];
+            self.determined[k] += other.determined[k];
         }
     }
 }

@@ -16,7 +16,8 @@ use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
 use super::noise::NoiseLevels;
 use super::objective::{ObjectPrior, Objective};
-use super::starts::{ellipsoid_from_quadric, unit_sphere};
+use super::poses::PoseCorrections;
+use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
 use crate::scene::ObjectViews;
 
 /// From a start: many steps, no need to end exactly.
@@ -42,6 +43,19 @@ impl Prepared {
         let measurements = Measurements::new(frame, &views.views, ellipses_as_planes, context.options);
         let prior = object_prior(&views, &frame, context);
         Ok(Self { views, measurements, prior, heavy_tails: context.options.heavy_tails })
+    }
+
+    /// The same object seen by cameras that have been moved.
+    pub(super) fn with_poses(&self, corrections: &PoseCorrections, context: &MapContext) -> Self {
+        let mut views = self.views.clone();
+        corrections.apply(&mut views);
+        let measurements = Measurements::new(
+            self.measurements.frame,
+            &views.views,
+            context.options.body != BodyKind::Ellipsoid,
+            context.options,
+        );
+        Self { views, measurements, prior: self.prior.clone(), heavy_tails: self.heavy_tails }
     }
 
     /// The first fit: from the starts, and again without the outliers where its residuals show some.
@@ -77,14 +91,17 @@ impl Prepared {
     }
 
     /// The best ellipsoid over its starts, all views believed.
-    fn fit_ellipsoid(&self, noise: &NoiseLevels) -> Option<EllipsoidModel> {
+    pub(super) fn fit_ellipsoid(&self, noise: &NoiseLevels) -> Option<EllipsoidModel> {
         let objective = Objective { smooth: true, ..self.objective(noise, None) };
         let linear = planes_in_frame(&self.views.views, &self.measurements.frame)
             .ok()
             .and_then(|quadric| ellipsoid_from_quadric(&quadric));
-        [Some(unit_sphere(Vector3::zeros())), linear]
+        let sphere = unit_sphere(Vector3::zeros());
+        let upright = upright_ellipsoids(&sphere, &self.prior, &centers_from_size(self));
+        [Some(sphere), linear]
             .into_iter()
             .flatten()
+            .chain(upright)
             .filter_map(|start| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
             .map(|(body, _)| body)

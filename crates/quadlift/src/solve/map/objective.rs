@@ -139,6 +139,36 @@ impl Objective<'_> {
             .collect()
     }
 
+    /// Every residual with the index of its view and its weight; views are taken as independent.
+    pub(super) fn each_row(&self, body: &impl BodyModel, mut take: impl FnMut(usize, &ResidualRow, f64)) {
+        let mut rows = Vec::with_capacity(16);
+        for view in 0..self.measurements.views.len() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (_, view_weight) = self.view_loss(&rows, 1.0);
+            for row in &rows {
+                take(view, row, view_weight * self.row_weight(row, 1.0));
+            }
+        }
+    }
+
+    /// Logarithm of the evidence for the noise levels at a fit (Laplace's approximation), up to what does not depend on
+    /// them.
+    pub(super) fn evidence(&self, body: &impl BodyModel, equations: &NormalEquations) -> f64 {
+        let Some(covariance) = invert_spd(&equations.hessian()) else { return 0.0 };
+        let edge_weight = self.edge_weight();
+        let mut rows = Vec::with_capacity(16);
+        let mut normaliser = 0.0;
+        for view in 0..self.measurements.views.len() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (_, view_weight) = self.view_loss(&rows, edge_weight);
+            for row in rows.iter().filter(|row| row.residual != 0.0) {
+                let weight = view_weight * if row.group.is_edge() { edge_weight } else { 1.0 };
+                normaliser += weight * self.noise.of(row.group).ln();
+            }
+        }
+        0.5 * (covariance.determinant().ln() - equations.cost) - normaliser
+    }
+
     /// Residual statistics for the noise levels; nothing when the normal equations are singular.
     pub(super) fn statistics(
         &self,
@@ -151,6 +181,7 @@ impl Objective<'_> {
         let edge_weight = self.edge_weight();
         let mut counts = [0; NoiseGroup::ALL.len()];
         let (mut products, mut squares, mut pairs) = (0.0, 0.0, 0);
+        let mut determined = 0.0;
         let views = self.measurements.views.len();
         let (mut rows, mut before) = (Vec::with_capacity(16), Vec::<ResidualRow>::with_capacity(16));
         for view in 0..views {
@@ -162,6 +193,7 @@ impl Objective<'_> {
                 let weight = view_weight * self.row_weight(row, 1.0);
                 let shared = if row.group.is_edge() { edge_weight } else { 1.0 };
                 let leverage = weight * shared * gradient.dot(&(covariance * gradient));
+                determined += leverage;
                 // The scale of Student's t distribution by maximum likelihood: weighted squares over the number.
                 statistics.add(row.group, row.residual, weight, view_weight - leverage);
                 counts[row.group as usize] += 1;
@@ -180,6 +212,7 @@ impl Objective<'_> {
         if squares > 0.0 {
             statistics.add_neighbours(products / squares, pairs);
         }
+        statistics.add_determined(determined, PARAMETERS);
         for group in NoiseGroup::ALL {
             statistics.add_views(group, counts[group as usize], views);
         }

@@ -5,9 +5,12 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, horizontal_basis, relative_size};
+use super::super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
+use super::object::Prepared;
 use super::objective::ObjectPrior;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::{DualQuadric, random_rotation};
+use crate::scene::View;
 
 /// A start's shortest semi-axis is at least this share of its longest one.
 const ROUNDEST_START: f64 = 0.2;
@@ -17,6 +20,9 @@ const FARTHEST_START: f64 = 20.0;
 
 /// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
 const RANDOM_ROTATIONS: usize = 16;
+
+/// Semi-axes of an upright start whose size is not known, relative to their mean.
+const LONGISH: Vector3<f64> = Vector3::new(1.3, 0.8, 0.96);
 
 /// A sphere of unit radius, in the object's frame.
 pub(super) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
@@ -51,15 +57,12 @@ pub(super) fn oriented_starts(
     let mut starts = Vec::new();
     match (upright, prior.log_size) {
         (Some(up), size) => {
-            let [first, second] = horizontal_basis(&up);
             let mean = semi_axes.product().cbrt();
             let semi_axes = size.map_or(Vector3::repeat(mean), |s| Vector3::from(s.map(|(mean, _)| mean.exp())));
             let mut all = vec![*ellipsoid.center()];
             all.extend_from_slice(centers);
             for center in all {
-                for yaw in (0..4).map(|k| f64::from(k) * std::f64::consts::FRAC_PI_4) {
-                    let (sin, cos) = yaw.sin_cos();
-                    let axes = Matrix3::from_columns(&[first * cos + second * sin, second * cos - first * sin, up]);
+                for axes in upright_axes(&up) {
                     starts.push(OrientedModel::new(center, right_handed(axes), semi_axes, exponent));
                 }
             }
@@ -81,6 +84,32 @@ pub(super) fn oriented_starts(
     starts
 }
 
+/// Upright ellipsoids in four directions, where it is known that the object stands upright: in few views the direction
+/// has several minima. About the centre of `ellipsoid` and at `centers`.
+pub(super) fn upright_ellipsoids(
+    ellipsoid: &EllipsoidModel,
+    prior: &ObjectPrior,
+    centers: &[Vector3<f64>],
+) -> Vec<EllipsoidModel> {
+    let Some(up) = prior.up.filter(|_| prior.upright_weight > 0.0) else { return Vec::new() };
+    let size = ellipsoid.semi_axes().product().cbrt();
+    let semi_axes = prior.log_size.map_or(LONGISH * size, |s| Vector3::from(s.map(|(mean, _)| mean.exp())));
+    let at = std::iter::once(ellipsoid.center()).chain(centers);
+    at.flat_map(|center| {
+        upright_axes(&up).map(|axes| EllipsoidModel::from_axes(*center, right_handed(axes), semi_axes))
+    })
+    .collect()
+}
+
+/// Axes in four directions: length, width, `up`.
+fn upright_axes(up: &Vector3<f64>) -> [Matrix3<f64>; 4] {
+    let [first, second] = horizontal_basis(up);
+    std::array::from_fn(|k| {
+        let (sin, cos) = (k as f64 * std::f64::consts::FRAC_PI_4).sin_cos();
+        Matrix3::from_columns(&[first * cos + second * sin, second * cos - first * sin, *up])
+    })
+}
+
 /// The ellipsoid's axes, then random rotations.
 fn rotations(ellipsoid: &EllipsoidModel, seed: u64) -> Vec<Matrix3<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -93,4 +122,28 @@ fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
         axes.column_mut(1).neg_mut();
     }
     *Rotation3::from_matrix_unchecked(axes).matrix()
+}
+
+/// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
+/// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
+pub(super) fn centers_from_size(prepared: &Prepared) -> Vec<Vector3<f64>> {
+    let frame = &prepared.measurements.frame;
+    let Some([_, _, (log_half_height, _)]) = prepared.prior.log_size else { return Vec::new() };
+    let whole = |view: &&View| {
+        let b = view.bounding_box;
+        b.is_some_and(|b| !edges_at_border(&b, view.image_size, BORDER_TOLERANCE_PX).contains(&true))
+    };
+    let height = |view: &View| view.bounding_box.map_or(0.0, |b| b.size().y);
+    let tallest = prepared.views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));
+    let Some(view) = tallest else { return Vec::new() };
+    let (Some(bounding_box), Some(camera)) = (view.bounding_box, view.projection.center_in_world()) else {
+        return Vec::new();
+    };
+    let Some(ray) = view.projection.ray_in_world(&bounding_box.center()) else { return Vec::new() };
+    let depth = view.projection.focal_length() * 2.0 * log_half_height.exp() * frame.unit / bounding_box.size().y;
+    let along = view.projection.depth(&(camera + ray));
+    [0.85, 1.0, 1.2]
+        .into_iter()
+        .map(|factor| (camera + ray * (depth * factor / along) - frame.origin) / frame.unit)
+        .collect()
 }

@@ -1,0 +1,212 @@
+//! The images of a scene's frames and the masks of its detections: where they are, and reading them.
+//!
+//! The library's scene holds neither, because it reads no files; the table here runs parallel to its frames and
+//! detections.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use image::RgbImage;
+use nalgebra::Vector2;
+use quadlift::scene::Scene;
+use quadlift_segment::{LabelImage, Mask, Polygons, Rle};
+
+use super::records::{MaskRecord, RleCounts, SceneFile};
+use crate::error::{EntryError, ReadError};
+use crate::images::{read_image, read_label_image};
+
+/// Polygons in a frame of unknown size are cut off here, in pixels.
+const LARGEST_IMAGE: u32 = 1 << 14;
+
+/// Most values of a label image that a message lists.
+const LISTED_VALUES: usize = 8;
+
+/// Where the mask of a detection is.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MaskSource {
+    /// The pixels of a label image that have a value; every value but 0 without one.
+    Labels {
+        /// Path of the PNG file, from the working folder.
+        path: PathBuf,
+        /// The value of the object's pixels.
+        value: Option<u16>,
+    },
+    /// COCO's runs, in the scene file itself.
+    Rle(Rle),
+    /// Polygons, in the scene file itself.
+    Polygons(Polygons),
+}
+
+/// The images and masks that a scene file names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneImages {
+    /// The scene file, for messages.
+    pub scene_file: PathBuf,
+    /// For each frame of the scene, the path of its image from the working folder.
+    pub images: Vec<Option<PathBuf>>,
+    /// For each detection of the scene, its mask.
+    pub masks: Vec<Option<MaskSource>>,
+}
+
+impl SceneFile {
+    /// The images and masks that the scene names; `path` is that of the scene file, to which theirs are relative. No
+    /// other file is looked at.
+    ///
+    /// # Errors
+    /// [`EntryError`] names the first mask that is none: in no or in several forms, runs that do not fill their image,
+    /// polygons without points.
+    pub fn to_images(&self, path: &Path) -> Result<SceneImages, EntryError> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mask = |(index, record): (usize, &Option<Box<MaskRecord>>)| {
+            record
+                .as_deref()
+                .map(|record| mask_source(record, folder, &format!("detections[{index}].mask")))
+                .transpose()
+        };
+        Ok(SceneImages {
+            scene_file: path.to_owned(),
+            images: self.frames.iter().map(|frame| frame.image.as_ref().map(|image| folder.join(image))).collect(),
+            masks: self.detections.iter().map(|d| &d.mask).enumerate().map(mask).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// A mask from its record in the entry with this name.
+fn mask_source(record: &MaskRecord, folder: &Path, entry: &str) -> Result<MaskSource, EntryError> {
+    let error = |field: &str, problem: String| EntryError::new(format!("{entry}{field}"), problem);
+    if record.value.is_some() && record.path.is_none() {
+        return Err(error("", "a \"value\" belongs to the \"path\" of a label image; there is none".to_owned()));
+    }
+    match (&record.path, &record.rle, &record.polygons) {
+        (Some(path), None, None) => {
+            let value = record.value.map(u16::try_from).transpose().map_err(|_| {
+                let value = record.value.unwrap_or_default();
+                error(".value", format!("{value} is above 65535, the largest value of a label image"))
+            })?;
+            Ok(MaskSource::Labels { path: folder.join(path), value })
+        }
+        (None, Some(rle), None) => {
+            let [height, width] = rle.size;
+            let rle = match &rle.counts {
+                RleCounts::Runs(counts) => Rle::new(height, width, counts.clone()),
+                RleCounts::Compressed(text) => Rle::from_compressed(height, width, text),
+            };
+            rle.map(MaskSource::Rle).map_err(|problem| error(".rle", problem.to_string()))
+        }
+        (None, None, Some(polygons)) if !polygons.is_empty() => {
+            Polygons::new(polygons).map(MaskSource::Polygons).map_err(|problem| error(".polygons", problem.to_string()))
+        }
+        (None, None, Some(_)) => Err(error(".polygons", "there are no polygons; expected one or more".to_owned())),
+        (path, rle, polygons) => {
+            let given = [
+                path.as_ref().map(|_| "\"path\""),
+                rle.as_ref().map(|_| "\"rle\""),
+                polygons.as_ref().map(|_| "\"polygons\""),
+            ];
+            let given: Vec<&str> = given.into_iter().flatten().collect();
+            let given = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };
+            Err(error("", format!("expected one of \"path\", \"rle\" and \"polygons\"; found {given}")))
+        }
+    }
+}
+
+impl SceneImages {
+    /// Reads the image of a frame of the scene.
+    ///
+    /// # Errors
+    /// [`ReadError`] when the frame has no image, when the file cannot be read ([`read_image`]), or when its size is not
+    /// that of the frame's camera.
+    pub fn read_image(&self, scene: &Scene, frame_index: usize) -> Result<RgbImage, ReadError> {
+        let Some(path) = self.images.get(frame_index).and_then(Option::as_ref) else {
+            let id = scene.frames.get(frame_index).map_or("", |frame| frame.id.as_str());
+            let problem = format!("the frame \"{id}\" has no \"image\"");
+            return Err(ReadError::new(&self.scene_file, problem).in_entry(format!("frames[{frame_index}]")));
+        };
+        let image = read_image(path)?;
+        check_size(scene, frame_index, [image.width(), image.height()])
+            .map_err(|problem| ReadError::new(path, problem))?;
+        Ok(image)
+    }
+
+    /// Reads the masks of detections of the scene, by their indices; `None` for one that has no mask. A label image that
+    /// several of them share, as those of one frame do, is read once.
+    ///
+    /// # Errors
+    /// Each mask has its own: [`ReadError`] when a label image cannot be read ([`read_label_image`]), when the size of
+    /// the mask's image is not that of the frame's camera, or when no pixel is the object's.
+    pub fn read_masks(&self, scene: &Scene, detections: &[usize]) -> Vec<Result<Option<Mask>, ReadError>> {
+        let mut label_images = HashMap::new();
+        detections.iter().map(|&index| self.read_mask(scene, index, &mut label_images)).collect()
+    }
+
+    fn read_mask<'a>(
+        &'a self,
+        scene: &Scene,
+        index: usize,
+        label_images: &mut HashMap<&'a Path, Result<LabelImage, ReadError>>,
+    ) -> Result<Option<Mask>, ReadError> {
+        let (Some(source), Some(detection)) =
+            (self.masks.get(index).and_then(Option::as_ref), scene.detections.get(index))
+        else {
+            return Ok(None);
+        };
+        let frame_index = detection.frame_index as usize;
+        let here =
+            |problem: String| ReadError::new(&self.scene_file, problem).in_entry(format!("detections[{index}].mask"));
+        let mask = match source {
+            MaskSource::Labels { path, value } => {
+                let labels = label_images.entry(path).or_insert_with(|| read_label_image(path)).as_ref();
+                let labels = labels.map_err(Clone::clone)?;
+                check_size(scene, frame_index, [labels.width(), labels.height()])
+                    .map_err(|problem| ReadError::new(path, problem))?;
+                let mask = value.map_or_else(|| labels.foreground(), |value| labels.mask(value));
+                if mask.count() == 0 {
+                    return Err(ReadError::new(path, missing_value(labels, *value, index)));
+                }
+                mask
+            }
+            MaskSource::Rle(rle) => {
+                let [height, width] = rle.size();
+                check_size(scene, frame_index, [width, height]).map_err(here)?;
+                rle.to_mask()
+            }
+            MaskSource::Polygons(polygons) => {
+                let size = scene.frames[frame_index].image_size.map_or(Vector2::repeat(LARGEST_IMAGE), |size| {
+                    // Casts saturate; pixels are counted as far as they begin inside of the image.
+                    size.map(|x| (x.ceil() as u32).min(LARGEST_IMAGE))
+                });
+                polygons.to_mask(size.x, size.y)
+            }
+        };
+        if mask.count() == 0 {
+            return Err(here("no pixel of the image lies in the mask".to_owned()));
+        }
+        Ok(Some(mask))
+    }
+}
+
+/// Whether a size in pixels (width, height) is that of a frame's camera, where this is known; otherwise the problem.
+fn check_size(scene: &Scene, frame_index: usize, found: [u32; 2]) -> Result<(), String> {
+    let Some(frame) = scene.frames.get(frame_index) else { return Ok(()) };
+    match frame.image_size {
+        Some(size) if size != Vector2::from(found.map(f64::from)) => Err(format!(
+            "the image has {} x {} pixels; the camera of frame \"{}\" has {} x {}",
+            found[0], found[1], frame.id, size.x, size.y
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// What to say of a label image without the value of a detection.
+fn missing_value(labels: &LabelImage, value: Option<u16>, detection: usize) -> String {
+    let Some(value) = value else {
+        return format!("every pixel is 0; expected the mask of detections[{detection}]");
+    };
+    let present: Vec<String> = labels.masks().keys().take(LISTED_VALUES + 1).map(u16::to_string).collect();
+    let present = match present.len() {
+        0 => "every pixel is 0".to_owned(),
+        n if n > LISTED_VALUES => format!("its values are {}, ...", present[..LISTED_VALUES].join(", ")),
+        _ => format!("its values are {}", present.join(", ")),
+    };
+    format!("no pixel has the value {value} of detections[{detection}].mask; {present}")
+}

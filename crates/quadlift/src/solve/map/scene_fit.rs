@@ -1,0 +1,165 @@
+//! All objects of a scene together: rounds of noise levels, ground plane and refits, until they agree.
+
+use std::sync::Arc;
+
+use super::MapContext;
+use super::first_fit::FirstFit;
+use super::fit::Fit;
+use super::ground::{GroundPlane, LowestPoint};
+use super::noise::{NoiseLevels, NoiseStatistics};
+use super::object::Prepared;
+use super::poses::PoseCorrections;
+use super::super::estimate::Estimate;
+use crate::parallel::map_indices;
+use crate::scene::ObjectViews;
+
+/// Rounds of noise estimation, at most.
+const ROUNDS: usize = 8;
+
+/// Rounds in which fits that do not agree with the scene's noise are looked at again for outliers.
+const RECONSIDERED: usize = 4;
+
+/// Rounds that what the objects share (ground plane, poses) and the objects take to agree.
+const SHARED_ROUNDS: usize = 4;
+
+/// Relative change of every noise level below which they stand.
+const SETTLED: f64 = 0.02;
+
+/// Share of an object's parameters that its measurements determine, on average, below which the noise levels may have
+/// settled where the priors speak for the data: then they are sought from small noise as well.
+const WELL_DETERMINED: f64 = 0.9;
+
+/// Change (of the logarithm) of a noise level after which poorly determined objects are fitted from their starts again.
+const FAR_OFF: f64 = 0.7;
+
+/// Difference of the logarithms of two evidences from which the larger one wins.
+const CLEARLY: f64 = 5.0;
+
+/// The small noise, relative to the default.
+const LITTLE_NOISE: f64 = 0.05;
+
+/// The objects of a scene, fitted, with what they share.
+pub(super) struct SceneFit<B> {
+    fits: Vec<Result<Fit<B>, Box<Estimate>>>,
+    noise: NoiseLevels,
+    statistics: NoiseStatistics,
+    ground: Option<GroundPlane>,
+    poses: PoseCorrections,
+}
+
+impl<B: FirstFit> SceneFit<B> {
+    /// Fits `count` objects.
+    ///
+    /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
+    /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
+    pub(super) fn new(count: usize, views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &MapContext) -> Self {
+        let default = NoiseLevels::new(context.options.pixel_noise_size);
+        let scene = Self::settled(count, views_of, default, context);
+        if scene.statistics.determined() > WELL_DETERMINED {
+            return scene;
+        }
+        let other = Self::settled(count, views_of, default.scaled(LITTLE_NOISE), context);
+        if std::env::var("DBG").is_ok() {
+            eprintln!("det {} ev {} {} noise {:?} {:?}", scene.statistics.determined(), scene.evidence(), other.evidence(), scene.noise, other.noise);
+        }
+        if other.evidence() > scene.evidence() + CLEARLY { other } else { scene }
+    }
+
+    /// Fits from the given noise levels until levels and fits agree.
+    fn settled(
+        count: usize,
+        views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+        mut noise: NoiseLevels,
+        context: &MapContext,
+    ) -> Self {
+        let mut fits: Vec<Result<Fit<B>, Box<Estimate>>> =
+            map_indices(count, |k| Prepared::new(views_of(k), context)?.first_fit(&noise, context));
+        let mut statistics = NoiseStatistics::default();
+        let mut ground = None;
+        let mut poses = PoseCorrections::default();
+        let mut started = noise;
+        for round in 0..ROUNDS {
+            statistics = NoiseStatistics::default();
+            // Summed in the order of the objects, so that the result does not depend on the number of threads.
+            for fit in fits.iter().flatten() {
+                statistics.merge(&fit.statistics(&noise, context));
+            }
+            let updated = noise.updated(&statistics);
+            let settled = updated.change(&noise, &statistics) < SETTLED;
+            noise = updated;
+            ground = ground_plane(&fits, context);
+            if let (Some(ground), Some(up)) = (&ground, &context.up) {
+                fits.iter_mut().flatten().for_each(|fit| fit.stand_on(ground, up));
+            }
+            if let Some(prior) = context.options.pose_noise {
+                let step = poses.update(fits.iter().flatten(), &noise, prior);
+                for fit in fits.iter_mut().flatten() {
+                    fit.prepared = Arc::new(fit.prepared.with_poses(&step, context));
+                }
+            }
+            let restart = statistics.determined() < WELL_DETERMINED && noise.change(&started, &statistics) > FAR_OFF;
+            if restart {
+                started = noise;
+            }
+            fits = map_indices(fits.len(), |k| {
+                let fit = fits[k].as_ref().map_err(Clone::clone)?;
+                // Now that the noise of the scene is known, a fit with much larger residuals stands out.
+                let fit = if round < RECONSIDERED {
+                    fit.reconsidered(&noise, round, context)
+                } else {
+                    fit.refined(&noise, false)
+                };
+                Ok(if restart { fit.restarted(&noise, context) } else { fit })
+            });
+            let shared = ground.is_some() || context.options.pose_noise.is_some();
+            if settled && (!shared || round >= SHARED_ROUNDS) {
+                break;
+            }
+        }
+        Self { fits, noise, statistics, ground, poses }
+    }
+
+    /// Logarithm of the evidence for the noise levels, up to what does not depend on them.
+    fn evidence(&self) -> f64 {
+        self.fits.iter().flatten().map(|fit| fit.evidence(&self.noise)).sum()
+    }
+
+    /// The estimate of a fitted object.
+    pub(super) fn estimate(&self, index: usize, context: &MapContext) -> Estimate {
+        match &self.fits[index] {
+            Ok(fit) => fit.refined(&self.noise, true).estimate(&self.noise, context),
+            Err(failed) => (**failed).clone(),
+        }
+    }
+
+    /// The estimate of another object of the scene.
+    pub(super) fn estimate_other(&self, mut views: ObjectViews, context: &MapContext) -> Estimate {
+        self.poses.apply(&mut views);
+        let fit = Prepared::new(views, context).and_then(|object| object.first_fit::<B>(&self.noise, context));
+        fit.map_or_else(
+            |failed| *failed,
+            |mut fit| {
+                if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+                    fit.stand_on(ground, up);
+                }
+                fit.reconsidered(&self.noise, 0, context).refined(&self.noise, true).estimate(&self.noise, context)
+            },
+        )
+    }
+
+    /// Noise levels by name.
+    pub(super) fn noise_report(&self) -> Vec<(&'static str, f64)> {
+        let mut report = self.noise.report(&self.statistics);
+        if let Some((turn, shift)) = self.poses.size() {
+            report.extend([("pose_rotation", turn), ("pose_translation", shift)]);
+        }
+        report
+    }
+}
+
+/// The ground plane under the objects that stand on it.
+fn ground_plane<B: FirstFit>(fits: &[Result<Fit<B>, Box<Estimate>>], context: &MapContext) -> Option<GroundPlane> {
+    let up = context.up?;
+    let lowest: Vec<LowestPoint> = fits.iter().flatten().filter_map(|fit| fit.lowest_point(&up)).collect();
+    GroundPlane::fit(&up, &lowest, &context.cameras, context.options.camera_height)
+}
