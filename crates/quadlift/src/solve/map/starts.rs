@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, horizontal_basis, relative_size};
 use super::super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
+use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, horizontal_basis, relative_size};
 use super::object::Prepared;
 use super::objective::ObjectPrior;
 use crate::geometry::linalg::symmetric_eigen3;
