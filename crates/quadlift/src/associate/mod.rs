@@ -43,6 +43,8 @@ mod rounds;
 mod search;
 mod sphere_score;
 mod statistics;
+#[cfg(test)]
+mod tests;
 
 pub use doubt::Doubt;
 pub use options::{AssociateError, AssociateOptions, IdUse};

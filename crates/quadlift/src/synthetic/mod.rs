@@ -157,7 +157,10 @@ fn detect(
     for (object, body) in bodies.iter().enumerate() {
         for (frame, projection) in projections.iter().enumerate() {
             exact_boxes[object][frame] = match project_bounding_box(projection, body) {
-                Ok(exact) => (!is_free || detector::is_in_image(&exact, image)).then_some(exact),
+                Ok(exact) => {
+                    let is_near = projection.depth(&body.center()) <= options.trajectory.range();
+                    (!is_free || is_near && detector::is_in_image(&exact, image)).then_some(exact)
+                }
                 Err(_) if is_free => None,
                 Err(reason) => {
                     let (object, frame) = (truth[object].0.clone(), frames[frame].id.clone());

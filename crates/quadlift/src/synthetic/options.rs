@@ -122,7 +122,8 @@ pub enum Trajectory {
     /// used (ours).
     Random,
     /// A drive of one world unit per view along a street of parked cars, one every six units on both sides, in the order
-    /// of the drive; distance and side of the cube are not used. Views / 3 + 17 objects fill the street (ours).
+    /// of the drive, detected up to 45 units ahead; distance and side of the cube are not used. Views / 3 + 17 objects
+    /// fill the street (ours).
     Street,
 }
 
@@ -130,6 +131,11 @@ impl Trajectory {
     /// Whether objects may lie outside of the image.
     pub(super) fn is_free(self) -> bool {
         matches!(self, Self::Random | Self::Street)
+    }
+
+    /// Depth beyond which objects are too small to be detected, in world units before the scene's scale.
+    pub(super) fn range(self) -> f64 {
+        if self == Self::Street { 45.0 } else { f64::INFINITY }
     }
 }
 
