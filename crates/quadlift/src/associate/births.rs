@@ -16,8 +16,12 @@ const KEPT: usize = 3;
 /// All boxes are paired with all while the square of their number is not larger.
 const ALL_PAIRS: usize = 1_000_000;
 
-/// Spheres of one box that are tested; those whose boxes agree best.
-const MOST_TESTED: usize = 100;
+/// Spheres of one box that are tested, at most: those whose boxes agree best. Fewer, but not less than the first number,
+/// where so many boxes are free that it would take too long.
+const TESTED: [usize; 2] = [10, 100];
+
+/// Spheres that are tested in all, about.
+const TESTED_IN_ALL: usize = 200_000;
 
 /// Least score of a birth where nothing has been found yet; later, the evidence decides.
 const FIRST_LEAST_SCORE: f64 = 4.0;
@@ -127,6 +131,7 @@ fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Ve
     frames.dedup();
     let all_pairs = free.len() * free.len() <= ALL_PAIRS;
     let seeds: Vec<usize> = free.into_iter().filter(|&i| is_seed(i)).collect();
+    let most_tested = (TESTED_IN_ALL / seeds.len().max(1)).clamp(TESTED[0], TESTED[1]);
     let found = map_indices(seeds.len(), |k| {
         let index = seeds[k];
         let sighting = &observations.boxes[index];
@@ -142,9 +147,9 @@ fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Ve
                 }
             }
         }
-        if spheres.len() > MOST_TESTED {
+        if spheres.len() > most_tested {
             spheres.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            spheres.truncate(MOST_TESTED);
+            spheres.truncate(most_tested);
         }
         best_spheres(scorer, index, &spheres)
     });

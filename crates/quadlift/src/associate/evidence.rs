@@ -52,3 +52,29 @@ pub(super) fn evidence(problem: &Problem, observations: &Observations, model: &M
     let rate = problem.rate.log_probability(object.boxes.len(), object.visible);
     sum + place + shape + size + occam + rate + model.objects.max(1.0).ln()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::{Start, fit};
+    use super::super::options::AssociateOptions;
+    use super::super::test_scenes::{ellipsoid, seen_by};
+    use super::*;
+    use crate::scene::Scene;
+
+    fn of_views(views: u32, shift: f64) -> f64 {
+        let (mut observations, model) = seen_by(10, &ellipsoid());
+        observations.move_boxes(0, &nalgebra::Vector2::new(shift, 0.0));
+        let options = AssociateOptions::default();
+        let problem = Problem::new(&Scene::default(), &observations, &options);
+        let center = ellipsoid().center.coords - observations.origin;
+        let object = fit(&observations, &model, (0..views).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        evidence(&problem, &observations, &model, &object)
+    }
+
+    #[test]
+    fn every_view_that_agrees_adds_evidence_and_one_that_does_not_takes_some() {
+        let by_views: Vec<f64> = (3..=10).map(|views| of_views(views, 0.0)).collect();
+        assert!(by_views.windows(2).all(|w| w[1] > w[0] + 2.0), "{by_views:?}");
+        assert!(of_views(10, 25.0) < of_views(10, 0.0) - 5.0);
+    }
+}

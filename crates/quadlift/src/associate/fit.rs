@@ -176,3 +176,66 @@ fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &Ellipso
     }
     equations.cost.is_finite().then_some(equations)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::options::AssociateOptions;
+    use super::super::test_scenes::{ellipsoid, seen_by};
+    use super::*;
+    use crate::geometry::ConvexBody;
+
+    #[test]
+    fn exact_boxes_give_the_body_back() {
+        let truth = ellipsoid();
+        let (observations, _) = seen_by(12, &truth);
+        let mut model =
+            Model::new(&observations, &AssociateOptions { pixel_sd: 1e-3, ..Default::default() }, vec![None]);
+        model.edge_sd = 1e-4;
+        let center = truth.center.coords - observations.origin;
+        let start = Start::sphere(center + Vector3::new(0.5, -0.4, 0.3), 2.0);
+        let object = fit(&observations, &model, (0..12).collect(), &[start]).unwrap();
+        assert!((object.center - center).norm() < 1e-3, "{}", object.center - center);
+        assert!((object.root * object.root.transpose() - truth.shape()).amax() < 1e-2);
+        let volume = 4.0 / 3.0 * std::f64::consts::PI * object.radius.powi(3);
+        assert!((volume / truth.volume() - 1.0).abs() < 1e-2);
+        for index in 0..12 {
+            let sighting = &observations.boxes[index];
+            let camera = &observations.cameras[sighting.frame];
+            assert!(object.residuals_px(camera, sighting).iter().all(|r| r.abs() < 0.05));
+            let predicted = object.predict(camera).unwrap();
+            assert!((0..4).all(|e| (predicted.edges[e] - sighting.edges[e]).abs() < 0.05));
+        }
+    }
+
+    #[test]
+    fn the_covariance_is_the_curvature_of_the_cost() {
+        let truth = ellipsoid();
+        let (observations, model) = seen_by(8, &truth);
+        let boxes: Vec<u32> = (0..8).collect();
+        let center = truth.center.coords - observations.origin;
+        let object = fit(&observations, &model, boxes.clone(), &[Start::sphere(center, 2.0)]).unwrap();
+        // The cost of a body that is moved, minimised over nothing: the likelihood and the priors once more.
+        let cost = |step: &nalgebra::SVector<f64, 9>| {
+            let start = Start::body(&object);
+            let measured: Vec<Measured> = boxes
+                .iter()
+                .map(|&index| measure(&observations, &model, index as usize, &start, object.radius))
+                .collect();
+            let root = object.root / object.radius;
+            let body = EllipsoidModel::new(Vector3::zeros(), &(root * root.transpose())).unwrap();
+            0.5 * linearise(&measured, None, &body.retract(step).unwrap()).unwrap().cost
+        };
+        let zero = nalgebra::SVector::<f64, 9>::zeros();
+        assert!((cost(&zero) - object.cost).abs() < 1e-6 * (1.0 + object.cost));
+        // Along the centre, where residuals of exact boxes leave nothing but the Gauss-Newton part of the curvature.
+        let hessian = object.covariance.try_inverse().unwrap();
+        for axis in 0..3 {
+            let mut step = zero;
+            step[axis] = 1e-2;
+            let curvature = (cost(&step) + cost(&-step) - 2.0 * cost(&zero)) / (step[axis] * step[axis]);
+            assert!((curvature / hessian[(axis, axis)] - 1.0).abs() < 0.05, "{curvature} {}", hessian[(axis, axis)]);
+        }
+        let log_det = -object.covariance.determinant().ln();
+        assert!((log_det - object.log_det_hessian).abs() < 1e-6);
+    }
+}

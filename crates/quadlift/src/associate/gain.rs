@@ -182,3 +182,72 @@ fn whiten(residuals: &[f64; 4], covariance: &SMatrix<f64, 4, 4>, kept: &Vec4) ->
     }
     Some((log_det, square))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::{Start, fit};
+    use super::super::options::AssociateOptions;
+    use super::super::test_scenes::{ellipsoid, seen_by};
+    use super::*;
+    use crate::geometry::gamma::ln_gamma;
+    use crate::scene::Scene;
+
+    /// An object fitted to all boxes but the first, its certainty beyond doubt, and the gain of the first box moved by
+    /// some pixels at each edge.
+    fn gain_of_first(moved: [f64; 4], view: impl Fn(&Gains, &Object, &Prediction, Option<Gain>)) {
+        let (mut observations, model) = seen_by(10, &ellipsoid());
+        let options = AssociateOptions::default();
+        let center = ellipsoid().center.coords - observations.origin;
+        let mut object = fit(&observations, &model, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        object.covariance *= 1e-12;
+        for (edge, by) in observations.boxes[0].edges.iter_mut().zip(moved) {
+            *edge += by;
+        }
+        let problem = Problem::new(&Scene::default(), &observations, &options);
+        let gains = Gains::new(&problem, &observations, &model);
+        let prediction = object.predict(&observations.cameras[0]).unwrap();
+        let gain = gains.gain(&object, &prediction, 0);
+        view(&gains, &object, &prediction, gain);
+    }
+
+    #[test]
+    fn a_certain_object_gains_by_the_t_density_of_its_residuals() {
+        gain_of_first([1.0, -2.0, 0.5, 1.0], |gains, object, prediction, gain| {
+            let sighting = &gains.observations.boxes[0];
+            let sd = gains.model.sd(sighting);
+            let square: f64 = (0..4).map(|e| ((prediction.edges[e] - sighting.edges[e]) / sd).powi(2)).sum();
+            let constant = ln_gamma(4.5) - ln_gamma(2.5) - 2.0 * (5.0 * std::f64::consts::PI).ln();
+            let clutter = gains.model.log_clutter(&gains.problem.clutter, 0);
+            let rate = (object.boxes.len() as f64 + 1.0).ln();
+            let expected = constant - 4.5 * (1.0 + square / 5.0).ln() - 4.0 * (sd.ln() + clutter) + rate;
+            let gain = gain.unwrap();
+            // Residuals are distances of planes from the body and only nearly those of edges.
+            assert!((gain.value - expected).abs() < 0.02, "{} {expected}", gain.value);
+            assert_eq!(gain.hidden, [false; 4]);
+        });
+    }
+
+    #[test]
+    fn an_edge_far_inside_is_taken_for_hidden_and_one_far_outside_is_not() {
+        gain_of_first([15.0, 0.0, 0.0, 0.0], |_, _, _, gain| {
+            assert_eq!(gain.unwrap().hidden, [true, false, false, false]);
+        });
+        gain_of_first([-15.0, 0.0, 0.0, 0.0], |_, _, _, gain| {
+            assert!(gain.is_none_or(|g| g.hidden == [false; 4]));
+        });
+        gain_of_first([900.0, 0.0, 900.0, 0.0], |_, _, _, gain| assert_eq!(gain, None));
+    }
+
+    #[test]
+    fn whitening_agrees_with_a_dense_inverse() {
+        let mut covariance = SMatrix::<f64, 4, 4>::from_fn(|i, j| 0.3 * ((i * j + i + j) as f64).cos());
+        covariance = covariance * covariance.transpose() + SMatrix::identity();
+        let residuals = [1.0, -2.0, 0.5, 3.0];
+        let kept: Vec4 = [0, 2, 3].into_iter().collect();
+        let (log_det, square) = whiten(&residuals, &covariance, &kept).unwrap();
+        let part = nalgebra::Matrix3::from_fn(|i, j| covariance[(kept.items[i], kept.items[j])]);
+        let r = nalgebra::Vector3::from_fn(|i, _| residuals[kept.items[i]]);
+        assert!((log_det - part.determinant().ln()).abs() < 1e-12);
+        assert!((square - (r.transpose() * part.try_inverse().unwrap() * r)[0]).abs() < 1e-12);
+    }
+}

@@ -44,6 +44,8 @@ mod search;
 mod sphere_score;
 mod statistics;
 #[cfg(test)]
+mod test_scenes;
+#[cfg(test)]
 mod tests;
 
 pub use doubt::Doubt;

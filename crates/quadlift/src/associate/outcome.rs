@@ -152,7 +152,7 @@ pub(super) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, st
         object_of_detection: vec![None; scene.detections.len()],
         edge_sd: state.model.edge_sd,
         frame_shift_sd: state.model.shift_sd,
-        clutter: detections.len() - found.iter().map(|f| f.members.len()).sum::<usize>(),
+        clutter: detections.len().saturating_sub(found.iter().map(|f| f.members.len()).sum()),
         ..Default::default()
     };
     let names = names(scene, &found, problem.options.ids);

@@ -114,3 +114,44 @@ pub(super) fn triangulate(observations: &Observations, boxes: &[u32], guess: &Ve
     }
     (log_radius.is_finite() && center.iter().all(|x| x.is_finite())).then_some(Sphere { center, log_radius })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::{ellipsoid, seen_by};
+    use super::*;
+    use crate::geometry::Ellipsoid;
+
+    fn ball() -> Ellipsoid {
+        Ellipsoid { semi_axes: Vector3::repeat(2.0), ..ellipsoid() }
+    }
+
+    #[test]
+    fn two_boxes_of_a_ball_show_it() {
+        let (observations, _) = seen_by(9, &ball());
+        let center = ball().center.coords - observations.origin;
+        let side = |k: usize| (&observations.cameras[k], &observations.boxes[k]);
+        let pair = pair_sphere(side(0), side(1)).unwrap();
+        assert!((pair.sphere.center - center).norm() < 0.05, "{}", pair.sphere.center - center);
+        assert!((pair.sphere.log_radius - 2.0f64.ln()).abs() < 0.01 && pair.disagreement < 0.01);
+        // A box of itself has no other ray; one far away passes by.
+        assert!(pair_sphere(side(0), side(0)).is_none());
+        let mut moved = observations.clone();
+        moved.move_boxes(1, &nalgebra::Vector2::new(0.0, 200.0));
+        assert!(pair_sphere(side(0), (&moved.cameras[1], &moved.boxes[1])).is_none());
+    }
+
+    #[test]
+    fn many_boxes_are_triangulated_from_a_poor_guess() {
+        let (observations, _) = seen_by(9, &ball());
+        let center = ball().center.coords - observations.origin;
+        let boxes: Vec<u32> = (0..9).collect();
+        let sphere = triangulate(&observations, &boxes, &(center + Vector3::new(20.0, 5.0, -9.0))).unwrap();
+        assert!((sphere.center - center).norm() < 0.05 && (sphere.log_radius - 2.0f64.ln()).abs() < 0.01);
+        let covariance = center_covariance(&observations, &boxes, &sphere);
+        // Nine rays from all around, each 0.2 radii off across: about 0.4 / sqrt(9 * 2 / 3) along every axis.
+        for axis in 0..3 {
+            let sd = covariance[(axis, axis)].sqrt();
+            assert!((0.12..0.25).contains(&sd), "{sd}");
+        }
+    }
+}

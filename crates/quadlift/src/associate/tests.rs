@@ -336,3 +336,40 @@ fn a_mass_of_boxes_takes_bounded_time() {
     // Seconds even on a slow machine without optimisation; without bounds it would be hours.
     assert!(started.elapsed().as_secs() < 120, "{:?}", started.elapsed());
 }
+
+#[test]
+fn what_moves_is_doubtful_or_no_object() {
+    let make = SyntheticOptions { views: 60, objects: 38, trajectory: Trajectory::Street, ..base(3) };
+    let mut synthetic = generate(&make).unwrap();
+    let standing = true_objects(&synthetic);
+    // A car that drives ahead, faster and on the other lane, and one that comes towards the camera.
+    let mut moving = Vec::new();
+    for (frame, camera) in synthetic.scene.frames.clone().iter().enumerate() {
+        let along = frame as f64;
+        for (x, y) in [(10.0 + 1.4 * along, -2.0), (70.0 - 0.6 * along, 2.5)] {
+            let body = Ellipsoid {
+                center: nalgebra::Point3::new(x, y, 0.75),
+                semi_axes: Vector3::new(2.1, 0.85, 0.75),
+                rotation: nalgebra::Rotation3::identity(),
+            };
+            let Ok(outline) = crate::geometry::project_ellipsoid(&camera.projection, &body) else { continue };
+            let seen = outline.bounding_box();
+            if seen.x0 > 0.0 && seen.x1 < 1242.0 && seen.mean_half_size() > 8.0 {
+                let mut detection = synthetic.scene.detections[0].clone();
+                (detection.frame_index, detection.bounding_box) = (frame as u32, Some(seen));
+                moving.push(synthetic.scene.detections.len());
+                synthetic.scene.detections.push(detection);
+            }
+        }
+    }
+    assert!(moving.len() > 60, "{}", moving.len());
+    let association = run(&synthetic.scene, &AssociateOptions::default());
+    let division = score_division(&standing, &association.object_of_detection[..standing.len()]);
+    assert!(division.f1 > 0.98, "{division:?}");
+    let mut trusted = 0;
+    for &index in &moving {
+        let object = association.object_of_detection[index].map(|o| &association.objects[o as usize]);
+        trusted += usize::from(object.is_some_and(|o| o.doubtful.is_none()));
+    }
+    assert!(trusted * 2 < moving.len(), "{trusted} of {} boxes of what moves", moving.len());
+}
