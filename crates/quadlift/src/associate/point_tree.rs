@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -43,8 +44,9 @@ impl PointTree {
     pub fn new(points: Vec<Vector3<f64>>) -> Self {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut split_axes = vec![0; points.len()];
-        let mut ranges = vec![0..points.len()];
-        while let Some(range) = ranges.pop() {
+        let mut ranges = vec![(0, points.len())];
+        while let Some((start, end)) = ranges.pop() {
+            let range: Range<usize> = start..end;
             if range.len() <= LEAF {
                 continue;
             }
@@ -61,8 +63,8 @@ impl PointTree {
             });
             let middle = range.start + middle;
             split_axes[middle] = axis as u8;
-            ranges.push(range.start..middle);
-            ranges.push(middle + 1..range.end);
+            ranges.push((start, middle));
+            ranges.push((middle + 1, end));
         }
         Self { points, order, split_axes }
     }
@@ -70,8 +72,9 @@ impl PointTree {
     /// Indices of the points within `radius` of a place, ascending.
     pub fn within(&self, place: &Vector3<f64>, radius: f64) -> Vec<u32> {
         let mut found = Vec::new();
-        let mut ranges = vec![0..self.order.len()];
-        while let Some(range) = ranges.pop() {
+        let mut ranges = vec![(0, self.order.len())];
+        while let Some((start, end)) = ranges.pop() {
+            let range: Range<usize> = start..end;
             if range.len() <= LEAF {
                 found.extend(self.order[range].iter().copied().filter(|&i| self.is_within(i, place, radius)));
                 continue;
@@ -84,10 +87,10 @@ impl PointTree {
             let axis = usize::from(self.split_axes[middle]);
             let beyond = place[axis] - self.points[index as usize][axis];
             if beyond <= radius {
-                ranges.push(range.start..middle);
+                ranges.push((start, middle));
             }
             if beyond >= -radius {
-                ranges.push(middle + 1..range.end);
+                ranges.push((middle + 1, end));
             }
         }
         found.sort_unstable();
