@@ -1,6 +1,6 @@
 //! Values of options that several commands share.
 
-use quadlift::solve::BodyKind;
+use quadlift::solve::{BodyKind, PoseNoise};
 
 /// Reads `ellipsoid`, `cuboid` or `superellipsoid:Q`.
 pub fn body(text: &str) -> Result<BodyKind, String> {
@@ -13,6 +13,30 @@ pub fn body(text: &str) -> Result<BodyKind, String> {
             _ => Err(format!("\"{q}\" is no exponent; {expected}")),
         },
         _ => Err(expected.to_owned()),
+    }
+}
+
+/// The kind of body that is fitted; none where it is chosen.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyChoice(pub Option<BodyKind>);
+
+/// Reads `auto` or what [`body`] reads.
+pub fn body_choice(text: &str) -> Result<BodyChoice, String> {
+    match text {
+        "auto" => Ok(BodyChoice(None)),
+        text => {
+            body(text).map(|body| BodyChoice(Some(body))).map_err(|error| error.replace("expected ", "expected auto, "))
+        }
+    }
+}
+
+/// Reads two positive numbers: standard deviations of turns (radians) and shifts (world units).
+pub fn pose_noise(text: &str) -> Result<PoseNoise, String> {
+    let expected = || "expected two numbers above 0: RAD,LENGTH".to_owned();
+    let (rotation, translation) = text.split_once(',').ok_or_else(expected)?;
+    match (positive(rotation), positive(translation)) {
+        (Ok(rotation_sd), Ok(translation_sd)) => Ok(PoseNoise { rotation_sd, translation_sd }),
+        _ => Err(expected()),
     }
 }
 
@@ -58,6 +82,15 @@ mod tests {
         }
         for text in ["", "ball", "superellipsoid", "superellipsoid:0.9", "superellipsoid:nan", "cuboid:1"] {
             assert!(body(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn pose_noise_is_two_positive_numbers() {
+        let noise = PoseNoise { rotation_sd: 0.003, translation_sd: 0.1 };
+        assert_eq!(pose_noise("0.003, 0.1"), Ok(noise));
+        for text in ["0.003", "0,1", "1,-1", "1,2,3", "a,b"] {
+            assert!(pose_noise(text).is_err(), "{text}");
         }
     }
 

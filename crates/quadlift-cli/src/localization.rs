@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use quadlift::scene::{Scene, SourceError};
-use quadlift::solve::{CategoryPriors, Estimate, Method, Status};
+use quadlift::solve::{BodyKind, CategoryPriors, Estimate, Method, Status};
 use quadlift::{Localization, LocalizeError, Options, localize};
 use quadlift_io::{SceneFile, builtin_priors, estimates_to_objects, read_priors};
 use serde_json::{Map, Value, json};
@@ -63,9 +63,10 @@ impl Settings {
             "seed": o.seed,
         });
         if o.method == Method::Map {
-            json["body"] = body_name(o.map.body).into();
+            json["body"] = o.map.body.map_or_else(|| "auto".to_owned(), body_name).into();
             json["ground_plane"] = o.map.ground_plane.into();
             json["camera_height"] = o.map.camera_height.into();
+            json["pose_noise"] = o.map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
             json["priors"] = match &self.priors {
                 PriorSource::None => Value::Null,
                 PriorSource::Builtin => "builtin".into(),
@@ -78,10 +79,13 @@ impl Settings {
         json
     }
 
-    /// The settings in a few words.
-    pub fn in_words(&self) -> String {
+    /// The settings in a few words, with the kind of body that was fitted.
+    pub fn in_words(&self, fitted: BodyKind) -> String {
         match self.options.method {
-            Method::Map => format!("map, {}", body_name(self.options.map.body)),
+            Method::Map => match self.options.map.body {
+                Some(body) => format!("map, {}", body_name(body)),
+                None => format!("map, {}, chosen", body_name(fitted)),
+            },
             Method::Reg => format!("reg, lambda {:e}", self.options.reg.lambda),
             method => method_name(method).to_owned(),
         }
@@ -166,6 +170,7 @@ pub fn result_file(file: &SceneFile, scene: &Scene, localization: &Localization,
         "program": "quadlift",
         "version": env!("CARGO_PKG_VERSION"),
         "settings": settings.to_json(),
+        "body": body_name(localization.body),
         "objects": localization.estimates.len(),
         "localised": count_localised(&localization.estimates),
         "status": status_counts(&localization.estimates),

@@ -7,7 +7,7 @@ use nalgebra::{Unit, Vector3};
 use quadlift::Options;
 use quadlift::metrics::ObjectScore;
 use quadlift::scene::Detection;
-use quadlift::solve::{CategoryPrior, CategoryPriors, MapOptions, Method};
+use quadlift::solve::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
 
@@ -38,13 +38,18 @@ struct DataSet {
     rows: Vec<MethodRow>,
 }
 
+/// An ellipsoid with priors; the views are too few to choose the kind of body.
+fn ellipsoid(priors: CategoryPriors) -> MapOptions {
+    MapOptions { body: Some(BodyKind::Ellipsoid), priors, ..Default::default() }
+}
+
 /// The rows for objects of any category: all settings of this experiment, with those of [`car_rows`].
 fn rows() -> Vec<MethodRow> {
     let upright = CategoryPrior { upright_sd: Some(UPRIGHT_SD), ..Default::default() };
     let priors = CategoryPriors { by_category: BTreeMap::from([("*".to_owned(), upright)]) };
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("ellipsoid", MapOptions::default()));
-    rows.push(MethodRow::map("ellipsoid, upright", MapOptions { priors, ..Default::default() }));
+    rows.push(MethodRow::map("ellipsoid", ellipsoid(CategoryPriors::default())));
+    rows.push(MethodRow::map("ellipsoid, upright", ellipsoid(priors)));
     rows
 }
 
@@ -53,7 +58,7 @@ fn car_rows() -> Vec<MethodRow> {
     let row = |setting, keep: fn(&CategoryPrior) -> CategoryPrior| {
         let mut priors = builtin_priors();
         priors.by_category.values_mut().for_each(|prior| *prior = keep(prior));
-        MethodRow::map(setting, MapOptions { priors, ..Default::default() })
+        MethodRow::map(setting, ellipsoid(priors))
     };
     vec![
         row(CAR_SIZE, |prior| CategoryPrior { size: prior.size, ..Default::default() }),

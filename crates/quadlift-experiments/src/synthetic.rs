@@ -28,7 +28,7 @@ const NOISE_OF_INLIERS: f64 = 0.02;
 /// The rows: all settings of this experiment.
 fn rows() -> Vec<MethodRow> {
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("ellipsoid", MapOptions::default()));
+    rows.push(MethodRow::map("auto", MapOptions::default()));
     rows
 }
 

@@ -21,7 +21,7 @@ const MEASURES: [Measure; 3] = [Measure::O3d, Measure::EnclosingO3d, Measure::Th
 /// The rows: all settings of this experiment.
 fn rows() -> Vec<MethodRow> {
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("default", MapOptions::default()));
+    rows.push(MethodRow::map("auto", MapOptions::default()));
     rows
 }
 

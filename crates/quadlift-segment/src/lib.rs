@@ -1,20 +1,69 @@
 //! Object masks from images by co-segmentation, and ellipses from masks.
+//!
+//! A [`Crop`] is cut for each detection of an object, one image at a time; [`segment_object`] then tells object and
+//! background apart in all crops together and gives a [`Mask`] and an ellipse for each. Masks of other programs come in
+//! as a [`LabelImage`], [`Rle`] or [`Polygons`]; their [`Moments`] have an ellipse too.
+//!
+//! ```
+//! use image::{Rgb, RgbImage};
+//! use quadlift::geometry::BoundingBox;
+//! use quadlift_segment::{Crop, CropOptions, SegmentOptions, segment_object};
+//!
+//! // An orange disc that moves over a grey ground, and the detector's box in each frame.
+//! let mut crops = Vec::new();
+//! for frame in 0..4 {
+//!     let x0 = 40 + 10 * frame;
+//!     let image = RgbImage::from_fn(160, 120, |x, y| {
+//!         let (dx, dy) = (f64::from(x) - f64::from(x0) - 19.5, f64::from(y) - 59.5);
+//!         if dx.hypot(dy) < 20.0 { Rgb([220, 130, 40]) } else { Rgb([110, 110 + (x % 8) as u8, 115]) }
+//!     });
+//!     let bounding_box = BoundingBox::new([f64::from(x0), 40.0, f64::from(x0) + 40.0, 80.0])?;
+//!     crops.push(Crop::cut(&image, &bounding_box, &CropOptions::default())?);
+//! }
+//! for view in segment_object(&crops, &SegmentOptions::default())? {
+//!     assert!((view.ellipse.semi_axes.x - 20.0).abs() < 1.0 && view.mask.count() > 1000);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
+mod blur;
+mod box_prior;
+mod cleanup;
+mod color;
+mod confidence;
 mod contacts;
+mod crop;
+mod frames;
+mod graph_cut;
 mod hull;
 mod label_image;
 mod mask;
 mod moments;
+mod palette;
 mod parallel;
 mod polygon;
+mod pooled;
 pub mod render;
+mod resample;
 mod rle;
+mod sca;
+mod segment;
+mod smoothing;
+mod vector_math;
 
+pub use color::scaled_lab;
+pub use confidence::Failure;
 pub use contacts::Contacts;
+pub use crop::{Crop, CropError, CropOptions};
 pub use hull::ConvexHull;
 pub use label_image::LabelImage;
 pub use mask::{Mask, MaskError};
 pub use moments::{Moments, PixelTerm};
 pub use polygon::{PolygonError, Polygons};
 pub use rle::{Rle, RleError};
+pub use sca::ScaOptions;
+pub use segment::{
+    Progress, SegmentError, SegmentMethod, SegmentOptions, SegmentStatus, ViewSegmentation, segment_object,
+    segment_objects,
+};

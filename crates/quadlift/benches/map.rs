@@ -30,7 +30,7 @@ fn main() {
         ("cuboids 0.05", SyntheticOptions { body: BodyKind::Cuboid, ..boxes(0.05) }, BodyKind::Cuboid),
     ] {
         let scene = generate(&scene).unwrap().scene;
-        let options = Options { map: MapOptions { body, ..Default::default() }, ..Default::default() };
+        let options = Options { map: MapOptions { body: Some(body), ..Default::default() }, ..Default::default() };
         group.bench_with_input(name, &scene, |b, scene| {
             b.iter(|| localize(black_box(scene), &options, &|_, _| {}).unwrap())
         });

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SourceError};
 use crate::solve::map::{MapContext, map};
-use crate::solve::{BodyKind, Estimate, MapOptions, Method, RegOptions, ViewReport, solve_closed_form};
+use crate::solve::{BodyKind, Estimate, MapOptions, Method, PoseNoise, RegOptions, ViewReport, solve_closed_form};
 
 /// Everything that can be chosen.
 #[derive(Debug, Clone, Default)]
@@ -57,6 +57,8 @@ pub struct Localization {
     pub left_out: LeftOut,
     /// Noise levels that the scene's residuals show, by name (relative to the detection's half size; radians for angles).
     pub noise: Vec<(&'static str, f64)>,
+    /// The kind of body that was fitted: the one that was asked for, or the one that was chosen.
+    pub body: BodyKind,
 }
 
 /// Called with the number of objects done and their total, from any thread.
@@ -114,16 +116,11 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         }
         object
     };
-    let (mut estimates, noise) = if options.method == Method::Map {
-        let context = MapContext {
-            categories: &scene.categories,
-            up: scene.up,
-            cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
-            seed: options.seed,
-            options: &options.map,
-        };
+    let (mut estimates, noise, body) = if options.method == Method::Map {
+        let cameras = scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect();
+        let context = MapContext::new(&scene.categories, scene.up, cameras, options.seed, &options.map);
         let solution = map(objects.len(), &views_of, &context, &report);
-        (solution.estimates, solution.noise)
+        (solution.estimates, solution.noise, solution.body)
     } else {
         let estimates = map_indices(objects.len(), |k| {
             let estimate =
@@ -131,7 +128,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
             report();
             estimate
         });
-        (estimates, Vec::new())
+        (estimates, Vec::new(), BodyKind::Ellipsoid)
     };
     // The views of objects with too few of them are listed all the same.
     for (estimate, &object) in estimates.iter_mut().zip(&objects) {
@@ -143,21 +140,28 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
                 .collect();
         }
     }
-    Ok(Localization { estimates, left_out, noise })
+    Ok(Localization { estimates, left_out, noise, body })
 }
 
 fn check(options: &Options) -> Result<(), LocalizeError> {
     let map = &options.map;
     let refuse = |text: String| Err(LocalizeError::Option(text));
-    if let BodyKind::Superellipsoid(q) = map.body
+    if let Some(BodyKind::Superellipsoid(q)) = map.body
         && !(1.0..=2.0).contains(&q)
     {
         return refuse(format!(
             "the support exponent of a superellipsoid is {q}; expected 1 (cuboid) to 2 (ellipsoid)"
         ));
     }
-    if options.method != Method::Map && map.body != BodyKind::Ellipsoid {
+    if options.method != Method::Map && map.body.is_some_and(|body| body != BodyKind::Ellipsoid) {
         return refuse("only the method map fits bodies other than ellipsoids".to_owned());
+    }
+    if let Some(PoseNoise { rotation_sd, translation_sd }) = map.pose_noise
+        && !(rotation_sd > 0.0 && translation_sd > 0.0)
+    {
+        return refuse(format!(
+            "the standard deviations of the pose noise are {rotation_sd} and {translation_sd}; expected positive numbers"
+        ));
     }
     if map.shape_sd.is_nan() || map.shape_sd <= 0.0 {
         return refuse(format!(

@@ -3,10 +3,10 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::{Rotation3, SVector, Vector3};
 use quadlift::geometry::{Body, Ellipsoid, vech3};
 use quadlift::metrics::{iou3d_bodies, iou3d_ellipsoids, nees};
-use quadlift::solve::{BodyKind, Estimate, MapOptions, Method, Status};
+use quadlift::solve::{BodyKind, Estimate, MapOptions, Method, PoseNoise, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, Options, localize};
 
@@ -36,7 +36,7 @@ fn method(method: Method) -> Options {
 }
 
 fn body(body: BodyKind) -> Options {
-    Options { map: MapOptions { body, ..Default::default() }, ..Default::default() }
+    Options { map: MapOptions { body: Some(body), ..Default::default() }, ..Default::default() }
 }
 
 /// Mean IoU of the estimated with the true bodies; a failed estimate counts as zero.
@@ -203,4 +203,40 @@ fn the_same_seed_gives_the_same_bytes() {
     let a = format!("{:?}", run(&make, &method(Method::Map)).1);
     let b = format!("{:?}", run(&make, &method(Method::Map)).1);
     assert_eq!(a, b);
+}
+
+#[test]
+fn the_kind_of_body_is_chosen_from_the_boxes() {
+    let chosen = |body: BodyKind, sigma: f64| {
+        let synthetic = generate(&SyntheticOptions { objects: 12, body, ..boxes(sigma)(3) }).unwrap();
+        localize(&synthetic.scene, &Options::default(), &|_, _| {}).unwrap().body
+    };
+    assert_eq!(chosen(BodyKind::Ellipsoid, 0.0), BodyKind::Ellipsoid);
+    assert_eq!(chosen(BodyKind::Ellipsoid, 0.1), BodyKind::Ellipsoid);
+    assert_eq!(chosen(BodyKind::Cuboid, 0.0), BodyKind::Superellipsoid(1.0));
+    assert_eq!(chosen(BodyKind::Superellipsoid(1.5), 0.0), BodyKind::Superellipsoid(1.5));
+    let BodyKind::Superellipsoid(exponent) = chosen(BodyKind::Cuboid, 0.05) else { panic!("an ellipsoid was chosen") };
+    assert!(exponent <= 1.3, "{exponent}");
+}
+
+#[test]
+fn wrong_poses_are_found_out() {
+    let mut synthetic = generate(&boxes(0.0)(5)).unwrap();
+    // Turns of about 0.1 degrees move the objects by a tenth of their size from 200 away.
+    for (index, frame) in synthetic.scene.frames.iter_mut().enumerate() {
+        let turn = Vector3::from_fn(|k, _| 0.002 * (1.7 * (3 * index + k) as f64).sin());
+        frame.projection = frame.projection.with_moved_camera(&Rotation3::new(turn), &Vector3::zeros()).unwrap();
+    }
+    let score = |pose_noise: Option<PoseNoise>| {
+        let map = MapOptions { body: Some(BodyKind::Ellipsoid), pose_noise, ..Default::default() };
+        let options = Options { map, ..Default::default() };
+        let estimates = localize(&synthetic.scene, &options, &|_, _| {}).unwrap().estimates;
+        let ious =
+            estimates.iter().zip(&synthetic.truth).map(|(e, (_, t))| e.body.map_or(0.0, |b| iou3d_bodies(&b, t)));
+        ious.sum::<f64>() / synthetic.truth.len() as f64
+    };
+    let (taken_as_exact, corrected) =
+        (score(None), score(Some(PoseNoise { rotation_sd: 0.002, translation_sd: 0.01 })));
+    println!("poses taken as exact {taken_as_exact:.3}, corrected {corrected:.3}");
+    assert!(corrected > 0.9 && corrected > taken_as_exact + 0.1, "{taken_as_exact} {corrected}");
 }

@@ -84,7 +84,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
          {HEADING}Compared with the truth{HEADING:#}\n\n{}\n",
         count_localised(&localization.estimates),
         count(localization.estimates.len(), "object"),
-        settings.in_words(),
+        settings.in_words(localization.body),
         found_outliers(&synthetic, &localization),
         render(&scene, &localization, &settings),
         evaluation::render(&evaluation, scene.length_unit.as_deref()),

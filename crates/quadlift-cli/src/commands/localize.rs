@@ -6,11 +6,11 @@ use std::time::Instant;
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::Options;
-use quadlift::solve::{BodyKind, Method};
+use quadlift::solve::{Method, PoseNoise};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
-use crate::args;
+use crate::args::{self, BodyChoice};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
 use crate::files::{expand, outputs, read_scene};
@@ -56,9 +56,10 @@ pub struct Args {
     #[arg(long, value_name = "X", value_parser = args::finite)]
     lambda: Option<f64>,
 
-    /// Kind of body that is fitted: ellipsoid, cuboid or superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid)
-    #[arg(long, value_name = "BODY", default_value = "ellipsoid", value_parser = args::body)]
-    body: BodyKind,
+    /// Kind of body that is fitted: ellipsoid, cuboid, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto: an
+    /// ellipsoid unless the boxes of the scene clearly ask for a superellipsoid
+    #[arg(long, value_name = "BODY", default_value = "auto", value_parser = args::body_choice)]
+    body: BodyChoice,
 
     /// Take the detections of this source only; needed when the scene has several
     #[arg(long, value_name = "NAME")]
@@ -87,6 +88,10 @@ pub struct Args {
     /// Height of the cameras above the ground plane, in world units, where it is known
     #[arg(long, value_name = "H", value_parser = args::positive)]
     camera_height: Option<f64>,
+
+    /// The poses may be wrong: standard deviations of each frame's turn, in radians, and shift, in world units
+    #[arg(long, value_name = "RAD,LENGTH", value_parser = args::pose_noise)]
+    pose_noise: Option<PoseNoise>,
 
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -118,8 +123,8 @@ impl Args {
         if self.lambda.is_some() && method != Method::Reg {
             return usage("--lambda is an option of --method reg only");
         }
-        if (self.ground_plane || self.camera_height.is_some()) && method != Method::Map {
-            return usage("--ground-plane and --camera-height are options of --method map only");
+        if (self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some()) && method != Method::Map {
+            return usage("--ground-plane, --camera-height and --pose-noise are options of --method map only");
         }
         let priors = match &self.priors {
             None => PriorSource::None,
@@ -136,9 +141,10 @@ impl Args {
             seed: self.seed,
             ..Default::default()
         };
-        options.map.body = self.body;
+        options.map.body = self.body.0;
         options.map.ground_plane = self.ground_plane;
         options.map.camera_height = self.camera_height;
+        options.map.pose_noise = self.pose_noise;
         if let Some(lambda) = self.lambda {
             options.reg.lambda = lambda;
         }
@@ -200,7 +206,7 @@ fn one_scene(
         "{HEADING}{}{HEADING:#}: {localised} of {} localised ({})\n\n",
         one_line(&title),
         count(estimates.len(), "object"),
-        settings.in_words()
+        settings.in_words(localization.body)
     );
     text.push_str(&render(&scene, &localization, settings));
     if let Some(output) = output {

@@ -87,8 +87,9 @@ pub struct PoseNoise {
 /// Options of the maximum a posteriori estimator.
 #[derive(Debug, Clone)]
 pub struct MapOptions {
-    /// The kind of body.
-    pub body: BodyKind,
+    /// The kind of body; without one it is chosen for the whole scene: an ellipsoid, unless its boxes clearly ask for a
+    /// superellipsoid.
+    pub body: Option<BodyKind>,
     /// Priors by category; empty by default.
     pub priors: CategoryPriors,
     /// Standard deviation of the deviation of log semi-axes from their mean: the shape prior. With 0.5 the covariance of
@@ -124,7 +125,7 @@ pub struct MapOptions {
 impl Default for MapOptions {
     fn default() -> Self {
         Self {
-            body: BodyKind::Ellipsoid,
+            body: None,
             priors: CategoryPriors::default(),
             shape_sd: 0.4,
             enclosing_quantile: 0.85,

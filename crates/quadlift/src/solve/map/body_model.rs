@@ -58,7 +58,7 @@ impl EllipsoidModel {
     }
 
     /// From centre, orthonormal axes (columns) and semi-axes.
-    pub(crate) fn from_axes(center: Vector3<f64>, axes: Matrix3<f64>, semi_axes: Vector3<f64>) -> Self {
+    pub(super) fn from_axes(center: Vector3<f64>, axes: Matrix3<f64>, semi_axes: Vector3<f64>) -> Self {
         let root_transposed = Matrix3::from_diagonal(&semi_axes) * axes.transpose();
         Self { center, axes, semi_axes, root_transposed }
     }

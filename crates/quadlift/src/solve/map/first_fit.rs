@@ -36,8 +36,8 @@ pub(super) trait FirstFit: BodyModel {
         seed: u64,
     ) -> Option<(Self, NormalEquations)>;
 
-    /// The body in the world.
-    fn body_in_world(&self, frame: &ObjectFrame) -> Body;
+    /// The body in the world, of the kind that was asked for.
+    fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body;
 
     /// Covariance in world units.
     fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance>;
@@ -58,7 +58,7 @@ impl FirstFit for EllipsoidModel {
         Some((ellipsoid.clone(), equations))
     }
 
-    fn body_in_world(&self, frame: &ObjectFrame) -> Body {
+    fn body_in_world(&self, frame: &ObjectFrame, _kind: BodyKind) -> Body {
         Body::Ellipsoid(Ellipsoid {
             center: frame.point_in_world(self.center()),
             semi_axes: self.semi_axes() * frame.unit,
@@ -83,7 +83,7 @@ impl FirstFit for OrientedModel {
         seed: u64,
     ) -> Option<(Self, NormalEquations)> {
         let objective = prepared.objective(noise, outlier_scale);
-        let exponent = match context.options.body {
+        let exponent = match context.body {
             BodyKind::Superellipsoid(exponent) => exponent,
             BodyKind::Cuboid | BodyKind::Ellipsoid => 1.0,
         };
@@ -101,11 +101,11 @@ impl FirstFit for OrientedModel {
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
     }
 
-    fn body_in_world(&self, frame: &ObjectFrame) -> Body {
+    fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body {
         let center: Point3<f64> = frame.point_in_world(self.center());
         let semi_axes = self.semi_axes() * frame.unit;
         let rotation = Rotation3::from_matrix_unchecked(*self.axes());
-        if self.exponent() == 1.0 {
+        if kind == BodyKind::Cuboid {
             Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation })
         } else {
             Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent: self.exponent() })

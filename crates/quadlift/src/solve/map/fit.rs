@@ -203,7 +203,7 @@ impl<B: FirstFit> Fit<B> {
         };
         let mut estimate = describe(
             Estimate::failed(views.object_index, views.category_index, Status::Ok),
-            self.body.body_in_world(&measurements.frame),
+            self.body.body_in_world(&measurements.frame, context.body),
             &views.views,
             inlier,
             context.options.enclosing_quantile,

@@ -135,6 +135,16 @@ mod tests {
     }
 
     #[test]
+    fn points_that_contradict_a_plane_make_it_uneven() {
+        let points = |bump: f64| -> Vec<LowestPoint> {
+            (0..16).map(|k| point(f64::from(k), f64::from(k * k % 7), bump * f64::from(k * k % 3 - 1))).collect()
+        };
+        let fit = |bump| GroundPlane::fit(&Vector3::z_axis(), &points(bump), &[], None).unwrap();
+        assert_eq!(fit(0.01).unevenness, 1.0);
+        assert!(fit(0.5).unevenness > 3.0, "{:?}", fit(0.5));
+    }
+
+    #[test]
     fn cameras_of_known_height_fix_the_plane_of_a_single_uncertain_object() {
         let cameras: Vec<Point3<f64>> = (0..10).map(|k| Point3::new(f64::from(k), 0.0, 1.65)).collect();
         let vague = LowestPoint { variance: 4.0, ..point(15.0, 3.0, 1.0) };

@@ -11,6 +11,7 @@
 pub(crate) mod body_model;
 mod covariance;
 mod ellipse_residual;
+mod exponent;
 mod first_fit;
 mod fit;
 mod ground;
@@ -54,6 +55,21 @@ pub struct MapContext<'a> {
     pub seed: u64,
     /// The estimator's options.
     pub options: &'a MapOptions,
+    /// The kind of body that is being fitted.
+    pub(super) body: BodyKind,
+}
+
+impl<'a> MapContext<'a> {
+    /// What the objects of a scene share.
+    pub fn new(
+        categories: &'a [String],
+        up: Option<Unit<Vector3<f64>>>,
+        cameras: Vec<Point3<f64>>,
+        seed: u64,
+        options: &'a MapOptions,
+    ) -> Self {
+        Self { categories, up, cameras, seed, options, body: options.body.unwrap_or_default() }
+    }
 }
 
 /// The answer for a scene.
@@ -63,6 +79,8 @@ pub struct MapSolution {
     pub estimates: Vec<Estimate>,
     /// Noise levels by name, relative to the detection's half size.
     pub noise: Vec<(&'static str, f64)>,
+    /// The kind of body that was fitted.
+    pub body: BodyKind,
 }
 
 /// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. `done` is called
@@ -73,21 +91,41 @@ pub fn map(
     context: &MapContext,
     done: &(dyn Fn() + Sync),
 ) -> MapSolution {
+    let stride = count.div_ceil(NOISE_SAMPLE).max(1);
+    let sample: Vec<usize> = (0..count).step_by(stride).collect();
+    let sampled = |k: usize| views_of(sample[k]);
+    let fitted = |body| MapContext { body, ..context.clone() };
     match context.options.body {
-        BodyKind::Ellipsoid => solve::<EllipsoidModel>(count, views_of, context, done),
-        BodyKind::Cuboid | BodyKind::Superellipsoid(_) => solve::<OrientedModel>(count, views_of, context, done),
+        Some(BodyKind::Ellipsoid) | None => {
+            let context = fitted(BodyKind::Ellipsoid);
+            let scene = SceneFit::<EllipsoidModel>::new(sample.len(), &sampled, &context);
+            let exponent = context.options.body.map_or_else(|| exponent::clearly_better(&scene, &context), |_| None);
+            match exponent {
+                None => finish(&scene, count, stride, views_of, &context, done),
+                Some(exponent) => {
+                    let context = fitted(BodyKind::Superellipsoid(exponent));
+                    let scene = SceneFit::<OrientedModel>::new(sample.len(), &sampled, &context);
+                    finish(&scene, count, stride, views_of, &context, done)
+                }
+            }
+        }
+        Some(body) => {
+            let context = fitted(body);
+            let scene = SceneFit::<OrientedModel>::new(sample.len(), &sampled, &context);
+            finish(&scene, count, stride, views_of, &context, done)
+        }
     }
 }
 
-fn solve<B: FirstFit>(
+/// The estimates of all objects, those of the sample and the others.
+fn finish<B: FirstFit>(
+    scene: &SceneFit<B>,
     count: usize,
+    stride: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &MapContext,
     done: &(dyn Fn() + Sync),
 ) -> MapSolution {
-    let stride = count.div_ceil(NOISE_SAMPLE).max(1);
-    let sample: Vec<usize> = (0..count).step_by(stride).collect();
-    let scene = SceneFit::<B>::new(sample.len(), &|k| views_of(sample[k]), context);
     let estimates = map_indices(count, |index| {
         let estimate = if index % stride == 0 {
             scene.estimate(index / stride, context)
@@ -97,5 +135,5 @@ fn solve<B: FirstFit>(
         done();
         estimate
     });
-    MapSolution { estimates, noise: scene.noise_report() }
+    MapSolution { estimates, noise: scene.noise_report(), body: context.body }
 }

@@ -88,6 +88,11 @@ impl NoiseLevels {
         self.sd[group as usize]
     }
 
+    /// The same levels with independent views.
+    pub(super) fn uncorrelated(&self) -> Self {
+        Self { correlation: 0.0, ..*self }
+    }
+
     /// All standard deviations multiplied by a factor.
     pub(super) fn scaled(&self, factor: f64) -> Self {
         Self { sd: self.sd.map(|s| s * factor), ..*self }
@@ -111,7 +116,7 @@ impl NoiseLevels {
             // Drawn towards the default in the logarithm: exact data do not look noisy for being few.
             let told = (self.sd[g] * (squares / freedom).sqrt()).max(FLOOR);
             let share = freedom / (freedom + missing);
-            (share * told.ln() + (1.0 - share) * DEFAULTS[g].ln()).exp()
+            (share * told.ln() + (1.0 - share) * DEFAULTS[g].ln()).exp().max(FLOOR)
         });
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
         let exact = sd[NoiseGroup::Edge as usize] < 2.0 * FLOOR;

@@ -39,7 +39,7 @@ impl Prepared {
             return Err(failed(Status::TooFewViews));
         }
         let frame = ObjectFrame::from_views(&views.views).ok_or_else(|| failed(Status::Degenerate))?;
-        let ellipses_as_planes = context.options.body != BodyKind::Ellipsoid;
+        let ellipses_as_planes = context.body != BodyKind::Ellipsoid;
         let measurements = Measurements::new(frame, &views.views, ellipses_as_planes, context.options);
         let prior = object_prior(&views, &frame, context);
         Ok(Self { views, measurements, prior, heavy_tails: context.options.heavy_tails })
@@ -52,7 +52,7 @@ impl Prepared {
         let measurements = Measurements::new(
             self.measurements.frame,
             &views.views,
-            context.options.body != BodyKind::Ellipsoid,
+            context.body != BodyKind::Ellipsoid,
             context.options,
         );
         Self { views, measurements, prior: self.prior.clone(), heavy_tails: self.heavy_tails }
@@ -111,7 +111,7 @@ impl Prepared {
 /// The priors of an object in its frame.
 fn object_prior(views: &ObjectViews, frame: &ObjectFrame, context: &MapContext) -> ObjectPrior {
     let mut prior = ObjectPrior { shape_weight: 1.0 / context.options.shape_sd, ..Default::default() };
-    prior.axes_are_named = context.options.body != BodyKind::Ellipsoid;
+    prior.axes_are_named = context.body != BodyKind::Ellipsoid;
     let name = views.category_index.map_or("", |index| context.categories[index].as_str());
     prior.on_ground = context.options.ground_plane && context.up.is_some();
     let Some(category) = context.options.priors.of(name) else { return prior };

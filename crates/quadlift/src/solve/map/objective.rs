@@ -50,6 +50,40 @@ pub(super) struct ObjectPrior {
     pub axes_are_named: bool,
 }
 
+impl ObjectPrior {
+    /// For each axis of the body, which of length (0), width (1) and height (2) it is.
+    pub(super) fn named_axes(&self, body: &impl BodyModel) -> [usize; 3] {
+        if self.axes_are_named {
+            return [0, 1, 2];
+        }
+        let semi_axes = body.semi_axes();
+        let mut names = [0; 3];
+        match &self.up {
+            Some(up) => {
+                let vertical = (body.axes().transpose() * up).iamax();
+                let (a, b) = ((vertical + 1) % 3, (vertical + 2) % 3);
+                let length = if semi_axes[a] >= semi_axes[b] { a } else { b };
+                names[vertical] = 2;
+                names[length] = 0;
+                names[3 - vertical - length] = 1;
+            }
+            None => {
+                // Longest to longest: the only sensible match when no direction is known.
+                let order = |values: [f64; 3]| {
+                    let mut order = [0, 1, 2];
+                    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+                    order
+                };
+                let by_prior = order(self.log_size.unwrap_or_default().map(|(mean, _)| mean));
+                for (axis, name) in order(semi_axes.into()).into_iter().zip(by_prior) {
+                    names[axis] = name;
+                }
+            }
+        }
+        names
+    }
+}
+
 /// The objective of one object.
 #[derive(Debug)]
 pub(super) struct Objective<'a> {
@@ -231,7 +265,7 @@ impl Objective<'_> {
         if let Some(log_size) = &self.prior.log_size {
             let gradients = body.log_axes_gradient();
             let semi_axes = body.semi_axes();
-            for (axis, named) in self.named_axes(body).into_iter().enumerate() {
+            for (axis, named) in self.prior.named_axes(body).into_iter().enumerate() {
                 let (mean, weight) = log_size[named];
                 let row: Row = gradients[axis].map(|x| x * weight);
                 equations.add_quadratic(weight * (semi_axes[axis].ln() - mean), &row);
@@ -241,38 +275,6 @@ impl Objective<'_> {
             let (height, row) = lowest_point(plane, body);
             equations.add_quadratic(weight * height, &row.map(|x| x * weight));
         }
-    }
-
-    /// For each axis of the body, which of length (0), width (1) and height (2) it is.
-    fn named_axes(&self, body: &impl BodyModel) -> [usize; 3] {
-        if self.prior.axes_are_named {
-            return [0, 1, 2];
-        }
-        let semi_axes = body.semi_axes();
-        let mut names = [0; 3];
-        match &self.prior.up {
-            Some(up) => {
-                let vertical = (body.axes().transpose() * up).iamax();
-                let (a, b) = ((vertical + 1) % 3, (vertical + 2) % 3);
-                let length = if semi_axes[a] >= semi_axes[b] { a } else { b };
-                names[vertical] = 2;
-                names[length] = 0;
-                names[3 - vertical - length] = 1;
-            }
-            None => {
-                // Longest to longest: the only sensible match when no direction is known.
-                let order = |values: [f64; 3]| {
-                    let mut order = [0, 1, 2];
-                    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-                    order
-                };
-                let by_prior = order(self.prior.log_size.unwrap_or_default().map(|(mean, _)| mean));
-                for (axis, name) in order(semi_axes.into()).into_iter().zip(by_prior) {
-                    names[axis] = name;
-                }
-            }
-        }
-        names
     }
 }
 

@@ -59,16 +59,6 @@ impl<B: FirstFit> SceneFit<B> {
             return scene;
         }
         let other = Self::settled(count, views_of, default.scaled(LITTLE_NOISE), context);
-        if std::env::var("DBG").is_ok() {
-            eprintln!(
-                "det {} ev {} {} noise {:?} {:?}",
-                scene.statistics.determined(),
-                scene.evidence(),
-                other.evidence(),
-                scene.noise,
-                other.noise
-            );
-        }
         if other.evidence() > scene.evidence() + CLEARLY { other } else { scene }
     }
 
@@ -129,6 +119,16 @@ impl<B: FirstFit> SceneFit<B> {
     /// Logarithm of the evidence for the noise levels, up to what does not depend on them.
     fn evidence(&self) -> f64 {
         self.fits.iter().flatten().map(|fit| fit.evidence(&self.noise)).sum()
+    }
+
+    /// The fitted objects.
+    pub(super) fn fits(&self) -> impl Iterator<Item = &Fit<B>> {
+        self.fits.iter().flatten()
+    }
+
+    /// The noise levels.
+    pub(super) fn noise(&self) -> &NoiseLevels {
+        &self.noise
     }
 
     /// The estimate of a fitted object.

@@ -101,6 +101,36 @@ pub(super) fn upright_ellipsoids(
     .collect()
 }
 
+/// Rotations of an oriented body that has the shape of a fitted ellipsoid: the ellipsoid's axes, and turned by 45 degrees
+/// about each of them, because an ellipsoid of nearly equal axes does not tell where edges are. With the semi-axes along
+/// them, in the order of the category's size where there is one.
+pub(super) fn turned_axes(ellipsoid: &EllipsoidModel, prior: &ObjectPrior) -> Vec<(Matrix3<f64>, Vector3<f64>)> {
+    let (mut axes, mut semi_axes) = (*ellipsoid.axes(), ellipsoid.semi_axes());
+    if prior.log_size.is_some() {
+        for (axis, name) in prior.named_axes(ellipsoid).into_iter().enumerate() {
+            axes.set_column(name, &ellipsoid.axes().column(axis));
+            semi_axes[name] = ellipsoid.semi_axes()[axis];
+        }
+    }
+    let axes = right_handed(axes);
+    let turns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| axis * std::f64::consts::FRAC_PI_4);
+    std::iter::once(Vector3::zeros())
+        .chain(turns)
+        .map(|turn| {
+            let turned = axes * Rotation3::new(turn).matrix();
+            // The axes that turn into each other are compromises.
+            let mean = |i: usize, j: usize| (semi_axes[i] * semi_axes[j]).sqrt();
+            let sizes = match turn.iamax() {
+                _ if turn == Vector3::zeros() => semi_axes,
+                0 => Vector3::new(semi_axes.x, mean(1, 2), mean(1, 2)),
+                1 => Vector3::new(mean(0, 2), semi_axes.y, mean(0, 2)),
+                _ => Vector3::new(mean(0, 1), mean(0, 1), semi_axes.z),
+            };
+            (turned, sizes)
+        })
+        .collect()
+}
+
 /// Axes in four directions: length, width, `up`.
 fn upright_axes(up: &Vector3<f64>) -> [Matrix3<f64>; 4] {
     let [first, second] = horizontal_basis(up);

@@ -1,0 +1,232 @@
+//! The one call: crops of an object in, masks and ellipses out.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use nalgebra::Vector2;
+use quadlift::geometry::Ellipse;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use crate::cleanup::clean;
+use crate::confidence::{Failure, decidedness, failure};
+use crate::crop::{Crop, CropOptions};
+use crate::frames::Frames;
+use crate::mask::Mask;
+use crate::moments::{Moments, PixelTerm};
+use crate::parallel::map_indices;
+use crate::pooled::{Labelled, Start, pooled_cuts, start_from_box};
+use crate::sca::{self, PixelOdds, ScaOptions};
+
+/// How the pixels of crops are told apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SegmentMethod {
+    /// Stel Component Analysis: a pixel is the object's when its posterior is above 1/2.
+    Sca,
+    /// Stel Component Analysis, finished by graph cuts: the stels say where the object is, colours of all frames
+    /// together and edges decide its outline.
+    #[default]
+    ScaCut,
+    /// Graph cuts with colours of all frames together and the prior of the box; no stels.
+    GraphCut,
+    /// Mixtures of colours without places: a baseline that shows what the stels are good for.
+    PlainMixture,
+    /// The ellipse in the box; no pixel is looked at.
+    Box,
+}
+
+impl SegmentMethod {
+    /// All of them, in the order of the documentation.
+    pub const ALL: [Self; 5] = [Self::Sca, Self::ScaCut, Self::GraphCut, Self::PlainMixture, Self::Box];
+
+    /// The name on the command line and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sca => "sca",
+            Self::ScaCut => "sca+cut",
+            Self::GraphCut => "graphcut",
+            Self::PlainMixture => "gmm",
+            Self::Box => "box",
+        }
+    }
+}
+
+/// Everything that can be chosen for a segmentation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SegmentOptions {
+    /// How pixels are told apart.
+    pub method: SegmentMethod,
+    /// Settings of the methods `sca`, `sca+cut` and `gmm`.
+    pub sca: ScaOptions,
+    /// Cost of a label that changes between neighbours of the same colour, where labels are smoothed; 0 to 100.
+    pub smoothing: f64,
+    /// Whether a mask that looks wrong is given up for the box's ellipse.
+    pub fall_back: bool,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+}
+
+impl Default for SegmentOptions {
+    fn default() -> Self {
+        Self { method: SegmentMethod::default(), sca: ScaOptions::default(), smoothing: 2.0, fall_back: true, seed: 0 }
+    }
+}
+
+/// Why crops cannot be segmented at all.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SegmentError {
+    /// An option is outside of its range.
+    #[error("{0}")]
+    Option(String),
+    /// The crops of one object were cut in different ways.
+    #[error(
+        "the crops of an object were cut in different ways (a grid of {} with a margin of {}, and {} with {})",
+        .0.grid, .0.margin, .1.grid, .1.margin
+    )]
+    CropsDiffer(CropOptions, CropOptions),
+}
+
+/// What came of a view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SegmentStatus {
+    /// A mask was found, and the ellipse is that of its moments.
+    Ok,
+    /// No mask could be trusted: mask and ellipse are those of the box.
+    FellBack(Failure),
+    /// The method was [`SegmentMethod::Box`].
+    BoxOnly,
+}
+
+/// The object in one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewSegmentation {
+    /// The object's pixels in the image. It may be empty where the object is smaller than a pixel.
+    pub mask: Mask,
+    /// The ellipse with the second moments of the mask (or the one in the box), in pixels of the image.
+    pub ellipse: Ellipse,
+    /// From 0 (nothing is known beyond the box) to 1 (every pixel is certain).
+    pub confidence: f64,
+    /// Whether there is more than the box.
+    pub status: SegmentStatus,
+}
+
+/// Segments an object by its crops: one entry for each crop, in this order.
+///
+/// The frames are segmented together: what the object and its surroundings look like is learned from all of them. The
+/// result depends on nothing but the crops and the options. All crops must have been cut with the same
+/// [`CropOptions`]. Takes about 50 kilobytes for each crop while it works.
+///
+/// # Errors
+/// [`SegmentError`] when options are outside of their ranges or crops were cut in different ways.
+pub fn segment_object(crops: &[Crop], options: &SegmentOptions) -> Result<Vec<ViewSegmentation>, SegmentError> {
+    check(crops, options)?;
+    let Some(first) = crops.first() else { return Ok(Vec::new()) };
+    if options.method == SegmentMethod::Box {
+        return Ok(crops.iter().map(|crop| of_box(crop, SegmentStatus::BoxOnly)).collect());
+    }
+    let CropOptions { grid, margin } = *first.options();
+    let frames = Frames::new(crops, grid, margin);
+    let labelled = labelled(&frames, options);
+    Ok(crops.iter().zip(labelled).map(|(crop, labelled)| view(crop, labelled, options.fall_back)).collect())
+}
+
+/// Rounds of graph cuts that start from the box, and from what SCA has found.
+const CUTS_FROM_BOX: usize = 5;
+const CUTS_FROM_SCA: usize = 2;
+
+fn labelled(frames: &Frames, options: &SegmentOptions) -> Vec<Labelled> {
+    let strength = options.smoothing as f32;
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    match options.method {
+        SegmentMethod::Sca => threshold(sca::fit(frames, &options.sca, &mut rng)),
+        SegmentMethod::PlainMixture => threshold(sca::fit_plain_mixture(frames, &options.sca, &mut rng)),
+        SegmentMethod::ScaCut => {
+            // The stels say where the object is, the cuts follow its edges; colours are learned anew from these.
+            let odds = sca::fit(frames, &options.sca, &mut rng);
+            let starts = odds
+                .into_iter()
+                .map(|odds| Start { prior: odds.prior, inside: odds.posterior.iter().map(|&x| x > 0.0).collect() });
+            pooled_cuts(frames, starts.collect(), CUTS_FROM_SCA, strength, &mut rng)
+        }
+        SegmentMethod::GraphCut => pooled_cuts(frames, start_from_box(frames), CUTS_FROM_BOX, strength, &mut rng),
+        SegmentMethod::Box => Vec::new(),
+    }
+}
+
+fn threshold(odds: Vec<PixelOdds>) -> Vec<Labelled> {
+    let labels = |odds: PixelOdds| Labelled {
+        inside: odds.posterior.iter().map(|&x| x > 0.0).collect(),
+        log_odds: odds.posterior,
+    };
+    odds.into_iter().map(labels).collect()
+}
+
+/// Called with the number of objects done and their total, from any thread.
+pub type Progress<'a> = &'a (dyn Fn(usize, usize) + Sync);
+
+/// Segments many objects, each by its crops, in parallel; see [`segment_object`].
+pub fn segment_objects(
+    objects: &[Vec<Crop>],
+    options: &SegmentOptions,
+    progress: Progress,
+) -> Vec<Result<Vec<ViewSegmentation>, SegmentError>> {
+    let done = AtomicUsize::new(0);
+    map_indices(objects.len(), |index| {
+        let views = segment_object(&objects[index], options);
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, objects.len());
+        views
+    })
+}
+
+fn check(crops: &[Crop], options: &SegmentOptions) -> Result<(), SegmentError> {
+    if let Some(problem) = options.sca.problem() {
+        return Err(SegmentError::Option(problem));
+    }
+    if !(0.0..=100.0).contains(&options.smoothing) {
+        return Err(SegmentError::Option(format!("the smoothing is {}; expected 0 to 100", options.smoothing)));
+    }
+    match crops.iter().find(|crop| crop.options() != crops[0].options()) {
+        Some(other) => Err(SegmentError::CropsDiffer(*crops[0].options(), *other.options())),
+        None => Ok(()),
+    }
+}
+
+/// The result of a view from the labels of its grid.
+fn view(crop: &Crop, labelled: Labelled, fall_back: bool) -> ViewSegmentation {
+    let Labelled { log_odds, mut inside } = labelled;
+    let grid = crop.grid();
+    // A mask is a set of pixels of the image: what lies outside of it is not the object's, whatever the prior says.
+    let seen = crop.seen();
+    inside.iter_mut().zip(&seen).for_each(|(inside, &seen)| *inside &= seen);
+    clean(&mut inside, grid);
+    let box_in_image: Vec<bool> = crop.in_box().iter().zip(&seen).map(|(&in_box, &seen)| in_box && seen).collect();
+    let confidence = decidedness(&log_odds, &box_in_image);
+    let failure = failure(&inside, &box_in_image, confidence, grid);
+    if let (Some(failure), true) = (failure, fall_back) {
+        return of_box(crop, SegmentStatus::FellBack(failure));
+    }
+    // Moments of the grid's pixels: finer than the image's where the object is small.
+    let on_grid = Mask { origin: [0, 0], width: grid as u32, height: grid as u32, inside };
+    let window = crop.window();
+    let ellipse = Moments::of_mask(&on_grid, PixelTerm::Centers)
+        .and_then(|moments| moments.mapped(&crop.scale(), &Vector2::new(window.x0, window.y0)).ellipse());
+    match ellipse {
+        Some(ellipse) => ViewSegmentation {
+            mask: crop.mask_in_image(&on_grid.inside),
+            ellipse,
+            confidence,
+            status: SegmentStatus::Ok,
+        },
+        None => of_box(crop, SegmentStatus::FellBack(Failure::TooSmall)),
+    }
+}
+
+/// Mask and ellipse of the box.
+fn of_box(crop: &Crop, status: SegmentStatus) -> ViewSegmentation {
+    let ellipse = Ellipse::inscribed_in(crop.bounding_box());
+    let grid = crop.grid();
+    let inside: Vec<bool> = (0..grid * grid)
+        .map(|i| crop.to_image(&Vector2::new((i % grid) as f64 + 0.5, (i / grid) as f64 + 0.5)))
+        .map(|place| (place - ellipse.center).component_div(&(crop.bounding_box().size() * 0.5)).norm() <= 1.0)
+        .collect();
+    ViewSegmentation { mask: crop.mask_in_image(&inside), ellipse, confidence: 0.0, status }
+}
