@@ -14,6 +14,9 @@
 //! 4. `search`: all of that twice, the second time with the noise and the shifts that the first time has learnt; the
 //!    result with more evidence stays. A thorough search tries more starts and dissolves weak objects (`dissolve`).
 //!
+//! Scores of detections only serve to leave some out: taken as evidence (a likelihood ratio learnt from what is assigned
+//! and what is not) they changed F1 on driving videos by less than 0.01, up as often as down.
+//!
 //! Nothing is drawn at random: the same input gives the same answer, on any number of threads.
 
 mod assignment;
