@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::bail;
-use quadlift::scene::Scene;
+use quadlift::scene::{Scene, SourceError};
 use quadlift::solve::{BodyKind, CategoryPriors, Estimate, Method, Status};
 use quadlift::{Localization, LocalizeError, Options, UsedMeasurements, localize};
 use quadlift_io::{SceneFile, builtin_priors, estimates_to_objects, read_priors};
@@ -140,7 +140,7 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
     });
     bar.finish_and_clear();
     let localization = match result {
-        Err(error @ LocalizeError::SeveralSources(_)) => bail!("{error} (--source NAME)"),
+        Err(error @ LocalizeError::Source(SourceError::Several(_))) => bail!("{error} (--source NAME)"),
         result => result?,
     };
     if localization.estimates.is_empty() {

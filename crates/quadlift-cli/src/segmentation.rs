@@ -7,7 +7,7 @@ use anyhow::bail;
 use nalgebra::Vector2;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift::scene::Scene;
-use quadlift::{LocalizeError, chosen_source};
+use quadlift::scene::SourceError;
 use quadlift_io::scene_file::{MaskSource, SceneImages};
 use quadlift_segment::{
     Contacts, Crop, CropOptions, Failure, Mask, Moments, PixelTerm, SegmentMethod, SegmentOptions, SegmentStatus,
@@ -156,8 +156,8 @@ pub fn segment_scene(
     settings: &Settings,
     out: &Output,
 ) -> anyhow::Result<Segmentation> {
-    let source = match chosen_source(scene, settings.source.as_deref()) {
-        Err(error @ LocalizeError::SeveralSources(_)) => bail!("{error} (--source NAME)"),
+    let source = match scene.source_index(settings.source.as_deref()) {
+        Err(error @ SourceError::Several(_)) => bail!("{error} (--source NAME)"),
         source => source?,
     };
     let chosen = |index: &usize| source.is_none() || scene.detections[*index].source_index == source;

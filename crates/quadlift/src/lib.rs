@@ -1,7 +1,8 @@
 //! quadlift lifts 2D object detections from posed images to 3D objects.
 //!
 //! A [`scene::Scene`] holds posed frames and the detections in them; [`localize()`] gives an estimate for every object
-//! that the detections name: an ellipsoid, a cuboid or a superellipsoid, with its uncertainty and residuals.
+//! that the detections name: an ellipsoid, a cuboid or a superellipsoid, with its uncertainty and residuals. Where the
+//! detections name no objects, [`associate()`] finds out which of them show the same one.
 //!
 //! ```
 //! use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
@@ -23,10 +24,12 @@
 //! ```
 //!
 //! Each folder uses only those above it in this order: [`geometry`] (the vocabulary), [`scene`] (what users bring),
-//! [`solve`] (the method), [`metrics`] (how good an estimate is), [`synthetic`] (scenes with known truth), and
-//! [`localize()`], the one call. The library reads no files and prints nothing.
+//! [`solve`] (the method), [`mod@associate`] (objects from detections that name none), [`metrics`] (how good an estimate
+//! is), [`synthetic`] (scenes with known truth), and [`localize()`], the one call. The library reads no files and prints
+//! nothing.
 #![forbid(unsafe_code)]
 
+pub mod associate;
 pub mod geometry;
 mod localize;
 pub mod metrics;
@@ -35,6 +38,5 @@ pub mod scene;
 pub mod solve;
 pub mod synthetic;
 
-pub use localize::{
-    LeftOut, Localization, LocalizeError, Options, Progress, UsedMeasurements, chosen_source, localize,
-};
+pub use associate::associate;
+pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, UsedMeasurements, localize};

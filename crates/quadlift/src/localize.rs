@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::parallel::map_indices;
-use crate::scene::{Detection, Scene, View};
+use crate::scene::{Detection, Scene, SourceError, View};
 use crate::solve::map::{MapContext, map};
 use crate::solve::{BodyKind, Estimate, MapOptions, Method, PoseNoise, RegOptions, ViewReport, solve_closed_form};
 
@@ -66,20 +66,9 @@ pub struct Options {
 /// Why a scene cannot be localised at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LocalizeError {
-    /// Several sources and none chosen.
-    #[error(
-        "the detections come from several sources ({}); choose one, because some may be made from the truth",
-        .0.join(", ")
-    )]
-    SeveralSources(Vec<String>),
-    /// The chosen source does not exist.
-    #[error("there are no detections of the source \"{chosen}\"; the scene has: {}", .known.join(", "))]
-    UnknownSource {
-        /// The source that was asked for.
-        chosen: String,
-        /// The sources of the scene.
-        known: Vec<String>,
-    },
+    /// The source to take is not clear.
+    #[error(transparent)]
+    Source(#[from] SourceError),
     /// An option is outside of its range.
     #[error("{0}")]
     Option(String),
@@ -121,7 +110,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         let text = "the ground plane needs to know where up is; give the scene an \"up\" direction (against gravity)";
         return Err(LocalizeError::Option(text.to_owned()));
     }
-    let source = chosen_source(scene, options.source.as_deref())?;
+    let source = scene.source_index(options.source.as_deref())?;
     let from_source = |d: &Detection| source.is_none() || d.source_index == source;
     let visible = |d: &Detection| {
         let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
@@ -220,29 +209,4 @@ fn check(options: &Options) -> Result<(), LocalizeError> {
         return refuse(format!("lambda is {}; expected a finite number that is not negative", options.reg.lambda));
     }
     Ok(())
-}
-
-/// Index of the source whose detections count; `None` when the scene has one at most.
-///
-/// # Errors
-/// [`LocalizeError::SeveralSources`], [`LocalizeError::UnknownSource`].
-pub fn chosen_source(scene: &Scene, chosen: Option<&str>) -> Result<Option<u32>, LocalizeError> {
-    let sources = &scene.sources;
-    match chosen {
-        Some(name) => match sources.iter().position(|s| s == name) {
-            Some(index) => Ok(Some(index as u32)),
-            None => Err(LocalizeError::UnknownSource { chosen: name.to_owned(), known: sources.clone() }),
-        },
-        None => {
-            let unnamed = scene.detections.iter().any(|d| d.source_index.is_none());
-            if sources.len() + usize::from(unnamed && !sources.is_empty()) > 1 {
-                let mut names = sources.clone();
-                if unnamed {
-                    names.push("detections without a source".to_owned());
-                }
-                return Err(LocalizeError::SeveralSources(names));
-            }
-            Ok(None)
-        }
-    }
 }

@@ -101,8 +101,9 @@ pub fn render(options: &RenderOptions) -> Result<RenderedScene, SyntheticError> 
     let truth = world.objects.iter().enumerate().map(body).collect();
     let (images, labels) = rendered.into_iter().map(|rendering| (rendering.image, rendering.labels)).unzip();
     let outliers = vec![false; values.len()];
+    let true_objects = values.iter().map(|&value| Some(usize::from(value) - 1)).collect();
     Ok(RenderedScene {
-        synthetic: SyntheticScene { scene: builder.build(), truth, frames, outliers },
+        synthetic: SyntheticScene { scene: builder.build(), truth, frames, outliers, true_objects },
         images,
         labels,
         kinds: world.objects.iter().map(|object| object.kind).collect(),

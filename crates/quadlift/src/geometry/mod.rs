@@ -9,7 +9,7 @@ mod convex_body;
 mod cuboid;
 mod ellipse;
 mod ellipsoid;
-mod gamma;
+pub(crate) mod gamma;
 pub(crate) mod linalg;
 mod projection;
 mod rotation;

@@ -3,6 +3,7 @@
 //! [`evaluate`] scores a whole list of objects; the measures that it reports, and some more, are functions of their
 //! own. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
 
+mod association;
 mod axes;
 mod circle_ellipse;
 mod distance;
@@ -15,6 +16,7 @@ mod nees;
 mod quadrature;
 mod reprojection;
 
+pub use association::{DivisionScore, FoundScore, score_division, score_found};
 pub use axes::{center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
 pub use distance::{hausdorff_distance, squared_wasserstein};
 pub use evaluate::{

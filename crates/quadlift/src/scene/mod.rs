@@ -4,9 +4,11 @@
 
 mod builder;
 mod hidden;
+mod sources;
 mod views;
 
 pub use builder::{DetectionInput, SceneBuilder, SceneError};
+pub use sources::SourceError;
 pub use views::{ObjectViews, View};
 
 use nalgebra::{Unit, Vector2, Vector3};

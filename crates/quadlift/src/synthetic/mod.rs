@@ -1,32 +1,44 @@
 //! Seeded synthetic scenes with known truth: the set-up of PfD's synthetic experiments and variations of it.
 //!
-//! Objects lie in a cube of side 20 about the origin, cameras stand around it at a distance and look at its centre;
-//! the world's z axis points up. Nothing is cut off at the border of the image and nothing hides anything else.
+//! In that set-up objects lie in a cube of side 20 about the origin, cameras stand around it at a distance and look at
+//! its centre, and every object is seen by every camera. Other places of the cameras, and a [`Detector`] that misses
+//! objects and makes some up, make scenes as they are met in practice. The world's z axis points up.
 
 mod cameras;
+mod detector;
 mod noise;
 mod objects;
 mod options;
 pub mod random;
+mod tracks;
 
-pub use options::{Noise, Observations, SyntheticError, SyntheticOptions, Trajectory};
+pub use options::{Detector, Noise, Observations, SyntheticError, SyntheticIds, SyntheticOptions, Trajectory};
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
-use crate::geometry::{Body, CamFromWorld, Ellipse, Intrinsics, Projection, project_bounding_box, project_ellipsoid};
+use crate::geometry::{
+    Body, BoundingBox, CamFromWorld, ConvexBody, Ellipse, Intrinsics, Projection, project_bounding_box,
+    project_ellipsoid,
+};
 use crate::scene::{DetectionInput, Scene, SceneBuilder};
+use detector::DetectorSource;
 use noise::NoiseSource;
 use objects::Object;
+use tracks::{Tracked, tracks};
 
 /// Streams of the seed.
 const OBJECT_STREAM: u64 = 0;
 const FIRST_NOISE_STREAM: u64 = 1;
+const CAMERA_STREAM: u64 = 8;
+const POSE_NOISE_STREAM: u64 = 9;
+const FIRST_DETECTOR_STREAM: u64 = 10;
+const TRACK_STREAM: u64 = 13;
 
 /// A scene and what is true about it.
 #[derive(Debug, Clone)]
 pub struct SyntheticScene {
-    /// The scene as an estimator gets it: no categories, no sources, no length unit; the detections are ordered by
-    /// object, then by frame.
+    /// The scene as an estimator gets it: no categories, no sources, no length unit. The detections of true objects are
+    /// ordered by object, then by frame; false boxes and duplicates come after them, by frame.
     pub scene: Scene,
     /// Id ("object_000", ...) and true body of each object, in the world of the scene.
     pub truth: Vec<(String, Body)>,
@@ -34,6 +46,8 @@ pub struct SyntheticScene {
     pub frames: Vec<SyntheticFrame>,
     /// For each detection of the scene, whether it was replaced by an outlier.
     pub outliers: Vec<bool>,
+    /// For each detection of the scene, the index of its object in `truth`; absent for false boxes and duplicates.
+    pub true_objects: Vec<Option<usize>>,
 }
 
 /// A camera of a synthetic scene.
@@ -43,7 +57,7 @@ pub struct SyntheticFrame {
     pub id: String,
     /// Intrinsics, pixels.
     pub intrinsics: Intrinsics,
-    /// Pose.
+    /// Pose, with its noise.
     pub cam_from_world: CamFromWorld,
     /// Width of the image in pixels.
     pub width: u32,
@@ -51,28 +65,45 @@ pub struct SyntheticFrame {
     pub height: u32,
 }
 
+/// A detection before it has a name.
+struct Found {
+    frame: usize,
+    object: Option<usize>,
+    bounding_box: Option<BoundingBox>,
+    ellipse: Option<Ellipse>,
+    is_outlier: bool,
+}
+
 /// Makes a scene: the same options always give the same scene.
 ///
-/// Every object is detected in every view. An outlier replaces the box, and the ellipse by the one inscribed in the
-/// wrong box.
+/// Every object is detected in every view that sees it, unless the detector misses it. An outlier replaces the box, and
+/// the ellipse by the one inscribed in the wrong box.
 ///
 /// # Errors
-/// [`SyntheticError`] when an option is out of its range, or an object does not lie in front of a camera.
+/// [`SyntheticError`] when an option is out of its range, or an object does not lie in front of a camera (on those
+/// trajectories where it must).
 pub fn generate(options: &SyntheticOptions) -> Result<SyntheticScene, SyntheticError> {
     options.check()?;
     let mut builder = SceneBuilder::new("synthetic");
     builder.up([0.0, 0.0, 1.0])?;
 
     // Measurements are made in the world before it is scaled and moved: its pixels are then the same to the last bit.
-    let [width, height] = cameras::IMAGE_SIZE;
+    let [width, height] = cameras::image_size(options.trajectory);
+    let intrinsics = cameras::intrinsics(options.trajectory);
+    let mut pose_noise = random::stream(options.seed, POSE_NOISE_STREAM);
     let (mut frames, mut projections) = (Vec::new(), Vec::new());
-    for (index, rotation) in cameras::rotations(options).iter().enumerate() {
-        let plain = cameras::pose(rotation, options.distance, &Vector3::zeros())?;
-        projections.push(Projection::from_camera(&cameras::INTRINSICS, &plain));
+    let poses = cameras::poses(options, &mut random::stream(options.seed, CAMERA_STREAM));
+    for (index, exact) in poses.iter().enumerate() {
+        let plain = exact.cam_from_world(1.0, &Vector3::zeros())?;
+        projections.push(Projection::from_camera(&intrinsics, &plain));
+        let known = match options.pose_noise {
+            0.0 => *exact,
+            degrees => exact.with_noise(degrees.to_radians(), &mut pose_noise),
+        };
         let frame = SyntheticFrame {
             id: format!("{index:06}"),
-            intrinsics: cameras::INTRINSICS,
-            cam_from_world: cameras::pose(rotation, options.distance * options.scale, &options.offset)?,
+            intrinsics,
+            cam_from_world: known.cam_from_world(options.scale, &options.offset)?,
             width,
             height,
         };
@@ -82,33 +113,157 @@ pub fn generate(options: &SyntheticOptions) -> Result<SyntheticScene, SyntheticE
     }
 
     let mut rng = random::stream(options.seed, OBJECT_STREAM);
+    let draw = |index| Object::draw(index, options.trajectory, options.cube_side, &mut rng);
+    let objects: Vec<Object> = (0..options.objects).map(draw).collect();
+    let truth: Vec<(String, Body)> = objects
+        .iter()
+        .enumerate()
+        .map(|(k, object)| (format!("object_{k:03}"), object.body(options.body, options.scale, &options.offset)))
+        .collect();
+    let found = detect(options, &objects, &truth, &frames, &projections)?;
+    let names = names(options, &found, &truth);
+    for (detection, name) in found.iter().zip(&names) {
+        builder.add_detection(&DetectionInput {
+            frame: &frames[detection.frame].id,
+            object: name.as_deref(),
+            bounding_box: detection.bounding_box,
+            ellipse: detection.ellipse,
+            ..Default::default()
+        })?;
+    }
+    Ok(SyntheticScene {
+        scene: builder.build(),
+        truth,
+        frames,
+        outliers: found.iter().map(|f| f.is_outlier).collect(),
+        true_objects: found.iter().map(|f| f.object).collect(),
+    })
+}
+
+/// All detections: of the objects, then the false ones and duplicates.
+fn detect(
+    options: &SyntheticOptions,
+    objects: &[Object],
+    truth: &[(String, Body)],
+    frames: &[SyntheticFrame],
+    projections: &[Projection],
+) -> Result<Vec<Found>, SyntheticError> {
+    let [width, height] = cameras::image_size(options.trajectory);
+    let image = Vector2::new(f64::from(width), f64::from(height));
+    let is_free = options.trajectory.is_free();
+    let bodies: Vec<Body> = objects.iter().map(|o| o.body(options.body, 1.0, &Vector3::zeros())).collect();
+    // The exact boxes of what is in view, by object and frame.
+    let mut exact_boxes = vec![vec![None; projections.len()]; bodies.len()];
+    for (object, body) in bodies.iter().enumerate() {
+        for (frame, projection) in projections.iter().enumerate() {
+            exact_boxes[object][frame] = match project_bounding_box(projection, body) {
+                Ok(exact) => {
+                    let is_near = projection.depth(&body.center()) <= options.trajectory.range();
+                    (!is_free || is_near && detector::is_in_image(&exact, image)).then_some(exact)
+                }
+                Err(_) if is_free => None,
+                Err(reason) => {
+                    let (object, frame) = (truth[object].0.clone(), frames[frame].id.clone());
+                    return Err(SyntheticError::NotInView { object, frame, reason });
+                }
+            };
+        }
+    }
+    let covered = if options.detector.occlusion { covered(&bodies, projections, &exact_boxes) } else { Vec::new() };
     let mut noise = NoiseSource::new(options, FIRST_NOISE_STREAM);
-    let (mut truth, mut outliers) = (Vec::new(), Vec::new());
-    for index in 0..options.objects {
-        let id = format!("object_{index:03}");
-        let object = Object::draw(&mut rng);
-        let plain = object.body(options.body, 1.0, &Vector3::zeros());
-        for (frame, projection) in frames.iter().zip(&projections) {
-            let not_in_view =
-                |reason| SyntheticError::NotInView { object: id.clone(), frame: frame.id.clone(), reason };
-            let exact_box = project_bounding_box(projection, &plain).map_err(not_in_view)?;
+    let mut detector = DetectorSource::new(options.detector, options.seed, FIRST_DETECTOR_STREAM);
+    let measured = |bounding_box: BoundingBox| {
+        let ellipse = options.observations.ellipses().then(|| Ellipse::inscribed_in(&bounding_box));
+        (options.observations.boxes().then_some(bounding_box), ellipse)
+    };
+    let (mut found, mut duplicates) = (Vec::new(), Vec::new());
+    let mut boxes_in: Vec<Vec<BoundingBox>> = vec![Vec::new(); projections.len()];
+    for (object, body) in bodies.iter().enumerate() {
+        for (frame, projection) in projections.iter().enumerate() {
+            let Some(exact_box) = exact_boxes[object][frame] else { continue };
+            // Everything is drawn, whether it is needed or not: one option does not change the draws of another.
             let outlier = noise.outlier(&exact_box)?;
-            let mut detection = DetectionInput { frame: &frame.id, object: Some(&id), ..Default::default() };
+            let mut bounding_box = exact_box;
             if options.observations.boxes() {
                 let noisy = noise.bounding_box(&exact_box)?;
-                detection.bounding_box = Some(outlier.unwrap_or(noisy));
+                bounding_box = outlier.unwrap_or(noisy);
             }
+            let mut ellipse = None;
             if options.observations.ellipses() {
-                let exact = project_ellipsoid(projection, &plain.ellipsoid()).map_err(not_in_view)?;
+                let not_in_view = |reason| SyntheticError::NotInView {
+                    object: truth[object].0.clone(),
+                    frame: frames[frame].id.clone(),
+                    reason,
+                };
+                let exact = project_ellipsoid(projection, &body.ellipsoid()).map_err(not_in_view)?;
                 let noisy = noise.ellipse(&exact)?;
-                detection.ellipse = Some(outlier.as_ref().map_or(noisy, Ellipse::inscribed_in));
+                ellipse = Some(outlier.as_ref().map_or(noisy, Ellipse::inscribed_in));
             }
-            builder.add_detection(&detection)?;
-            outliers.push(outlier.is_some());
+            let is_missed = detector.misses();
+            let duplicate = detector.duplicate(&bounding_box);
+            let is_covered = covered.get(object).is_some_and(|by_frame| by_frame[frame]);
+            if is_missed || is_covered {
+                continue;
+            }
+            if is_free {
+                let Some(inside) = detector::cut(&bounding_box, image) else { continue };
+                bounding_box = inside;
+            }
+            boxes_in[frame].push(bounding_box);
+            let duplicate = if is_free { duplicate.and_then(|d| detector::cut(&d, image)) } else { duplicate };
+            duplicates.extend(duplicate.map(|d| (frame, d)));
+            let bounding_box = options.observations.boxes().then_some(bounding_box);
+            found.push(Found { frame, object: Some(object), bounding_box, ellipse, is_outlier: outlier.is_some() });
         }
-        truth.push((id, object.body(options.body, options.scale, &options.offset)));
     }
-    Ok(SyntheticScene { scene: builder.build(), truth, frames, outliers })
+    let all: Vec<BoundingBox> = boxes_in.iter().flatten().copied().collect();
+    let mut others = duplicates;
+    for (frame, in_frame) in boxes_in.iter().enumerate() {
+        let made = detector.false_boxes(in_frame, &all, projections.len(), image)?;
+        others.extend(made.into_iter().map(|b| (frame, b)));
+    }
+    others.sort_by_key(|&(frame, _)| frame);
+    for (frame, bounding_box) in others {
+        let (bounding_box, ellipse) = measured(bounding_box);
+        found.push(Found { frame, object: None, bounding_box, ellipse, is_outlier: false });
+    }
+    Ok(found)
+}
+
+/// Which objects nearer ones cover, by object and frame.
+fn covered(bodies: &[Body], projections: &[Projection], boxes: &[Vec<Option<BoundingBox>>]) -> Vec<Vec<bool>> {
+    let mut covered = vec![vec![false; projections.len()]; bodies.len()];
+    for (frame, projection) in projections.iter().enumerate() {
+        let in_view: Vec<usize> = (0..bodies.len()).filter(|&object| boxes[object][frame].is_some()).collect();
+        let with_depth = in_view
+            .iter()
+            .filter_map(|&object| Some((boxes[object][frame]?, projection.depth(&bodies[object].center()))));
+        for (&object, hidden) in in_view.iter().zip(detector::covered(&with_depth.collect::<Vec<_>>())) {
+            covered[object][frame] = hidden;
+        }
+    }
+    covered
+}
+
+/// The id that each detection names.
+fn names(options: &SyntheticOptions, found: &[Found], truth: &[(String, Body)]) -> Vec<Option<String>> {
+    match options.ids {
+        SyntheticIds::True => found.iter().map(|f| f.object.map(|object| truth[object].0.clone())).collect(),
+        SyntheticIds::Absent => vec![None; found.len()],
+        SyntheticIds::Tracks { fragments, switches } => {
+            let tracked = found.iter().enumerate().filter_map(|(detection, f)| {
+                let outline = f.ellipse.as_ref().map(|e| e.center);
+                let place = f.bounding_box.as_ref().map(BoundingBox::center).or(outline)?;
+                Some(Tracked { detection, frame: f.frame, object: f.object?, place })
+            });
+            let mut rng = random::stream(options.seed, TRACK_STREAM);
+            let mut names = vec![None; found.len()];
+            for (detection, track) in tracks(tracked.collect(), fragments, switches, &mut rng) {
+                names[detection] = Some(format!("track_{track:04}"));
+            }
+            names
+        }
+    }
 }
 
 #[cfg(test)]

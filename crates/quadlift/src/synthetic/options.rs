@@ -21,6 +21,8 @@ pub struct SyntheticOptions {
     pub views: usize,
     /// Where the cameras stand.
     pub trajectory: Trajectory,
+    /// Side of the cube that holds the centres of the objects, in world units before `scale`.
+    pub cube_side: f64,
     /// Distance of the cameras from the centre of the objects, in world units before `scale`.
     pub distance: f64,
     /// Factor on the whole world (positions, sizes, distance); the pixels stay the same.
@@ -33,6 +35,44 @@ pub struct SyntheticOptions {
     pub noise: Vec<Noise>,
     /// Probability, in [0, 1], that a detection is replaced by a wrong box near the true one.
     pub outlier_share: f64,
+    /// Standard deviation of the error of the cameras' rotations about each of their axes, in degrees: the scene's
+    /// cameras are not quite those that have made the measurements.
+    pub pose_noise: f64,
+    /// What the detector misses and makes up.
+    pub detector: Detector,
+    /// What the detections say about the identity of the objects.
+    pub ids: SyntheticIds,
+}
+
+/// What a detector misses and makes up (ours); the default is a perfect one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Detector {
+    /// Probability, in [0, 1], that a visible object is not detected.
+    pub misses: f64,
+    /// Number of false boxes for each true one, on average: as large as true ones, where the frame's true ones are.
+    pub false_boxes: f64,
+    /// Probability, in [0, 1], that an object is reported twice, by a second box with edges 0.12 mean half sizes off.
+    pub duplicates: f64,
+    /// Whether objects hide each other: one of which others cover more than 65 % is not detected.
+    pub occlusion: bool,
+}
+
+/// What the detections say about the identity of the objects; false boxes and duplicates never name one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum SyntheticIds {
+    /// The truth.
+    #[default]
+    True,
+    /// Nothing.
+    Absent,
+    /// What a tracker makes of it.
+    Tracks {
+        /// Probability, in [0, 1], at every detection that its track ends and a new one begins.
+        fragments: f64,
+        /// Probability, in [0, 1], at every detection that its track and that of the nearest other object in the frame
+        /// are exchanged from then on.
+        switches: f64,
+    },
 }
 
 impl Default for SyntheticOptions {
@@ -44,17 +84,24 @@ impl Default for SyntheticOptions {
             views: 20,
             trajectory: Trajectory::default(),
             distance: 200.0,
+            cube_side: 20.0,
             scale: 1.0,
             offset: Vector3::zeros(),
             observations: Observations::Ellipses,
             noise: Vec::new(),
             outlier_share: 0.0,
+            pose_noise: 0.0,
+            detector: Detector::default(),
+            ids: SyntheticIds::default(),
         }
     }
 }
 
-/// Where the cameras stand; all of them look at the centre of the objects, and the angles (degrees) are linear in the
-/// index of the view.
+/// Where the cameras stand.
+///
+/// On `Paper`, `Arc` and `Orbit` they look at the centre of the objects from a distance, and every object must be in
+/// front of them; nothing is cut off at the border of the image. From `Random` and `Street` objects are seen that lie in
+/// the image by half at least, and boxes end at its border.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trajectory {
     /// Azimuth and elevation from 0 to the given angles (PfD section 5.1: 60 and 70 degrees).
@@ -69,6 +116,27 @@ pub enum Trajectory {
         /// Last azimuth, degrees.
         span: f64,
     },
+    /// Once around, at elevations from 20 to 50 degrees (ours).
+    Orbit,
+    /// Cameras anywhere above the objects, which lie on a floor, each looking at a place among them; the distance is not
+    /// used (ours).
+    Random,
+    /// A drive of one world unit per view along a street of parked cars, one every six units on both sides, in the order
+    /// of the drive, detected up to 45 units ahead; distance and side of the cube are not used. Views / 3 + 17 objects
+    /// fill the street (ours).
+    Street,
+}
+
+impl Trajectory {
+    /// Whether objects may lie outside of the image.
+    pub(super) fn is_free(self) -> bool {
+        matches!(self, Self::Random | Self::Street)
+    }
+
+    /// Depth beyond which objects are too small to be detected, in world units before the scene's scale.
+    pub(super) fn range(self) -> f64 {
+        if self == Self::Street { 45.0 } else { f64::INFINITY }
+    }
 }
 
 impl Default for Trajectory {
@@ -198,6 +266,30 @@ impl SyntheticOptions {
         }
         if !positive(self.scale) {
             return out_of_range("scale", self.scale, "a positive number");
+        }
+        if !positive(self.cube_side) {
+            return out_of_range("side of the cube", self.cube_side, "a positive number");
+        }
+        let not_negative = |x: f64| x.is_finite() && x >= 0.0;
+        if !not_negative(self.pose_noise) {
+            return out_of_range("pose noise", self.pose_noise, "a number that is not negative");
+        }
+        if !not_negative(self.detector.false_boxes) {
+            return out_of_range("number of false boxes", self.detector.false_boxes, "a number that is not negative");
+        }
+        let (fragments, switches) = match self.ids {
+            SyntheticIds::Tracks { fragments, switches } => (fragments, switches),
+            _ => (0.0, 0.0),
+        };
+        for (what, share) in [
+            ("share of misses", self.detector.misses),
+            ("share of duplicates", self.detector.duplicates),
+            ("share of fragments", fragments),
+            ("share of switches", switches),
+        ] {
+            if !(0.0..=1.0).contains(&share) {
+                return out_of_range(what, share, "a number from 0 to 1");
+            }
         }
         if let Some(&x) = self.offset.iter().find(|x| !x.is_finite()) {
             return out_of_range("offset", x, "finite numbers");

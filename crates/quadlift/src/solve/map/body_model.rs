@@ -11,7 +11,7 @@ use crate::geometry::{linalg::symmetric_eigen3, skew};
 const LARGEST_ASPECT: f64 = 1e6;
 
 /// A body that the solver can fit.
-pub(super) trait BodyModel: Clone + Send + Sync {
+pub(crate) trait BodyModel: Clone + Send + Sync {
     /// Centre.
     fn center(&self) -> &Vector3<f64>;
     /// Semi-axes, in the model's own order.
@@ -36,7 +36,7 @@ pub(super) trait BodyModel: Clone + Send + Sync {
 ///
 /// B is kept as `V diag(a)` with the eigenvectors V of A, so that the matrix logarithm of the prior is diagonal.
 #[derive(Debug, Clone)]
-pub(super) struct EllipsoidModel {
+pub(crate) struct EllipsoidModel {
     center: Vector3<f64>,
     axes: Matrix3<f64>,
     semi_axes: Vector3<f64>,
@@ -49,7 +49,7 @@ const STEP_INDEX: [[usize; 3]; 3] = [[3, 4, 5], [4, 6, 7], [5, 7, 8]];
 
 impl EllipsoidModel {
     /// From centre and shape matrix; `None` when the shape is not positive definite.
-    pub(super) fn new(center: Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
+    pub(crate) fn new(center: Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
         let (values, axes) = symmetric_eigen3(shape)?;
         if values[2] <= 0.0 || values[0] > values[2] * LARGEST_ASPECT * LARGEST_ASPECT {
             return None;
@@ -64,7 +64,7 @@ impl EllipsoidModel {
     }
 
     /// `B` with `A = B B^T`.
-    pub(super) fn root(&self) -> Matrix3<f64> {
+    pub(crate) fn root(&self) -> Matrix3<f64> {
         self.root_transposed.transpose()
     }
 

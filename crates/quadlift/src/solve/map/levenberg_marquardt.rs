@@ -7,7 +7,7 @@ use crate::geometry::linalg::solve_spd;
 
 /// When to stop.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stop {
+pub(crate) struct Stop {
     /// Evaluations of the objective, at most.
     pub evaluations: usize,
     /// Stop when a step promises to lower the cost by less than this. The cost is a sum of whitened squares, so that
@@ -26,7 +26,7 @@ const LONGEST_STEP: f64 = 1.5;
 ///
 /// `linearise` gives cost and derivatives at a state, `None` where the state is not allowed; `retract` moves a state by
 /// a step in its local coordinates.
-pub(super) fn minimise<State: Clone>(
+pub(crate) fn minimise<State: Clone>(
     start: State,
     stop: Stop,
     linearise: impl Fn(&State) -> Option<NormalEquations>,

@@ -8,7 +8,7 @@
 //! Rounds: fit every object from its starts with default noise; look for outliers where the residuals show some
 //! (`robust`); then alternate between new noise levels and refits until the levels stand.
 
-mod body_model;
+pub(crate) mod body_model;
 mod covariance;
 mod ellipse_residual;
 mod exponent;
@@ -17,10 +17,10 @@ mod fit;
 mod ground;
 #[cfg(test)]
 mod jacobian_tests;
-mod levenberg_marquardt;
+pub(crate) mod levenberg_marquardt;
 mod measurements;
 mod noise;
-mod normal_equations;
+pub(crate) mod normal_equations;
 mod object;
 mod objective;
 mod poses;

@@ -3,14 +3,14 @@
 use nalgebra::{SMatrix, SVector};
 
 /// Number of parameters of a body.
-pub(super) const PARAMETERS: usize = 9;
+pub(crate) const PARAMETERS: usize = 9;
 
 /// A row of a Jacobian.
-pub(super) type Row = [f64; PARAMETERS];
+pub(crate) type Row = [f64; PARAMETERS];
 
 /// `J^T J` (lower triangle) and `J^T r` of weighted residuals, and their cost.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct NormalEquations {
+pub(crate) struct NormalEquations {
     /// Sum of squares, or what a robust loss makes of them.
     pub cost: f64,
     hessian: [[f64; PARAMETERS]; PARAMETERS],
@@ -18,13 +18,13 @@ pub(super) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub(super) fn zero() -> Self {
+    pub(crate) fn zero() -> Self {
         Self { cost: 0.0, hessian: [[0.0; PARAMETERS]; PARAMETERS], gradient: [0.0; PARAMETERS] }
     }
 
     /// Adds the derivatives of one residual; the cost is left to the caller.
     #[inline]
-    pub(super) fn add_row(&mut self, residual: f64, row: &Row, weight: f64) {
+    pub(crate) fn add_row(&mut self, residual: f64, row: &Row, weight: f64) {
         for i in 0..PARAMETERS {
             let wi = weight * row[i];
             self.gradient[i] += wi * residual;
@@ -36,18 +36,18 @@ impl NormalEquations {
 
     /// Adds one quadratic residual, its square to the cost as well.
     #[inline]
-    pub(super) fn add_quadratic(&mut self, residual: f64, row: &Row) {
+    pub(crate) fn add_quadratic(&mut self, residual: f64, row: &Row) {
         self.cost += residual * residual;
         self.add_row(residual, row, 1.0);
     }
 
     /// `J^T J` as a full matrix.
-    pub(super) fn hessian(&self) -> SMatrix<f64, 9, 9> {
+    pub(crate) fn hessian(&self) -> SMatrix<f64, 9, 9> {
         SMatrix::from_fn(|i, j| self.hessian[i.max(j)][i.min(j)])
     }
 
     /// `J^T r`.
-    pub(super) fn gradient(&self) -> SVector<f64, 9> {
+    pub(crate) fn gradient(&self) -> SVector<f64, 9> {
         SVector::from(self.gradient)
     }
 }

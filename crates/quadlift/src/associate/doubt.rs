@@ -1,0 +1,108 @@
+//! Objects that may not be one standing thing.
+
+use super::evidence::evidence;
+use super::object::Object;
+use super::problem::Problem;
+use super::rounds::State;
+use super::statistics::median;
+
+/// Why an object may not be one standing thing.
+///
+/// A thing that moves seldom looks like clutter: some standing ellipsoid explains its boxes more or less, but that is
+/// oddly long, oddly large or small, or explains them less well than the scene's other objects explain theirs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Doubt {
+    /// Its body is implausibly long.
+    Elongated,
+    /// Its size is not that of the other objects of its category.
+    UnusualSize,
+    /// Its detections agree with one standing body much less than those of the scene's other objects.
+    WeakEvidence,
+}
+
+impl Doubt {
+    /// The reason in words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Elongated => "its body is implausibly long: it may move",
+            Self::UnusualSize => "its size is not that of its category: it may move",
+            Self::WeakEvidence => "its detections agree poorly with one standing body: it may move, or be several",
+        }
+    }
+}
+
+/// Ratio of the longest to the shortest semi-axis beyond which an object is doubtful where nothing is known of others.
+const LARGEST_ASPECT: f64 = 8.0;
+
+/// Deviations from what is usual, in standard deviations and taken together, beyond which an object is doubtful.
+const LARGEST_DEVIATION: f64 = 3.0;
+
+/// Objects that must be there to tell what is usual.
+const TELLING_OBJECTS: usize = 6;
+
+/// Standard deviations are not taken for smaller than these: of the log radius and of the log aspect of a category.
+const LEAST_SIZE_SD: f64 = 0.12;
+const LEAST_ASPECT_SD: f64 = 0.3;
+
+/// Standard deviation of the logarithm of the evidence per view.
+const LOG_EVIDENCE_SD: f64 = 0.35;
+
+/// For each object, why it is doubtful, if it is.
+pub(super) fn doubts(problem: &Problem, state: &State) -> Vec<Option<Doubt>> {
+    let objects = &state.objects;
+    let per_view: Vec<f64> = objects
+        .iter()
+        .map(|o| evidence(problem, &state.observations, &state.model, o) / o.boxes.len().max(1) as f64)
+        .collect();
+    let usual_evidence = median(&mut per_view.clone()).unwrap_or(0.0);
+    let of_category = |category: usize, feature: fn(&Object) -> f64, least_sd: f64| {
+        let members = objects.iter().filter(|o| o.category == category);
+        usual(members.map(feature).collect(), least_sd)
+    };
+    let usual_of: Vec<_> = (0..state.observations.categories.len())
+        .map(|c| (of_category(c, log_radius, LEAST_SIZE_SD), of_category(c, log_aspect, LEAST_ASPECT_SD)))
+        .collect();
+    let doubt = |(object, own): (&Object, &f64)| {
+        let (usual_radius, usual_aspect) = usual_of[object.category];
+        let deviation = |value: f64, usual: Option<(f64, f64)>| usual.map_or(0.0, |(middle, sd)| (value - middle) / sd);
+        let size = deviation(log_radius(object), usual_radius).abs();
+        // Only too long and too weak are odd.
+        let length = deviation(log_aspect(object), usual_aspect).max(0.0);
+        let weakness = (usual_evidence / own.max(0.1)).ln().max(0.0) / LOG_EVIDENCE_SD;
+        if usual_aspect.is_none() && log_aspect(object) > LARGEST_ASPECT.ln() {
+            return Some(Doubt::Elongated);
+        }
+        if size.hypot(length).hypot(weakness) <= LARGEST_DEVIATION {
+            return None;
+        }
+        Some(if length >= size.max(weakness) {
+            Doubt::Elongated
+        } else if size >= weakness {
+            Doubt::UnusualSize
+        } else {
+            Doubt::WeakEvidence
+        })
+    };
+    objects.iter().zip(&per_view).map(doubt).collect()
+}
+
+fn log_radius(object: &Object) -> f64 {
+    object.radius.ln()
+}
+
+/// Logarithm of the ratio of the longest to the shortest semi-axis.
+fn log_aspect(object: &Object) -> f64 {
+    let axes: [f64; 3] = std::array::from_fn(|i| object.root.column(i).norm());
+    let (shortest, longest) = axes.iter().fold((f64::MAX, 0.0f64), |(low, high), &x| (low.min(x), high.max(x)));
+    (longest / shortest).ln()
+}
+
+/// Median and robust standard deviation, where there are enough values.
+fn usual(mut values: Vec<f64>, least_sd: f64) -> Option<(f64, f64)> {
+    if values.len() < TELLING_OBJECTS {
+        return None;
+    }
+    let middle = median(&mut values)?;
+    let mut deviations: Vec<f64> = values.iter().map(|x| (x - middle).abs()).collect();
+    Some((middle, (1.4826 * median(&mut deviations)?).max(least_sd)))
+}

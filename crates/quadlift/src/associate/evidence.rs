@@ -1,0 +1,80 @@
+//! How much better the boxes of an object are explained by the object than by clutter: one currency for births, merges
+//! and deaths.
+
+use super::fit::SHAPE_SD;
+use super::gain::HIDDEN_SHARE;
+use super::model::Model;
+use super::object::Object;
+use super::observations::Observations;
+use super::problem::Problem;
+use super::statistics::{LN_2PI, t_constant};
+
+/// Objects with less evidence (nats) are given up.
+pub(super) const LEAST_EVIDENCE: f64 = 5.0;
+
+/// Range of the logarithm of an unknown size, over which it is uniform.
+const LOG_SIZE_RANGE: f64 = 6.0;
+
+/// The log Bayes factor of an object against all its boxes being clutter, by Laplace's method.
+///
+/// The term of the detection rate is the Beta-binomial one: whether walls hide the object or the detector is weak, the
+/// rate of its detection is its own.
+pub(super) fn evidence(problem: &Problem, observations: &Observations, model: &Model, object: &Object) -> f64 {
+    let edge_constant = t_constant(1);
+    let mut sum = -object.cost - (observations.categories.len().max(1) as f64).ln();
+    for &index in &object.boxes {
+        let index = index as usize;
+        let sighting = &observations.boxes[index];
+        let log_clutter = model.log_clutter(&problem.clutter, index);
+        let (log_sd, size) = (model.sd(sighting).ln(), sighting.size());
+        for edge in 0..4 {
+            if sighting.cut[edge] {
+                continue;
+            }
+            sum -= log_clutter;
+            sum += if model.hidden[index][edge] {
+                HIDDEN_SHARE.ln() - size[edge % 2].ln()
+            } else {
+                edge_constant - log_sd
+            };
+        }
+        sum += observations.category_log_odds(object.category, sighting.category);
+    }
+    // Densities of the prior: the centre uniform in the scene's volume and measured in radii, five numbers of shape (the
+    // entries of D are twice logarithms of axes), one of size.
+    let place = 3.0 * object.radius.ln() - model.volume.ln();
+    let shape = -5.0 * SHAPE_SD.ln() - 2.5 * LN_2PI + 6.0 * 0.5f64.ln();
+    let size = match model.log_sizes[object.category] {
+        Some(size) => -size.sd.ln() - 0.5 * LN_2PI,
+        None => -LOG_SIZE_RANGE.ln(),
+    };
+    let occam = 4.5 * LN_2PI - 0.5 * object.log_det_hessian;
+    let rate = problem.rate.log_probability(object.boxes.len(), object.visible);
+    sum + place + shape + size + occam + rate + model.objects.max(1.0).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::{Start, fit};
+    use super::super::options::AssociateOptions;
+    use super::super::test_scenes::{ellipsoid, seen_by};
+    use super::*;
+    use crate::scene::Scene;
+
+    fn of_views(views: u32, shift: f64) -> f64 {
+        let (mut observations, model) = seen_by(10, &ellipsoid());
+        observations.move_boxes(0, &nalgebra::Vector2::new(shift, 0.0));
+        let options = AssociateOptions::default();
+        let problem = Problem::new(&Scene::default(), &observations, &options);
+        let center = ellipsoid().center.coords - observations.origin;
+        let object = fit(&observations, &model, (0..views).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        evidence(&problem, &observations, &model, &object)
+    }
+
+    #[test]
+    fn every_view_that_agrees_adds_evidence_and_one_that_does_not_takes_some() {
+        let by_views: Vec<f64> = (3..=10).map(|views| of_views(views, 0.0)).collect();
+        assert!(by_views.windows(2).all(|w| w[1] > w[0] + 2.0), "{by_views:?}");
+        assert!(of_views(10, 25.0) < of_views(10, 0.0) - 5.0);
+    }
+}

@@ -1,0 +1,120 @@
+//! Objects that are one: unions with more evidence than their parts, and bodies inside of each other.
+
+use nalgebra::Vector3;
+
+use super::assignment::count_visible;
+use super::evidence::evidence;
+use super::fit::{Start, fit};
+use super::model::Model;
+use super::object::Object;
+use super::observations::Observations;
+use super::point_tree::PointTree;
+use super::problem::Problem;
+use super::statistics::quantile;
+
+/// Objects are tried as one when their centres are nearer than this many times the sum of their radii.
+const NEAR: f64 = 1.2;
+
+/// Share of the smaller object's frames in which both may be seen, at most.
+const SHARED_FRAMES: f64 = 0.5;
+
+/// Centres nearer than this many semi-axes of each other's bodies are taken for duplicates,
+const SAME_PLACE: f64 = 0.5;
+/// when the logarithms of the radii differ by less than this,
+const SAME_SIZE: f64 = 0.35;
+/// and the weaker one has less than this share of the other's views.
+const FEWER_VIEWS: f64 = 0.6;
+
+/// Merges objects whose union has more evidence than they have apart, the nearest first.
+pub(super) fn merge(
+    problem: &Problem,
+    observations: &Observations,
+    model: &Model,
+    objects: Vec<Object>,
+) -> Vec<Object> {
+    let mut pairs = near_pairs(&objects, |a, b| (a.center - b.center).norm() / (a.radius + b.radius), NEAR);
+    pairs.sort_by(|a, b| a.2.total_cmp(&b.2).then((a.0, a.1).cmp(&(b.0, b.1))));
+    let mut objects: Vec<Option<Object>> = objects.into_iter().map(Some).collect();
+    let own_evidence = |object: &Object| evidence(problem, observations, model, object);
+    for (first, second, _) in pairs {
+        let (Some(a), Some(b)) = (&objects[first], &objects[second]) else { continue };
+        // Two trusted ids are two objects.
+        if a.trusted_id.is_some() && b.trusted_id.is_some() {
+            continue;
+        }
+        let Some(union) = union(problem, observations, model, a, b) else { continue };
+        if own_evidence(&union) > own_evidence(a) + own_evidence(b) {
+            objects[first] = Some(union);
+            objects[second] = None;
+        }
+    }
+    objects.into_iter().flatten().collect()
+}
+
+/// Both objects as one, where it is fit to be one.
+fn union(problem: &Problem, observations: &Observations, model: &Model, a: &Object, b: &Object) -> Option<Object> {
+    // Boxes of the one with more stay (or of the one whose boxes are trusted), the other adds those of other frames.
+    let first_stays = a.trusted_id.is_some() || b.trusted_id.is_none() && a.boxes.len() >= b.boxes.len();
+    let (major, minor) = if first_stays { (a, b) } else { (b, a) };
+    let taken: Vec<usize> = major.frames(observations).collect();
+    let is_new = |index: &u32| taken.binary_search(&observations.boxes[*index as usize].frame).is_err();
+    let mut boxes: Vec<u32> = minor.boxes.iter().copied().filter(is_new).collect();
+    let shared = minor.boxes.len() - boxes.len();
+    if shared as f64 > SHARED_FRAMES * minor.boxes.len().min(major.boxes.len()) as f64 {
+        return None;
+    }
+    boxes.extend(&major.boxes);
+    boxes.sort_unstable();
+    let mut union = fit(observations, model, boxes, &[Start::body(major), Start::body(minor)])?;
+    union.trusted_id = major.trusted_id;
+    union.visible = count_visible(problem, observations, &union);
+    Some(union)
+}
+
+/// Drops the weaker of two objects that fill the same place and are about as large: bodies do not nest, but detectors
+/// report one object twice.
+pub(super) fn drop_nested(
+    problem: &Problem,
+    observations: &Observations,
+    model: &Model,
+    objects: Vec<Object>,
+) -> Vec<Object> {
+    let own_evidence: Vec<f64> = objects.iter().map(|o| evidence(problem, observations, model, o)).collect();
+    // The centre of one in semi-axes of the other.
+    let inside = |a: &Object, b: &Object| {
+        let within = |body: &Object, d: Vector3<f64>| body.root.lu().solve(&d).map_or(f64::INFINITY, |x| x.norm());
+        within(a, b.center - a.center).max(within(b, b.center - a.center))
+    };
+    let mut gone = vec![false; objects.len()];
+    for (a, b, _) in near_pairs(&objects, inside, SAME_PLACE) {
+        if gone[a] || gone[b] || (objects[a].radius / objects[b].radius).ln().abs() >= SAME_SIZE {
+            continue;
+        }
+        let (weaker, other) = if own_evidence[a] >= own_evidence[b] { (b, a) } else { (a, b) };
+        let views = |k: usize| objects[k].boxes.len() as f64;
+        if objects[weaker].trusted_id.is_none() && views(weaker) < FEWER_VIEWS * views(other) {
+            gone[weaker] = true;
+        }
+    }
+    objects.into_iter().zip(gone).filter(|(_, gone)| !gone).map(|(object, _)| object).collect()
+}
+
+/// Pairs of objects of one category that are near each other, with how far they are apart.
+fn near_pairs(objects: &[Object], apart: impl Fn(&Object, &Object) -> f64, limit: f64) -> Vec<(usize, usize, f64)> {
+    let mut radii: Vec<f64> = objects.iter().map(|o| o.radius).collect();
+    let Some(large) = quantile(&mut radii, 0.9) else { return Vec::new() };
+    let tree = PointTree::new(objects.iter().map(|o| o.center).collect());
+    let mut pairs = Vec::new();
+    for (first, object) in objects.iter().enumerate() {
+        for second in tree.within(&object.center, 2.0 * large) {
+            let second = second as usize;
+            if second > first && objects[second].category == object.category {
+                let distance = apart(object, &objects[second]);
+                if distance < limit {
+                    pairs.push((first, second, distance));
+                }
+            }
+        }
+    }
+    pairs
+}
