@@ -73,8 +73,8 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     if left_out.without_object > 0 {
         let _ = writeln!(
             text,
-            "{WARNING}warning:{WARNING:#} left out {} without an object id (to find out which detections show the \
-             same object is not built in yet)",
+            "{WARNING}warning:{WARNING:#} left out {} without an object id (--associate always finds out which \
+             object they show)",
             count(left_out.without_object, "detection")
         );
     }

@@ -147,8 +147,8 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
         match (scene.detections.len(), localization.left_out.without_object) {
             (0, _) => bail!("there is nothing to localise: the scene has no detections"),
             (_, n) => bail!(
-                "there is nothing to localise: {n} detections name no object (which detections show the same object \
-                 must be known; it is not found out yet)"
+                "there is nothing to localise: {n} detections name no object (--associate always finds out which show \
+                 the same one)"
             ),
         }
     }

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod association;
 mod commands;
 mod contact_sheet;
 mod error;
@@ -23,7 +24,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{completions, demo, evaluate, info, localize, reproduce, segment, synth};
+use commands::{associate, completions, demo, evaluate, info, localize, reproduce, segment, synth};
 use error::Outcome;
 use output::Output;
 
@@ -61,6 +62,7 @@ struct Cli {
 enum Command {
     Demo(demo::Args),
     Segment(segment::Args),
+    Associate(associate::Args),
     Localize(localize::Args),
     Evaluate(evaluate::Args),
     Synth(synth::Args),
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
     let result = match cli.command {
         Command::Demo(args) => demo::run(&args, &out),
         Command::Segment(args) => segment::run(&args, &out),
+        Command::Associate(args) => associate::run(&args, &out),
         Command::Localize(args) => localize::run(&args, &out),
         Command::Evaluate(args) => evaluate::run(&args, &out),
         Command::Synth(args) => synth::run(&args, &out),

@@ -77,7 +77,7 @@ pub enum LocalizeError {
 /// Detections that took no part, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LeftOut {
-    /// They name no object (association is not built in yet).
+    /// They name no object (see [`crate::associate()`]).
     pub without_object: usize,
     /// Their occlusion or truncation level is too high.
     pub occluded_or_truncated: usize,

@@ -152,7 +152,7 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
         let of = source.name.as_ref().map(|name| format!(" of \"{name}\"")).unwrap_or_default();
         if source.without_object > 0 {
             let n = count(source.without_object, "detection");
-            oddities.push(format!("{n}{of} without an object id: left out by localize"));
+            oddities.push(format!("{n}{of} without an object id"));
         }
         if !source.objects_seen_once.is_empty() {
             oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&source.objects_seen_once)));

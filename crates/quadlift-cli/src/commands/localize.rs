@@ -5,12 +5,14 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
+use quadlift::associate::AssociateOptions;
 use quadlift::solve::{Method, PoseNoise};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice};
+use crate::association::{IdsName, When, associate_scene, associated_scene, in_words as association_in_words, to_json};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
 use crate::files::{expand, outputs, read_scene};
@@ -69,6 +71,14 @@ pub struct Args {
     /// for shape), box, ellipse, or box+ellipse (detections that lack one take no part)
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
     observations: ObservationName,
+
+    /// Find out first which detections show the same object: auto (where none of them names one), never or always
+    #[arg(long, value_enum, value_name = "WHEN", default_value_t = When::Auto, hide_possible_values = true)]
+    associate: When,
+
+    /// What ids that the detections have are worth, with --associate always: trust, evidence or ignore
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
+    ids: IdsName,
 
     /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
@@ -189,7 +199,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if index > 0 {
             out.report("\n")?;
         }
-        if let Err(error) = one_scene(input, output, &settings, out, &mut document) {
+        if let Err(error) = one_scene(input, output, args, &settings, out, &mut document) {
             out.error(&in_words(&error));
             document["error"] = in_words(&error).into();
             outcome = Outcome::SomethingFailed;
@@ -204,16 +214,31 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 fn one_scene(
     input: &Path,
     output: Option<&Path>,
+    args: &Args,
     settings: &Settings,
     out: &Output,
     document: &mut Value,
 ) -> anyhow::Result<()> {
     let start = Instant::now();
-    let (mut file, scene) = read_scene(input)?;
+    let (mut file, mut scene) = read_scene(input)?;
     // The result needs neither; detections are the bulk of a large scene.
     (file.detections, file.objects) = (Vec::new(), Vec::new());
     let read = start.elapsed();
     let title = input.display().to_string();
+    let source = settings.options.source.as_deref();
+    let mut associated = String::new();
+    if args.associate.applies_to(&scene, source)? {
+        let options = AssociateOptions {
+            source: settings.options.source.clone(),
+            ids: args.ids.use_of_ids(),
+            priors: settings.options.map.priors.clone(),
+            ..Default::default()
+        };
+        let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
+        scene = associated_scene(&scene, &association, source)?;
+        associated = format!("identities were found: {}\n\n", association_in_words(&association));
+        document["association"] = to_json(&scene, &association);
+    }
     let localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
     let solved = start.elapsed();
     let estimates = &localization.estimates;
@@ -228,6 +253,7 @@ fn one_scene(
         count(estimates.len(), "object"),
         settings.in_words(localization.body)
     );
+    text.push_str(&associated);
     text.push_str(&render(&scene, &localization, settings));
     if let Some(output) = output {
         text.push_str(&format!("wrote {}\n", output.display()));

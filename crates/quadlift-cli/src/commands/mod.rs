@@ -1,5 +1,6 @@
 //! The subcommands, one file each.
 
+pub mod associate;
 pub mod completions;
 pub mod demo;
 pub mod evaluate;

@@ -1,0 +1,134 @@
+//! `quadlift associate`: which detections show the same object.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::builder::RangedU64ValueParser;
+use quadlift::associate::AssociateOptions;
+use quadlift_io::{builtin_priors, read_priors, write_scene_file};
+
+use crate::args;
+use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json};
+use crate::error::Outcome;
+use crate::files::{Inputs, outputs, read_scene};
+use crate::output::{HEADING, Output, WARNING, one_line};
+use crate::table::{Cell, Table};
+
+/// Find out which detections show the same object
+///
+/// For detectors that give boxes but no identities. The result is the same scene with an `object` in each detection that
+/// belongs to one; the others name none. Objects that look like moving things, or like several, are marked as doubtful.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Columns:
+  views     detections of the object, of the frames in which it should be seen
+  evidence  how much better the object explains its detections than chance does (natural logarithm)
+
+Examples:
+  quadlift associate scene.json -o associated.json
+  quadlift associate street.json -o associated.json --source rrc --min-score 0.5 --pixel-sd 3
+  quadlift localize associated.json -o objects.json
+
+Exit codes: 0 fine; 1 a file cannot be read or written, or no object was found; 2 wrong usage."
+)]
+pub struct Args {
+    /// The scene file
+    #[arg(value_name = "SCENE.json")]
+    scene: PathBuf,
+
+    /// Where the scene with objects is written
+    #[arg(short, long, value_name = "OUT.json")]
+    output: PathBuf,
+
+    /// Take the detections of this source only; needed when the scene has several
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
+
+    /// What ids that the detections have are worth: trust (they stay), evidence (they may be wrong) or ignore
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
+    ids: IdsName,
+
+    /// Search from several starts: about eight times as long, better with few views or many misses
+    #[arg(long)]
+    thorough: bool,
+
+    /// Objects with fewer views are left out
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    min_views: usize,
+
+    /// Leave out detections with a lower score
+    #[arg(long, value_name = "S", value_parser = args::finite)]
+    min_score: Option<f64>,
+
+    /// Leave out detections that overlap a better one of the same frame and category by more (intersection over union)
+    #[arg(long, value_name = "IOU", value_parser = args::finite)]
+    max_overlap: Option<f64>,
+
+    /// Error of box edges that does not depend on the size of the box, in pixels: 2 suits photos, 3 to 4 a moving car
+    #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = args::positive)]
+    pixel_sd: f64,
+
+    /// Sizes of categories: "builtin" (for scenes in metres) or a TOML file
+    #[arg(long, value_name = "builtin|FILE.toml")]
+    priors: Option<PathBuf>,
+
+    /// Number of threads [default: one per core]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    threads: Option<usize>,
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    if let Some(threads) = args.threads {
+        // Before anything else: the first call of the library starts the threads.
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
+    }
+    let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
+    outputs(&inputs, &args.output)?;
+    let (mut file, scene) = read_scene(&args.scene)?;
+    let options = AssociateOptions {
+        source: args.source.clone(),
+        ids: args.ids.use_of_ids(),
+        min_views: args.min_views,
+        min_score: args.min_score,
+        max_overlap: args.max_overlap,
+        pixel_sd: args.pixel_sd,
+        thorough: args.thorough,
+        priors: match &args.priors {
+            None => Default::default(),
+            Some(name) if name.as_os_str() == "builtin" => builtin_priors(),
+            Some(path) => read_priors(path)?,
+        },
+        ..Default::default()
+    };
+    let title = args.scene.display().to_string();
+    let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
+    let associated = associated_scene(&scene, &association, args.source.as_deref())?;
+    for (record, detection) in file.detections.iter_mut().zip(&associated.detections) {
+        record.object = detection.object_index.map(|index| associated.object_ids[index as usize].as_str().into());
+    }
+    write_scene_file(&args.output, &file)?;
+    let mut table = Table::new(["<object", "<category", "views", "evidence", "<doubtful"]);
+    for object in &association.objects {
+        let category = object.category_index.map_or("", |index| scene.categories[index as usize].as_str());
+        table.push(vec![
+            Cell::from(&object.id),
+            Cell::from(category),
+            Cell::from(format!("{} of {}", object.views, object.expected_views)),
+            Cell::from(object.evidence.map_or_else(String::new, |evidence| format!("{evidence:.0}"))),
+            Cell::styled(object.doubtful.map_or("", |doubt| doubt.text()), WARNING),
+        ]);
+    }
+    out.report(&format!(
+        "{HEADING}{}{HEADING:#}: {}\n\n{}wrote {}\n",
+        one_line(&title),
+        in_words(&association),
+        table.render(),
+        args.output.display()
+    ))?;
+    let mut document = to_json(&scene, &association);
+    document["output"] = args.output.display().to_string().into();
+    out.document(&document)?;
+    Ok(Outcome::Fine)
+}
