@@ -78,24 +78,29 @@ impl State {
         owners(self.observations.boxes.len(), &self.objects)
     }
 
-    /// Adds new objects from boxes that belong to none.
-    fn add_births(&mut self, problem: &Problem) {
+    /// Adds new objects from boxes that belong to none, unless these are the same as those that were `tried` last.
+    fn add_births(&mut self, problem: &Problem, tried: &mut Vec<bool>) {
         let used: Vec<bool> = self.owners().iter().map(Option::is_some).collect();
-        if used.iter().filter(|&&u| !u).count() <= 2 {
+        if used.iter().filter(|&&u| !u).count() <= 2 || used == *tried {
             return;
         }
         let new = born(problem, &self.observations, &self.model, &used, &|_| true);
         self.objects.extend(new);
+        *tried = used;
     }
 
     /// All rounds; ends early when nothing changes any more. A thorough run dissolves weak objects and tries again.
     pub fn run(&mut self, problem: &Problem, report: &impl Fn(), thorough: bool) {
-        let mut before = None;
+        let (mut before, mut tried) = (None, Vec::new());
         for round in 0..ROUNDS {
             let last_births = ROUNDS - 3;
             if round < BIRTH_ROUNDS || round == last_births {
                 let count = self.objects.len();
-                self.add_births(problem);
+                if round == 1 {
+                    // The first round has learnt the shifts of the frames: everything is worth another try.
+                    tried.clear();
+                }
+                self.add_births(problem, &mut tried);
                 self.model.objects = self.objects.len() as f64;
                 if round == 0 {
                     self.learn(problem);
