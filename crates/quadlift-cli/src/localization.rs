@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPriors, Estimate, Method, Status};
-use quadlift::{Localization, LocalizeError, Options, localize};
+use quadlift::{Localization, LocalizeError, Options, UsedMeasurements, localize};
 use quadlift_io::{SceneFile, builtin_priors, estimates_to_objects, read_priors};
 use serde_json::{Map, Value, json};
 
@@ -57,6 +57,7 @@ impl Settings {
         let mut json = json!({
             "method": method_name(o.method),
             "source": o.source,
+            "observations": observations_name(o.measurements),
             "min_views": o.min_views.max(o.method.fewest_views()),
             "max_occluded": o.max_occluded,
             "max_truncated": o.max_truncated,
@@ -96,6 +97,16 @@ impl Settings {
         let none = matches!(self.priors, PriorSource::None);
         let unknown = |name: &&str| !none && self.options.map.priors.of(name).is_none();
         scene.categories.iter().map(String::as_str).filter(unknown).collect()
+    }
+}
+
+/// The name of the used measurements on the command line and in files.
+fn observations_name(measurements: UsedMeasurements) -> &'static str {
+    match measurements {
+        UsedMeasurements::Auto => "auto",
+        UsedMeasurements::Box => "box",
+        UsedMeasurements::Ellipse => "ellipse",
+        UsedMeasurements::BoxAndEllipse => "box+ellipse",
     }
 }
 

@@ -35,4 +35,6 @@ pub mod scene;
 pub mod solve;
 pub mod synthetic;
 
-pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, chosen_source, localize};
+pub use localize::{
+    LeftOut, Localization, LocalizeError, Options, Progress, UsedMeasurements, chosen_source, localize,
+};

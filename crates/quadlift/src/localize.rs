@@ -3,9 +3,42 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::parallel::map_indices;
-use crate::scene::{Detection, Scene};
+use crate::scene::{Detection, Scene, View};
 use crate::solve::map::{MapContext, map};
 use crate::solve::{BodyKind, Estimate, MapOptions, Method, PoseNoise, RegOptions, ViewReport, solve_closed_form};
+
+/// Which of a detection's measurements are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UsedMeasurements {
+    /// What the detection has. Of one with box and ellipse `map` takes place and size from the box's edges and the shape
+    /// from the ellipse; `planes` takes the box, `lfd`, `pfd` and `reg` take the ellipse.
+    #[default]
+    Auto,
+    /// The box; detections without one take no part.
+    Box,
+    /// The ellipse; detections without one take no part.
+    Ellipse,
+    /// Box and ellipse, as with `Auto`; detections that lack one of them take no part.
+    BoxAndEllipse,
+}
+
+impl UsedMeasurements {
+    /// Removes from a view what is not used; `false` when it lacks what is.
+    fn keep(self, view: &mut View) -> bool {
+        match self {
+            Self::Auto => true,
+            Self::Box => {
+                view.ellipse = None;
+                view.bounding_box.is_some()
+            }
+            Self::Ellipse => {
+                view.bounding_box = None;
+                view.ellipse.is_some()
+            }
+            Self::BoxAndEllipse => view.bounding_box.is_some() && view.ellipse.is_some(),
+        }
+    }
+}
 
 /// Everything that can be chosen.
 #[derive(Debug, Clone, Default)]
@@ -20,6 +53,8 @@ pub struct Options {
     pub max_occluded: Option<f64>,
     /// Leave out detections with a higher truncation level.
     pub max_truncated: Option<f64>,
+    /// Which of a detection's measurements are used.
+    pub measurements: UsedMeasurements,
     /// Seed of everything that is drawn at random.
     pub seed: u64,
     /// Options of [`Method::Map`].
@@ -121,6 +156,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         for (view, &detection) in object.views.iter_mut().zip(&groups[objects[k]]) {
             view.hidden_edges = hidden[detection as usize];
         }
+        object.views.retain_mut(|view| options.measurements.keep(view));
         if object.views.len() < fewest {
             // Too few to be asked for: the solvers answer with a status.
             object.views.clear();

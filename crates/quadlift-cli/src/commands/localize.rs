@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
-use quadlift::Options;
+use quadlift::{Options, UsedMeasurements};
 use quadlift::solve::{Method, PoseNoise};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
@@ -65,6 +65,11 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
+    /// Which measurements of a detection are used: auto (what it has; of both the box for place and size, the ellipse
+    /// for shape), box, ellipse, or box+ellipse (detections that lack one take no part)
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
+    observations: ObservationName,
+
     /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
     priors: Option<PathBuf>,
@@ -111,6 +116,15 @@ enum MethodName {
     Reg,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum ObservationName {
+    Auto,
+    Box,
+    Ellipse,
+    #[value(name = "box+ellipse")]
+    BoxAndEllipse,
+}
+
 impl Args {
     fn settings(&self) -> anyhow::Result<Settings> {
         let method = match self.method {
@@ -138,6 +152,12 @@ impl Args {
             min_views: self.min_views,
             max_occluded: self.max_occluded,
             max_truncated: self.max_truncated,
+            measurements: match self.observations {
+                ObservationName::Auto => UsedMeasurements::Auto,
+                ObservationName::Box => UsedMeasurements::Box,
+                ObservationName::Ellipse => UsedMeasurements::Ellipse,
+                ObservationName::BoxAndEllipse => UsedMeasurements::BoxAndEllipse,
+            },
             seed: self.seed,
             ..Default::default()
         };

@@ -53,10 +53,7 @@ pub(super) fn describe_center(mut estimate: Estimate, center: Point3<f64>, views
 
 /// The box that stands for a measurement: the box itself, or the one around the ellipse.
 fn measured_box(view: &View) -> Option<BoundingBox> {
-    match (&view.ellipse, &view.bounding_box) {
-        (Some(ellipse), _) => Some(ellipse.bounding_box()),
-        (None, bounding_box) => *bounding_box,
-    }
+    view.bounding_box.or_else(|| view.ellipse.as_ref().map(|ellipse| ellipse.bounding_box()))
 }
 
 fn view_residual(view: &View, body: &Body) -> Option<f64> {
@@ -84,7 +81,7 @@ pub(super) fn enclosing_scale(views: &[View], body: &Body, quantile: f64) -> Opt
     };
     for view in views {
         let p: Matrix3x4<f64> = frame.local_projection(&view.projection);
-        if let Some(ellipse) = &view.ellipse {
+        if let (None, Some(ellipse)) = (&view.bounding_box, &view.ellipse) {
             for k in 0..8 {
                 let (sin, cos) = (std::f64::consts::FRAC_PI_4 * f64::from(k)).sin_cos();
                 let line = Vector3::from(ellipse.tangent_line(&Vector2::new(cos, sin)));
@@ -121,9 +118,9 @@ fn warnings(views: &[View], body: &Body) -> Vec<Warning> {
     }
     let mut seen = [false; 4];
     for view in views {
-        match (&view.ellipse, &view.bounding_box) {
-            (Some(_), _) => seen = [true; 4],
-            (None, Some(b)) => {
+        match (&view.bounding_box, &view.ellipse) {
+            (None, Some(_)) => seen = [true; 4],
+            (Some(b), _) => {
                 let cut = edges_at_border(b, view.image_size, BORDER_TOLERANCE_PX);
                 (0..4).for_each(|edge| seen[edge] |= !cut[edge]);
             }

@@ -7,6 +7,9 @@
 //! - aspect: `1/2 log(l1 / l2)` against the observed one;
 //! - angle: `1/2 log(l1 / l2) sin(angle)`.
 //!
+//! Beside a box only the last two are compared: the edges tell place and size better (the ellipse of a mask's moments
+//! is smaller than what its box touches), the ellipse tells the shape.
+//!
 //! The last two jump where the predicted ellipse is a circle, as a start is. On the way from a start they are replaced
 //! by the vector `1/2 log(l1 / l2) (cos, sin)(2 angle)` against the observed one, which is smooth everywhere but does
 //! not keep errors of the angle apart from those of the aspect.
@@ -31,11 +34,13 @@ pub(super) struct EllipseMeasurement {
     /// Observed `1/2 log(l1 l2)` in the normalised image, and `1/2 log(l1 / l2)`.
     log_size: f64,
     log_aspect: f64,
+    /// Whether only aspect and angle are compared.
+    shape_only: bool,
 }
 
 impl EllipseMeasurement {
     /// Prepares an ellipse seen by the local projection `p`.
-    pub(super) fn new(p: &Matrix3x4<f64>, observed: &Ellipse) -> Self {
+    pub(super) fn new(p: &Matrix3x4<f64>, observed: &Ellipse, shape_only: bool) -> Self {
         let (a, b) = (observed.semi_axes.x, observed.semi_axes.y);
         // The first axis is taken as the longer one, as the predicted angle is that of the longer axis.
         let angle = if a >= b { observed.angle } else { observed.angle + std::f64::consts::FRAC_PI_2 };
@@ -59,10 +64,11 @@ impl EllipseMeasurement {
             offset: mapped.column(3).into_owned(),
             log_size: 0.5 * (a * b / (mean * mean)).ln(),
             log_aspect: 0.5 * (a / b).ln().abs(),
+            shape_only,
         }
     }
 
-    /// Appends the five whitened residuals; `as_vector` chooses the smooth form of the last two.
+    /// Appends the five whitened residuals, or the last two; `as_vector` chooses the smooth form of the last two.
     pub(super) fn push_rows(
         &self,
         body: &impl BodyModel,
@@ -77,18 +83,22 @@ impl EllipseMeasurement {
             rows.push(ResidualRow { residual: residual * weight, row: row.map(|x| x * weight), group });
         };
         let Some(outline) = Outline::new(&self.m, &self.offset, body) else {
-            for group in [center, center, size, aspect, angle] {
-                push(NO_OUTLINE, [0.0; 9], group);
+            let first = if self.shape_only { 3 } else { 0 };
+            for group in &[center, center, size, aspect, angle][first..] {
+                push(NO_OUTLINE, [0.0; 9], *group);
             }
             return;
         };
-        push(outline.c[0], outline.dc[0], center);
-        push(outline.c[1], outline.dc[1], center);
         let [s11, s12, s22] = outline.s;
         let [ds11, ds12, ds22] = &outline.ds;
         let determinant = s11 * s22 - s12 * s12;
-        let row = std::array::from_fn(|k| 0.25 * (ds11[k] * s22 + s11 * ds22[k] - 2.0 * s12 * ds12[k]) / determinant);
-        push(0.25 * determinant.ln() - self.log_size, row, size);
+        if !self.shape_only {
+            push(outline.c[0], outline.dc[0], center);
+            push(outline.c[1], outline.dc[1], center);
+            let row =
+                std::array::from_fn(|k| 0.25 * (ds11[k] * s22 + s11 * ds22[k] - 2.0 * s12 * ds12[k]) / determinant);
+            push(0.25 * determinant.ln() - self.log_size, row, size);
+        }
         // m +- rho are the eigenvalues of S; g = log(l1 / l2) = atanh(rho / m); phi = g / rho is smooth at rho = 0.
         let (m, d) = (0.5 * (s11 + s22), 0.5 * (s11 - s22));
         let rho = d.hypot(s12);

@@ -39,7 +39,11 @@ const WORSE_IN_A_ROW: usize = 3;
 /// and H the normal equations of each object. The determinants (Laplace's approximation of the evidence) keep a body
 /// with edges from winning because its rotation, which hardly matters to a round ellipsoid, can follow the noise.
 pub(super) fn clearly_better(scene: &SceneFit<EllipsoidModel>, context: &MapContext) -> Option<f64> {
-    let fits: Vec<&Fit<EllipsoidModel>> = scene.fits().filter(|fit| has_boxes(&fit.prepared)).collect();
+    // Ellipses are outlines of ellipsoids only.
+    if scene.fits().any(|fit| fit.prepared.views.views.iter().any(|view| view.ellipse.is_some())) {
+        return None;
+    }
+    let fits: Vec<&Fit<EllipsoidModel>> = scene.fits().collect();
     let stride = fits.len().div_ceil(TRIED_OBJECTS).max(1);
     // A body of the wrong kind errs alike in neighbouring views: what looks like correlation is what is looked for.
     let noise = scene.noise().uncorrelated();
@@ -70,10 +74,6 @@ pub(super) fn clearly_better(scene: &SceneFit<EllipsoidModel>, context: &MapCont
     }
     // Of those that are about as good the roundest.
     scores.into_iter().find(|(_, score)| *score < best + data.ln()).map(|(exponent, _)| exponent)
-}
-
-fn has_boxes(object: &Prepared) -> bool {
-    object.views.views.iter().any(|view| view.ellipse.is_none() && view.bounding_box.is_some())
 }
 
 /// One object followed from exponent to exponent, from several rotations.

@@ -84,10 +84,16 @@ impl Measurements {
         let p = self.frame.local_projection(&view.projection);
         let first = self.edges.len();
         let mut ellipse = None;
-        match (&view.ellipse, &view.bounding_box) {
-            (Some(observed), _) if ellipses_as_planes => self.push_tangents(&p, observed),
-            (Some(observed), _) => ellipse = Some(EllipseMeasurement::new(&p, observed)),
-            (None, Some(bounding_box)) => {
+        if let Some(observed) = &view.ellipse {
+            match view.bounding_box {
+                // The box's edges stand for it.
+                Some(_) if ellipses_as_planes => {}
+                None if ellipses_as_planes => self.push_tangents(&p, observed),
+                beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some())),
+            }
+        }
+        match &view.bounding_box {
+            Some(bounding_box) => {
                 let half_size = bounding_box.mean_half_size();
                 let margin = view.image_size.map_or(0.0, |s| options.border_margin * s.max()).max(BORDER_TOLERANCE_PX);
                 let cut = edges_at_border(bounding_box, view.image_size, margin);
@@ -98,14 +104,14 @@ impl Measurements {
                     self.edges.push(Edge { plane, one_sided: cut[edge], group });
                 }
             }
-            (None, None) => {}
+            None => {}
         }
         self.views.push(MeasuredView {
             axis: Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]),
             offset: p[(2, 3)],
-            half_size: match (&view.ellipse, &view.bounding_box) {
-                (Some(ellipse), _) => ellipse.semi_axes.mean(),
-                (None, Some(bounding_box)) => bounding_box.mean_half_size(),
+            half_size: match (&view.bounding_box, &view.ellipse) {
+                (Some(bounding_box), _) => bounding_box.mean_half_size(),
+                (None, Some(ellipse)) => ellipse.semi_axes.mean(),
                 (None, None) => 1.0,
             },
             edges: first..self.edges.len(),
