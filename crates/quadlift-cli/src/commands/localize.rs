@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
-use quadlift::{Options, UsedMeasurements};
 use quadlift::solve::{Method, PoseNoise};
+use quadlift::{Options, UsedMeasurements};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
