@@ -121,8 +121,8 @@ mod tests {
         let at = |x: f64, y: f64| {
             *drawing.get_pixel(((x - 60.0) * 144.0 / 280.0) as u32, ((y - 80.0) * 72.0 / 140.0) as u32)
         };
-        assert_eq!(at(298.9, 150.0), BOX_ELLIPSE);
-        assert_eq!(at(238.9, 150.0), ELLIPSE);
+        assert_eq!(at(299.9, 150.0), BOX_ELLIPSE);
+        assert_eq!(at(239.9, 150.0), ELLIPSE);
         assert_eq!(at(200.0, 121.0), OUTLINE);
         assert_eq!((at(200.0, 150.0), at(70.0, 90.0)), (Rgb([100; 3]), Rgb([100; 3])));
     }

@@ -211,7 +211,8 @@ mod tests {
     fn paths_follow_the_scene_file() {
         let folder = tempfile::tempdir().unwrap();
         let [scenes, results] = ["data/scenes", "results"].map(|name| folder.path().join(name));
-        [&scenes, &results].map(|path| std::fs::create_dir_all(path).unwrap());
+        std::fs::create_dir_all(&scenes).unwrap();
+        std::fs::create_dir_all(&results).unwrap();
         let there = relocation([&scenes, &results]).unwrap();
         assert_eq!(there("rgb/a.png"), "../data/scenes/rgb/a.png");
         assert_eq!(there("./../lmo/a.png"), "../data/lmo/a.png");

@@ -9,7 +9,7 @@ mod common;
 use std::fmt::Write;
 use std::path::Path;
 
-use common::{Folder, Run};
+use common::{Folder, RENDER, Run};
 use serde_json::{Value, json};
 
 /// A bad input.
@@ -127,11 +127,14 @@ fn hopeless() -> Vec<Case> {
             scene["frames"] = json!([]);
             scene["detections"] = json!([]);
         }),
-        changed("no detection names an object", |scene| {
-            for detection in scene["detections"].as_array_mut().unwrap() {
-                detection.as_object_mut().unwrap().remove("object");
-            }
-        }),
+        Case {
+            arguments: "localize scene.json -o out.json --associate never",
+            ..changed("no detection names an object", |scene| {
+                for detection in scene["detections"].as_array_mut().unwrap() {
+                    detection.as_object_mut().unwrap().remove("object");
+                }
+            })
+        },
         changed("objects that are seen once", |scene| {
             scene["detections"].as_array_mut().unwrap().retain(|d| d["frame"] == "000002");
         }),
@@ -162,6 +165,113 @@ fn hopeless() -> Vec<Case> {
             }
         }),
         called("fewer views than asked for", 1, "localize scene.json -o out.json --min-views 7"),
+    ]
+}
+
+const SEGMENT: &str = "segment scene.json -o out.json";
+const MASKS: &str = "segment scene.json -o out.json --method masks";
+
+/// A case with a rendered scene after a change of the scene file and of the folder.
+fn rendered(
+    title: &'static str,
+    code: i32,
+    arguments: &'static str,
+    change: impl Fn(&mut Value, &Folder) + 'static,
+) -> Case {
+    let make = move |folder: &Folder| {
+        folder.succeed(RENDER);
+        let mut scene = folder.json("scene.json");
+        change(&mut scene, folder);
+        folder.write_json("scene.json", &scene);
+    };
+    Case { title, arguments, code, make: Box::new(make) }
+}
+
+fn without(entry: &mut Value, field: &str) {
+    entry.as_object_mut().unwrap().remove(field).unwrap();
+}
+
+fn every(scene: &mut Value, list: &str, change: impl Fn(&mut Value)) {
+    scene[list].as_array_mut().unwrap().iter_mut().for_each(change);
+}
+
+fn images() -> Vec<Case> {
+    let image = "images/000001.png";
+    let smaller = |folder: &Folder, name: &str| {
+        folder.succeed("synth --render -o other/scene.json --objects 1 --views 1 --image-size 80x60");
+        std::fs::copy(folder.path(&format!("other/{name}/000000.png")), folder.path(&format!("{name}/000001.png")))
+            .unwrap();
+        std::fs::remove_dir_all(folder.path("other")).unwrap();
+    };
+    vec![
+        rendered("an image that does not exist", 1, SEGMENT, move |_, folder| {
+            std::fs::remove_file(folder.path(image)).unwrap();
+        }),
+        rendered("an image that is cut off", 1, SEGMENT, move |_, folder| {
+            let bytes = std::fs::read(folder.path(image)).unwrap();
+            folder.write(image, &bytes[..bytes.len() / 2]);
+        }),
+        rendered("an image that is none", 1, SEGMENT, move |_, folder| folder.write(image, "a cup on a table")),
+        rendered("an image of another size than the camera's", 1, SEGMENT, move |_, folder| smaller(folder, "images")),
+        rendered("a frame without an image", 1, SEGMENT, |scene, _| without(&mut scene["frames"][2], "image")),
+        rendered("no image at all", 1, SEGMENT, |scene, _| every(scene, "frames", |frame| without(frame, "image"))),
+        rendered("a box outside of the image", 1, SEGMENT, |scene, _| {
+            scene["detections"][3]["box"] = json!([170, 20, 210, 60]);
+        }),
+        rendered("a box without a width", 1, SEGMENT, |scene, _| {
+            scene["detections"][3]["box"] = json!([70, 20, 70.001, 60]);
+        }),
+        rendered("no box at all", 1, SEGMENT, |scene, _| {
+            every(scene, "detections", |detection| {
+                without(detection, "box");
+                detection["ellipse"] = json!({"center": [80, 60], "semi_axes": [9, 5], "angle": 0});
+            });
+        }),
+        rendered("masks for some frames only", 1, MASKS, |scene, _| {
+            for index in [1, 4] {
+                without(&mut scene["detections"][index], "mask");
+            }
+        }),
+        rendered("no mask at all", 1, MASKS, |scene, _| every(scene, "detections", |d| without(d, "mask"))),
+        rendered("a label image that does not exist", 1, MASKS, |_, folder| {
+            std::fs::remove_file(folder.path("masks/000001.png")).unwrap();
+        }),
+        rendered("a mask of another size than the image", 1, MASKS, move |_, folder| smaller(folder, "masks")),
+        rendered("a value that no pixel has", 1, MASKS, |scene, _| scene["detections"][3]["mask"]["value"] = json!(9)),
+        rendered("an empty mask", 1, MASKS, |scene, _| {
+            scene["detections"][3]["mask"] = json!({"rle": {"size": [120, 160], "counts": [19200]}});
+        }),
+        rendered("runs that do not fill their image", 1, MASKS, |scene, _| {
+            scene["detections"][3]["mask"] = json!({"rle": {"size": [120, 160], "counts": [100, 20]}});
+        }),
+        rendered("a mask in two forms", 1, MASKS, |scene, _| {
+            scene["detections"][3]["mask"]["polygons"] = json!([[0, 0, 9, 0, 9, 9]]);
+        }),
+        rendered("a mask of a single pixel", 1, MASKS, |scene, _| {
+            scene["detections"][3]["mask"] = json!({"rle": {"size": [120, 160], "counts": [100, 1, 19099]}});
+        }),
+        rendered("an unknown method", 2, "segment scene.json -o out.json --method sam", |_, _| {}),
+        rendered(
+            "masks into the folder of the images",
+            2,
+            "segment scene.json -o out.json --out-masks images",
+            |_, _| {},
+        ),
+        rendered(
+            "masks and contact sheets in one folder",
+            2,
+            "segment scene.json -o out.json --out-masks new --contact-sheets new",
+            |_, _| {},
+        ),
+        rendered("a segmentation in place of its scene", 2, "segment scene.json -o scene.json", |_, _| {}),
+        Case {
+            make: Box::new(|folder| folder.write("images/cup.png", "")),
+            ..called("rendered images among others", 1, "synth --render -o scene.json")
+        },
+        called("an unknown kind of object", 2, "synth --render -o out.json --kinds cup"),
+        called("an image size without rendering", 2, "synth -o out.json --image-size 640x480"),
+        called("rendered images that are too small", 2, "synth --render -o out.json --image-size 8x8"),
+        called("ellipse noise on rendered scenes", 2, "synth --render -o out.json --noise re:45"),
     ]
 }
 
@@ -291,6 +401,13 @@ fn check(case: &Case) -> String {
     if run.code == 2 || !run.stdout.contains("wrote ") {
         assert_eq!(folder.names(), before, "{title}: something was written");
         assert_eq!(run.stdout, "", "{title}");
+    } else if case.arguments.starts_with("segment") {
+        // What failed says so, and the rest is done.
+        let scene = folder.json("out.json");
+        let status = |status: &str| {
+            scene["detections"].as_array().unwrap().iter().filter(|d| d["segmentation"]["status"] == status).count()
+        };
+        assert!(status("failed") >= 1 && status("ok") >= 3, "{title}: {scene}");
     } else {
         // Every object has its status in the result, and none is "ok".
         assert!(run.stderr.ends_with("no object could be localised\n"), "{title}");
@@ -324,6 +441,7 @@ fn document() -> String {
         ("Files", files()),
         ("Entries of a scene", entries()),
         ("Scenes in which nothing can be localised", hopeless()),
+        ("Images and masks", images()),
         ("Choices", choices()),
         ("Paths", paths()),
         ("Evaluation", evaluations()),

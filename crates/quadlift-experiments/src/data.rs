@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use quadlift::metrics::{EstimatedObject, ObjectScore, TruthObject, evaluate};
 use quadlift::scene::Scene;
 use quadlift::{Localization, Options, localize};
-use quadlift_io::read_scene_file;
+use quadlift_io::{SceneFile, read_scene_file};
 
 use crate::error::Error;
 
@@ -43,9 +43,16 @@ impl TrueScene {
     /// [`Error::Read`] when the file cannot be read or is wrong.
     pub fn read(data: &Path, file: &str, sequence: &str) -> Result<Self, Error> {
         let path = data.join("scenes").join(format!("{file}.json"));
-        let content = read_scene_file(&path)?;
-        let scene = content.to_scene().map_err(|error| error.in_file(&path))?;
-        let objects = content.to_objects().map_err(|error| error.in_file(&path))?;
+        Self::of_file(&read_scene_file(&path)?, &path, sequence)
+    }
+
+    /// The scene and the objects of a scene file; `path` is for messages.
+    ///
+    /// # Errors
+    /// [`Error::Read`] when the content is wrong.
+    pub fn of_file(content: &SceneFile, path: &Path, sequence: &str) -> Result<Self, Error> {
+        let scene = content.to_scene().map_err(|error| error.in_file(path))?;
+        let objects = content.to_objects().map_err(|error| error.in_file(path))?;
         let truth = objects
             .into_iter()
             .map(|object| TruthObject { id: object.id, ellipsoid: object.ellipsoid, cuboid: object.cuboid })

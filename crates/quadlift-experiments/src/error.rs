@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use quadlift::LocalizeError;
 use quadlift::synthetic::SyntheticError;
 use quadlift_io::ReadError;
+use quadlift_segment::{CropError, SegmentError};
 
 /// Why an experiment cannot be run.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +13,8 @@ pub enum Error {
     /// The real data is not there.
     #[error(
         "there is no real data: {} has no folder \"scenes\"; name the folder of the data with --data DIR or the \
-         environment variable QUADLIFT_DATA (only the experiment \"synthetic\" needs none)", .0.display()
+         environment variable QUADLIFT_DATA (only the experiments \"synthetic\" and \
+         \"segmentation\" run without)", .0.display()
     )]
     NoData(PathBuf),
     /// A scene file cannot be read.
@@ -24,6 +26,12 @@ pub enum Error {
     /// A synthetic scene cannot be made.
     #[error("cannot make a synthetic scene: {0}")]
     Synthetic(#[from] SyntheticError),
+    /// A crop of a rendered image cannot be cut.
+    #[error("cannot cut a crop: {0}")]
+    Crop(#[from] CropError),
+    /// The options of a segmentation are wrong.
+    #[error("cannot segment: {0}")]
+    Segment(#[from] SegmentError),
     /// A plot cannot be drawn.
     #[error("cannot draw the plot \"{plot}\": {reason}")]
     Plot {

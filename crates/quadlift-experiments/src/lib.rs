@@ -17,6 +17,7 @@ mod progress;
 pub mod reg_weight;
 mod report;
 pub mod scores;
+mod segmentation;
 pub mod sequences;
 mod synthetic;
 pub mod table;
@@ -42,34 +43,34 @@ pub enum Experiment {
     Kitti,
     /// Section 5.5: two and three views.
     Minimal,
+    /// Section 4.2: masks and ellipses from images, and bodies from them.
+    Segmentation,
 }
 
 impl Experiment {
-    /// All experiments, in the order of the paper.
-    pub const ALL: [Self; 5] = [Self::Synthetic, Self::Accv, Self::Tuw, Self::Kitti, Self::Minimal];
+    /// All experiments, in the order of the paper; then what the paper describes without figures of its own.
+    pub const ALL: [Self; 6] = [Self::Synthetic, Self::Accv, Self::Tuw, Self::Kitti, Self::Minimal, Self::Segmentation];
 
     /// Whether it needs the real data.
     pub fn needs_data(self) -> bool {
-        self != Self::Synthetic
+        !matches!(self, Self::Synthetic | Self::Segmentation)
     }
 }
 
 /// Runs an experiment. The same seed gives the same report, with any number of threads.
 ///
-/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none.
+/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none, and `segmentation` shows less without.
 ///
 /// # Errors
 /// [`Error`]: no data, a file that is wrong.
 pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
-    if experiment == Experiment::Synthetic {
-        return synthetic::run(seed, progress);
-    }
-    let data = data::data_folder(data)?;
+    let folder = || data::data_folder(data);
     match experiment {
         Experiment::Synthetic => synthetic::run(seed, progress),
-        Experiment::Accv => accv::run(&data, seed, progress),
-        Experiment::Tuw => tuw::run(&data, seed, progress),
-        Experiment::Kitti => kitti::run(&data, seed, progress),
-        Experiment::Minimal => minimal::run(&data, seed, progress),
+        Experiment::Accv => accv::run(&folder()?, seed, progress),
+        Experiment::Tuw => tuw::run(&folder()?, seed, progress),
+        Experiment::Kitti => kitti::run(&folder()?, seed, progress),
+        Experiment::Minimal => minimal::run(&folder()?, seed, progress),
+        Experiment::Segmentation => segmentation::run(data, seed, progress),
     }
 }

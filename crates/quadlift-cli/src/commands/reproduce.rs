@@ -22,12 +22,13 @@ use crate::progress::counting_bar;
     verbatim_doc_comment,
     after_help = "\
 Experiments:
-  synthetic  noise of ellipses and of boxes, outliers (needs no data)
-  accv       one object on a table, 100 views
-  tuw        several objects on a table, 8 views
-  kitti      parked cars seen from a moving car
-  minimal    two and three views with a wide baseline
-  all        all of them
+  synthetic     noise of ellipses and of boxes, outliers (needs no data)
+  accv          one object on a table, 100 views
+  tuw           several objects on a table, 8 views
+  kitti         parked cars seen from a moving car
+  minimal       two and three views with a wide baseline
+  segmentation  masks and ellipses from images, and bodies from them (without data: rendered images only)
+  all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
 \"results\" for all. The same seed gives the same files, with any number of threads.
@@ -68,6 +69,7 @@ enum Name {
     Tuw,
     Kitti,
     Minimal,
+    Segmentation,
     All,
 }
 
@@ -79,6 +81,7 @@ impl Name {
             Self::Tuw => vec![Experiment::Tuw],
             Self::Kitti => vec![Experiment::Kitti],
             Self::Minimal => vec![Experiment::Minimal],
+            Self::Segmentation => vec![Experiment::Segmentation],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -139,6 +142,7 @@ fn name(args: &Args) -> &'static str {
         Name::Tuw => "tuw",
         Name::Kitti => "kitti",
         Name::Minimal => "minimal",
+        Name::Segmentation => "segmentation",
         Name::All => "results",
     }
 }

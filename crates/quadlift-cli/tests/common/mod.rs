@@ -86,6 +86,10 @@ impl Folder {
     }
 }
 
+/// Makes a small rendered scene with images and true masks: two objects in three frames of 160 x 120 pixels.
+pub const RENDER: &str =
+    "synth --render -o scene.json --objects 2 --views 3 --image-size 160x120 --kinds ellipsoid --seed 3";
+
 impl From<Output> for Run {
     fn from(output: Output) -> Self {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
