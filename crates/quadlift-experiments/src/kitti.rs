@@ -81,10 +81,25 @@ fn ablations() -> Vec<MethodRow> {
         MethodRow::map("hidden edges like others", MapOptions { hidden_edges: false, ..car() }),
         MethodRow::map("camera height not known", MapOptions { camera_height: None, ..car() }),
         MethodRow::map("no ground plane", without_ground(car())),
-        MethodRow::map("pose .003 .1", MapOptions { pose_noise: Some(PoseNoise{rotation_sd:0.003, translation_sd:0.1}), ..car() }),
-        MethodRow::map("pose .003 .1 no ground", MapOptions { pose_noise: Some(PoseNoise{rotation_sd:0.003, translation_sd:0.1}), ..without_ground(car()) }),
-        MethodRow::map("pose .01 .1", MapOptions { pose_noise: Some(PoseNoise{rotation_sd:0.01, translation_sd:0.1}), ..car() }),
-        MethodRow::map("pose .003 .3", MapOptions { pose_noise: Some(PoseNoise{rotation_sd:0.003, translation_sd:0.3}), ..car() }),
+        MethodRow::map(
+            "pose .003 .1",
+            MapOptions { pose_noise: Some(PoseNoise { rotation_sd: 0.003, translation_sd: 0.1 }), ..car() },
+        ),
+        MethodRow::map(
+            "pose .003 .1 no ground",
+            MapOptions {
+                pose_noise: Some(PoseNoise { rotation_sd: 0.003, translation_sd: 0.1 }),
+                ..without_ground(car())
+            },
+        ),
+        MethodRow::map(
+            "pose .01 .1",
+            MapOptions { pose_noise: Some(PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 }), ..car() },
+        ),
+        MethodRow::map(
+            "pose .003 .3",
+            MapOptions { pose_noise: Some(PoseNoise { rotation_sd: 0.003, translation_sd: 0.3 }), ..car() },
+        ),
     ]
 }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::super::estimate::Estimate;
 use super::MapContext;
 use super::first_fit::FirstFit;
 use super::fit::Fit;
@@ -9,7 +10,6 @@ use super::ground::{GroundPlane, LowestPoint};
 use super::noise::{NoiseLevels, NoiseStatistics};
 use super::object::Prepared;
 use super::poses::PoseCorrections;
-use super::super::estimate::Estimate;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
@@ -60,7 +60,14 @@ impl<B: FirstFit> SceneFit<B> {
         }
         let other = Self::settled(count, views_of, default.scaled(LITTLE_NOISE), context);
         if std::env::var("DBG").is_ok() {
-            eprintln!("det {} ev {} {} noise {:?} {:?}", scene.statistics.determined(), scene.evidence(), other.evidence(), scene.noise, other.noise);
+            eprintln!(
+                "det {} ev {} {} noise {:?} {:?}",
+                scene.statistics.determined(),
+                scene.evidence(),
+                other.evidence(),
+                scene.noise,
+                other.noise
+            );
         }
         if other.evidence() > scene.evidence() + CLEARLY { other } else { scene }
     }
