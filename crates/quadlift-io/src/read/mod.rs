@@ -1,19 +1,23 @@
 //! Readers of other programs' files, one format each: cameras and poses become a [`SceneFile`] in the scene file's
 //! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image).
 
-//TODO pub mod bop;
+pub mod bop;
 mod bytes;
 pub mod colmap;
-//TODO pub mod kitti;
-//TODO mod kitti_geometry;
-//TODO mod kitti_labels;
-//TODO pub mod kitti_raw;
-//TODO pub mod nerfstudio;
+mod json;
+pub mod kitti;
+mod kitti_geometry;
+mod kitti_labels;
+pub mod kitti_raw;
+pub mod nerfstudio;
 mod poses;
-//TODO pub mod projections;
-//TODO mod static_objects;
+pub mod projections;
+mod static_objects;
 mod text;
-//TODO pub mod tum;
+pub mod tum;
+
+#[cfg(test)]
+mod real_data_tests;
 
 use std::path::{Path, PathBuf};
 
