@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
-use super::Import;
 use super::json::{Node, parse_json};
 use super::poses::{check_rigid, inverse, matrix4, rows};
 use super::static_objects::LabelledObjects;
+use super::{Import, camera_id};
 use crate::error::{ReadError, read_bytes};
 use crate::images::read_image_size;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, MaskRecord, ObjectRecord, SceneFile};
@@ -156,14 +156,7 @@ pub fn parse_bop(
     let mut without_world = 0;
     for (&number, node) in &cameras {
         let camera = camera(node, image_size)?;
-        let id = match scene.cameras.iter().find(|known| known.params == camera.params) {
-            Some(known) => known.id.clone(),
-            None => {
-                let id = scene.cameras.len().to_string();
-                scene.cameras.push(CameraRecord { id: id.clone(), ..camera });
-                id
-            }
-        };
+        let id = camera_id(&mut scene, camera);
         let pose = match world_object {
             Some(object) => {
                 poses.get(&number).and_then(|poses| poses.iter().find(|p| p.object == object)).map(|p| p.cam_from_model)
