@@ -242,7 +242,7 @@ fn pose(node: &Node, rotation: &str, translation: &str) -> Result<Matrix4<f64>, 
     let r: [f64; 9] = node.member(rotation)?.numbers()?;
     let t: [f64; 3] = node.member(translation)?.numbers()?;
     let pose = matrix4(&Matrix3::from_row_slice(&r), &(Vector3::from(t) * MM));
-    check_rigid(&pose).map_err(|error| node.error(error.to_string().replace("cam_from_world", rotation)))?;
+    check_rigid(&pose, rotation).map_err(|problem| node.error(problem))?;
     Ok(pose)
 }
 

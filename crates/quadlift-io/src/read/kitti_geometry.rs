@@ -84,12 +84,8 @@ impl Calibration<'_> {
     }
 
     fn rigid(&self, names: &[&str], matrix: Matrix4<f64>) -> Result<Matrix4<f64>, ReadError> {
-        check_rigid(&matrix).map(|()| matrix).map_err(|error| {
-            ReadError::new(
-                self.path,
-                format!("\"{}\": {}", names.join("\" or \""), error.to_string().replace("cam_from_world", "it")),
-            )
-        })
+        let name = format!("\"{}\"", names.join("\" or \""));
+        check_rigid(&matrix, &name).map(|()| matrix).map_err(|problem| ReadError::new(self.path, problem))
     }
 
     /// A rectified camera from its 3x4 projection `K [I | b]`: intrinsics, and the shift of the camera against

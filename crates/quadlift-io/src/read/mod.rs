@@ -22,7 +22,7 @@ mod real_data_tests;
 use std::path::{Path, PathBuf};
 
 use crate::error::{EntryError, ReadError};
-use crate::scene_file::SceneFile;
+use crate::scene_file::{CameraRecord, SceneFile};
 
 /// What a reader has found.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -47,6 +47,21 @@ impl Import {
         self.scene.to_objects().map_err(in_file)?;
         Ok(self)
     }
+}
+
+/// The id of a camera in a scene, to which it is added when it is new: ids are numbers from 0.
+fn camera_id(scene: &mut SceneFile, camera: CameraRecord) -> String {
+    let same = |known: &&CameraRecord| {
+        known.params == camera.params
+            && known.model == camera.model
+            && (known.width, known.height) == (camera.width, camera.height)
+    };
+    if let Some(known) = scene.cameras.iter().find(same) {
+        return known.id.clone();
+    }
+    let id = scene.cameras.len().to_string();
+    scene.cameras.push(CameraRecord { id: id.clone(), ..camera });
+    id
 }
 
 /// Where a format's pixel coordinates have their origin, where it does not say.

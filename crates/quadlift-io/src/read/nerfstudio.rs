@@ -12,7 +12,7 @@ use quadlift::geometry::{Camera, CameraModel};
 
 use super::json::{Node, parse_json};
 use super::poses::{check_rigid, from_rows, inverse, rows};
-use super::{Import, PixelCenters};
+use super::{Import, PixelCenters, camera_id};
 use crate::error::{ReadError, read_bytes};
 use crate::images::read_image_size;
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
@@ -59,22 +59,13 @@ pub fn parse_nerfstudio(
         let name = frame.member("file_path")?.text()?;
         let image = with_extension(name.strip_prefix("./").unwrap_or(name), exists);
         let camera = camera(&root, &frame, pixel_centers, &|| size_of(&image))?;
-        let id =
-            match scene.cameras.iter().find(|known| CameraRecord { id: known.id.clone(), ..camera.clone() } == **known)
-            {
-                Some(known) => known.id.clone(),
-                None => {
-                    let id = scene.cameras.len().to_string();
-                    scene.cameras.push(CameraRecord { id: id.clone(), ..camera });
-                    id
-                }
-            };
+        let id = camera_id(&mut scene, camera);
         let pose = frame.member("transform_matrix")?;
         let saved_from_gl = from_rows(&pose.three_rows()?);
         let world_from_gl = world_from_saved.apply(&saved_from_gl);
         let gl_from_cv = Matrix4::from_diagonal(&nalgebra::Vector4::new(1.0, -1.0, -1.0, 1.0));
         let world_from_cam = world_from_gl * gl_from_cv;
-        check_rigid(&world_from_cam).map_err(|error| pose.error(error.to_string().replace("cam_from_world", "it")))?;
+        check_rigid(&world_from_cam, "it").map_err(|problem| pose.error(problem))?;
         let cam_from_world = inverse(&world_from_cam).ok_or_else(|| pose.error("the rotation cannot be inverted"))?;
         scene.frames.push(FrameRecord {
             id: name.to_owned(),
@@ -111,12 +102,13 @@ fn world_from_saved(root: &Node, notes: &mut Vec<String>) -> Result<Undo, ReadEr
     let mut undo = Undo { rotation: Matrix3::identity(), shift: Vector3::zeros(), scale: 1.0 };
     if let Some(node) = root.optional("applied_transform")? {
         let matrix = from_rows(&node.three_rows()?);
-        check_rigid(&matrix).map_err(|error| node.error(error.to_string().replace("cam_from_world", "it")))?;
+        check_rigid(&matrix, "it").map_err(|problem| node.error(problem))?;
         undo.rotation = matrix.fixed_view::<3, 3>(0, 0).into_owned();
         undo.shift = matrix.fixed_view::<3, 1>(0, 3).into_owned();
         notes.push("applied_transform was undone: the world is that of the file's origin (COLMAP)".to_owned());
     } else {
-        notes.push("there is no applied_transform: the world is that of the file".to_owned());
+        let text = "there is no applied_transform: the world is that of the file (of older files of nerfstudio: COLMAP's y, x, -z)";
+        notes.push(text.to_owned());
     }
     if let Some(node) = root.optional("applied_scale")? {
         undo.scale = node.number()?;

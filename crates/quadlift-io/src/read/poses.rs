@@ -1,7 +1,7 @@
 //! Poses of other formats as rows of `cam_from_world`.
 
-use nalgebra::{Matrix3, Matrix3x4, Matrix4, Quaternion, UnitQuaternion, Vector3};
-use quadlift::geometry::{CamFromWorld, CameraError};
+use nalgebra::{Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3};
+use quadlift::geometry::rotation_defect;
 
 /// The 4x4 matrix with a rotation (or any 3x3 matrix) and a translation.
 pub fn matrix4(rotation: &Matrix3<f64>, translation: &Vector3<f64>) -> Matrix4<f64> {
@@ -26,9 +26,15 @@ pub fn from_rows(rows: &[[f64; 4]; 3]) -> Matrix4<f64> {
     matrix
 }
 
-/// Checks that a matrix is a rotation and a translation, to 1e-3.
-pub fn check_rigid(matrix: &Matrix4<f64>) -> Result<(), CameraError> {
-    CamFromWorld::new(Matrix3x4::from(matrix.fixed_view::<3, 4>(0, 0))).map(|_| ())
+/// Checks that a matrix, of this name in messages, is a rotation and a translation, to 1e-3.
+pub fn check_rigid(matrix: &Matrix4<f64>, name: &str) -> Result<(), String> {
+    let defect = rotation_defect(&matrix.fixed_view::<3, 3>(0, 0).into_owned());
+    if defect > 1e-3 {
+        return Err(format!(
+            "the 3x3 part of {name} is not a rotation (|R R^T - I| is {defect:.3e}, at most 1e-3 is accepted)"
+        ));
+    }
+    Ok(())
 }
 
 /// The inverse of a rotation and a translation, whose rotation need not be orthonormal to the last digit; `None` when it

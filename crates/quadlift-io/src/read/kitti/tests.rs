@@ -78,7 +78,7 @@ fn what_is_wrong_is_named_with_its_line() {
     insta::assert_snapshot!(message(&CALIB.replace("P2", "P1"), &oxts, label), @r#"calib.txt: there is no "P2""#);
     insta::assert_snapshot!(message(&CALIB.replace(" 42 ", " 42 1 "), &oxts, label), @r#"calib.txt:1: "P2" has 13 numbers; expected 12"#);
     insta::assert_snapshot!(message(&CALIB.replace("700 0 600", "700 1 600"), &oxts, label), @r#"calib.txt: "P2": expected K [I | b] with K = [fx 0 cx; 0 fy cy; 0 0 1]"#);
-    insta::assert_snapshot!(message(&CALIB.replace("Tr_imu_velo 1", "Tr_imu_velo 2"), &oxts, label), @r#"calib.txt: "Tr_imu_to_velo" or "Tr_imu_velo": the 3x3 part of it is not a rotation (|R R^T - I| is 3.000e0, at most 1e-3 is accepted)"#);
+    insta::assert_snapshot!(message(&CALIB.replace("Tr_imu_velo 1", "Tr_imu_velo 2"), &oxts, label), @r#"calib.txt: the 3x3 part of "Tr_imu_to_velo" or "Tr_imu_velo" is not a rotation (|R R^T - I| is 3.000e0, at most 1e-3 is accepted)"#);
     insta::assert_snapshot!(message(CALIB, "1 2 3\n", label), @"oxts.txt:1: found 3 numbers; expected 30");
     insta::assert_snapshot!(message(CALIB, &oxts.replace(" 8 100", " east 100"), label), @r#"oxts.txt:1: field 2 is "east"; expected a number"#);
     insta::assert_snapshot!(message(CALIB, &oxts, "0 3 Car 0 1 0 500\n"), @"label.txt:1: the line ends after 7 fields; expected a box left, top, right, bottom");

@@ -83,7 +83,7 @@ pub(super) fn ellipse_of_polygon(points: &[Vector2<f64>]) -> Option<Ellipse> {
         let sum = p + q;
         second += (p * p.transpose() + q * q.transpose() + sum * sum.transpose()) * (cross / 24.0);
     }
-    if !(area.abs() > 0.0) {
+    if area == 0.0 || area.is_nan() {
         return None;
     }
     let center = first / area;
