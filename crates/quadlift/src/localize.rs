@@ -105,12 +105,12 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
     let mut named = vec![false; scene.object_ids.len()];
     let mut left_out = LeftOut::default();
     for detection in scene.detections.iter().filter(|d| from_source(d)) {
-        left_out.beyond_lens += usize::from(!measured(detection));
         match detection.object_index {
             None => left_out.without_object += 1,
             Some(object) => {
                 named[object as usize] = true;
                 left_out.occluded_or_truncated += usize::from(!visible(detection));
+                left_out.beyond_lens += usize::from(visible(detection) && !measured(detection));
             }
         }
     }
