@@ -1,5 +1,7 @@
 //! Values of options that several commands share.
 
+use std::ops::RangeInclusive;
+
 use quadlift::solve::{BodyKind, PoseNoise};
 
 /// Reads `ellipsoid`, `cuboid` or `superellipsoid:Q`.
@@ -71,6 +73,18 @@ pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
+/// Reads width and height, such as 640x480.
+pub fn image_size(text: &str) -> Result<[f64; 2], String> {
+    let size = text.split_once('x').and_then(|(w, h)| Some([positive(w).ok()?, positive(h).ok()?]));
+    size.ok_or_else(|| "expected WIDTHxHEIGHT, such as 640x480".to_owned())
+}
+
+/// Reads the first and the last frame, such as 90-106.
+pub fn frame_range(text: &str) -> Result<RangeInclusive<usize>, String> {
+    let range = text.split_once('-').and_then(|(a, b)| Some(a.trim().parse().ok()?..=b.trim().parse().ok()?));
+    range.filter(|range| !range.is_empty()).ok_or_else(|| "expected FIRST-LAST, such as 90-106".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,6 +111,8 @@ mod tests {
     #[test]
     fn numbers_are_finite() {
         assert_eq!(three_numbers("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
+        assert_eq!((image_size("640x480"), frame_range("90-106")), (Ok([640.0, 480.0]), Ok(90..=106)));
+        assert!(image_size("640").is_err() && image_size("0x1").is_err() && frame_range("7-6").is_err());
         assert!(three_numbers("1,2").is_err() && three_numbers("1,2,inf").is_err() && finite("nan").is_err());
     }
 }

@@ -85,6 +85,10 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
             count(left_out.occluded_or_truncated, "detection")
         );
     }
+    if left_out.beyond_lens > 0 {
+        let n = count(left_out.beyond_lens, "detection");
+        let _ = writeln!(text, "left out {n} where the lens cannot be undistorted (80 degrees from the axis or more)");
+    }
     if !localization.noise.is_empty() {
         let level = |(name, x): &(&str, f64)| format!("{} {x:.3}", name.replace('_', " "));
         let levels: Vec<String> = localization.noise.iter().map(level).collect();

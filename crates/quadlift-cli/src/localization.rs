@@ -197,5 +197,6 @@ pub fn left_out_json(localization: &Localization) -> Value {
     json!({
         "without_object": left_out.without_object,
         "occluded_or_truncated": left_out.occluded_or_truncated,
+        "beyond_lens": left_out.beyond_lens,
     })
 }

@@ -12,6 +12,7 @@ mod file_names;
 mod files;
 mod localization;
 mod output;
+mod pose_check;
 mod progress;
 mod rendered_scene;
 mod segmentation;
@@ -24,7 +25,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{associate, completions, demo, evaluate, info, localize, reproduce, segment, synth};
+use commands::{associate, completions, demo, evaluate, import, info, localize, reproduce, segment, synth};
 use error::Outcome;
 use output::Output;
 
@@ -66,6 +67,7 @@ enum Command {
     Localize(localize::Args),
     Evaluate(evaluate::Args),
     Synth(synth::Args),
+    Import(import::Args),
     Info(info::Args),
     Reproduce(reproduce::Args),
     Completions(completions::Args),
@@ -81,6 +83,7 @@ fn main() -> ExitCode {
         Command::Localize(args) => localize::run(&args, &out),
         Command::Evaluate(args) => evaluate::run(&args, &out),
         Command::Synth(args) => synth::run(&args, &out),
+        Command::Import(args) => import::run(&args, &out),
         Command::Info(args) => info::run(&args, &out),
         Command::Reproduce(args) => reproduce::run(&args, &out),
         Command::Completions(args) => completions::run(&args, &out),
@@ -109,9 +112,17 @@ mod tests {
     #[test]
     fn every_command_and_option_is_in_the_manual() {
         let manual = include_str!("../../../docs/cli.md");
-        for command in super::Cli::command().get_subcommands().chain([&super::Cli::command()]) {
+        let cli = super::Cli::command();
+        for command in cli.get_subcommands().chain([&cli]) {
             let name = command.get_name();
             assert!(name == "quadlift" || manual.contains(&format!("## quadlift {name}")), "{name}");
+        }
+        let formats: Vec<_> = cli.find_subcommand("import").unwrap().get_subcommands().collect();
+        for format in &formats {
+            assert!(manual.contains(&format!("quadlift import {}", format.get_name())), "{}", format.get_name());
+        }
+        for command in cli.get_subcommands().chain([&cli]).chain(formats) {
+            let name = command.get_name();
             for option in command.get_arguments().filter_map(|argument| argument.get_long()) {
                 assert!(manual.contains(&format!("`--{option}")) || option == "help", "{name} --{option}");
             }

@@ -86,7 +86,7 @@ fn entries() -> Vec<Case> {
         changed("an unknown frame", |scene| scene["detections"][3]["frame"] = json!("00003")),
         changed("an unknown camera", |scene| scene["frames"][0]["camera"] = json!("Camera")),
         changed("an unknown camera model", |scene| scene["cameras"][0]["model"] = json!("PINHOL")),
-        changed("a camera model with distortion", |scene| scene["cameras"][0]["model"] = json!("OPENCV")),
+        changed("a camera model with too few parameters", |scene| scene["cameras"][0]["model"] = json!("OPENCV")),
         changed("a camera without all parameters", |scene| scene["cameras"][0]["params"] = json!([500, 320, 240])),
         changed("singular intrinsics", |scene| scene["cameras"][0]["params"][1] = json!(0)),
         changed("an image size of zero", |scene| scene["cameras"][0]["width"] = json!(0)),

@@ -19,8 +19,10 @@ fn pages() -> Vec<(PathBuf, String)> {
         .iter()
         .map(|name| workspace().join(name))
         .collect();
-    let docs = std::fs::read_dir(workspace().join("docs")).unwrap().map(|entry| entry.unwrap().path());
-    paths.extend(docs.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    for folder in ["docs", "docs/formats"] {
+        let docs = std::fs::read_dir(workspace().join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        paths.extend(docs.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    }
     paths.into_iter().map(|path| (path.clone(), std::fs::read_to_string(path).unwrap())).collect()
 }
 
@@ -50,6 +52,8 @@ fn files_and_commands_work_as_shown() {
                     folder.succeed(&format!("localize {name}"));
                     files += 1;
                 }
+                // A file of another program, for the commands below it.
+                Some(("text", name)) => folder.write(name, &text),
                 Some(("toml", name)) => {
                     folder.write(name, &text);
                     folder.succeed("synth -o .synthetic.json --objects 2");

@@ -9,6 +9,7 @@ mod error;
 pub mod images;
 mod numbers;
 pub mod priors;
+pub mod read;
 pub mod scene_file;
 mod wording;
 

@@ -81,6 +81,8 @@ pub struct LeftOut {
     pub without_object: usize,
     /// Their occlusion or truncation level is too high.
     pub occluded_or_truncated: usize,
+    /// They lie where the lens cannot be undistorted, see [`crate::geometry::Camera::undistort_point`].
+    pub beyond_lens: usize,
 }
 
 /// The result for a scene.
@@ -116,7 +118,8 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
         within(d.occluded, options.max_occluded) && within(d.truncated, options.max_truncated)
     };
-    let mut groups = scene.detections_by_object(|d| from_source(d) && visible(d));
+    let measured = |d: &Detection| d.bounding_box.is_some() || d.ellipse.is_some();
+    let mut groups = scene.detections_by_object(|d| from_source(d) && visible(d) && measured(d));
     // In the order of the frames, so that neighbours in the list are neighbours in time.
     for group in &mut groups {
         group.sort_by_key(|&index| scene.detections[index as usize].frame_index);
@@ -133,6 +136,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
             Some(object) => {
                 named[object as usize] = true;
                 left_out.occluded_or_truncated += usize::from(!visible(detection));
+                left_out.beyond_lens += usize::from(visible(detection) && !measured(detection));
             }
         }
     }

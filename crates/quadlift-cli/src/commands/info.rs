@@ -11,6 +11,7 @@ use serde::Serialize;
 use crate::error::Outcome;
 use crate::files::read_scene;
 use crate::output::{HEADING, Output, WARNING, one_line};
+use crate::pose_check::pose_oddities;
 use crate::table::Table;
 use crate::words::{count, some_of};
 
@@ -160,8 +161,8 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     }
     let (mut outside, mut beyond) = (0, 0);
     for detection in &scene.detections {
-        let (Some(b), Some(size)) = (detection.bounding_box, scene.frames[detection.frame_index as usize].image_size)
-        else {
+        let in_image = detection.box_in_image.or(detection.bounding_box);
+        let (Some(b), Some(size)) = (in_image, scene.frames[detection.frame_index as usize].image_size) else {
             continue;
         };
         if b.x1 <= 0.0 || b.y1 <= 0.0 || b.x0 >= size.x || b.y0 >= size.y {
@@ -179,6 +180,11 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     if beyond > 0 {
         oddities.push(format!("{} beyond the image border: edges there count as cut off", boxes_reach(beyond)));
     }
+    let beyond_lens = scene.detections.iter().filter(|d| d.bounding_box.is_none() && d.ellipse.is_none()).count();
+    if beyond_lens > 0 {
+        let n = count(beyond_lens, "detection");
+        oddities.push(format!("{n} where the lens cannot be undistorted: left out by localize"));
+    }
     if report.frames_without_image_size > 0 && !scene.frames.is_empty() {
         oddities.push(format!(
             "{} without an image size: no box edge counts as cut off there",
@@ -188,6 +194,7 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     if one_point(scene) {
         oddities.push("all cameras stand at one point: depths and sizes cannot be found".to_owned());
     }
+    oddities.extend(pose_oddities(file, scene));
     let mut seen = vec![false; scene.frames.len()];
     scene.detections.iter().for_each(|detection| seen[detection.frame_index as usize] = true);
     let blank: Vec<String> =

@@ -3,43 +3,30 @@
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3x4, Vector2};
-use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Ellipse, Intrinsics, Projection};
+use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
 use quadlift::scene::{DetectionInput, Scene, SceneBuilder, SceneError};
 
 use super::records::{CameraRecord, DetectionRecord, FrameRecord, SceneFile};
 use super::suggest::known_names;
 use crate::error::EntryError;
 
-/// COLMAP's camera models with distortion, which are known but not supported.
-const DISTORTED_MODELS: [&str; 15] = [
-    "SIMPLE_RADIAL",
-    "RADIAL",
-    "OPENCV",
-    "OPENCV_FISHEYE",
-    "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
-    "THIN_PRISM_FISHEYE",
-    "RAD_TAN_THIN_PRISM_FISHEYE",
-    "SIMPLE_DIVISION",
-    "DIVISION",
-    "SIMPLE_FISHEYE",
-    "FISHEYE",
-    "EUCM",
-];
-
-/// A checked camera.
-struct Camera {
-    intrinsics: Intrinsics,
+/// A checked camera with its image size.
+struct CheckedCamera {
+    camera: Camera,
     image_size: Option<[f64; 2]>,
+}
+
+/// How a frame maps the world to pixels.
+enum Posed<'a> {
+    Camera(&'a Camera, CamFromWorld),
+    Projection(Projection),
 }
 
 impl SceneFile {
     /// The scene: frames and detections of all sources. The objects of the file are not looked at.
     ///
     /// # Errors
-    /// [`EntryError`] names the first entry that is wrong: unknown or repeated ids, unsupported camera models,
+    /// [`EntryError`] names the first entry that is wrong: unknown or repeated ids, unknown camera models,
     /// singular cameras, poses that are no rotations, empty boxes, ellipses without positive axes.
     pub fn to_scene(&self) -> Result<Scene, EntryError> {
         let mut builder = SceneBuilder::new(self.name.as_deref().unwrap_or_default());
@@ -58,8 +45,12 @@ impl SceneFile {
         let cameras = self.checked_cameras()?;
         for (index, frame) in self.frames.iter().enumerate() {
             let entry = |field: &str| format!("frames[{index}]{field}");
-            let (projection, image_size) = self.posed(frame, &cameras, entry)?;
-            builder.add_frame(&frame.id, projection, image_size).map_err(|error| EntryError::new(entry(""), error))?;
+            let (posed, image_size) = self.posed(frame, &cameras, entry)?;
+            let added = match posed {
+                Posed::Camera(camera, pose) => builder.add_frame_of_camera(&frame.id, camera, &pose, image_size),
+                Posed::Projection(projection) => builder.add_frame(&frame.id, projection, image_size),
+            };
+            added.map_err(|error| EntryError::new(entry(""), error))?;
         }
         for (index, detection) in self.detections.iter().enumerate() {
             let entry = |field: &str| format!("detections[{index}]{field}");
@@ -76,31 +67,32 @@ impl SceneFile {
     }
 
     /// The cameras by id.
-    fn checked_cameras(&self) -> Result<HashMap<&str, Camera>, EntryError> {
+    fn checked_cameras(&self) -> Result<HashMap<&str, CheckedCamera>, EntryError> {
         let mut cameras = HashMap::with_capacity(self.cameras.len());
         for (index, record) in self.cameras.iter().enumerate() {
             let entry = |field: &str| format!("cameras[{index}]{field}");
-            let intrinsics = intrinsics(record, entry)?;
+            let camera = camera(record, entry)?;
             let image_size = image_size(record.width, record.height, entry)?;
-            if cameras.insert(record.id.as_str(), Camera { intrinsics, image_size }).is_some() {
+            if cameras.insert(record.id.as_str(), CheckedCamera { camera, image_size }).is_some() {
                 return Err(EntryError::new(entry(""), format!("the camera id \"{}\" is used twice", record.id)));
             }
         }
         Ok(cameras)
     }
 
-    /// Projection and image size of a frame.
-    fn posed(
+    /// Camera and pose, or projection, and image size of a frame.
+    fn posed<'a>(
         &self,
         frame: &FrameRecord,
-        cameras: &HashMap<&str, Camera>,
+        cameras: &'a HashMap<&str, CheckedCamera>,
         entry: impl Fn(&str) -> String,
-    ) -> Result<(Projection, Option<[f64; 2]>), EntryError> {
+    ) -> Result<(Posed<'a>, Option<[f64; 2]>), EntryError> {
         let own_size = image_size(frame.width, frame.height, &entry)?;
         match (&frame.camera, &frame.cam_from_world, &frame.projection) {
             (None, None, Some(rows)) => {
                 let projection = Projection::from_matrix(matrix(rows));
-                Ok((projection.map_err(|error| EntryError::new(entry(".projection"), error))?, own_size))
+                let projection = projection.map_err(|error| EntryError::new(entry(".projection"), error))?;
+                Ok((Posed::Projection(projection), own_size))
             }
             (Some(id), Some(rows), None) => {
                 let camera = cameras.get(id.as_str()).ok_or_else(|| {
@@ -109,7 +101,7 @@ impl SceneFile {
                 })?;
                 let pose = CamFromWorld::new(matrix(rows));
                 let pose = pose.map_err(|error| EntryError::new(entry(".cam_from_world"), error))?;
-                Ok((Projection::from_camera(&camera.intrinsics, &pose), own_size.or(camera.image_size)))
+                Ok((Posed::Camera(&camera.camera, pose), own_size.or(camera.image_size)))
             }
             (camera, pose, projection) => {
                 let given: Vec<&str> = [
@@ -129,30 +121,13 @@ impl SceneFile {
     }
 }
 
-/// The intrinsics of a camera without distortion.
-fn intrinsics(record: &CameraRecord, entry: impl Fn(&str) -> String) -> Result<Intrinsics, EntryError> {
-    let (names, values) = match (record.model.as_str(), record.params.as_slice()) {
-        ("PINHOLE", &[fx, fy, cx, cy]) => ("", Some([fx, fy, cx, cy])),
-        ("PINHOLE", _) => ("4 params [fx, fy, cx, cy]", None),
-        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ("", Some([f, f, cx, cy])),
-        ("SIMPLE_PINHOLE", _) => ("3 params [f, cx, cy]", None),
-        (model, _) => {
-            let problem = if DISTORTED_MODELS.contains(&model) {
-                format!(
-                    "the camera model {model} has lens distortion, which is not supported yet; undistort the images \
-                     (COLMAP: image_undistorter) and use PINHOLE or SIMPLE_PINHOLE"
-                )
-            } else {
-                format!("unknown camera model \"{model}\"; supported are PINHOLE and SIMPLE_PINHOLE")
-            };
-            return Err(EntryError::new(entry(".model"), problem));
-        }
-    };
-    let Some([fx, fy, cx, cy]) = values else {
-        let problem = format!("a {} camera has {names}; found {}", record.model, record.params.len());
-        return Err(EntryError::new(entry(".params"), problem));
-    };
-    Intrinsics::new(fx, fy, cx, cy).map_err(|error| EntryError::new(entry(".params"), error))
+/// A camera of any of COLMAP's models.
+fn camera(record: &CameraRecord, entry: impl Fn(&str) -> String) -> Result<Camera, EntryError> {
+    let model = CameraModel::from_name(&record.model).ok_or_else(|| {
+        let hint = known_names(&record.model, CameraModel::all().map(CameraModel::name), "camera models");
+        EntryError::new(entry(".model"), format!("unknown camera model \"{}\"; {hint}", record.model))
+    })?;
+    Camera::new(model, &record.params).map_err(|error| EntryError::new(entry(".params"), error))
 }
 
 /// Width and height, where both are given.

@@ -7,7 +7,7 @@ pub fn expected(field: &str) -> Option<&'static str> {
         "ellipse" => "\"ellipse\": {\"center\": [x, y], \"semi_axes\": [a, b], \"angle\": radians}",
         "cam_from_world" => "\"cam_from_world\": three rows [r, r, r, t], which map world points to camera points",
         "projection" => "\"projection\": three rows of four numbers, which map world points to pixels",
-        "params" => "\"params\": [fx, fy, cx, cy] for a PINHOLE camera",
+        "params" => "\"params\": a list of numbers in COLMAP's order, [fx, fy, cx, cy] for a PINHOLE camera",
         "up" => "\"up\": [x, y, z], the world direction against gravity",
         "rotation" => "\"rotation\": a unit quaternion [w, x, y, z]",
         "half_extents" => "\"half_extents\": three numbers, half the size along each axis",

@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, Vector2, Vector3, Vector4};
 
+use super::lens::CameraModel;
 use super::rotation::rotation_defect;
 
 /// Why a camera, a pose or a projection is refused.
@@ -23,6 +24,23 @@ pub enum CameraError {
         fx: f64,
         /// Vertical focal length in pixels.
         fy: f64,
+    },
+    /// A camera model has another number of parameters.
+    #[error("a {} camera has {} params [{}]; found {found}",
+        model.name(), model.parameter_names().len(), model.parameter_names().join(", "))]
+    ParameterCount {
+        /// The model.
+        model: CameraModel,
+        /// How many parameters were given.
+        found: usize,
+    },
+    /// A coefficient of a camera model is out of its range.
+    #[error("a {} camera has {range}", model.name())]
+    Coefficients {
+        /// The model.
+        model: CameraModel,
+        /// What is allowed, in words.
+        range: &'static str,
     },
     /// The left 3x3 block of `cam_from_world` is not a rotation.
     #[error("the 3x3 part of cam_from_world is not a rotation (|R R^T - I| is {defect:.3e}, at most 1e-3 is accepted)")]

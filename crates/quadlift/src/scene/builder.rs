@@ -1,11 +1,12 @@
 //! Building a [`Scene`]: ids become indices, numbers are checked.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use nalgebra::{Unit, Vector2, Vector3};
 
 use super::{Detection, Frame, Scene};
-use crate::geometry::{BoundingBox, Ellipse, Projection};
+use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, Projection};
 
 /// Why something cannot be added to a scene.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -119,16 +120,40 @@ impl SceneBuilder {
         {
             return Err(SceneError::ImageSize { width, height });
         }
-        let index = self.scene.frames.len();
-        let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
-        if self.frames.insert(id.to_owned(), next).is_some() {
-            return Err(SceneError::DuplicateFrame(id.to_owned()));
-        }
-        self.scene.frames.push(Frame { id: id.to_owned(), projection, image_size: image_size.map(Vector2::from) });
+        self.push_frame(Frame { id: id.to_owned(), projection, image_size: image_size.map(Vector2::from), lens: None })
+    }
+
+    /// Adds an image of a camera of any model; the detections in it will be undistorted. Returns its index.
+    ///
+    /// # Errors
+    /// [`SceneError::DuplicateFrame`], [`SceneError::ImageSize`].
+    pub fn add_frame_of_camera(
+        &mut self,
+        id: &str,
+        camera: &Camera,
+        cam_from_world: &CamFromWorld,
+        image_size: Option<[f64; 2]>,
+    ) -> Result<usize, SceneError> {
+        let index = self.add_frame(id, Projection::from_camera(&camera.pinhole(), cam_from_world), image_size)?;
+        self.scene.frames[index].lens = (!camera.is_pinhole()).then_some(*camera);
         Ok(index)
     }
 
-    /// Adds a detection. Returns its index.
+    fn push_frame(&mut self, frame: Frame) -> Result<usize, SceneError> {
+        let index = self.scene.frames.len();
+        let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
+        // The first frame of an id keeps it, also when the caller goes on after the error.
+        match self.frames.entry(frame.id.clone()) {
+            Entry::Occupied(_) => return Err(SceneError::DuplicateFrame(frame.id)),
+            Entry::Vacant(free) => free.insert(next),
+        };
+        self.scene.frames.push(frame);
+        Ok(index)
+    }
+
+    /// Adds a detection, measured in the image as it is; where the frame's camera has a lens, it is undistorted. What
+    /// the lens has no pinhole pixels for (see [`Camera::undistort_point`]) stays without box or ellipse. Returns its
+    /// index.
     ///
     /// # Errors
     /// [`SceneError::UnknownFrame`], [`SceneError::NothingMeasured`], [`SceneError::DuplicateDetection`].
@@ -152,14 +177,25 @@ impl SceneBuilder {
                 first: first as usize,
             });
         }
+        let lens = &self.scene.frames[frame_index as usize].lens;
+        let (bounding_box, ellipse, box_in_image) = match lens {
+            None => (input.bounding_box, input.ellipse, None),
+            Some(lens) => (
+                input.bounding_box.and_then(|b| lens.undistort_box(&b)),
+                input.ellipse.and_then(|e| lens.undistort_ellipse(&e)),
+                // The solvers prefer ellipses.
+                input.ellipse.map(|e| e.bounding_box()).or(input.bounding_box),
+            ),
+        };
         self.scene.detections.push(Detection {
             frame_index,
             object_index,
             category_index,
             source_index,
             score: input.score,
-            bounding_box: input.bounding_box,
-            ellipse: input.ellipse,
+            bounding_box,
+            ellipse,
+            box_in_image,
             occluded: input.occluded,
             truncated: input.truncated,
         });
@@ -188,6 +224,7 @@ fn intern(name: Option<&str>, indices: &mut HashMap<String, u32>, names: &mut Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::CameraModel;
     use nalgebra::Matrix3x4;
 
     fn builder() -> SceneBuilder {
@@ -223,5 +260,38 @@ mod tests {
         assert!(b.up([f64::INFINITY, 0.0, 0.0]).is_err());
         let scene = b.build();
         assert_eq!((scene.detections.len(), scene.object_ids.len(), scene.sources.len()), (2, 1, 1));
+    }
+
+    #[test]
+    fn measurements_are_undistorted_and_keep_their_place_in_the_image() {
+        let camera = Camera::new(CameraModel::SimpleFisheye, &[300.0, 320.0, 240.0]).unwrap();
+        let pose = CamFromWorld::new(Matrix3x4::identity()).unwrap();
+        let mut b = SceneBuilder::new("test");
+        b.add_frame_of_camera("a", &camera, &pose, Some([640.0, 480.0])).unwrap();
+        let middle = BoundingBox { x0: 310.0, y0: 230.0, x1: 330.0, y1: 250.0 };
+        let at_the_left = BoundingBox { x0: 0.0, y0: 230.0, x1: 20.0, y1: 250.0 };
+        let beyond = BoundingBox { x0: 740.0, y0: 240.0, x1: 760.0, y1: 260.0 };
+        for bounding_box in [middle, at_the_left, beyond] {
+            let bounding_box = Some(bounding_box);
+            b.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
+        }
+        let scene = b.build();
+        let boxes: Vec<_> = scene.detections.iter().map(|d| d.bounding_box).collect();
+        let half_width = boxes[0].unwrap().size().x * 0.5;
+        assert!((half_width - 300.0 * (10.0f64 / 300.0).tan()).abs() < 1e-3, "{half_width}");
+        // The principal point is 320 px from the border: 320 / 300 of the radius is 1.07 radians.
+        assert!((boxes[1].unwrap().x0 - (320.0 - 300.0 * (320.0f64 / 300.0).tan())).abs() < 0.5, "{boxes:?}");
+        let view = scene.view(&scene.detections[1]);
+        assert_eq!(view.in_image(&boxes[1].unwrap()), at_the_left, "it touches the border of the image");
+        assert!(boxes[2].is_none(), "420 px from the axis are 80 degrees");
+        assert_eq!(scene.frames[0].lens, Some(camera));
+        // A pinhole camera needs none of this.
+        let mut b = SceneBuilder::new("test");
+        let pinhole = Camera::new(CameraModel::SimplePinhole, &[300.0, 320.0, 240.0]).unwrap();
+        b.add_frame_of_camera("a", &pinhole, &pose, None).unwrap();
+        b.add_detection(&DetectionInput { frame: "a", bounding_box: Some(middle), ..Default::default() }).unwrap();
+        let scene = b.build();
+        assert_eq!((scene.detections[0].bounding_box, scene.detections[0].box_in_image), (Some(middle), None));
+        assert!(scene.frames[0].lens.is_none());
     }
 }

@@ -13,7 +13,7 @@ pub use views::{ObjectViews, View};
 
 use nalgebra::{Unit, Vector2, Vector3};
 
-use crate::geometry::{BoundingBox, Ellipse, Projection};
+use crate::geometry::{BoundingBox, Camera, Ellipse, Projection};
 
 /// Posed frames and detections, with every reference resolved to an index.
 #[derive(Debug, Clone, Default)]
@@ -41,13 +41,17 @@ pub struct Scene {
 pub struct Frame {
     /// Id of the frame.
     pub id: String,
-    /// World to pixels.
+    /// World to pixels; where there is a lens, to those of its pinhole camera ([`Camera::pinhole`]).
     pub projection: Projection,
-    /// Width and height in pixels, where known; without them no box edge counts as cut off.
+    /// Width and height of the image as it is, in pixels, where known; without them no box edge counts as cut off.
     pub image_size: Option<Vector2<f64>>,
+    /// The camera that made the image, where it has lens distortion. The measurements of a scene are undistorted
+    /// already; this is for what is measured in the image later.
+    pub lens: Option<Camera>,
 }
 
-/// One detection of one object in one frame: a box, an ellipse or both.
+/// One detection of one object in one frame: a box, an ellipse or both, in the pixels of [`Frame::projection`]. Neither
+/// where the lens has no pinhole pixels for it; [`crate::localize()`] leaves such detections out.
 #[derive(Debug, Clone)]
 pub struct Detection {
     /// Index into [`Scene::frames`].
@@ -64,6 +68,9 @@ pub struct Detection {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// Where a lens bends the image: the measured box, or the box around the measured ellipse, in the image itself,
+    /// whose border may cut it.
+    pub box_in_image: Option<BoundingBox>,
     /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
     pub occluded: Option<f64>,
     /// Truncation level (KITTI: 0 wholly inside the image).

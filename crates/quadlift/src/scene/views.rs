@@ -12,12 +12,14 @@ pub struct View {
     pub frame_index: usize,
     /// World to pixels.
     pub projection: Projection,
-    /// Width and height of the image in pixels, where known.
+    /// Width and height of the image as it is, in pixels, where known.
     pub image_size: Option<Vector2<f64>>,
     /// The box in pixels.
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// Where a lens bends the image: the box in the image itself, see [`Detection::box_in_image`].
+    pub box_in_image: Option<BoundingBox>,
     /// Which edges of the box (left, top, right, bottom) another detection of the frame probably hides.
     pub hidden_edges: [bool; 4],
 }
@@ -26,6 +28,12 @@ impl View {
     /// What the closed forms for ellipses use: the ellipse, or the one inscribed in the box.
     pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
         self.ellipse.or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
+    }
+
+    /// Where a measured box, or the box around a measured ellipse, lies in the image itself, whose border may cut it:
+    /// somewhere else only where a lens bends the image.
+    pub fn in_image(&self, measured: &BoundingBox) -> BoundingBox {
+        self.box_in_image.unwrap_or(*measured)
     }
 }
 
@@ -50,6 +58,7 @@ impl Scene {
             image_size: frame.image_size,
             bounding_box: detection.bounding_box,
             ellipse: detection.ellipse,
+            box_in_image: detection.box_in_image,
             hidden_edges: [false; 4],
         }
     }

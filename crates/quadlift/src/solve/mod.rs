@@ -21,3 +21,4 @@ pub use lfd::{ConditionedSolution, lfd, lfd_from};
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
 pub use pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
 pub use reg::{RegSolution, reg};
+pub use triangulate::triangulate;

@@ -73,7 +73,7 @@ pub fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<DualQuadri
         // Depth of the frame's origin; its sign must not matter, a row may be multiplied by anything.
         let depth = p[(2, 3)].abs().max(f64::MIN_POSITIVE);
         let half = bounding_box.size() * 0.5;
-        let cut = edges_at_border(bounding_box, view.image_size, BORDER_TOLERANCE_PX);
+        let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, BORDER_TOLERANCE_PX);
         for edge in (0..4).filter(|&edge| !cut[edge]) {
             let plane = edge_plane(&p, bounding_box, edge) / (depth * half[edge % 2]);
             rows.push(tangency_row(&plane));

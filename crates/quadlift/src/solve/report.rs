@@ -58,7 +58,7 @@ fn measured_box(view: &View) -> Option<BoundingBox> {
 
 fn view_residual(view: &View, body: &Body) -> Option<f64> {
     let measured = measured_box(view)?;
-    let cut = edges_at_border(&measured, view.image_size, BORDER_TOLERANCE_PX);
+    let cut = edges_at_border(&view.in_image(&measured), view.image_size, BORDER_TOLERANCE_PX);
     let predicted = project_bounding_box(&view.projection, body).ok()?;
     let squares: Vec<f64> = (0..4)
         .filter(|&edge| !cut[edge])
@@ -89,7 +89,7 @@ pub(super) fn enclosing_scale(views: &[View], body: &Body, quantile: f64) -> Opt
                 push(plane.xyz(), plane.w);
             }
         } else if let Some(bounding_box) = &view.bounding_box {
-            let cut = edges_at_border(bounding_box, view.image_size, BORDER_TOLERANCE_PX);
+            let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, BORDER_TOLERANCE_PX);
             for edge in (0..4).filter(|&edge| !cut[edge]) {
                 let plane = edge_plane(&p, bounding_box, edge);
                 push(plane.xyz(), plane.w);
@@ -121,7 +121,7 @@ fn warnings(views: &[View], body: &Body) -> Vec<Warning> {
         match (&view.bounding_box, &view.ellipse) {
             (None, Some(_)) => seen = [true; 4],
             (Some(b), _) => {
-                let cut = edges_at_border(b, view.image_size, BORDER_TOLERANCE_PX);
+                let cut = edges_at_border(&view.in_image(b), view.image_size, BORDER_TOLERANCE_PX);
                 (0..4).for_each(|edge| seen[edge] |= !cut[edge]);
             }
             (None, None) => {}

@@ -16,7 +16,7 @@ const ROUNDING: f64 = 1e-12;
 ///
 /// `None` when it is not determined: fewer than two views, all cameras at one point, parallel rays, or numbers that
 /// are not finite. Where rays diverge the point may lie behind the cameras.
-pub(crate) fn triangulate(observations: &[(Projection, Vector2<f64>)]) -> Option<Point3<f64>> {
+pub fn triangulate(observations: &[(Projection, Vector2<f64>)]) -> Option<Point3<f64>> {
     // Relative to a camera centre the numbers are of the size of the baselines, wherever the world's origin is.
     let origin = observations.first()?.0.center_in_world()?;
     let mut baseline = 0f64;

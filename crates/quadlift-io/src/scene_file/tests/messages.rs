@@ -118,8 +118,8 @@ fn entries_of_another_shape() {
 
 #[test]
 fn cameras() {
-    assert_snapshot!(after("PINHOLE", "OPENCV"), @"scene.json: cameras[0].model: the camera model OPENCV has lens distortion, which is not supported yet; undistort the images (COLMAP: image_undistorter) and use PINHOLE or SIMPLE_PINHOLE");
-    assert_snapshot!(after("PINHOLE", "pinhole"), @r#"scene.json: cameras[0].model: unknown camera model "pinhole"; supported are PINHOLE and SIMPLE_PINHOLE"#);
+    assert_snapshot!(after("PINHOLE", "OPENCV"), @"scene.json: cameras[0].params: a OPENCV camera has 8 params [fx, fy, cx, cy, k1, k2, p1, p2]; found 4");
+    assert_snapshot!(after("PINHOLE", "pinhole"), @r#"scene.json: cameras[0].model: unknown camera model "pinhole"; did you mean "PINHOLE"?"#);
     assert_snapshot!(after("PINHOLE", "SIMPLE_PINHOLE"), @"scene.json: cameras[0].params: a SIMPLE_PINHOLE camera has 3 params [f, cx, cy]; found 4");
     assert_snapshot!(after("[500, 500, 320, 240]", "[500, 320, 240]"), @"scene.json: cameras[0].params: a PINHOLE camera has 4 params [fx, fy, cx, cy]; found 3");
     assert_snapshot!(after("[500, 500, 320, 240]", "[0, 500, 320, 240]"), @"scene.json: cameras[0].params: focal lengths are (0, 500); expected two positive numbers (the intrinsics are singular)");

@@ -96,7 +96,7 @@ impl Measurements {
             Some(bounding_box) => {
                 let half_size = bounding_box.mean_half_size();
                 let margin = view.image_size.map_or(0.0, |s| options.border_margin * s.max()).max(BORDER_TOLERANCE_PX);
-                let cut = edges_at_border(bounding_box, view.image_size, margin);
+                let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, margin);
                 for edge in [0, 2, 1, 3] {
                     let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
                     let hidden = view.hidden_edges[edge];

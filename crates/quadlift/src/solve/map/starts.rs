@@ -161,7 +161,7 @@ pub(super) fn centers_from_size(prepared: &Prepared) -> Vec<Vector3<f64>> {
     let Some([_, _, (log_half_height, _)]) = prepared.prior.log_size else { return Vec::new() };
     let whole = |view: &&View| {
         let b = view.bounding_box;
-        b.is_some_and(|b| !edges_at_border(&b, view.image_size, BORDER_TOLERANCE_PX).contains(&true))
+        b.is_some_and(|b| !edges_at_border(&view.in_image(&b), view.image_size, BORDER_TOLERANCE_PX).contains(&true))
     };
     let height = |view: &View| view.bounding_box.map_or(0.0, |b| b.size().y);
     let tallest = prepared.views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));

@@ -1,0 +1,95 @@
+//! `quadlift import`: cameras and poses of other programs become a scene file.
+
+mod formats;
+mod paths;
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use quadlift_io::read::Import;
+use quadlift_io::write_scene_file;
+use serde_json::json;
+
+use crate::error::Outcome;
+use crate::files::check_file;
+use crate::output::Output;
+use crate::words::count;
+
+/// Make a scene file of another program's cameras and poses
+///
+/// Axes, directions of transforms, pixel origins, quaternions and units become those of the scene file; what was
+/// converted and what was assumed is printed, and kept in the scene's notes.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Examples:
+  quadlift import colmap model/ -o scene.json
+  quadlift import nerfstudio transforms.json -o scene.json
+  quadlift import tum trajectory.txt --intrinsics camera.txt --image-size 640x480 -o scene.json
+  quadlift import kitti training/ --sequence 0001 --frames 90-106 -o scene.json
+  quadlift import kitti-raw 2011_09_26/2011_09_26_drive_0005_sync -o scene.json
+  quadlift import bop lm/test/000005 --world-object 5 -o scene.json
+  quadlift import projections projections.csv --image-size 640x480 -o scene.json
+
+Exit codes: 0 the scene was written; 1 a file could not be read or written; 2 wrong usage."
+)]
+pub struct Args {
+    #[command(subcommand)]
+    format: formats::Format,
+}
+
+/// What every format has.
+#[derive(clap::Args)]
+pub struct Common {
+    /// The scene file to write
+    #[arg(short, long, value_name = "SCENE.json")]
+    output: PathBuf,
+
+    /// Folder of the images (default: where the format has them)
+    #[arg(long, value_name = "DIR")]
+    images: Option<PathBuf>,
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    let common = args.format.common();
+    check_file(&common.output)?;
+    let Import { mut scene, image_folder, mut notes } = args.format.read()?;
+    match common.images.as_ref().or(image_folder.as_ref()) {
+        Some(folder) => {
+            let prefix = paths::relative_to_file(folder, &common.output)
+                .with_context(|| format!("cannot find the folder {}", folder.display()))?;
+            paths::prefix_images(&mut scene, &prefix);
+        }
+        None if scene.frames.iter().any(|frame| frame.image.is_some()) => {
+            notes.push("where the images are is not known: name their folder with --images DIR".to_owned());
+        }
+        None => {}
+    }
+    if scene.name.is_none() {
+        scene.name = common.output.file_stem().map(|name| name.to_string_lossy().into_owned());
+    }
+    scene.notes = Some(format!("Imported from {}: {}.", args.format.name(), notes.join("; ")));
+    write_scene_file(&common.output, &scene)?;
+    let (cameras, frames) = (scene.cameras.len(), scene.frames.len());
+    let (detections, objects) = (scene.detections.len(), scene.objects.len());
+    let mut text = format!(
+        "wrote {}: {}, {}, {}, {}\n",
+        common.output.display(),
+        count(cameras, "camera"),
+        count(frames, "frame"),
+        count(detections, "detection"),
+        count(objects, "true object"),
+    );
+    notes.iter().for_each(|note| text.push_str(&format!("- {}\n", crate::output::one_line(note))));
+    out.report(&text)?;
+    out.document(&json!({
+        "output": common.output.display().to_string(),
+        "cameras": cameras,
+        "frames": frames,
+        "detections": detections,
+        "true_objects": objects,
+        "notes": notes,
+    }))?;
+    Ok(Outcome::Fine)
+}

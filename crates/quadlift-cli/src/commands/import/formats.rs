@@ -1,0 +1,234 @@
+//! The formats with their options.
+
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+
+use quadlift_io::ReadError;
+use quadlift_io::read::bop::{BopOptions, read_bop};
+use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::kitti::{KittiOptions, read_kitti};
+use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
+use quadlift_io::read::nerfstudio::read_nerfstudio;
+use quadlift_io::read::projections::read_projections;
+use quadlift_io::read::tum::{TumOptions, read_tum};
+use quadlift_io::read::{Import, PixelCenters};
+
+use super::Common;
+use crate::args;
+
+/// A format and where to read it.
+#[derive(clap::Subcommand)]
+pub enum Format {
+    /// A COLMAP model, text or binary
+    Colmap {
+        /// Folder of the model (or the one that holds sparse/0)
+        #[arg(value_name = "DIR")]
+        path: PathBuf,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// nerfstudio's or instant-ngp's transforms.json
+    Nerfstudio {
+        /// The file, or its folder
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A TUM trajectory with a file of intrinsics
+    Tum {
+        /// The trajectory: lines `time tx ty tz qx qy qz qw`
+        #[arg(value_name = "FILE")]
+        path: PathBuf,
+        /// File with one line: fx fy cx cy [k1 k2 p1 p2 [k3]], or MODEL WIDTH HEIGHT PARAMS as in COLMAP
+        #[arg(long, value_name = "FILE")]
+        intrinsics: PathBuf,
+        /// File with lines `time image`: each image gets the pose that is nearest in time
+        #[arg(long, value_name = "FILE")]
+        image_list: Option<PathBuf>,
+        /// Largest difference of the times of an image and its pose, in seconds
+        #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
+        time_tolerance: f64,
+        #[command(flatten)]
+        size: Size,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A sequence of KITTI's tracking benchmark
+    Kitti {
+        /// Folder with calib, oxts and label_02
+        #[arg(value_name = "DIR")]
+        path: PathBuf,
+        /// Name of the sequence, such as 0001
+        #[arg(long, value_name = "NAME")]
+        sequence: String,
+        #[command(flatten)]
+        part: Part,
+        #[command(flatten)]
+        size: Size,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A drive of KITTI's raw data
+    KittiRaw {
+        /// Folder of the drive, with oxts
+        #[arg(value_name = "DIR")]
+        path: PathBuf,
+        /// Number of the camera: 0, 1 (grey), 2 or 3 (colour)
+        #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(0..=3))]
+        camera: u8,
+        /// Folder of the calibration files (default: the one above the drive)
+        #[arg(long, value_name = "DIR")]
+        calibration: Option<PathBuf>,
+        #[command(flatten)]
+        part: Part,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A scene of a BOP data set
+    Bop {
+        /// Folder of the scene, such as test/000002
+        #[arg(value_name = "DIR")]
+        path: PathBuf,
+        /// Number of the object whose model frame is the world (needed unless the scene has poses of its own)
+        #[arg(long, value_name = "ID")]
+        world_object: Option<u64>,
+        /// models_info.json (default: looked for in `models` of the folders above)
+        #[arg(long, value_name = "FILE")]
+        models: Option<PathBuf>,
+        #[command(flatten)]
+        size: Size,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A list of 3x4 projections, CSV or JSON
+    Projections {
+        /// The file
+        #[arg(value_name = "FILE")]
+        path: PathBuf,
+        #[command(flatten)]
+        size: Size,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+}
+
+/// The size of the images.
+#[derive(clap::Args)]
+pub struct Size {
+    /// Width and height of the images in pixels, where the files do not say
+    #[arg(long, value_name = "WxH", value_parser = args::image_size)]
+    image_size: Option<[f64; 2]>,
+}
+
+/// The origin of pixel coordinates.
+#[derive(clap::Args)]
+pub struct Pixels {
+    /// Where the centre of the first pixel is: at 0 (integer) or at 0.5 (half)
+    #[arg(long, value_enum, value_name = "WHERE", default_value_t = Centers::Half)]
+    pixel_centers: Centers,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Centers {
+    Integer,
+    Half,
+}
+
+impl Pixels {
+    fn centers(&self) -> PixelCenters {
+        match self.pixel_centers {
+            Centers::Integer => PixelCenters::Integer,
+            Centers::Half => PixelCenters::Half,
+        }
+    }
+}
+
+/// A part of a sequence.
+#[derive(clap::Args)]
+pub struct Part {
+    /// First and last frame, from 0 (default: all)
+    #[arg(long, value_name = "FIRST-LAST", value_parser = args::frame_range)]
+    frames: Option<RangeInclusive<usize>>,
+}
+
+impl Format {
+    pub fn common(&self) -> &Common {
+        match self {
+            Self::Colmap { common, .. }
+            | Self::Nerfstudio { common, .. }
+            | Self::Tum { common, .. }
+            | Self::Kitti { common, .. }
+            | Self::KittiRaw { common, .. }
+            | Self::Bop { common, .. }
+            | Self::Projections { common, .. } => common,
+        }
+    }
+
+    /// The name of the format.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Colmap { .. } => "COLMAP",
+            Self::Nerfstudio { .. } => "nerfstudio",
+            Self::Tum { .. } => "a TUM trajectory",
+            Self::Kitti { .. } => "KITTI tracking",
+            Self::KittiRaw { .. } => "KITTI raw",
+            Self::Bop { .. } => "BOP",
+            Self::Projections { .. } => "projections",
+        }
+    }
+
+    pub fn read(&self) -> Result<Import, ReadError> {
+        match self {
+            Self::Colmap { path, .. } => read_colmap(path),
+            Self::Nerfstudio { path, pixels, .. } => read_nerfstudio(path, pixels.centers()),
+            Self::Tum { path, intrinsics, image_list, time_tolerance, size, pixels, .. } => {
+                let options = TumOptions {
+                    intrinsics,
+                    image_size: size.image_size,
+                    image_list: image_list.as_deref(),
+                    time_tolerance: *time_tolerance,
+                    pixel_centers: pixels.centers(),
+                };
+                read_tum(path, &options)
+            }
+            Self::Kitti { path, sequence, part, size, pixels, .. } => {
+                let options = KittiOptions {
+                    sequence: sequence.clone(),
+                    frames: part.frames.clone(),
+                    image_size: size.image_size,
+                    pixel_centers: pixels.centers(),
+                };
+                read_kitti(path, &options)
+            }
+            Self::KittiRaw { path, camera, calibration, part, pixels, .. } => {
+                let options = KittiRawOptions {
+                    camera: *camera,
+                    frames: part.frames.clone(),
+                    calibration: calibration.clone(),
+                    pixel_centers: pixels.centers(),
+                };
+                read_kitti_raw(path, &options)
+            }
+            Self::Bop { path, world_object, models, size, .. } => {
+                let options = BopOptions {
+                    world_object: *world_object,
+                    models_info: models.clone(),
+                    image_size: size.image_size,
+                };
+                read_bop(path, &options)
+            }
+            Self::Projections { path, size, pixels, .. } => read_projections(path, size.image_size, pixels.centers()),
+        }
+    }
+}

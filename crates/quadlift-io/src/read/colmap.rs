@@ -1,0 +1,210 @@
+//! COLMAP models: `cameras` and `images`, as text or binary. Points, rigs and frames are not needed.
+//!
+//! COLMAP's conventions are those of the scene file: OpenCV axes, world to camera, pixels from the corner, all camera
+//! models with their names. Format: `src/colmap/scene/reconstruction_io` of COLMAP.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use quadlift::geometry::CameraModel;
+
+use super::Import;
+use super::bytes::Bytes;
+use super::poses::{matrix4, rotation_of, rows};
+use super::text::{Fields, lines};
+use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
+
+/// Where a model may lie in the folder that is named.
+const PLACES: [&str; 4] = ["", "sparse/0", "sparse", "0"];
+
+/// Where images may lie, relative to the folder of the model.
+const IMAGE_FOLDERS: [&str; 3] = ["images", "../images", "../../images"];
+
+/// A file with its bytes.
+pub type File<'a> = (&'a Path, &'a [u8]);
+
+/// Reads the model in a folder (or in its `sparse/0`); the binary form is preferred when both exist. Frames have the
+/// names of the images as their ids, and are sorted by them.
+///
+/// # Errors
+/// [`ReadError`] with line or byte, what was found and what was expected.
+pub fn read_colmap(folder: &Path) -> Result<Import, ReadError> {
+    let places = PLACES.map(|place| folder.join(place));
+    let Some((model, extension)) = (places.iter())
+        .flat_map(|place| ["bin", "txt"].map(|extension| (place, extension)))
+        .find(|(place, extension)| place.join(format!("cameras.{extension}")).is_file())
+    else {
+        let problem =
+            "expected the folder of a COLMAP model, with cameras.bin and images.bin or cameras.txt and images.txt";
+        return Err(ReadError::new(folder, problem));
+    };
+    let cameras_path = model.join(format!("cameras.{extension}"));
+    let images_path = model.join(format!("images.{extension}"));
+    let (cameras, images) = (read_bytes(&cameras_path)?, read_bytes(&images_path)?);
+    let parse = if extension == "bin" { parse_binary } else { parse_text };
+    let mut import = parse((&cameras_path, &cameras), (&images_path, &images))?;
+    import.image_folder = IMAGE_FOLDERS.map(|place| model.join(place)).into_iter().find(|place| place.is_dir());
+    Ok(import)
+}
+
+/// The model in the bytes of `cameras.txt` and `images.txt`; the paths serve for messages.
+///
+/// # Errors
+/// As [`read_colmap`].
+pub fn parse_text(cameras: File, images: File) -> Result<Import, ReadError> {
+    let mut model = Model::default();
+    // Without cameras the file is empty but for its comments.
+    for line in lines(cameras.0, as_utf8(cameras.0, cameras.1)?).filter(|line| !line.is_blank_or_comment()) {
+        let mut fields = line.fields();
+        let id = fields.whole("a camera id, a whole number")?;
+        let (model_name, size, params) = camera_fields(&mut fields).map_err(|problem| line.error(problem))?;
+        model.add_camera(id, model_name, size, params).map_err(|problem| line.error(problem))?;
+    }
+    let mut image_lines = lines(images.0, as_utf8(images.0, images.1)?);
+    while let Some(line) = image_lines.find(|line| !line.is_blank_or_comment()) {
+        let mut fields = line.fields();
+        fields.whole::<u32>("an image id, a whole number")?;
+        let quaternion = fields.numbers("a quaternion QW QX QY QZ")?;
+        let translation = fields.numbers("a translation TX TY TZ")?;
+        let camera = fields.whole("a camera id, a whole number")?;
+        let name = fields.rest();
+        model.add_image(name, camera, quaternion, translation).map_err(|problem| line.error(problem))?;
+        // The second line of each image holds its points and may be empty.
+        image_lines.next();
+    }
+    model.import(images.0, "text")
+}
+
+/// The model in the bytes of `cameras.bin` and `images.bin`; the paths serve for messages.
+///
+/// # Errors
+/// As [`read_colmap`].
+pub fn parse_binary(cameras: File, images: File) -> Result<Import, ReadError> {
+    let mut model = Model::default();
+    let mut bytes = Bytes::new(cameras.0, cameras.1);
+    // The counts of the files are not trusted: nothing is allocated for them.
+    for _ in 0..bytes.u64("the number of cameras")? {
+        let id = bytes.u32("a camera id")?;
+        let number = bytes.i32("the number of a camera model")?;
+        let Some(kind) = CameraModel::from_id(number) else {
+            return Err(bytes.error(format!("the camera model before this has the number {number}; expected 0 to 17")));
+        };
+        let size = [bytes.u64("an image width")? as f64, bytes.u64("an image height")? as f64];
+        let mut params = Vec::new();
+        for name in kind.parameter_names() {
+            params.push(bytes.f64(name)?);
+        }
+        model.add_camera(id, kind, size, params).map_err(|problem| bytes.error(problem))?;
+    }
+    bytes.end()?;
+    let mut bytes = Bytes::new(images.0, images.1);
+    for _ in 0..bytes.u64("the number of images")? {
+        bytes.u32("an image id")?;
+        let quaternion = bytes.f64s("a quaternion w, x, y, z")?;
+        let translation = bytes.f64s("a translation")?;
+        let camera = bytes.u32("a camera id")?;
+        let name = bytes.text("the name of an image")?;
+        model.add_image(name, camera, quaternion, translation).map_err(|problem| bytes.error(problem))?;
+        let points = bytes.u64("the number of points")?;
+        bytes.skip(points, 24, "points")?;
+    }
+    bytes.end()?;
+    model.import(images.0, "binary")
+}
+
+/// Model, image size and parameters, as in a line of `cameras.txt` after the id.
+pub(super) fn camera_fields(fields: &mut Fields) -> Result<(CameraModel, [f64; 2], Vec<f64>), String> {
+    let plain = |error: ReadError| error.problem;
+    let name = fields.word("the name of a camera model").map_err(plain)?;
+    let Some(model) = CameraModel::from_name(name) else {
+        let known: Vec<&str> = CameraModel::all().map(CameraModel::name).collect();
+        return Err(format!("found the camera model \"{name}\"; known are {}", known.join(", ")));
+    };
+    let size = [fields.number("an image width").map_err(plain)?, fields.number("an image height").map_err(plain)?];
+    let mut params = Vec::new();
+    for name in model.parameter_names() {
+        params.push(fields.number(&format!("{name} of a {} camera", model.name())).map_err(plain)?);
+    }
+    if !fields.is_empty() {
+        let expected = params.len();
+        return Err(format!("a {} camera has {expected} parameters; found more: {}", model.name(), fields.rest()));
+    }
+    Ok((model, size, params))
+}
+
+/// What is read, sorted.
+#[derive(Default)]
+struct Model {
+    cameras: BTreeMap<u32, CameraRecord>,
+    frames: BTreeMap<String, FrameRecord>,
+}
+
+impl Model {
+    fn add_camera(&mut self, id: u32, model: CameraModel, size: [f64; 2], params: Vec<f64>) -> Result<(), String> {
+        quadlift::geometry::Camera::new(model, &params).map_err(|error| format!("camera {id}: {error}"))?;
+        let [width, height] = size;
+        if !(width > 0.0 && height > 0.0) {
+            return Err(format!("camera {id} has the image size {width} x {height}; expected two positive numbers"));
+        }
+        let record = CameraRecord {
+            id: id.to_string(),
+            model: model.name().to_owned(),
+            width: Some(width),
+            height: Some(height),
+            params,
+            ..CameraRecord::default()
+        };
+        match self.cameras.insert(id, record) {
+            None => Ok(()),
+            Some(_) => Err(format!("the camera id {id} is used twice")),
+        }
+    }
+
+    fn add_image(
+        &mut self,
+        name: &str,
+        camera: u32,
+        quaternion: [f64; 4],
+        translation: [f64; 3],
+    ) -> Result<(), String> {
+        if name.is_empty() {
+            return Err("the image has no name".to_owned());
+        }
+        if !self.cameras.contains_key(&camera) {
+            return Err(format!("image \"{name}\" has the camera {camera}, which is not in the file of the cameras"));
+        }
+        let Some(rotation) = rotation_of(quaternion) else {
+            return Err(format!("image \"{name}\" has the quaternion {quaternion:?}, which is no rotation"));
+        };
+        let record = FrameRecord {
+            id: name.to_owned(),
+            camera: Some(camera.to_string()),
+            cam_from_world: Some(rows(&matrix4(&rotation, &Vector3::from(translation)))),
+            image: Some(name.to_owned()),
+            ..FrameRecord::default()
+        };
+        match self.frames.insert(name.to_owned(), record) {
+            None => Ok(()),
+            Some(_) => Err(format!("the image name \"{name}\" is used twice")),
+        }
+    }
+
+    fn import(self, path: &Path, form: &str) -> Result<Import, ReadError> {
+        let notes = vec![
+            format!("COLMAP model in {form} form: axes, poses and pixels are those of scene files already"),
+            "the unit of length is not known".to_owned(),
+        ];
+        let scene = SceneFile {
+            cameras: self.cameras.into_values().collect(),
+            frames: self.frames.into_values().collect(),
+            ..SceneFile::default()
+        };
+        Import { scene, image_folder: None::<PathBuf>, notes }.checked(path)
+    }
+}
+
+#[cfg(test)]
+#[path = "colmap/tests.rs"]
+mod tests;

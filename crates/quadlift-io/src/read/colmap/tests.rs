@@ -1,0 +1,124 @@
+use std::path::Path;
+
+use nalgebra::{Point3, Vector2, Vector4};
+use quadlift::geometry::{Camera, CameraModel};
+use serde_json::Value;
+
+use super::*;
+
+/// A model with every camera model, written by pycolmap.
+fn fixture(form: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/colmap").join(form)
+}
+
+#[test]
+fn every_camera_model_projects_as_in_pycolmap() {
+    let expected: Value = serde_json::from_slice(&std::fs::read(fixture("expected.json")).unwrap()).unwrap();
+    let list = |value: &Value| -> Vec<f64> { value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect() };
+    for form in ["text", "binary"] {
+        let scene = read_colmap(&fixture(form)).unwrap().scene;
+        assert_eq!((scene.cameras.len(), scene.frames.len()), (18, 18));
+        let mut largest: f64 = 0.0;
+        for view in expected["views"].as_array().unwrap() {
+            let frame = scene.frames.iter().find(|frame| frame.id == view["image"].as_str().unwrap()).unwrap();
+            let record = scene.cameras.iter().find(|camera| Some(&camera.id) == frame.camera.as_ref()).unwrap();
+            assert_eq!(record.model, view["model"].as_str().unwrap());
+            let camera = Camera::new(CameraModel::from_name(&record.model).unwrap(), &record.params).unwrap();
+            let pose = super::super::poses::from_rows(&frame.cam_from_world.unwrap());
+            for (point, pixel) in expected["points"].as_array().unwrap().iter().zip(view["pixels"].as_array().unwrap())
+            {
+                let (point, pixel) = (list(point), list(pixel));
+                let in_camera = (pose * Vector4::new(point[0], point[1], point[2], 1.0)).xyz();
+                let found = camera.project_point(&Point3::from(in_camera)).unwrap();
+                let error = (found - Vector2::new(pixel[0], pixel[1])).norm();
+                assert!(error < 1e-6, "{}: {found} {pixel:?}", record.model);
+                largest = largest.max(error);
+                // And back: the pinhole camera of the scene sees the point where the pixel is undistorted to.
+                let k = camera.pinhole();
+                let ideal =
+                    Vector2::new(k.fx * in_camera.x / in_camera.z + k.cx, k.fy * in_camera.y / in_camera.z + k.cy);
+                assert!((camera.undistort_point(&found).unwrap() - ideal).norm() < 1e-6, "{}", record.model);
+            }
+        }
+        println!("{form}: largest difference {largest:.1e} px");
+    }
+}
+
+#[test]
+fn text_and_binary_say_the_same() {
+    let (text, binary) = (read_colmap(&fixture("text")).unwrap(), read_colmap(&fixture("binary")).unwrap());
+    assert_eq!(text.scene.cameras, binary.scene.cameras);
+    for (a, b) in text.scene.frames.iter().zip(&binary.scene.frames) {
+        assert_eq!((&a.id, &a.camera, &a.image), (&b.id, &b.camera, &b.image));
+        let (p, q) = (a.cam_from_world.unwrap(), b.cam_from_world.unwrap());
+        assert!(p.iter().flatten().zip(q.iter().flatten()).all(|(x, y)| (x - y).abs() < 1e-14));
+    }
+    assert!(text.scene.frames.is_sorted_by_key(|frame| &frame.id));
+}
+
+#[test]
+fn the_binary_form_is_preferred_and_the_usual_folders_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("sparse/0");
+    std::fs::create_dir_all(&model).unwrap();
+    std::fs::create_dir_all(folder.path().join("images")).unwrap();
+    for (form, extension) in [("text", "txt"), ("binary", "bin")] {
+        for name in ["cameras", "images"] {
+            let file = format!("{name}.{extension}");
+            std::fs::copy(fixture(form).join(&file), model.join(&file)).unwrap();
+        }
+        let import = read_colmap(folder.path()).unwrap();
+        assert!(import.notes[0].contains(form), "{:?}", import.notes);
+        assert!(import.image_folder.unwrap().ends_with("images"));
+    }
+    assert!(read_colmap(Path::new("nowhere")).unwrap_err().problem.contains("cameras.bin"));
+}
+
+/// The message for texts of the two files.
+fn message(cameras: &str, images: &str) -> String {
+    let files = ((Path::new("cameras.txt"), cameras.as_bytes()), (Path::new("images.txt"), images.as_bytes()));
+    parse_text(files.0, files.1).unwrap_err().to_string()
+}
+
+#[test]
+fn what_is_wrong_in_text_is_named_with_its_line() {
+    let cameras = "# c\n1 PINHOLE 640 480 500 500 320 240\n";
+    let image = "1 1 0 0 0 0 0 2 1 a.png\n\n";
+    let fine = parse_text((Path::new("c"), cameras.as_bytes()), (Path::new("i"), image.as_bytes())).unwrap();
+    assert_eq!(fine.scene.frames[0].cam_from_world.unwrap()[2], [0.0, 0.0, 1.0, 2.0]);
+    insta::assert_snapshot!(message("1 PINHOL 640 480", image), @r#"cameras.txt:1: found the camera model "PINHOL"; known are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE, SIMPLE_DIVISION, DIVISION, SIMPLE_FISHEYE, FISHEYE, EUCM, EQUIRECTANGULAR"#);
+    insta::assert_snapshot!(message("1 PINHOLE 640 480 500 500 320", image), @"cameras.txt:1: the line ends after 7 fields; expected cy of a PINHOLE camera");
+    insta::assert_snapshot!(message("1 PINHOLE 640 480 500 500 320 240 1", image), @"cameras.txt:1: a PINHOLE camera has 4 parameters; found more: 1");
+    insta::assert_snapshot!(message("1 PINHOLE 640 480 -500 500 320 240", image), @"cameras.txt:1: camera 1: focal lengths are (-500, 500); expected two positive numbers (the intrinsics are singular)");
+    insta::assert_snapshot!(message(&cameras.repeat(2), image), @"cameras.txt:4: the camera id 1 is used twice");
+    insta::assert_snapshot!(message(cameras, "1 1 0 0 zero 0 0 2 1 a.png\n\n"), @r#"images.txt:1: field 5 is "zero"; expected a quaternion QW QX QY QZ"#);
+    insta::assert_snapshot!(message(cameras, "1 0 0 0 0 0 0 2 1 a.png\n\n"), @r#"images.txt:1: image "a.png" has the quaternion [0.0, 0.0, 0.0, 0.0], which is no rotation"#);
+    insta::assert_snapshot!(message(cameras, "1 1 0 0 0 0 0 2 7 a.png\n\n"), @r#"images.txt:1: image "a.png" has the camera 7, which is not in the file of the cameras"#);
+    insta::assert_snapshot!(message(cameras, &image.repeat(2)), @r#"images.txt:3: the image name "a.png" is used twice"#);
+}
+
+#[test]
+fn what_is_wrong_in_bytes_is_named_with_its_place() {
+    let read = |name: &str| std::fs::read(fixture("binary").join(name)).unwrap();
+    let (cameras, images) = (read("cameras.bin"), read("images.bin"));
+    let paths = (Path::new("cameras.bin"), Path::new("images.bin"));
+    let message =
+        |cameras: &[u8], images: &[u8]| parse_binary((paths.0, cameras), (paths.1, images)).unwrap_err().to_string();
+    insta::assert_snapshot!(message(&cameras[..4], &images), @"cameras.bin: byte 0: the file ends 4 bytes after this; expected the number of cameras, 8 bytes");
+    insta::assert_snapshot!(message(&cameras[..100], &images), @"cameras.bin: byte 96: the file ends 4 bytes after this; expected cx, 8 bytes");
+    insta::assert_snapshot!(message(&[cameras.as_slice(), b"xyz"].concat(), &images), @"cameras.bin: byte 1320: expected the end of the file; found 3 more bytes");
+    let mut wrong = cameras.clone();
+    wrong[12] = 99;
+    insta::assert_snapshot!(message(&wrong, &images), @"cameras.bin: byte 16: the camera model before this has the number 99; expected 0 to 17");
+    // Counts that nothing can hold.
+    let mut wrong = images.clone();
+    wrong[..8].copy_from_slice(&u64::MAX.to_le_bytes());
+    insta::assert_snapshot!(message(&cameras, &wrong), @"images.bin: byte 2987: the file ends 0 bytes after this; expected an image id, 4 bytes");
+    let name_end = images.iter().skip(80).position(|&b| b == 0).unwrap() + 80;
+    let mut wrong = images.clone();
+    wrong[name_end + 1..name_end + 9].copy_from_slice(&u64::MAX.to_le_bytes());
+    insta::assert_snapshot!(message(&cameras, &wrong), @"images.bin: byte 107: expected 18446744073709551615 points of 24 bytes; the file has 2880 more bytes");
+    for length in 0..images.len() {
+        assert!(parse_binary((paths.0, &cameras), (paths.1, &images[..length])).is_err());
+    }
+}

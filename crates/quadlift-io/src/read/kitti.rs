@@ -1,0 +1,175 @@
+//! KITTI's tracking benchmark: folders `calib`, `oxts`, `label_02` (and `image_02`) with a file for each sequence.
+//!
+//! World: the rectified axes of camera 0 in the first frame that is taken (x right, y down, z forward, metres). Frames
+//! are those of the left colour camera, `P2`. Labels give the detections of the source `label` and, of what stands
+//! still, the true objects.
+
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use nalgebra::Matrix4;
+
+use super::kitti_geometry::{Oxts, calibration, camera_rows, image_size_of, rect_from_world};
+use super::kitti_labels::{KittiLabel, parse_labels};
+use super::poses::inverse;
+use super::static_objects::LabelledObjects;
+use super::text::lines;
+use super::{Import, PixelCenters};
+use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile};
+
+/// What is taken of a sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KittiOptions {
+    /// Name of the sequence, such as `0001`.
+    pub sequence: String,
+    /// Numbers of the frames, from 0; all of them when absent.
+    pub frames: Option<RangeInclusive<usize>>,
+    /// Width and height in pixels; when absent, those of the day with this focal length.
+    pub image_size: Option<[f64; 2]>,
+    /// Where pixel coordinates have their origin: KITTI does not say.
+    pub pixel_centers: PixelCenters,
+}
+
+/// The files of a sequence with their paths, which serve for messages.
+#[derive(Debug, Clone, Copy)]
+pub struct KittiFiles<'a> {
+    /// Calibration.
+    pub calib: (&'a Path, &'a [u8]),
+    /// GPS/IMU data.
+    pub oxts: (&'a Path, &'a [u8]),
+    /// Labels, where there are any.
+    pub labels: Option<(&'a Path, &'a [u8])>,
+}
+
+/// Reads a sequence from the folder that holds `calib`, `oxts` and `label_02` (as `training` of the benchmark does).
+///
+/// # Errors
+/// [`ReadError`] with the line, what was found and what was expected.
+pub fn read_kitti(folder: &Path, options: &KittiOptions) -> Result<Import, ReadError> {
+    let file = |kind: &str| folder.join(kind).join(format!("{}.txt", options.sequence));
+    let (calib, oxts, labels) = (file("calib"), file("oxts"), file("label_02"));
+    let (calib_bytes, oxts_bytes) = (read_bytes(&calib)?, read_bytes(&oxts)?);
+    let labels_bytes = if labels.is_file() { Some(read_bytes(&labels)?) } else { None };
+    let files = KittiFiles {
+        calib: (&calib, &calib_bytes),
+        oxts: (&oxts, &oxts_bytes),
+        labels: labels_bytes.as_ref().map(|bytes| (labels.as_path(), bytes.as_slice())),
+    };
+    let mut import = parse_kitti(files, options)?;
+    let images = folder.join("image_02").join(&options.sequence);
+    if images.is_dir() {
+        import.scene.frames.iter_mut().for_each(|frame| frame.image = Some(format!("{}.png", frame.id)));
+        import.image_folder = Some(images);
+    }
+    Ok(import)
+}
+
+/// A sequence from the bytes of its files.
+///
+/// # Errors
+/// As [`read_kitti`].
+pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, ReadError> {
+    let calib = calibration(files.calib.0, files.calib.1)?;
+    let camera = calib.rectified_camera("P2")?;
+    let rect_from_imu = calib.rotation(&["R0_rect", "R_rect"])?
+        * calib.transform(&["Tr_velo_to_cam", "Tr_velo_cam"])?
+        * calib.transform(&["Tr_imu_to_velo", "Tr_imu_velo"])?;
+    let oxts_lines = lines(files.oxts.0, as_utf8(files.oxts.0, files.oxts.1)?).filter(|line| !line.text.is_empty());
+    let oxts = oxts_lines.map(|line| Oxts::read(&line)).collect::<Result<Vec<_>, _>>()?;
+    let first = options.frames.as_ref().map_or(0, |range| *range.start());
+    let end = options.frames.as_ref().map_or(oxts.len(), |range| range.end().saturating_add(1));
+    let taken = oxts.get(first..end).filter(|taken| !taken.is_empty()).ok_or_else(|| {
+        let problem =
+            format!("the sequence has {} frames; asked for were {first} to {}", oxts.len(), end.saturating_sub(1));
+        ReadError::new(files.oxts.0, problem)
+    })?;
+    // The scale is that of the whole sequence, so that it does not depend on what is taken of it.
+    let scale = oxts.first().map_or(1.0, Oxts::mercator_scale);
+    let poses = rect_from_world(taken, scale, &rect_from_imu)
+        .ok_or_else(|| ReadError::new(files.oxts.0, "a pose cannot be inverted"))?;
+    let image_size = options.image_size.or(image_size_of(camera.intrinsics.fx));
+    let mut notes = vec![
+        "world: rectified axes of camera 0 in the first frame; poses from GPS/IMU, which drift".to_owned(),
+        options.pixel_centers.note(),
+        match (options.image_size, image_size) {
+            (None, Some([width, height])) => {
+                format!("image size {width} x {height}, that of the day with this focal length")
+            }
+            (_, Some([width, height])) => format!("image size {width} x {height}"),
+            (_, None) => "the image size is not known: no box edge will count as cut off".to_owned(),
+        },
+    ];
+    let mut scene = SceneFile {
+        name: Some(format!("kitti_{}", options.sequence)),
+        length_unit: Some("m".to_owned()),
+        up: Some([0.0, -1.0, 0.0]),
+        cameras: vec![camera.record(image_size, options.pixel_centers)],
+        frames: (poses.iter().enumerate())
+            .map(|(index, pose)| FrameRecord {
+                id: frame_id(first + index),
+                camera: Some("camera".to_owned()),
+                cam_from_world: Some(camera_rows(&camera, pose)),
+                ..FrameRecord::default()
+            })
+            .collect(),
+        ..SceneFile::default()
+    };
+    if let Some((path, bytes)) = files.labels {
+        add_labels(&mut scene, &parse_labels(path, bytes)?, &poses, first, options.pixel_centers, &mut notes);
+    }
+    Import { scene, image_folder: None, notes }.checked(files.calib.0)
+}
+
+/// The id of a frame by its number, as KITTI names its images.
+pub(super) fn frame_id(number: usize) -> String {
+    format!("{number:06}")
+}
+
+/// Detections of the source `label`, and the objects that stand still.
+fn add_labels(
+    scene: &mut SceneFile,
+    labels: &[KittiLabel],
+    rect_from_world: &[Matrix4<f64>],
+    first: usize,
+    pixel_centers: PixelCenters,
+    notes: &mut Vec<String>,
+) {
+    let mut objects = LabelledObjects::default();
+    for label in labels {
+        let pose = label.frame.checked_sub(first).and_then(|index| rect_from_world.get(index));
+        let Some(pose) = pose.filter(|_| label.track >= 0 && label.kind != "DontCare") else { continue };
+        let (id, category) = (format!("t{}", label.track), label.kind.to_lowercase());
+        let [x0, y0, x1, y1] = label.bounding_box.map(|x| x + pixel_centers.shift());
+        if x0 < x1 && y0 < y1 {
+            let level = |level: f64| (level >= 0.0).then_some(level);
+            scene.detections.push(DetectionRecord {
+                frame: frame_id(label.frame).into(),
+                object: Some(id.clone().into()),
+                category: Some(category.clone().into()),
+                source: Some("label".into()),
+                score: label.score,
+                bounding_box: Some([x0, y0, x1, y1]),
+                occluded: level(label.occluded),
+                truncated: level(label.truncated),
+                ..DetectionRecord::default()
+            });
+        }
+        if label.has_cuboid()
+            && let Some(world_from_rect) = inverse(pose)
+        {
+            objects.add(&id, Some(&category), &(world_from_rect * label.rect_from_object()), label.half_extents());
+        }
+    }
+    let (still, moving) = objects.objects();
+    notes.push(format!(
+        "{} labelled objects that stand still are the true objects; {} that move have none",
+        still.len(),
+        moving.len()
+    ));
+    scene.objects = still;
+}
+
+#[cfg(test)]
+#[path = "kitti/tests.rs"]
+mod tests;
