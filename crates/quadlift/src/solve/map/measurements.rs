@@ -92,19 +92,16 @@ impl Measurements {
                 beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some())),
             }
         }
-        match &view.bounding_box {
-            Some(bounding_box) => {
-                let half_size = bounding_box.mean_half_size();
-                let margin = view.image_size.map_or(0.0, |s| options.border_margin * s.max()).max(BORDER_TOLERANCE_PX);
-                let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, margin);
-                for edge in [0, 2, 1, 3] {
-                    let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
-                    let hidden = view.hidden_edges[edge];
-                    let group = if hidden { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
-                    self.edges.push(Edge { plane, one_sided: cut[edge], group });
-                }
+        if let Some(bounding_box) = &view.bounding_box {
+            let half_size = bounding_box.mean_half_size();
+            let margin = view.image_size.map_or(0.0, |s| options.border_margin * s.max()).max(BORDER_TOLERANCE_PX);
+            let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, margin);
+            for edge in [0, 2, 1, 3] {
+                let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
+                let hidden = view.hidden_edges[edge];
+                let group = if hidden { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
+                self.edges.push(Edge { plane, one_sided: cut[edge], group });
             }
-            None => {}
         }
         self.views.push(MeasuredView {
             axis: Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]),
