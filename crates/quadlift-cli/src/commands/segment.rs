@@ -20,9 +20,6 @@ use crate::segmented_scene::add_to_scene;
 use crate::table::{Cell, Table, number};
 use crate::words::count;
 
-/// Problems that are told one by one; the JSON document has all of them.
-const MOST_TOLD: usize = 20;
-
 /// Find the masks of detected objects in their images, and the ellipses of the masks
 ///
 /// The crops of one object in all of its frames are segmented together. The result is the same scene with an `ellipse`,
@@ -115,12 +112,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let title = args.scene.display().to_string();
     let segmentation = segment_scene(&title, &scene, &images, &settings, out).with_context(|| title.clone())?;
     let problems: Vec<String> = segmentation.problems.iter().map(|problem| problem.in_words(&scene)).collect();
-    for problem in problems.iter().take(MOST_TOLD) {
-        out.error(problem);
-    }
-    if problems.len() > MOST_TOLD {
-        out.error(&format!("{} more problems of this kind (--json lists all)", problems.len() - MOST_TOLD));
-    }
+    out.errors(&problems);
     let done = segmentation.found.iter().flatten().count();
     if done == 0 {
         return Err(anyhow!("{title}: no detection could be segmented"));

@@ -21,6 +21,8 @@ pub(super) enum NoiseGroup {
     EllipseAngle,
     /// Shape of an ellipse beside a box: half the logarithm of its axis ratio as a vector at twice its angle.
     Shape,
+    /// Anything of an ellipse that may be that of a part of the object only.
+    PartialEllipse,
 }
 
 impl NoiseGroup {
@@ -33,6 +35,7 @@ impl NoiseGroup {
         Self::EllipseAspect,
         Self::EllipseAngle,
         Self::Shape,
+        Self::PartialEllipse,
     ];
 
     /// Whether it is an edge, hidden or not.
@@ -41,15 +44,15 @@ impl NoiseGroup {
         matches!(self, Self::Edge | Self::HiddenEdge)
     }
 
-    /// Whether single residuals may be far off: edges, and shapes of masks.
+    /// Whether single residuals may be far off: edges, shapes of masks, and parts.
     #[inline]
     pub(super) fn has_heavy_tails(self) -> bool {
-        self.is_edge() || self == Self::Shape
+        self.is_edge() || matches!(self, Self::Shape | Self::PartialEllipse)
     }
 }
 
 /// Number of noise groups.
-const GROUPS: usize = 7;
+const GROUPS: usize = 8;
 
 /// Names for reports, in the order of the groups.
 const GROUP_NAMES: [&str; GROUPS] = [
@@ -60,10 +63,11 @@ const GROUP_NAMES: [&str; GROUPS] = [
     "ellipse_aspect",
     "ellipse_angle",
     "shape",
+    "partial_ellipse",
 ];
 
 /// Where the estimation starts, and what few data are drawn towards.
-const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1];
+const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
 
 /// Largest correlation between views that is believed.
 const LARGEST_CORRELATION: f64 = 0.9;
