@@ -13,6 +13,7 @@ use crate::args::body_name;
 use crate::error::usage;
 use crate::output::Output;
 use crate::progress::{counting_bar, object_bar};
+use crate::segmentation::Problem;
 
 /// Where the priors on categories come from.
 #[derive(Debug, Clone, Default)]
@@ -145,7 +146,16 @@ pub fn read_masks(
         bar.set_position(done as u64);
     });
     bar.finish_and_clear();
-    Ok(problems.map_err(|error| error.in_file(path))?.iter().map(|(_, error)| error.to_string()).collect())
+    // Detections of one label image share its problem.
+    let mut told: Vec<Problem> = Vec::new();
+    for (index, error) in problems.map_err(|error| error.in_file(path))? {
+        let message = error.to_string();
+        match told.iter_mut().find(|problem| problem.message == message) {
+            Some(problem) => problem.detections.push(index),
+            None => told.push(Problem { message, detections: vec![index] }),
+        }
+    }
+    Ok(told.iter().map(|problem| problem.in_words(scene)).collect())
 }
 
 /// Localises the objects of a scene; `title` stands before the progress bar.
