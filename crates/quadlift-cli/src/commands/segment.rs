@@ -6,13 +6,12 @@ use std::time::Instant;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
 use quadlift_io::scene_file::{MaskSource, SceneImages};
-use quadlift_io::{write_png, write_scene_file};
+use quadlift_io::write_scene_file;
 use quadlift_segment::SegmentMethod;
 use serde_json::{Value, json};
 
-use crate::contact_sheet::contact_sheet;
+use crate::contact_sheet::write_sheets;
 use crate::error::{Outcome, usage};
-use crate::file_names::FileNames;
 use crate::files::{Inputs, make_folder, outputs, read_scene};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::segmentation::{Group, Method, Segmentation, Settings, segment_scene};
@@ -173,20 +172,6 @@ fn check_folders(args: &Args, images: &SceneImages) -> anyhow::Result<()> {
             }
         }
         seen.push(here);
-    }
-    Ok(())
-}
-
-/// Writes a contact sheet for each object; detections without an object id share one.
-fn write_sheets(segmentation: &Segmentation, folder: &Path) -> anyhow::Result<()> {
-    let ids = segmentation.groups.iter().map(|group| group.object.as_deref().unwrap_or("without_object"));
-    for (group, name) in segmentation.groups.iter().zip(FileNames::new(ids).iter()) {
-        let views: Vec<_> = group
-            .detections
-            .iter()
-            .map(|&index| (segmentation.crops[index].as_ref(), segmentation.found[index].as_ref()))
-            .collect();
-        write_png(&folder.join(format!("{name}.png")), &contact_sheet(&views))?;
     }
     Ok(())
 }
