@@ -1,12 +1,16 @@
 //! Scenes with images: for every detection its crop, its true mask and how much of the object is visible.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use quadlift::geometry::Ellipse;
 use quadlift::metrics::TruthObject;
 use quadlift_io::{ReadError, read_scene_file};
 use quadlift_segment::render::{RenderOptions, RenderedScene, render};
-use quadlift_segment::{Crop, CropOptions, Mask, Moments, PixelTerm, SegmentOptions, ViewSegmentation, segment_object};
+use quadlift_segment::{
+    Crop, CropOptions, FrameMasks, Mask, Moments, PixelTerm, SegmentOptions, SegmentStatus, ViewSegmentation,
+    segment_object,
+};
 use rayon::prelude::*;
 
 use super::errors::ViewErrors;
@@ -149,23 +153,41 @@ impl ImageScene {
         errors.filter(|views: &Vec<ViewErrors>| views.len() >= FEWEST_VIEWS).collect()
     }
 
-    /// The scene with the ellipses that were found beside the boxes. As in what `quadlift segment` writes, it is that of
-    /// the box where no mask could be trusted.
+    /// The scene with what was found beside the boxes, as `quadlift localize` takes it from what `quadlift segment`
+    /// writes: nothing where no mask could be trusted.
     pub fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> TrueScene {
-        self.with_ellipses(found.iter().flatten().map(|view| Some(view.ellipse)))
+        self.with_masks(found.iter().flatten().map(|view| {
+            let trusted = !matches!(view.status, SegmentStatus::FellBack(_));
+            trusted.then(|| (view.mask.clone(), view.ellipse))
+        }))
     }
 
-    /// The scene with the ellipses of the true masks.
-    pub fn with_true_ellipses(&self) -> TrueScene {
-        let ellipse = |seen: &Seen| Moments::of_mask(&seen.truth, PixelTerm::Centers)?.ellipse();
-        self.with_ellipses(self.objects.iter().flatten().map(ellipse))
+    /// The scene with the true masks and their ellipses.
+    pub fn with_true_masks(&self) -> TrueScene {
+        self.with_masks(self.objects.iter().flatten().map(|seen| {
+            let ellipse = Moments::of_mask(&seen.truth, PixelTerm::Centers)?.ellipse()?;
+            Some((seen.truth.clone(), ellipse))
+        }))
     }
 
-    /// The scene with what is known of the shapes, in the order of the objects and their views.
-    fn with_ellipses(&self, ellipses: impl Iterator<Item = Option<Ellipse>>) -> TrueScene {
+    /// The scene with masks and ellipses, in the order of the objects and their views.
+    fn with_masks(&self, masks: impl Iterator<Item = Option<(Mask, Ellipse)>>) -> TrueScene {
         let mut scene = self.scene.clone();
-        for (seen, ellipse) in self.objects.iter().flatten().zip(ellipses) {
-            scene.scene.detections[seen.detection].ellipse = ellipse;
+        let mut frames: BTreeMap<u32, Vec<(usize, Mask, Ellipse)>> = BTreeMap::new();
+        for (seen, found) in self.objects.iter().flatten().zip(masks) {
+            let frame = scene.scene.detections[seen.detection].frame_index;
+            frames.entry(frame).or_default().extend(found.map(|(mask, ellipse)| (seen.detection, mask, ellipse)));
+        }
+        for (frame, masks) in frames {
+            let all = FrameMasks::new(masks.iter().map(|(_, mask, _)| mask));
+            let size = scene.scene.frames[frame as usize].image_size;
+            for (index, mask, ellipse) in &masks {
+                let detection = &mut scene.scene.detections[*index];
+                detection.ellipse = Some(*ellipse);
+                detection.support_lines = all.support_lines(mask, size, None).map(Box::new);
+                let whole = size.map_or([u32::MAX; 2], |size| [size.x as u32, size.y as u32]);
+                detection.partial = all.contacts(mask, whole).is_partial();
+            }
         }
         scene
     }

@@ -169,7 +169,7 @@ fn detection_input<'a>(
     });
     let segmentation = record.segmentation.as_deref();
     // Where no mask could be trusted the ellipse says nothing that the box does not say better.
-    let of_box = bounding_box.is_some() && segmentation.is_some_and(|s| s.status == "fell_back");
+    let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
     Ok(DetectionInput {
         frame: &record.frame,
         object: record.object.as_deref(),

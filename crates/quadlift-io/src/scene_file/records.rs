@@ -5,6 +5,7 @@
 
 use std::fmt;
 
+use quadlift_segment::Contacts;
 use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -17,9 +18,6 @@ use crate::numbers;
 pub const FORMAT: &str = "quadlift.scene";
 /// The value of `version` that this program reads and writes.
 pub const VERSION: u64 = 1;
-
-/// Share of a mask's outline that is not the object's own above which the mask counts as that of a part.
-const PARTIAL_SHARE: f64 = 0.05;
 
 /// A scene file, as it is written: what goes in (cameras, frames, detections, true objects) and what comes out
 /// (estimated objects).
@@ -240,10 +238,15 @@ pub struct SegmentationRecord {
 }
 
 impl SegmentationRecord {
-    /// Whether the border of the image or other objects' masks make up so much of the outline that ellipse and mask may
-    /// be of a part of the object.
+    /// Whether ellipse and mask may be of a part of the object, see [`Contacts::is_partial`].
     pub fn is_partial(&self) -> bool {
-        self.cut_by_border.unwrap_or(0.0) + self.touches_others.unwrap_or(0.0) > PARTIAL_SHARE
+        let share = |share: Option<f64>| share.unwrap_or(0.0);
+        Contacts { border: share(self.cut_by_border), others: share(self.touches_others) }.is_partial()
+    }
+
+    /// Whether no mask could be trusted: ellipse and mask are those of the box.
+    pub fn fell_back(&self) -> bool {
+        self.status == "fell_back"
     }
 }
 
