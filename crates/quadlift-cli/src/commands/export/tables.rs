@@ -1,0 +1,22 @@
+//! Parquet, where the program was built with it.
+
+#[cfg(feature = "parquet")]
+use quadlift_io::{read_scene_file, tables::write_tables};
+
+use super::Common;
+use crate::error::Outcome;
+use crate::output::Output;
+
+#[cfg(feature = "parquet")]
+pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
+    let Common { scene, output } = common;
+    let counts = write_tables(output, &read_scene_file(scene)?)?;
+    out.report(&super::wrote(output, &counts))?;
+    out.document(&serde_json::json!({ "files": [super::entry(output, &counts, &[])], "without_body": [] }))?;
+    Ok(Outcome::Fine)
+}
+
+#[cfg(not(feature = "parquet"))]
+pub fn run(_: &Common, _: &Output) -> anyhow::Result<Outcome> {
+    crate::error::usage(crate::words::NO_PARQUET)
+}
