@@ -30,13 +30,9 @@ const ROWS: usize = 50_000;
 pub fn write_tables(folder: &Path, scene: &SceneFile) -> Result<Vec<(&'static str, usize)>, WriteError> {
     scene.to_objects().map_err(|error| WriteError::new(folder, error))?;
     let header = header(scene);
-    let views = || {
-        let of_object = |object: &ObjectRecord| {
-            let id = object.id.clone();
-            object.view_residuals_px.clone().into_iter().map(move |view| json!({ "object": id, "view": view }))
-        };
-        scene.objects.iter().flat_map(of_object)
-    };
+    let views = scene.objects.iter().flat_map(|object| {
+        object.view_residuals_px.iter().map(move |view| json!({ "object": object.id, "view": view }))
+    });
     write_folder(folder, |folder| {
         write_table(folder, &SCENE, [&header].into_iter())?;
         write_table(folder, &CAMERAS, scene.cameras.iter())?;
@@ -47,14 +43,14 @@ pub fn write_tables(folder: &Path, scene: &SceneFile) -> Result<Vec<(&'static st
             ObjectRecord { view_residuals_px: Vec::new(), ..object.clone() }
         });
         write_table(folder, &OBJECTS, objects)?;
-        write_table(folder, &VIEWS, views())
+        write_table(folder, &VIEWS, views)
     })?;
     Ok(vec![
         ("camera", scene.cameras.len()),
         ("frame", scene.frames.len()),
         ("detection", scene.detections.len()),
         ("object", scene.objects.len()),
-        ("view", views().count()),
+        ("view", scene.objects.iter().map(|object| object.view_residuals_px.len()).sum()),
     ])
 }
 

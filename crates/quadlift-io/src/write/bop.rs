@@ -15,7 +15,7 @@ const MM: f64 = 1000.0;
 /// position; `obj_id` the number in the object's category or id (`obj_000005` or `5`) or its position from 1. The score
 /// is 1 and the time -1 (not known).
 pub fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bool) -> Document {
-    let (images, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()));
+    let (images, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()), "");
     let model = |name: Option<&str>| name?.trim_start_matches("obj_").parse::<u64>().ok();
     let models: Option<Vec<u64>> =
         scene.objects.iter().map(|o| model(o.category.as_deref()).or_else(|| model(Some(&o.id)))).collect();

@@ -25,17 +25,17 @@ pub struct KittiLabelOptions {
 }
 
 /// The labels of all frames, in their order. Frames and tracks have their ids as numbers, where all of these are whole
-/// numbers, or their positions.
+/// numbers (tracks also `t5`, as [`crate::read::kitti`] names them), or their positions.
 pub fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Document {
-    let (frames, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()));
-    let (tracks, tracks_by_position) = numbers_for(scene.objects.iter().map(|object| object.id.as_str()));
+    let (frames, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()), "");
+    let (tracks, tracks_by_position) = numbers_for(scene.objects.iter().map(|object| object.id.as_str()), "t");
     let (metres, unit_note) = scene.metres();
     let rect_from_cam = options.cam_from_rect.and_then(|pose| pose.try_inverse()).unwrap_or_else(Matrix4::identity);
     let mut text = String::new();
-    let seen = scene.seen_objects(options.only_detected);
-    for SeenObject { frame_index, object_index, bounding_box } in &seen {
-        let object = &scene.objects[*object_index];
-        let Some(pose) = scene.scene.frames[*frame_index].projection.camera_pose() else { continue };
+    let mut labels = 0;
+    for SeenObject { frame_index, object_index, bounding_box } in scene.seen_objects(options.only_detected) {
+        let object = &scene.objects[object_index];
+        let Some(pose) = scene.scene.frames[frame_index].projection.camera_pose() else { continue };
         let upright = UprightBox::around(object, &pose, metres, &rect_from_cam);
         let kind = object.category_name().replace(char::is_whitespace, "_");
         let kind = if object.category.is_some() { kind.as_str() } else { "Misc" };
@@ -43,12 +43,13 @@ pub fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Docume
         let UprightBox { size: [h, w, length], bottom: [x, y, z], rotation_y } = upright;
         let alpha = wrapped(rotation_y - x.atan2(z));
         // Truncation and occlusion are not estimated: -1, as the development kit has it. Writing to text cannot fail.
-        let _ = write!(text, "{} {} {kind} -1 -1", frames[*frame_index], tracks[*object_index]);
+        let _ = write!(text, "{} {} {kind} -1 -1", frames[frame_index], tracks[object_index]);
         for number in [alpha, l, t, r, b, h, w, length, x, y, z, rotation_y] {
             // Zero is added to have no "-0".
             let _ = write!(text, " {:.6}", (number * 1e6).round() / 1e6 + 0.0);
         }
         text.push('\n');
+        labels += 1;
     }
     let mut notes = vec!["tilt is lost: KITTI's boxes turn about the camera's y axis only".to_owned()];
     if options.cam_from_rect.is_none() {
@@ -61,7 +62,7 @@ pub fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Docume
         notes.push("objects have no numbers: tracks were numbered from 0 in the order of the scene".to_owned());
     }
     notes.extend(unit_note);
-    Document { content: text.into_bytes(), counts: vec![("label", seen.len())], notes }
+    Document { content: text.into_bytes(), counts: vec![("label", labels)], notes }
 }
 
 /// A box of KITTI.

@@ -145,10 +145,11 @@ impl From<&Body> for Placement {
     }
 }
 
-/// Whole numbers for names: the names themselves where all of them are different numbers, their positions otherwise.
-/// Also whether it is the latter.
-fn numbers_for<'a>(names: impl Iterator<Item = &'a str> + Clone) -> (Vec<u64>, bool) {
-    let parsed: Option<Vec<u64>> = names.clone().map(|name| name.parse().ok()).collect();
+/// Whole numbers for names: those in the names (after a prefix that they may have) where all of them are different
+/// numbers, their positions otherwise. Also whether it is the latter.
+fn numbers_for<'a>(names: impl Iterator<Item = &'a str> + Clone, prefix: &str) -> (Vec<u64>, bool) {
+    let number = |name: &str| name.strip_prefix(prefix).unwrap_or(name).parse().ok();
+    let parsed: Option<Vec<u64>> = names.clone().map(number).collect();
     match parsed {
         Some(numbers) if numbers.iter().collect::<HashSet<_>>().len() == numbers.len() => (numbers, false),
         _ => ((0..).take(names.count()).collect(), true),
@@ -162,9 +163,10 @@ mod tests {
 
     #[test]
     fn names_that_are_numbers_stay() {
-        assert_eq!(numbers_for(["000090", "000091"].into_iter()), (vec![90, 91], false));
-        assert_eq!(numbers_for(["a", "7"].into_iter()), (vec![0, 1], true));
-        assert_eq!(numbers_for(["07", "7"].into_iter()), (vec![0, 1], true), "one number twice");
+        assert_eq!(numbers_for(["000090", "000091"].into_iter(), ""), (vec![90, 91], false));
+        assert_eq!(numbers_for(["a", "7"].into_iter(), ""), (vec![0, 1], true));
+        assert_eq!(numbers_for(["07", "7"].into_iter(), ""), (vec![0, 1], true), "one number twice");
+        assert_eq!(numbers_for(["t12", "7"].into_iter(), "t"), (vec![12, 7], false));
     }
 
     #[test]
