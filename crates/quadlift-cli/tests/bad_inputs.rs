@@ -390,6 +390,37 @@ fn evaluations() -> Vec<Case> {
     ]
 }
 
+fn exports() -> Vec<Case> {
+    let of_truth = |title, code, arguments| Case {
+        make: Box::new(|folder: &Folder| {
+            folder.succeed("synth -o truth.json --objects 2 --views 6");
+            folder.write("tables/notes.txt", "");
+            folder.write("calib.txt", "P0: 1 2 3\n");
+        }),
+        ..called(title, code, arguments)
+    };
+    vec![
+        called("a scene without objects", 1, "export ply scene.json -o out.ply"),
+        Case {
+            make: Box::new(|folder| {
+                let mut scene = folder.small_scene();
+                scene["objects"] = json!([{"id": "cup", "status": "too_few_views"}]);
+                folder.write_json("scene.json", &scene);
+            }),
+            ..called("objects without a body", 1, "export glb scene.json -o out.glb")
+        },
+        of_truth("an export in place of the scene", 2, "export ply truth.json -o truth.json"),
+        of_truth("an export into a folder that does not exist", 1, "export coco truth.json -o no/out.json"),
+        of_truth("an export in place of a folder", 1, "export ros truth.json -o tables"),
+        of_truth("two tables of one name", 2, "export csv truth.json -o out.csv --views out.csv"),
+        of_truth("a calibration without P2", 1, "export kitti truth.json -o out.txt --calib calib.txt"),
+        of_truth("frusta of a negative depth", 2, "export ply truth.json -o out.ply --frusta=-1"),
+        of_truth("an unknown format", 2, "export obj truth.json -o out.obj"),
+        #[cfg(not(feature = "parquet"))]
+        of_truth("Parquet, which the program was built without", 2, "export parquet truth.json -o new"),
+    ]
+}
+
 /// What the program says: errors, and the notes on objects without a body.
 fn message(run: &Run) -> String {
     let notes = run.stdout.lines().filter_map(|line| line.strip_prefix("note: "));
@@ -453,6 +484,7 @@ fn document() -> String {
         ("Choices", choices()),
         ("Paths", paths()),
         ("Evaluation", evaluations()),
+        ("Exports", exports()),
     ];
     let mut text = INTRODUCTION.to_owned();
     for (heading, cases) in sections {
@@ -465,6 +497,8 @@ fn document() -> String {
     text
 }
 
+// The manual describes the program without Parquet, as it is built by default.
+#[cfg(not(feature = "parquet"))]
 #[test]
 fn every_bad_input_has_its_message() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/errors.md");

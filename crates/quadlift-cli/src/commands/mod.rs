@@ -4,6 +4,7 @@ pub mod associate;
 pub mod completions;
 pub mod demo;
 pub mod evaluate;
+pub mod export;
 pub mod import;
 pub mod info;
 pub mod localize;
