@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use anyhow::bail;
 use quadlift::associate;
-use quadlift::associate::{AssociateError, AssociateOptions, AssociatedObject, Association, IdUse, Outcome};
+use quadlift::associate::{AssociateError, AssociateOptions, AssociatedObject, Association, IdUse, NotUsed, Outcome};
 use quadlift::scene::{Detection, Scene, SourceError};
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::DetectionRecord;
@@ -55,19 +55,15 @@ impl When {
         let default = match self {
             Self::Never => return None,
             Self::Always => IdUse::Evidence,
-            Self::Auto => {
-                // A source that is not clear is reported by what comes next.
-                let source = scene.source_index(source).ok()?;
-                let of_source = |d: &&Detection| source.is_none() || d.source_index == source;
-                scene.detections.iter().filter(of_source).find(|d| d.object_index.is_none())?;
-                IdUse::Trust
-            }
+            Self::Auto if named_and_unnamed(scene, source).1 == 0 => return None,
+            Self::Auto => IdUse::Trust,
         };
         Some(chosen.map_or(default, IdsName::use_of_ids))
     }
 }
 
-/// How many detections of a source name an object, and how many do not.
+/// How many detections of a source name an object, and how many do not; a source that is not clear is reported by what
+/// comes next.
 fn named_and_unnamed(scene: &Scene, source: Option<&str>) -> (usize, usize) {
     let source = scene.source_index(source).unwrap_or_default();
     let of_source = |d: &&Detection| source.is_none() || d.source_index == source;
@@ -89,7 +85,7 @@ pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, associ
         association.objects.iter().filter(|o| o.doubtful.is_some()).map(|o| o.id.as_str()).collect();
     let mut text = format!("identities were found ({given}): {}", in_words(association));
     if !doubtful.is_empty() {
-        text.push_str(&format!(" ({})", one_line(&some_of(&doubtful))));
+        text.push_str(&format!("\ndoubtful: {}", one_line(&some_of(&doubtful))));
     }
     text
 }
@@ -139,7 +135,7 @@ pub fn associate_scene(
         result => result?,
     };
     if association.outcome != Outcome::Found {
-        bail!("no object was found: {}", association.outcome.text());
+        bail!("no object was found: {}{}", association.outcome.text(), not_used_in_words(association.not_used));
     }
     Ok(association)
 }
@@ -162,13 +158,14 @@ pub fn in_words(association: &Association) -> String {
     if doubtful > 0 {
         text.push_str(&format!("; {doubtful} doubtful"));
     }
-    let not_used = association.not_used;
-    for (number, why) in [(not_used.low_score, "with a low score"), (not_used.duplicate, "that overlap a better one")] {
-        if number > 0 {
-            text.push_str(&format!("; {} {why} left out", count(number, "detection")));
-        }
-    }
-    text
+    text + &not_used_in_words(association.not_used)
+}
+
+/// The detections that took no part, to be added to a sentence.
+fn not_used_in_words(not_used: NotUsed) -> String {
+    let reasons = [(not_used.low_score, "with a low score"), (not_used.duplicate, "that overlap a better one")];
+    let left_out = reasons.iter().filter(|(number, _)| *number > 0);
+    left_out.map(|(number, why)| format!("; {} {why} left out", count(*number, "detection"))).collect()
 }
 
 /// The association as JSON: counts, and the objects with their evidence.

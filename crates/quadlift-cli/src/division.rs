@@ -163,7 +163,7 @@ impl Division {
         text
     }
 
-    fn to_json(&self) -> Value {
+    fn to_json(self) -> Value {
         json!({
             "detections": self.compared,
             "only_in_estimate": self.only_in_estimate,

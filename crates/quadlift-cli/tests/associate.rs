@@ -119,7 +119,7 @@ fn what_may_move_is_marked_in_the_result() {
         !object.is_null() && !doubtful.contains(&object)
     });
     assert!(trusted.count() <= 10, "{text}");
-    assert_eq!(text.contains(" doubtful ("), !doubtful.is_empty(), "{text}");
+    assert_eq!(text.contains("\ndoubtful: "), !doubtful.is_empty(), "{text}");
 }
 
 #[test]

@@ -346,6 +346,11 @@ fn associations() -> Vec<Case> {
             scene["detections"].as_array_mut().unwrap().iter_mut().for_each(|d| d["score"] = json!(0.1));
         }),
         nameless("a score that is no number", ASSOCIATE, |scene| scene["detections"][0]["score"] = json!("high")),
+        nameless(
+            "sizes in metres, a scene without a unit",
+            "associate scene.json -o out.json --priors builtin",
+            |_| {},
+        ),
         nameless("an unknown source to associate", "associate scene.json -o out.json --source yolo", |_| {}),
         code_2(nameless("an overlap above one", "associate scene.json -o out.json --max-overlap 2", |_| {})),
         code_2(nameless("objects of one view", "associate scene.json -o out.json --min-views 1", |_| {})),

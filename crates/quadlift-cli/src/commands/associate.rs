@@ -14,6 +14,7 @@ use crate::args;
 use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json};
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, outputs, read_scene};
+use crate::localization::check_metres;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
 
@@ -110,6 +111,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         return usage(error.to_string());
     }
     let (mut file, scene) = read_scene(&args.scene)?;
+    if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
+        check_metres(&scene)?;
+    }
     let title = args.scene.display().to_string();
     let start = Instant::now();
     let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;

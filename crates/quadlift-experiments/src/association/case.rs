@@ -8,6 +8,7 @@ use quadlift::solve::{BodyKind, MapOptions};
 use quadlift::{Options, localize};
 
 use crate::error::Error;
+use crate::scores::mean;
 
 /// A found object counts when the volume IoU with a true one is at least this.
 const LEAST_IOU: f64 = 0.25;
@@ -33,6 +34,8 @@ pub struct CaseScore {
     pub division: DivisionScore,
     /// The objects, with the bodies that association itself fits.
     pub found: FoundScore,
+    /// Share of the true objects that have a found centre within their longest semi-axis.
+    pub centers_found: Option<f64>,
     /// Mean volume IoU of the true objects, localised from what was found.
     pub o3d: f64,
     /// The same, localised from the true identities.
@@ -76,6 +79,7 @@ impl Case {
         Ok(CaseScore {
             division: score_division(&self.true_objects, &association.object_of_detection),
             found: score_found(&bodies, &self.detected_bodies(), LEAST_IOU),
+            centers_found: self.centers_found(&bodies),
             o3d: self.o3d(&association.applied_to(&self.scene, None))?,
             o3d_with_true_ids: self.o3d(&self.with_true_ids())?,
             standing,
@@ -99,6 +103,14 @@ impl Case {
         self.true_objects.iter().flatten().for_each(|&object| views[object as usize] += 1);
         let often = self.bodies.iter().zip(&views).filter(|(_, views)| **views >= FEWEST_VIEWS);
         often.map(|(body, _)| *body).collect()
+    }
+
+    fn centers_found(&self, found: &[Option<Ellipsoid>]) -> Option<f64> {
+        let is_near = |body: &Ellipsoid| {
+            let reach = body.semi_axes.max();
+            found.iter().flatten().any(|estimate| (estimate.center - body.center).norm() <= reach)
+        };
+        mean(&self.detected_bodies().iter().map(|body| if is_near(body) { 1.0 } else { 0.0 }).collect::<Vec<_>>())
     }
 
     /// Localises the objects that the detections name: the mean volume IoU of the true objects, 0 for those that are

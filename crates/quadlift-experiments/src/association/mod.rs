@@ -21,12 +21,6 @@ struct Aim {
     least: f64,
 }
 
-impl Aim {
-    fn new(id: &'static str, least: f64) -> Self {
-        Self { id, least }
-    }
-}
-
 /// Runs the experiment. Without real data the synthetic scenes remain, unless `data` names a folder that has none.
 ///
 /// # Errors

@@ -13,6 +13,9 @@ use crate::report::Report;
 use crate::scores::mean;
 use crate::table::{Cell, Table};
 
+/// Headline of the base.
+const BASE: &str = "association_base";
+
 /// Scenes of each condition.
 const SEEDS: u64 = 3;
 
@@ -59,22 +62,22 @@ pub fn conditions() -> Vec<Condition> {
     };
     let street = SyntheticOptions { views: 250, objects: 100, trajectory: Trajectory::Street, ..base() };
     vec![
-        Condition { aim: Some(Aim::new("association_base", 0.995)), ..condition("base", base(), 1.0) },
+        Condition { aim: Some(Aim { id: BASE, least: 0.995 }), ..condition("base", base(), 1.0) },
         Condition {
-            aim: Some(Aim::new("association_cube20", 0.995)),
+            aim: Some(Aim { id: "association_cube20", least: 0.995 }),
             ..condition("cube of 20", SyntheticOptions { cube_side: 20.0, ..base() }, 1.0)
         },
         Condition {
-            aim: Some(Aim::new("association_random", 0.995)),
+            aim: Some(Aim { id: "association_random", least: 0.995 }),
             ..condition("60 random viewpoints, cube of 60", random, 1.0)
         },
         Condition {
-            aim: Some(Aim::new("association_hard", 0.985)),
+            aim: Some(Aim { id: "association_hard", least: 0.985 }),
             ..condition("hard: cube of 30, noise 10 %, 30 % missed, 30 % false", hard.clone(), 0.991)
         },
         condition("hard, 60 views", SyntheticOptions { views: 60, ..hard }, 0.998),
         Condition {
-            aim: Some(Aim::new("association_pose", 0.99)),
+            aim: Some(Aim { id: "association_pose", least: 0.99 }),
             ..condition("poses turned by 0.3 degrees", SyntheticOptions { pose_noise: 0.3, ..base() }, 1.0)
         },
         Condition {
@@ -91,16 +94,37 @@ pub fn conditions() -> Vec<Condition> {
     ]
 }
 
-/// What is made of ids: their kind, their use, and the prototype's F1 where it has one.
-fn id_rows() -> Vec<(&'static str, SyntheticIds, IdUse, Option<f64>, Option<Aim>)> {
-    let broken = SyntheticIds::Tracks { fragments: 0.1, switches: 0.1 };
+/// What is made of ids that detections come with.
+struct IdRow {
+    name: &'static str,
+    ids: SyntheticIds,
+    use_of_ids: IdUse,
+    prototype: Option<f64>,
+    aim: Option<Aim>,
+}
+
+fn id_rows() -> Vec<IdRow> {
+    let row = |name, ids, use_of_ids| IdRow { name, ids, use_of_ids, prototype: None, aim: None };
+    let broken = |use_of_ids| {
+        let ids = SyntheticIds::Tracks { fragments: 0.1, switches: 0.1 };
+        row("10 % fragments, 10 % switches", ids, use_of_ids)
+    };
+    let perfect = |use_of_ids| row("perfect", SyntheticIds::True, use_of_ids);
     vec![
-        ("10 % fragments, 10 % switches", broken, IdUse::Ignore, None, None),
-        ("10 % fragments, 10 % switches", broken, IdUse::Trust, Some(0.165), None),
-        ("10 % fragments, 10 % switches", broken, IdUse::Evidence, Some(1.0), Some(Aim::new("association_ids", 0.995))),
-        ("perfect", SyntheticIds::True, IdUse::Evidence, None, None),
-        ("perfect", SyntheticIds::True, IdUse::Trust, None, Some(Aim::new("association_trust", 1.0))),
+        broken(IdUse::Ignore),
+        IdRow { prototype: Some(0.165), ..broken(IdUse::Trust) },
+        IdRow {
+            prototype: Some(1.0),
+            aim: Some(Aim { id: "association_ids", least: 0.995 }),
+            ..broken(IdUse::Evidence)
+        },
+        perfect(IdUse::Evidence),
+        IdRow { aim: Some(Aim { id: "association_trust", least: 1.0 }), ..perfect(IdUse::Trust) },
     ]
+}
+
+fn number(x: Option<f64>) -> Cell {
+    x.map_or(Cell::Empty, |x| Cell::number(x, 3))
 }
 
 fn case(make: &SyntheticOptions) -> Result<Case, Error> {
@@ -144,7 +168,6 @@ pub fn add(report: &mut Report, seed: u64, steps: &Steps) -> Result<(), Error> {
         let found = |of: fn(&FoundScore) -> Option<f64>| mean_of(scores, |s| of(&s.found));
         let o3d = mean_of(scores, |s| Some(s.o3d));
         let with_ids = mean_of(scores, |s| Some(s.o3d_with_true_ids));
-        let number = |x: Option<f64>| x.map_or(Cell::Empty, |x| Cell::number(x, 3));
         table.push(vec![
             condition.name.into(),
             number(condition.prototype),
@@ -158,9 +181,7 @@ pub fn add(report: &mut Report, seed: u64, steps: &Steps) -> Result<(), Error> {
         ]);
         if let Some(aim) = condition.aim {
             report.headlines.extend(headline(aim.id, format!("F1, {}", condition.name), mean(&f1), "associate"));
-            if aim.id == "association_base"
-                && let (Some(o3d), Some(with_ids)) = (o3d, with_ids)
-            {
+            if let (BASE, Some(o3d), Some(with_ids)) = (aim.id, o3d, with_ids) {
                 let what = "O3D, base, less than with true ids".to_owned();
                 report.headlines.extend(headline("association_base_o3d", what, Some(with_ids - o3d), "associate"));
             }
@@ -179,29 +200,31 @@ fn add_ids(report: &mut Report, seed: u64, steps: &Steps) -> Result<(), Error> {
     let columns = ["ids", "--ids", "F1, prototype", "aim", "F1", "O3D", "O3D, true ids"];
     let mut table = Table::new("Synthetic scenes whose detections name objects (base, 60 views)", columns);
     let rows = id_rows();
-    let of = |row: &(&str, SyntheticIds, IdUse, Option<f64>, Option<Aim>)| {
-        scores(&SyntheticOptions { views: 60, ids: row.1, ..base() }, row.2, seed, steps)
-    };
+    let of = |row: &IdRow| scores(&SyntheticOptions { views: 60, ids: row.ids, ..base() }, row.use_of_ids, seed, steps);
     let all: Vec<Vec<CaseScore>> = rows.par_iter().map(of).collect::<Result<_, _>>()?;
-    for ((ids, _, ids_use, prototype, aim), scores) in rows.into_iter().zip(&all) {
+    for (row, scores) in rows.iter().zip(&all) {
         let f1 = mean_of(scores, |s| Some(s.division.f1));
-        let option = match ids_use {
+        let option = match row.use_of_ids {
             IdUse::Trust => "trust",
             IdUse::Evidence => "evidence",
             IdUse::Ignore => "ignore",
         };
-        let number = |x: Option<f64>| x.map_or(Cell::Empty, |x| Cell::number(x, 3));
         table.push(vec![
-            ids.into(),
+            row.name.into(),
             option.into(),
-            number(prototype),
-            number(aim.map(|aim| aim.least)),
+            number(row.prototype),
+            number(row.aim.map(|aim| aim.least)),
             number(f1),
             number(mean_of(scores, |s| Some(s.o3d))),
             number(mean_of(scores, |s| Some(s.o3d_with_true_ids))),
         ]);
-        if let Some(aim) = aim {
-            report.headlines.extend(headline(aim.id, format!("F1, {ids} ids"), f1, &format!("associate, {option}")));
+        if let Some(aim) = row.aim {
+            report.headlines.extend(headline(
+                aim.id,
+                format!("F1, {} ids", row.name),
+                f1,
+                &format!("associate, {option}"),
+            ));
         }
     }
     table.note(
