@@ -315,8 +315,60 @@ fn choices() -> Vec<Case> {
         called("an unknown noise", 2, "synth -o out.json --noise fog:1"),
         called("too many outliers", 2, "synth -o out.json --outliers 1.5"),
         called("ellipse noise on boxes", 2, "synth -o out.json --noise re:45"),
+        called("an unknown path of the cameras", 2, "synth -o out.json --trajectory circle"),
+        called("a share of misses above one", 2, "synth -o out.json --misses 1.5"),
+        called("a negative number of false boxes", 2, "synth -o out.json --false-boxes=-1"),
+        called("no ids, and ids of a tracker", 2, "synth -o out.json --no-ids --fragments 0.1"),
+        called("a truth in place of the scene", 2, "synth -o out.json --truth out.json"),
+        called("a detector of rendered scenes", 2, "synth --render -o out.json --misses 0.1"),
         called("ellipses of cuboids", 2, "synth -o out.json --body cuboid --observations ellipses"),
     ]
+}
+
+/// Scenes whose detections name no object.
+fn associations() -> Vec<Case> {
+    const ASSOCIATE: &str = "associate scene.json -o out.json";
+    let nameless = |title, arguments, change: fn(&mut Value)| Case {
+        arguments,
+        ..changed(title, move |scene| {
+            for detection in scene["detections"].as_array_mut().unwrap() {
+                detection.as_object_mut().unwrap().remove("object");
+            }
+            change(scene);
+        })
+    };
+    let code_2 = |case: Case| Case { code: 2, ..case };
+    vec![
+        nameless("no detections to associate", ASSOCIATE, |scene| scene["detections"] = json!([])),
+        nameless("all detections in one frame", ASSOCIATE, |scene| keep_frames(scene, &["000002"])),
+        nameless("all detections in two frames", ASSOCIATE, |scene| keep_frames(scene, &["000002", "000004"])),
+        nameless("the same in localize", LOCALIZE, |scene| keep_frames(scene, &["000002", "000004"])),
+        nameless("cameras that see nothing in common", ASSOCIATE, |scene| {
+            // Each looks another way from the same place.
+            for (index, frame) in scene["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+                let (sin, cos) = (std::f64::consts::TAU * index as f64 / 6.0).sin_cos();
+                frame["cam_from_world"] = json!([[cos, 0, -sin, 0], [0, 1, 0, 0], [sin, 0, cos, 0]]);
+            }
+        }),
+        nameless("scores that are all too low", "associate scene.json -o out.json --min-score 0.5", |scene| {
+            scene["detections"].as_array_mut().unwrap().iter_mut().for_each(|d| d["score"] = json!(0.1));
+        }),
+        nameless("a score that is no number", ASSOCIATE, |scene| scene["detections"][0]["score"] = json!("high")),
+        nameless(
+            "sizes in metres, a scene without a unit",
+            "associate scene.json -o out.json --priors builtin",
+            |_| {},
+        ),
+        nameless("an unknown source to associate", "associate scene.json -o out.json --source yolo", |_| {}),
+        code_2(nameless("an overlap above one", "associate scene.json -o out.json --max-overlap 2", |_| {})),
+        code_2(nameless("objects of one view", "associate scene.json -o out.json --min-views 1", |_| {})),
+        code_2(nameless("an associated scene in place of the scene", "associate scene.json -o scene.json", |_| {})),
+    ]
+}
+
+/// Leaves the detections in these frames.
+fn keep_frames(scene: &mut Value, frames: &[&str]) {
+    scene["detections"].as_array_mut().unwrap().retain(|d| frames.contains(&d["frame"].as_str().unwrap()));
 }
 
 fn paths() -> Vec<Case> {
@@ -366,13 +418,18 @@ fn evaluations() -> Vec<Case> {
             let mut changed = folder.json("truth.json");
             truth(&mut changed);
             folder.write_json("truth.json", &changed);
+            let object = |name: &str| json!({"format": "quadlift.scene", "version": 1, "name": name});
+            folder.write_json("empty.json", &object("empty"));
+            let mut other = object("other");
+            other["detections"] = json!([{"frame": "000000", "object": "cup", "box": [1, 2, 3, 4]}]);
+            folder.write_json("other.json", &other);
         }),
         ..called(title, 1, arguments)
     };
     const EVALUATE: &str = "evaluate estimate.json truth.json";
     vec![
         pair("a truth without objects", EVALUATE, |truth| drop(truth.as_object_mut().unwrap().remove("objects"))),
-        pair("no common object", EVALUATE, |truth| {
+        pair("no common object", "evaluate estimate.json truth.json --match ids", |truth| {
             truth["objects"][0]["id"] = json!("cup");
             truth["objects"][1]["id"] = json!("mug");
         }),
@@ -387,6 +444,9 @@ fn evaluations() -> Vec<Case> {
         }),
         pair("an unknown status", EVALUATE, |truth| truth["objects"][0]["status"] = json!("fine")),
         pair("no estimate", "evaluate no.json truth.json", |_| {}),
+        pair("an estimate without objects", "evaluate empty.json truth.json", |_| {}),
+        pair("identities of other detections", "evaluate other.json truth.json", |_| {}),
+        pair("identities of an unknown source", "evaluate truth.json truth.json --source yolo", |_| {}),
     ]
 }
 
@@ -480,6 +540,7 @@ fn document() -> String {
         ("Files", files()),
         ("Entries of a scene", entries()),
         ("Scenes in which nothing can be localised", hopeless()),
+        ("Detections without identities", associations()),
         ("Images and masks", images()),
         ("Choices", choices()),
         ("Paths", paths()),

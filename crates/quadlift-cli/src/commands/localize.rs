@@ -12,7 +12,7 @@ use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice};
-use crate::association::{IdsName, When, associate_scene, associated_scene, in_words as association_in_words, to_json};
+use crate::association::{IdsName, When, add_to_result, associate_scene, associated_scene, localize_in_words, to_json};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
 use crate::files::{expand, outputs, read_scene};
@@ -73,13 +73,14 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
     observations: ObservationName,
 
-    /// Find out first which detections show the same object: auto (where none of them names one), never or always
+    /// Find out first which detections show the same object: auto (where some of them name none), never or always
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = When::Auto, hide_possible_values = true)]
     associate: When,
 
-    /// What ids that the detections have are worth, with --associate always: trust, evidence or ignore
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
-    ids: IdsName,
+    /// What ids that detections have are worth then: trust, evidence or ignore [default: trust; with --associate always:
+    /// evidence]
+    #[arg(long, value_enum, value_name = "WHAT", hide_possible_values = true)]
+    ids: Option<IdsName>,
 
     /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
@@ -231,28 +232,42 @@ fn one_scene(
     let title = input.display().to_string();
     let problems =
         read_masks(&title, (input, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
-    // The result needs neither; detections are the bulk of a large scene.
-    (file.detections, file.objects) = (Vec::new(), Vec::new());
+    file.objects = Vec::new();
+    // Detections are the bulk of a large scene; a result has them where their identities are found.
+    let detections = std::mem::take(&mut file.detections);
     let read = start.elapsed();
     let source = settings.options.source.as_deref();
-    let mut associated = String::new();
-    if args.associate.applies_to(&scene, source)? {
+    let ids = args.associate.ids_for(&scene, source, args.ids);
+    let mut identities = None;
+    if let Some(ids) = ids {
         let options = AssociateOptions {
             source: settings.options.source.clone(),
-            ids: args.ids.use_of_ids(),
+            ids,
             priors: settings.options.map.priors.clone(),
             ..Default::default()
         };
         let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
+        let words = localize_in_words(&scene, source, ids, &association);
         scene = associated_scene(&scene, &association, source)?;
-        associated = format!("identities were found: {}\n\n", association_in_words(&association));
         document["association"] = to_json(&scene, &association);
+        identities = Some((detections, association, words));
+    } else {
+        drop(detections);
     }
-    let localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
+    let mut localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
+    if identities.is_some() {
+        // They show no object, which is told with the identities.
+        localization.left_out.without_object = 0;
+    }
     let solved = start.elapsed();
     let estimates = &localization.estimates;
+    let found = identities.as_ref().map_or(String::new(), |(.., words)| format!("{words}\n\n"));
     if let Some(output) = output {
-        write_scene_file(output, &result_file(&file, &scene, &localization, settings))?;
+        let mut result = result_file(&file, &scene, &localization, settings);
+        if let Some((detections, association, _)) = identities {
+            add_to_result(&mut result, detections, &scene, source, &association);
+        }
+        write_scene_file(output, &result)?;
         document["output"] = output.display().to_string().into();
     }
     let localised = count_localised(estimates);
@@ -262,7 +277,7 @@ fn one_scene(
         count(estimates.len(), "object"),
         settings.in_words(localization.body)
     );
-    text.push_str(&associated);
+    text.push_str(&found);
     text.push_str(&render(&scene, &localization, settings));
     if let Some(output) = output {
         text.push_str(&format!("wrote {}\n", output.display()));
