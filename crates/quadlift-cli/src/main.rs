@@ -25,7 +25,9 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{associate, completions, demo, evaluate, import, info, localize, reproduce, segment, synth};
+use commands::{
+    associate, completions, demo, evaluate, import, import_detections, info, localize, reproduce, segment, synth,
+};
 use error::Outcome;
 use output::Output;
 
@@ -68,6 +70,7 @@ enum Command {
     Evaluate(evaluate::Args),
     Synth(synth::Args),
     Import(import::Args),
+    ImportDetections(import_detections::Args),
     Info(info::Args),
     Reproduce(reproduce::Args),
     Completions(completions::Args),
@@ -84,6 +87,7 @@ fn main() -> ExitCode {
         Command::Evaluate(args) => evaluate::run(&args, &out),
         Command::Synth(args) => synth::run(&args, &out),
         Command::Import(args) => import::run(&args, &out),
+        Command::ImportDetections(args) => import_detections::run(&args, &out),
         Command::Info(args) => info::run(&args, &out),
         Command::Reproduce(args) => reproduce::run(&args, &out),
         Command::Completions(args) => completions::run(&args, &out),
@@ -117,9 +121,13 @@ mod tests {
             let name = command.get_name();
             assert!(name == "quadlift" || manual.contains(&format!("## quadlift {name}")), "{name}");
         }
-        let formats: Vec<_> = cli.find_subcommand("import").unwrap().get_subcommands().collect();
-        for format in &formats {
-            assert!(manual.contains(&format!("quadlift import {}", format.get_name())), "{}", format.get_name());
+        let mut formats = Vec::new();
+        for command in ["import", "import-detections"] {
+            for format in cli.find_subcommand(command).unwrap().get_subcommands() {
+                let name = format.get_name();
+                assert!(manual.contains(&format!("quadlift {command} {name}")), "{command} {name}");
+                formats.push(format);
+            }
         }
         for command in cli.get_subcommands().chain([&cli]).chain(formats) {
             let name = command.get_name();

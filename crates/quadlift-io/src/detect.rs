@@ -128,10 +128,9 @@ fn detections_in_folder(folder: &Path) -> Result<Option<DetectionFormat>, ReadEr
         return Ok(Some(DetectionFormat::Mot));
     }
     // The first file that holds something tells.
-    for (extension, formats) in [
-        ("txt", [DetectionFormat::Yolo, DetectionFormat::Kitti].as_slice()),
-        ("json", &[DetectionFormat::LabelMe]),
-    ] {
+    for (extension, formats) in
+        [("txt", [DetectionFormat::Yolo, DetectionFormat::Kitti].as_slice()), ("json", &[DetectionFormat::LabelMe])]
+    {
         for (name, path) in paths_below(folder, extension)? {
             if name.ends_with("classes.txt") || std::fs::metadata(&path).is_ok_and(|data| data.len() < 2) {
                 continue;
@@ -309,7 +308,7 @@ mod tests {
         let make = |name: &str, text: &str| {
             let path = folder.path().join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, text).unwrap();
+            std::fs::write(&path, text).unwrap();
             path.parent().unwrap().to_owned()
         };
         make("yolo/labels/a.txt", "");

@@ -5,6 +5,7 @@ pub mod completions;
 pub mod demo;
 pub mod evaluate;
 pub mod import;
+pub mod import_detections;
 pub mod info;
 pub mod localize;
 pub mod reproduce;

@@ -116,7 +116,14 @@ pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, 
         ..SceneFile::default()
     };
     if let Some((path, bytes)) = files.labels {
-        add_labels(&mut scene, &parse_labels(path, bytes, Benchmark::Tracking)?, &poses, first, options.pixel_centers, &mut notes);
+        add_labels(
+            &mut scene,
+            &parse_labels(path, bytes, Benchmark::Tracking)?,
+            &poses,
+            first,
+            options.pixel_centers,
+            &mut notes,
+        );
     }
     Import { scene, image_folder: None, notes }.checked(files.calib.0)
 }

@@ -74,9 +74,7 @@ pub fn parse_labels(path: &Path, bytes: &[u8], benchmark: Benchmark) -> Result<V
 fn label(line: &Line, benchmark: Benchmark) -> Result<KittiLabel, ReadError> {
     let mut fields = line.fields();
     let (frame, track) = match benchmark {
-        Benchmark::Tracking => {
-            (fields.whole("the number of a frame")?, fields.whole("a track id, a whole number")?)
-        }
+        Benchmark::Tracking => (fields.whole("the number of a frame")?, fields.whole("a track id, a whole number")?),
         Benchmark::Object => (0, -1),
     };
     let label = KittiLabel {

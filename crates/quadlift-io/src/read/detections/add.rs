@@ -10,9 +10,7 @@ use super::matching::{MatchBy, MatchOptions, match_frames, stem};
 use super::{Detected, DetectionFiles, ImageKey, Outline, extent};
 use crate::error::ReadError;
 use crate::read::PixelCenters;
-use crate::scene_file::{
-    DetectionRecord, EllipseRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile,
-};
+use crate::scene_file::{DetectionRecord, EllipseRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
 
 /// Names that a message lists.
 const LISTED: usize = 3;
@@ -109,8 +107,12 @@ pub fn add_detections(
     if matching.count() == 0 {
         return Err(error(nothing_matches(scene, &files, options)));
     }
-    let mut report = AddedDetections { matched_by: matching.by, matched_images: matching.count(), ..Default::default() };
+    let mut report =
+        AddedDetections { matched_by: matching.by, matched_images: matching.count(), ..Default::default() };
     report.notes.extend(matching.note);
+    if options.pixel_centers == PixelCenters::Integer {
+        report.notes.push("pixel centres at integers: 0.5 was added to the coordinates".to_owned());
+    }
     let mut detections = Vec::new();
     let mut seen = vec![false; scene.frames.len()];
     let sizes = frame_sizes(scene);
@@ -224,7 +226,7 @@ fn record(detected: &Detected, scale: [f64; 2], shift: f64) -> Option<DetectionR
     });
     let edges = given.or(around).or_else(|| ellipse.map(|ellipse| ellipse.bounding_box().edges()))?;
     Some(DetectionRecord {
-        object: detected.track.as_ref().map(|id| format!("t{id}").into()),
+        object: detected.track.as_ref().map(|id| object_id(id).into()),
         category: detected.category.as_deref().map(Into::into),
         score: detected.score,
         bounding_box: Some(BoundingBox::new(edges).ok()?.edges()),
@@ -242,6 +244,11 @@ fn record(detected: &Detected, scale: [f64; 2], shift: f64) -> Option<DetectionR
         visible_fraction: detected.visible_fraction,
         ..DetectionRecord::default()
     })
+}
+
+/// The object of a track: `t` with the number; other ids stay as they are.
+fn object_id(track: &str) -> String {
+    if track.parse::<u64>().is_ok() { format!("t{track}") } else { track.to_owned() }
 }
 
 /// The ellipse that touches the four sides of a turned box (or of any parallelogram) in their middles.

@@ -65,7 +65,8 @@ pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFile
         notes.push(format!("{crowds} annotations of crowds (\"iscrowd\") were left out"));
     }
     if names.categories.is_empty() {
-        notes.push("the file does not name the categories: they are numbers (--annotations FILE names them)".to_owned());
+        notes
+            .push("the file does not name the categories: they are numbers (--annotations FILE names them)".to_owned());
     }
     Ok(DetectionFiles {
         path: file.0.to_owned(),
@@ -173,10 +174,9 @@ fn outline(node: &Node, image_size: Option<[f64; 2]>) -> Result<Outline, ReadErr
     };
     checked.map_err(|problem| node.error(problem.to_string()))?;
     match image_size {
-        Some(size) if size != [f64::from(width), f64::from(height)] => Err(node.error(format!(
-            "the mask has {width} x {height} pixels, its image has {} x {}",
-            size[0], size[1]
-        ))),
+        Some(size) if size != [f64::from(width), f64::from(height)] => {
+            Err(node.error(format!("the mask has {width} x {height} pixels, its image has {} x {}", size[0], size[1])))
+        }
         _ => Ok(Outline::Rle(record)),
     }
 }

@@ -25,7 +25,8 @@ pub fn read_labelme(path: &Path) -> Result<DetectionFiles, ReadError> {
 pub fn parse_labelme(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, ReadError> {
     let mut left_out = BTreeMap::new();
     let images = files.iter().map(|file| image(file, &mut left_out)).collect::<Result<_, _>>()?;
-    let notes = left_out.iter().map(|(kind, count)| format!("{count} shapes of the kind {kind} were left out")).collect();
+    let notes =
+        left_out.iter().map(|(kind, count)| format!("{count} shapes of the kind {kind} were left out")).collect();
     Ok(DetectionFiles {
         path: path.to_owned(),
         images,

@@ -2,7 +2,7 @@
 //!
 //! A reader gives [`DetectionFiles`]: the detections image by image, with what the file says of each image
 //! ([`ImageKey`]). [`add_detections`] finds the frames of a scene to which the images belong and adds the detections in
-//! the scene file's convention. Track ids become objects `t1`, `t2`, ...; classes become categories by name.
+//! the scene file's convention. Track ids become objects (`t7` for the number 7); classes become categories by name.
 
 mod add;
 pub mod coco;

@@ -112,7 +112,9 @@ fn from_yaml(path: &Path, text: &str) -> Result<ClassNames, ReadError> {
             Event::SequenceStart(..) if is_names => return listed_names(&mut events),
             Event::MappingStart(..) if is_names => return numbered_names(&mut events),
             _ if is_names => {
-                return Err(events.unexpected(&span, "expected a list of names, or numbers with names, after \"names:\""));
+                return Err(
+                    events.unexpected(&span, "expected a list of names, or numbers with names, after \"names:\"")
+                );
             }
             value => events.skip(&value)?,
         }

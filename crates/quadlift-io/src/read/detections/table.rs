@@ -100,8 +100,7 @@ impl Table<'_> {
         };
         match options.frame_column {
             Some(name) => {
-                let index =
-                    self.column(name).ok_or_else(|| self.error(format!("there is no column \"{name}\"")))?;
+                let index = self.column(name).ok_or_else(|| self.error(format!("there is no column \"{name}\"")))?;
                 // A column of any name may hold numbers.
                 let kind = known(index);
                 Ok((index, if matches!(kind, KeyKind::Name) { KeyKind::Number } else { kind }))
@@ -157,7 +156,8 @@ impl Table<'_> {
             });
         }
         let name = |column: usize| self.columns[column].trim().to_owned();
-        let mut columns: Vec<String> = [Some(key_column), score, category, track].into_iter().flatten().map(name).collect();
+        let mut columns: Vec<String> =
+            [Some(key_column), score, category, track].into_iter().flatten().map(name).collect();
         columns.insert(1, box_columns.map(name).join(" "));
         Ok(DetectionFiles {
             path: self.path.to_owned(),

@@ -103,17 +103,17 @@ pub fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Re
             });
         }
         start = end;
-        images.push(DetectedImage {
-            key: ImageKey { name: Some(file.name.clone()), ..ImageKey::default() },
-            detections,
-        });
+        images
+            .push(DetectedImage { key: ImageKey { name: Some(file.name.clone()), ..ImageKey::default() }, detections });
     }
     let mut notes = vec![columns.words()];
     if columns.kind == YoloKind::TurnedBox {
         notes.push("of a turned box the ellipse in it was taken, and the box around that".to_owned());
     }
     if repeated > 0 {
-        notes.push(format!("{repeated} lines that stand twice in their file were left out: a run may have been repeated"));
+        notes.push(format!(
+            "{repeated} lines that stand twice in their file were left out: a run may have been repeated"
+        ));
     }
     if options.names.is_none() {
         notes.push("the names of the classes are not known: the categories are numbers (--names FILE)".to_owned());
@@ -138,7 +138,9 @@ fn shape(line: &LabelLine, coordinates: &[f64], kind: YoloKind) -> Result<(Optio
     match *coordinates {
         [x, y, width, height] => {
             if width < 0.0 || height < 0.0 {
-                return Err(line.line.error(format!("width and height are {width} and {height}; expected positive ones")));
+                return Err(line
+                    .line
+                    .error(format!("width and height are {width} and {height}; expected positive ones")));
             }
             let edges = [x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height];
             Ok((Some(edges), Outline::Unknown))

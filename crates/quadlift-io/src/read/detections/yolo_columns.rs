@@ -7,10 +7,14 @@
 use crate::error::ReadError;
 use crate::read::text::Line;
 
+/// Two sides of a turned box differ by less than this share of the image's size: the files have six digits.
+const PARALLEL: f64 = 1e-4;
+
 /// What stands after the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum YoloKind {
-    /// Boxes where no line has more than 6 numbers, turned boxes where all have 8 to 10, polygons otherwise.
+    /// Boxes where no line has more than 6 numbers, turned boxes where all begin with the corners of a parallelogram and
+    /// have at most 10, polygons otherwise.
     #[default]
     Auto,
     /// Centre, width and height.
@@ -77,9 +81,7 @@ impl Columns {
             YoloKind::TurnedBox => count.checked_sub(8),
             // Some files have boxes among their polygons.
             YoloKind::Polygon if count == 4 => Some(0),
-            YoloKind::Polygon if count % 2 == 0 => {
-                Some(if self.extra == ExtraColumns::ScoreAndTrack { 2 } else { 0 })
-            }
+            YoloKind::Polygon if count % 2 == 0 => Some(if self.extra == ExtraColumns::ScoreAndTrack { 2 } else { 0 }),
             YoloKind::Polygon => Some(1),
         };
         let most = match self.extra {
@@ -114,12 +116,28 @@ pub fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) -> Resu
     let counts = || lines.iter().map(|line| line.values.len());
     let kind = match kind {
         YoloKind::Auto if counts().all(|n| n <= 6) => YoloKind::Box,
-        YoloKind::Auto if counts().all(|n| (8..=10).contains(&n)) => YoloKind::TurnedBox,
+        YoloKind::Auto if are_turned_boxes(lines) => YoloKind::TurnedBox,
         YoloKind::Auto => YoloKind::Polygon,
         kind => kind,
     };
     let extra = if extra == ExtraColumns::Auto { extra_columns(lines, kind)? } else { extra };
     Ok(Columns { kind, extra })
+}
+
+/// Whether all lines have 8 to 10 numbers, of which the first 8 are the corners of parallelograms, some of them turned.
+fn are_turned_boxes(lines: &[LabelLine]) -> bool {
+    let is_zero = |x: f64| x.abs() < PARALLEL;
+    let is_parallelogram = |line: &LabelLine| match line.values.as_slice() {
+        [ax, ay, bx, by, cx, cy, dx, dy, rest @ ..] if rest.len() <= 2 => {
+            is_zero(ax + cx - bx - dx) && is_zero(ay + cy - by - dy)
+        }
+        _ => false,
+    };
+    let is_turned = |line: &LabelLine| match line.values.as_slice() {
+        [ax, ay, bx, by, ..] => !is_zero(ax - bx) && !is_zero(ay - by),
+        _ => false,
+    };
+    lines.iter().all(is_parallelogram) && lines.iter().any(is_turned)
 }
 
 fn extra_columns(lines: &[LabelLine], kind: YoloKind) -> Result<ExtraColumns, ReadError> {
