@@ -124,7 +124,7 @@ pub struct Args {
     threads: Option<usize>,
 
     #[command(flatten)]
-    direct: direct::Args,
+    direct: direct::DirectArgs,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]

@@ -10,7 +10,7 @@ use std::path::Path;
 use nalgebra::Matrix4;
 
 use super::kitti_geometry::{Oxts, calibration, camera_rows, image_size_of, rect_from_world};
-use super::kitti_labels::{Benchmark, KittiLabel, parse_labels};
+use super::kitti_labels::{KittiLabel, parse_labels};
 use super::poses::inverse;
 use super::static_objects::LabelledObjects;
 use super::text::lines;
@@ -116,14 +116,7 @@ pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, 
         ..SceneFile::default()
     };
     if let Some((path, bytes)) = files.labels {
-        add_labels(
-            &mut scene,
-            &parse_labels(path, bytes, Benchmark::Tracking)?,
-            &poses,
-            first,
-            options.pixel_centers,
-            &mut notes,
-        );
+        add_labels(&mut scene, &parse_labels(path, bytes)?, &poses, first, options.pixel_centers, &mut notes);
     }
     Import { scene, image_folder: None, notes }.checked(files.calib.0)
 }

@@ -65,8 +65,13 @@ pub enum Benchmark {
     Object,
 }
 
-/// The labels in the bytes of a file; the path serves for messages. Without frames and tracks these are 0 and -1.
-pub fn parse_labels(path: &Path, bytes: &[u8], benchmark: Benchmark) -> Result<Vec<KittiLabel>, ReadError> {
+/// The labels of a sequence in the bytes of a file of the tracking benchmark; the path serves for messages.
+pub fn parse_labels(path: &Path, bytes: &[u8]) -> Result<Vec<KittiLabel>, ReadError> {
+    parse_labels_of(path, bytes, Benchmark::Tracking)
+}
+
+/// The labels in the bytes of a file; without frames and tracks these are 0 and -1.
+pub fn parse_labels_of(path: &Path, bytes: &[u8], benchmark: Benchmark) -> Result<Vec<KittiLabel>, ReadError> {
     let lines = lines(path, as_utf8(path, bytes)?).filter(|line| !line.is_blank_or_comment());
     lines.map(|line| label(&line, benchmark)).collect()
 }

@@ -32,7 +32,7 @@ use crate::segmented_scene::move_paths;
 /// Cameras and detections in other programs' files.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Files of other programs")]
-pub struct Args {
+pub struct DirectArgs {
     /// Cameras and poses: whatever `quadlift import` reads, or a scene file
     #[arg(long, value_name = "PATH", requires = "detections")]
     cameras: Option<PathBuf>,
@@ -74,7 +74,7 @@ pub struct Args {
     world_object: Option<u64>,
 }
 
-impl Args {
+impl DirectArgs {
     /// Paths of cameras and detections, where they are given.
     pub fn paths(&self) -> Option<(&Path, &Path)> {
         self.cameras.as_deref().zip(self.detections.as_deref())

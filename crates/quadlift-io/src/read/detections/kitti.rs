@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::{ByImage, Detected, DetectionFiles, ImageKey, LabelFile, Numbering, checked_edges, label_files};
 use crate::error::{ReadError, as_utf8};
-use crate::read::kitti_labels::{Benchmark, KittiLabel, parse_labels};
+use crate::read::kitti_labels::{Benchmark, KittiLabel, parse_labels_of};
 use crate::read::text::lines;
 
 /// Reads a file, or those of a folder. Which benchmark it belongs to is told by the number of fields.
@@ -41,7 +41,7 @@ pub fn parse_kitti_labels(path: &Path, files: &[LabelFile]) -> Result<DetectionF
             found.image(key(0));
             continue;
         }
-        for label in parse_labels(&file.path, &file.bytes, benchmark)? {
+        for label in parse_labels_of(&file.path, &file.bytes, benchmark)? {
             let image = found.image(key(label.frame as i64));
             if label.kind == "DontCare" {
                 unlabelled += 1;

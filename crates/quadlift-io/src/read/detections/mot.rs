@@ -125,7 +125,8 @@ pub fn parse_mot(path: &Path, bytes: &[u8], options: &MotOptions) -> Result<Dete
         }
         let track = row.whole(1, "an id")?;
         let size = [row.numbers[2] - origin, row.numbers[3] - origin, row.numbers[4], row.numbers[5]];
-        let has_class = kind != MotKind::Detections && row.numbers.len() > 7;
+        // With ten columns a position in space takes the place of class and visibility (MOT15).
+        let has_class = kind != MotKind::Detections && (8..=9).contains(&row.numbers.len());
         let class = if has_class { Some(row.whole(7, "the number of a class")?) } else { None };
         image.detections.push(Detected {
             track: (track >= 0).then(|| track.to_string()),
@@ -135,7 +136,7 @@ pub fn parse_mot(path: &Path, bytes: &[u8], options: &MotOptions) -> Result<Dete
             bounding_box: Some(edges_of_size(size).map_err(|problem| row.line.error(problem))?),
             visible_fraction: row
                 .column(8)
-                .filter(|visible| kind == MotKind::GroundTruth && (0.0..=1.0).contains(visible)),
+                .filter(|visible| kind == MotKind::GroundTruth && has_class && (0.0..=1.0).contains(visible)),
             ..Detected::default()
         });
     }
