@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use anyhow::bail;
 use nalgebra::Vector2;
-use quadlift::geometry::{BoundingBox, Ellipse};
+use quadlift::geometry::Ellipse;
 use quadlift::scene::Scene;
 use quadlift::scene::SourceError;
 use quadlift_io::scene_file::{MaskSource, SceneImages};
@@ -172,7 +172,7 @@ pub fn segment_scene(
             bail!("there is nothing to read: no detection has a \"mask\"");
         }
     } else {
-        let has_box = |&index: &usize| scene.detections[index].bounding_box.is_some();
+        let has_box = |&index: &usize| images.boxes[index].is_some();
         (detections, segmentation.without_box) = detections.into_iter().partition(has_box);
         if detections.is_empty() {
             bail!("there is nothing to segment: no detection has a \"box\"");
@@ -266,9 +266,7 @@ fn cut_crops(scene: &Scene, images: &SceneImages, frame: usize, detections: &[us
     };
     for &index in detections {
         let of_mask = || segmentation.found[index].as_ref().and_then(|found| found.mask.bounding_box());
-        let Some(bounding_box): Option<BoundingBox> = scene.detections[index].bounding_box.or_else(of_mask) else {
-            continue;
-        };
+        let Some(bounding_box) = images.boxes[index].or_else(of_mask) else { continue };
         match Crop::cut(&image, &bounding_box, &CropOptions::default()) {
             Ok(crop) => segmentation.crops[index] = Some(crop),
             Err(error) => {

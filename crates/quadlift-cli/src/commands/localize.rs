@@ -20,7 +20,7 @@ use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
 use crate::files::{check_file, expand, outputs, read_scene};
 use crate::localization::{
-    PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, result_file,
+    PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, read_masks, result_file,
 };
 use crate::output::{HEADING, Output, one_line};
 use crate::words::count;
@@ -75,7 +75,8 @@ pub struct Args {
     source: Option<String>,
 
     /// Which measurements of a detection are used: auto (what it has; of both the box for place and size, the ellipse
-    /// for shape), box, ellipse, or box+ellipse (detections that lack one take no part)
+    /// for shape), box, ellipse, box+ellipse, or mask (its outline, with map and planes); detections that lack what is
+    /// asked for take no part
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
     observations: ObservationName,
 
@@ -143,6 +144,7 @@ enum ObservationName {
     Ellipse,
     #[value(name = "box+ellipse")]
     BoxAndEllipse,
+    Mask,
 }
 
 impl Args {
@@ -177,6 +179,7 @@ impl Args {
                 ObservationName::Box => UsedMeasurements::Box,
                 ObservationName::Ellipse => UsedMeasurements::Ellipse,
                 ObservationName::BoxAndEllipse => UsedMeasurements::BoxAndEllipse,
+                ObservationName::Mask => UsedMeasurements::Mask,
             },
             seed: self.seed,
             ..Default::default()
@@ -208,9 +211,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         };
         let mut document =
             json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
-        one_scene(&detections.display().to_string(), scene, output, args, &settings, out, &mut document)?;
+        let outcome = one_scene(detections, scene, output, args, &settings, out, &mut document)?;
         out.document(&json!({ "scenes": [document] }))?;
-        return Ok(Outcome::Fine);
+        return Ok(outcome);
     }
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
@@ -223,11 +226,14 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if index > 0 {
             out.report("\n")?;
         }
-        let title = input.display().to_string();
-        if let Err(error) = one_scene(&title, || read_scene(input), output, args, &settings, out, &mut document) {
-            out.error(&in_words(&error));
-            document["error"] = in_words(&error).into();
-            outcome = Outcome::SomethingFailed;
+        match one_scene(input, || read_scene(input), output, args, &settings, out, &mut document) {
+            Ok(Outcome::Fine) => {}
+            Ok(failed) => outcome = failed,
+            Err(error) => {
+                out.error(&in_words(&error));
+                document["error"] = in_words(&error).into();
+                outcome = Outcome::SomethingFailed;
+            }
         }
         documents.push(document);
     }
@@ -235,18 +241,21 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Reads and localises a scene, writes and prints the result and adds it to the JSON document.
+/// Reads and localises a scene, writes and prints the result and adds it to the JSON document. `input` names it.
 fn one_scene(
-    title: &str,
+    input: &Path,
     read: impl FnOnce() -> anyhow::Result<(SceneFile, Scene)>,
     output: Option<&Path>,
     args: &Args,
     settings: &Settings,
     out: &Output,
     document: &mut Value,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Outcome> {
     let start = Instant::now();
     let (mut file, mut scene) = read()?;
+    let title = input.display().to_string();
+    let problems =
+        read_masks(&title, (input, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
     // The result needs neither; detections are the bulk of a large scene.
     (file.detections, file.objects) = (Vec::new(), Vec::new());
     let read = start.elapsed();
@@ -259,12 +268,12 @@ fn one_scene(
             priors: settings.options.map.priors.clone(),
             ..Default::default()
         };
-        let association = associate_scene(title, &scene, &options, out).with_context(|| title.to_owned())?;
+        let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
         scene = associated_scene(&scene, &association, source)?;
         associated = format!("identities were found: {}\n\n", association_in_words(&association));
         document["association"] = to_json(&scene, &association);
     }
-    let localization = localize_scene(title, &scene, settings, out).with_context(|| title.to_owned())?;
+    let localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
     let solved = start.elapsed();
     let estimates = &localization.estimates;
     if let Some(output) = output {
@@ -274,7 +283,7 @@ fn one_scene(
     let localised = count_localised(estimates);
     let mut text = format!(
         "{HEADING}{}{HEADING:#}: {localised} of {} localised ({})\n\n",
-        one_line(title),
+        one_line(&title),
         count(estimates.len(), "object"),
         settings.in_words(localization.body)
     );
@@ -299,8 +308,12 @@ fn one_scene(
         document["noise"] = noise_json(&localization).into();
         document["left_out"] = left_out_json(&localization);
     }
+    out.errors(&problems);
+    if !problems.is_empty() {
+        document["problems"] = json!(problems);
+    }
     if localised == 0 {
         return Err(anyhow!("{title}: no object could be localised"));
     }
-    Ok(())
+    Ok(if problems.is_empty() { Outcome::Fine } else { Outcome::SomethingFailed })
 }

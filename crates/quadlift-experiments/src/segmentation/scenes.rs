@@ -2,21 +2,20 @@
 
 use std::path::Path;
 
+use quadlift::geometry::Ellipse;
 use quadlift::metrics::TruthObject;
 use quadlift_io::{ReadError, read_scene_file};
 use quadlift_segment::render::{RenderOptions, RenderedScene, render};
-use quadlift_segment::{
-    Crop, CropOptions, Mask, Moments, PixelTerm, SegmentError, SegmentMethod, SegmentOptions, SegmentStatus,
-    ViewSegmentation, segment_object,
-};
+use quadlift_segment::{Crop, CropOptions, Mask, Moments, PixelTerm, SegmentOptions, ViewSegmentation, segment_object};
 use rayon::prelude::*;
 
+use super::errors::ViewErrors;
 use crate::data::TrueScene;
 use crate::error::Error;
 
-/// Detections with a smaller share of the object visible do not count for masks: their ellipse is that of a part.
+/// Masks are scored where at least this share of the object is visible: elsewhere the ellipse is that of a part.
 const LEAST_VISIBLE: f64 = 0.7;
-/// Nor do masks of fewer pixels, or objects with fewer such views.
+/// Masks of fewer pixels are not scored either, nor objects with fewer such views.
 const FEWEST_PIXELS: usize = 50;
 const FEWEST_VIEWS: usize = 3;
 
@@ -32,7 +31,7 @@ pub struct Seen {
     pub crop: Crop,
     /// The pixels that are the object's.
     pub truth: Mask,
-    /// Whether enough of the object is visible to compare masks.
+    /// Whether enough of the object is visible to score its mask.
     pub counts: bool,
 }
 
@@ -116,50 +115,58 @@ impl ImageScene {
         Self { scene, objects }
     }
 
-    /// For each object the views whose masks are compared, where there are enough of them.
-    pub fn sequences(&self) -> impl Iterator<Item = Vec<&Seen>> {
-        let objects = self.objects.iter().map(|views| views.iter().filter(|seen| seen.counts).collect::<Vec<_>>());
-        objects.filter(|views| views.len() >= FEWEST_VIEWS)
+    /// Number of scored views of each object that has enough of them.
+    pub fn scored_counts(&self) -> impl Iterator<Item = usize> {
+        let counts = self.objects.iter().map(|views| views.iter().filter(|seen| seen.counts).count());
+        counts.filter(|&count| count >= FEWEST_VIEWS)
     }
 
-    /// The scene with an ellipse beside each box that a method has found one for; all views of an object are segmented
-    /// together, whatever is visible of it.
+    /// The same with the views only whose masks are scored.
+    pub fn scored_views(&self) -> Self {
+        let scored = |views: &Vec<Seen>| views.iter().filter(|seen| seen.counts).cloned().collect();
+        Self { scene: self.scene.clone(), objects: self.objects.iter().map(scored).collect() }
+    }
+
+    /// Segments every object, all of its views together, as `quadlift segment` does: for each object its views.
     ///
     /// # Errors
-    /// [`Error::Segment`].
-    pub fn with_ellipses(&self, method: SegmentMethod, seed: u64) -> Result<TrueScene, Error> {
-        let options = SegmentOptions { method, seed, ..Default::default() };
-        let results: Vec<Vec<ViewSegmentation>> =
-            self.objects.par_iter().map(|views| segment(views, &options)).collect::<Result<_, _>>()?;
-        let mut scene = self.scene.clone();
-        for (seen, view) in self.objects.iter().flatten().zip(results.into_iter().flatten()) {
-            // The ellipse of a box says nothing that the box does not say.
-            if view.status == SegmentStatus::Ok {
-                scene.scene.detections[seen.detection].ellipse = Some(view.ellipse);
-            }
-        }
-        Ok(scene)
+    /// [`Error::Segment`] when an option is out of its range.
+    pub fn segment(&self, options: &SegmentOptions) -> Result<Vec<Vec<ViewSegmentation>>, Error> {
+        let object = |views: &Vec<Seen>| {
+            let crops: Vec<Crop> = views.iter().map(|seen| seen.crop.clone()).collect();
+            segment_object(&crops, options)
+        };
+        Ok(self.objects.par_iter().map(object).collect::<Result<_, _>>()?)
+    }
+
+    /// The errors of what was found, of each object with enough scored views.
+    pub fn errors(&self, found: &[Vec<ViewSegmentation>]) -> Vec<Vec<ViewErrors>> {
+        let of_object = |(views, found): (&Vec<Seen>, &Vec<ViewSegmentation>)| {
+            let scored = views.iter().zip(found).filter(|(seen, _)| seen.counts);
+            scored.filter_map(|(seen, view)| ViewErrors::of(view, &seen.truth)).collect()
+        };
+        let errors = self.objects.iter().zip(found).map(of_object);
+        errors.filter(|views: &Vec<ViewErrors>| views.len() >= FEWEST_VIEWS).collect()
+    }
+
+    /// The scene with the ellipses that were found beside the boxes. As in what `quadlift segment` writes, it is that of
+    /// the box where no mask could be trusted.
+    pub fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> TrueScene {
+        self.with_ellipses(found.iter().flatten().map(|view| Some(view.ellipse)))
     }
 
     /// The scene with the ellipses of the true masks.
     pub fn with_true_ellipses(&self) -> TrueScene {
+        let ellipse = |seen: &Seen| Moments::of_mask(&seen.truth, PixelTerm::Centers)?.ellipse();
+        self.with_ellipses(self.objects.iter().flatten().map(ellipse))
+    }
+
+    /// The scene with what is known of the shapes, in the order of the objects and their views.
+    fn with_ellipses(&self, ellipses: impl Iterator<Item = Option<Ellipse>>) -> TrueScene {
         let mut scene = self.scene.clone();
-        for seen in self.objects.iter().flatten() {
-            let moments = Moments::of_mask(&seen.truth, PixelTerm::Centers);
-            scene.scene.detections[seen.detection].ellipse = moments.and_then(|moments| moments.ellipse());
+        for (seen, ellipse) in self.objects.iter().flatten().zip(ellipses) {
+            scene.scene.detections[seen.detection].ellipse = ellipse;
         }
         scene
     }
-}
-
-/// Segments the views of an object.
-///
-/// # Errors
-/// [`SegmentError`] when an option is out of its range.
-pub fn segment<'a>(
-    views: impl IntoIterator<Item = &'a Seen>,
-    options: &SegmentOptions,
-) -> Result<Vec<ViewSegmentation>, SegmentError> {
-    let crops: Vec<Crop> = views.into_iter().map(|seen| seen.crop.clone()).collect();
-    segment_object(&crops, options)
 }

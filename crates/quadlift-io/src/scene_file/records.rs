@@ -18,6 +18,9 @@ pub const FORMAT: &str = "quadlift.scene";
 /// The value of `version` that this program reads and writes.
 pub const VERSION: u64 = 1;
 
+/// Share of a mask's outline that is not the object's own above which the mask counts as that of a part.
+const PARTIAL_SHARE: f64 = 0.05;
+
 /// A scene file, as it is written: what goes in (cameras, frames, detections, true objects) and what comes out
 /// (estimated objects).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -234,6 +237,14 @@ pub struct SegmentationRecord {
     /// Fields that this version does not know.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
+}
+
+impl SegmentationRecord {
+    /// Whether the border of the image or other objects' masks make up so much of the outline that ellipse and mask may
+    /// be of a part of the object.
+    pub fn is_partial(&self) -> bool {
+        self.cut_by_border.unwrap_or(0.0) + self.touches_others.unwrap_or(0.0) > PARTIAL_SHARE
+    }
 }
 
 /// A mask in one of three forms: the pixels of an image that have one value, COCO's runs, or polygons.
