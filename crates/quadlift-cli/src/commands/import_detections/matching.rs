@@ -17,7 +17,7 @@ pub struct Matching {
     frame_offset: Option<i64>,
 
     /// Largest difference of the times of an image and a frame, in seconds
-    #[arg(value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
     time_tolerance: f64,
 
     /// Leave out detections with a lower score
