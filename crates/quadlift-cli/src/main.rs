@@ -26,7 +26,10 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{associate, completions, demo, evaluate, export, import, info, localize, reproduce, segment, synth};
+use commands::{
+    associate, completions, demo, evaluate, export, import, import_detections, info, localize, reproduce, segment,
+    synth,
+};
 use error::Outcome;
 use output::Output;
 
@@ -70,6 +73,7 @@ enum Command {
     Synth(synth::Args),
     Import(import::Args),
     Export(export::Args),
+    ImportDetections(import_detections::Args),
     Info(info::Args),
     Reproduce(reproduce::Args),
     Completions(completions::Args),
@@ -87,6 +91,7 @@ fn main() -> ExitCode {
         Command::Synth(args) => synth::run(&args, &out),
         Command::Import(args) => import::run(&args, &out),
         Command::Export(args) => export::run(&args, &out),
+        Command::ImportDetections(args) => import_detections::run(&args, &out),
         Command::Info(args) => info::run(&args, &out),
         Command::Reproduce(args) => reproduce::run(&args, &out),
         Command::Completions(args) => completions::run(&args, &out),
@@ -121,7 +126,7 @@ mod tests {
             assert!(name == "quadlift" || manual.contains(&format!("## quadlift {name}")), "{name}");
         }
         let mut formats = Vec::new();
-        for command in ["import", "export"] {
+        for command in ["import", "import-detections", "export"] {
             for format in cli.find_subcommand(command).unwrap().get_subcommands() {
                 let name = format.get_name();
                 assert!(manual.contains(&format!("quadlift {command} {name}")), "{command} {name}");

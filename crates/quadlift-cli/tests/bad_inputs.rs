@@ -283,6 +283,131 @@ fn images() -> Vec<Case> {
     ]
 }
 
+/// Detections of other programs, for a good scene without detections whose frames are 000000 to 000005.
+fn detections() -> Vec<Case> {
+    let file = |title, arguments, name: &'static str, content: &'static str| Case {
+        make: Box::new(move |folder: &Folder| {
+            let mut scene = folder.small_scene();
+            drop(scene.as_object_mut().unwrap().remove("detections"));
+            folder.write_json("scene.json", &scene);
+            folder.write(name, content);
+        }),
+        ..called(title, 1, arguments)
+    };
+    const COCO: &str = "import-detections coco coco.json scene.json -o out.json";
+    const MOT: &str = "import-detections mot mot.txt scene.json -o out.json";
+    const YOLO: &str = "import-detections yolo labels scene.json -o out.json";
+    const CSV: &str = "import-detections csv boxes.csv scene.json -o out.json";
+    let label = "labels/000001.txt";
+    let usage = |case: Case| Case { code: 2, ..case };
+    vec![
+        file("no image is a frame", CSV, "boxes.csv", "image,x0,y0,x1,y1\na.png,1,2,3,4\nb.png,1,2,3,4\n"),
+        file("image numbers with two readings", MOT, "mot.txt", "0,1,10,20,30,40\n").with_ids_from_ten(),
+        file("a track twice in one image", CSV, "boxes.csv", "frame,x0,y0,x1,y1,track\n0,1,2,3,4,7\n0,2,2,3,4,7\n"),
+        file(
+            "images of another size",
+            COCO,
+            "coco.json",
+            r#"{"images": [{"id": 1, "file_name": "000000.png", "width": 32, "height": 32}], "annotations": [{"image_id": 1, "bbox": [1, 2, 3, 4]}]}"#,
+        ),
+        file(
+            "an annotation of an unknown image",
+            COCO,
+            "coco.json",
+            r#"{"images": [], "annotations": [{"image_id": 1, "bbox": [1, 2, 3, 4]}]}"#,
+        ),
+        file(
+            "runs that do not fill the image",
+            COCO,
+            "coco.json",
+            r#"[{"image_id": 1, "segmentation": {"size": [9, 9], "counts": "04"}}]"#,
+        ),
+        file(
+            "a box of edges where a size is expected",
+            COCO,
+            "coco.json",
+            r#"[{"image_id": 1, "bbox": [30, 20, -10, 4]}]"#,
+        ),
+        file("a reversed box", CSV, "boxes.csv", "0,30,20,10,40\n"),
+        file("no column for the image", CSV, "boxes.csv", "x0,y0,x1,y1\n1,2,3,4\n"),
+        file("columns without names", CSV, "boxes.csv", "1,2,3,4,5,6,7\n"),
+        file("too few columns of MOTChallenge", MOT, "mot.txt", "1,2,3\n"),
+        file("pixels in a YOLO file", YOLO, label, "0 345.2 120 20 20\n"),
+        file("a score or a track id", YOLO, label, "0 0.5 0.5 0.2 0.2 1\n"),
+        file("a folder without label files", YOLO, "labels/a.md", ""),
+        file(
+            "names that are not in the YAML file",
+            "import-detections yolo labels scene.json -o out.json --names data.yaml",
+            "data.yaml",
+            "nc: 2\n",
+        ),
+        file(
+            "a LabelMe file without shapes",
+            "import-detections labelme a.json scene.json -o out.json",
+            "a.json",
+            "{}",
+        ),
+        file(
+            "a KITTI label that is cut off",
+            "import-detections kitti a.txt scene.json -o out.json",
+            "a.txt",
+            "0 1 Car 0 0\n",
+        ),
+        file(
+            "cameras of no known format",
+            "localize --cameras boxes.csv --detections boxes.csv -o out.json",
+            "boxes.csv",
+            "1,2,3\n",
+        ),
+        file(
+            "detections of no known format",
+            "localize --cameras scene.json --detections notes.txt -o out.json",
+            "notes.txt",
+            "hello\n",
+        ),
+        usage(file("cameras without detections", "localize --cameras scene.json -o out.json", "a.txt", "")),
+        usage(
+            file(
+                "a trajectory without intrinsics",
+                "localize --cameras tum.txt --detections boxes.csv",
+                "tum.txt",
+                "0 0 0 0 0 0 0 1\n",
+            )
+            .and("boxes.csv", "0,1,2,3,4\n"),
+        ),
+    ]
+}
+
+impl Case {
+    /// The same with one more file.
+    fn and(self, name: &'static str, content: &'static str) -> Self {
+        let make = self.make;
+        Self {
+            make: Box::new(move |folder| {
+                make(folder);
+                folder.write(name, content);
+            }),
+            ..self
+        }
+    }
+
+    /// The same with frames whose ids count from 10.
+    fn with_ids_from_ten(self) -> Self {
+        let make = self.make;
+        Self {
+            make: Box::new(move |folder| {
+                make(folder);
+                let mut scene = folder.json("scene.json");
+                for (index, frame) in scene["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+                    frame["id"] = json!(format!("frame_{}", index + 10));
+                }
+                folder.write_json("scene.json", &scene);
+            }),
+            ..self
+        }
+    }
+}
+
 fn choices() -> Vec<Case> {
     let sources = |scene: &mut Value| {
         for (index, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
@@ -542,6 +667,7 @@ fn document() -> String {
         ("Scenes in which nothing can be localised", hopeless()),
         ("Detections without identities", associations()),
         ("Images and masks", images()),
+        ("Detections of other programs", detections()),
         ("Choices", choices()),
         ("Paths", paths()),
         ("Evaluation", evaluations()),

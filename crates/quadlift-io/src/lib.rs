@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod atomic;
+pub mod detect;
 mod error;
 pub mod images;
 mod numbers;

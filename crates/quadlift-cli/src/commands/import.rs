@@ -1,7 +1,7 @@
 //! `quadlift import`: cameras and poses of other programs become a scene file.
 
-mod formats;
-mod paths;
+pub mod formats;
+pub mod paths;
 
 use std::path::PathBuf;
 

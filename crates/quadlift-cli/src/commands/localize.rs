@@ -1,21 +1,24 @@
 //! `quadlift localize`: from detections to objects.
 
+mod direct;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
+use quadlift::scene::Scene;
 use quadlift::solve::{Method, PoseNoise};
 use quadlift::{Options, UsedMeasurements};
-use quadlift_io::write_scene_file;
+use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice};
 use crate::association::{IdsName, When, add_to_result, associate_scene, associated_scene, localize_in_words, to_json};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
-use crate::files::{expand, outputs, read_scene};
+use crate::files::{check_file, expand, outputs, read_scene};
 use crate::localization::{
     PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, read_masks, result_file,
 };
@@ -33,8 +36,12 @@ use crate::words::count;
 Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is a folder then,
 and each result has the file name of its scene. A scene that fails is reported and the others are still done.
 
+With --cameras and --detections both are read from other programs' files, whose formats are recognised; what
+`quadlift import` and `quadlift import-detections` would ask beyond that can be said here too.
+
 Examples:
   quadlift localize scene.json -o estimate.json
+  quadlift localize --cameras sparse/0 --detections runs/detect/predict -o objects.json
   quadlift localize street.json -o cars.json --source yolo --body cuboid --priors builtin
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
@@ -43,7 +50,7 @@ Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised;
 )]
 pub struct Args {
     /// Scene files, folders that hold them, or patterns in quotes
-    #[arg(required = true, value_name = "SCENE.json")]
+    #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     scenes: Vec<PathBuf>,
 
     /// Where the result is written (of several scenes: a folder); without it, it is only shown
@@ -117,6 +124,9 @@ pub struct Args {
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
+
+    #[command(flatten)]
+    direct: direct::DirectArgs,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
@@ -192,6 +202,20 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
     }
     let settings = args.settings()?;
+    if let Some((cameras, detections)) = args.direct.paths() {
+        let output = args.output.as_deref();
+        output.map_or(Ok(()), check_file)?;
+        let scene = || {
+            let file = args.direct.read([cameras, detections], output, args.source.as_deref(), out)?;
+            let scene = file.to_scene().map_err(|error| error.in_file(detections))?;
+            Ok((file, scene))
+        };
+        let mut document =
+            json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
+        let outcome = one_scene(detections, scene, output, args, &settings, out, &mut document)?;
+        out.document(&json!({ "scenes": [document] }))?;
+        return Ok(outcome);
+    }
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
     let mut documents = Vec::with_capacity(inputs.paths.len());
@@ -203,7 +227,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if index > 0 {
             out.report("\n")?;
         }
-        match one_scene(input, output, args, &settings, out, &mut document) {
+        match one_scene(input, || read_scene(input), output, args, &settings, out, &mut document) {
             Ok(Outcome::Fine) => {}
             Ok(failed) => outcome = failed,
             Err(error) => {
@@ -218,9 +242,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Localises a scene, writes and prints the result and adds it to the JSON document.
+/// Reads and localises a scene, writes and prints the result and adds it to the JSON document. `input` names it.
 fn one_scene(
     input: &Path,
+    read: impl FnOnce() -> anyhow::Result<(SceneFile, Scene)>,
     output: Option<&Path>,
     args: &Args,
     settings: &Settings,
@@ -228,7 +253,7 @@ fn one_scene(
     document: &mut Value,
 ) -> anyhow::Result<Outcome> {
     let start = Instant::now();
-    let (mut file, mut scene) = read_scene(input)?;
+    let (mut file, mut scene) = read()?;
     let title = input.display().to_string();
     let problems =
         read_masks(&title, (input, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;

@@ -1,9 +1,11 @@
 //! Readers of other programs' files, one format each: cameras and poses become a [`SceneFile`] in the scene file's
-//! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image).
+//! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image), to which [`detections`] are
+//! added.
 
 pub mod bop;
 mod bytes;
 pub mod colmap;
+pub mod detections;
 mod json;
 pub mod kitti;
 mod kitti_geometry;

@@ -135,7 +135,7 @@ pub enum Format {
 pub struct Size {
     /// Width and height of the images in pixels, where the files do not say
     #[arg(long, value_name = "WxH", value_parser = args::image_size)]
-    image_size: Option<[f64; 2]>,
+    pub image_size: Option<[f64; 2]>,
 }
 
 /// The origin of pixel coordinates.
@@ -153,7 +153,7 @@ enum Centers {
 }
 
 impl Pixels {
-    fn centers(&self) -> PixelCenters {
+    pub fn centers(&self) -> PixelCenters {
         match self.pixel_centers {
             Centers::Integer => PixelCenters::Integer,
             Centers::Half => PixelCenters::Half,
@@ -166,7 +166,7 @@ impl Pixels {
 pub struct Part {
     /// First and last frame, from 0 (default: all)
     #[arg(long, value_name = "FIRST-LAST", value_parser = args::frame_range)]
-    frames: Option<RangeInclusive<usize>>,
+    pub frames: Option<RangeInclusive<usize>>,
 }
 
 impl Format {
