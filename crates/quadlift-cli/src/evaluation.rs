@@ -156,13 +156,7 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
         .map(|column| Cell::styled(show(column, (column.mean)(&evaluation.mean).map(|mean| mean.value)), HEADING));
     table.push([Cell::styled("mean", HEADING), Cell::default()].into_iter().chain(means).collect());
     let mut text = table.render();
-    let _ = writeln!(
-        text,
-        "failures: {} of {} without a body ({:.0} %)",
-        evaluation.failures,
-        count(evaluation.objects.len(), "object"),
-        100.0 * evaluation.failure_share().unwrap_or(0.0)
-    );
+    let _ = writeln!(text, "{}", failures(evaluation));
     if !evaluation.unmatched.is_empty() {
         let _ = writeln!(
             text,
@@ -171,6 +165,16 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
         );
     }
     text
+}
+
+/// How many objects have no body, in words.
+fn failures(evaluation: &Evaluation) -> String {
+    format!(
+        "failures: {} of {} without a body ({:.0} %)",
+        evaluation.failures,
+        count(evaluation.objects.len(), "object"),
+        100.0 * evaluation.failure_share().unwrap_or(0.0)
+    )
 }
 
 /// The scores for programs: angles in radians, lengths in world units, shares from 0 to 1.
@@ -197,4 +201,24 @@ pub fn to_json(evaluation: &Evaluation) -> Value {
         "failure_share": evaluation.failure_share(),
         "unmatched": evaluation.unmatched,
     })
+}
+
+/// The scores for a report.
+pub fn report_scores(evaluation: &Evaluation) -> quadlift_report::Scores {
+    let unit = |unit: &Unit| match unit {
+        Unit::Share => "share",
+        Unit::Percent => "percent",
+        Unit::Degrees => "degrees",
+        Unit::Length => "length",
+    };
+    let values = |o: &ObjectScore| COLUMNS.iter().map(|column| (column.of)(o)).collect();
+    quadlift_report::Scores {
+        columns: COLUMNS
+            .iter()
+            .map(|column| quadlift_report::ScoreColumn { title: column.title.to_owned(), unit: unit(&column.unit) })
+            .collect(),
+        rows: evaluation.objects.iter().map(|o| (o.id.clone(), o.status.clone(), values(o))).collect(),
+        mean: COLUMNS.iter().map(|column| (column.mean)(&evaluation.mean).map(|mean| mean.value)).collect(),
+        failures: failures(evaluation),
+    }
 }

@@ -15,6 +15,7 @@ use crate::evaluation;
 use crate::files::make_folder;
 use crate::localization::{Settings, count_localised, localize_scene, result_file};
 use crate::output::{HEADING, Output};
+use crate::report::{Gathered, check_report};
 use crate::synthetic_file::scene_file;
 use crate::words::count;
 
@@ -27,12 +28,17 @@ Writes scene.json (what a user brings), estimate.json (what localize makes of it
 so that the other commands have something to work on:
   quadlift info quadlift-demo/scene.json
   quadlift localize quadlift-demo/scene.json -o again.json --method planes
-  quadlift evaluate again.json quadlift-demo/truth.json"
+  quadlift evaluate again.json quadlift-demo/truth.json
+  quadlift view quadlift-demo/*.json"
 )]
 pub struct Args {
     /// Folder for the files; it is made if it does not exist
     #[arg(long, value_name = "DIR", default_value = "quadlift-demo")]
     out: PathBuf,
+
+    /// Page that shows the result, for any browser
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 }
 
 /// Objects of 15 to 60 cm within a metre, seen from ten metres on an arc of 60 degrees.
@@ -55,6 +61,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if folder.exists() && !folder.is_dir() {
         bail!("cannot write to {}: it is a file; expected a folder", folder.display());
     }
+    check_report(args.report.as_ref())?;
     make_folder(folder)?;
     let synthetic = generate(&options()).context("cannot make the scene")?;
     let whole =
@@ -90,6 +97,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         evaluation::render(&evaluation, scene.length_unit.as_deref()),
     ))?;
     out.report(&next_steps(&paths))?;
+    if let Some(report) = &args.report {
+        let files = paths.iter().cloned().zip([file, result, truth]).collect();
+        Gathered::new(files)?.write_report(report, Some(&evaluation))?;
+        out.report(&format!("Wrote {}.\n", report.display()))?;
+    }
     out.document(&json!({
         "files": { "scene": paths[0], "estimate": paths[1], "truth": paths[2] },
         "objects": summaries(&scene, &localization),
@@ -115,6 +127,6 @@ fn next_steps(paths: &[PathBuf; 3]) -> String {
     let [scene, estimate, truth] = [&paths[0], &paths[1], &paths[2]].map(|path| name(path));
     format!(
         "Wrote {scene}, {estimate} and {truth}. Try next:\n  quadlift info {scene}\n  quadlift localize {scene} -o \
-         again.json --method planes\n  quadlift evaluate again.json {truth}\n"
+         again.json --method planes\n  quadlift evaluate again.json {truth}\n  quadlift view {scene} {estimate} {truth}\n"
     )
 }

@@ -7,6 +7,7 @@ use quadlift_io::read_scene_file;
 use crate::error::Outcome;
 use crate::evaluation::{evaluate_files, render, to_json};
 use crate::output::Output;
+use crate::report::{Gathered, check_report};
 
 /// Score a result against the truth
 ///
@@ -37,13 +38,23 @@ pub struct Args {
     /// A scene file whose objects are the truth
     #[arg(value_name = "TRUTH.json")]
     truth: PathBuf,
+
+    /// Page that shows estimates, truth and scores, for any browser
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    check_report(args.report.as_ref())?;
     let estimate = read_scene_file(&args.estimate)?;
     let truth = read_scene_file(&args.truth)?;
     let evaluation = evaluate_files((&args.estimate, &estimate), (&args.truth, &truth))?;
     out.report(&render(&evaluation, truth.length_unit.as_deref()))?;
     out.document(&to_json(&evaluation))?;
+    if let Some(report) = &args.report {
+        let files = vec![(args.truth.clone(), truth), (args.estimate.clone(), estimate)];
+        Gathered::new(files)?.write_report(report, Some(&evaluation))?;
+        out.report(&format!("wrote {}\n", report.display()))?;
+    }
     Ok(Outcome::Fine)
 }

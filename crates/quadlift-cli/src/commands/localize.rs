@@ -20,6 +20,7 @@ use crate::localization::{
     PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, result_file,
 };
 use crate::output::{HEADING, Output, one_line};
+use crate::report::{report_paths, write_localized};
 use crate::words::count;
 
 /// Localise the objects that the detections of a scene show
@@ -34,7 +35,7 @@ Several scenes (several paths, a folder, or a pattern in quotes) are localised o
 and each result has the file name of its scene. A scene that fails is reported and the others are still done.
 
 Examples:
-  quadlift localize scene.json -o estimate.json
+  quadlift localize scene.json -o estimate.json --report estimate.html
   quadlift localize street.json -o cars.json --source yolo --body cuboid --priors builtin
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
@@ -49,6 +50,10 @@ pub struct Args {
     /// Where the result is written (of several scenes: a folder); without it, it is only shown
     #[arg(short, long, value_name = "OUT.json")]
     output: Option<PathBuf>,
+
+    /// Page that shows the result, for any browser (of several scenes: a folder)
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 
     /// Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularised one)
     #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodName::Map, hide_possible_values = true)]
@@ -190,16 +195,17 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let settings = args.settings()?;
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
+    let reports = args.report.as_ref().map(|report| report_paths(&inputs, report)).transpose()?;
     let mut documents = Vec::with_capacity(inputs.paths.len());
     let mut outcome = Outcome::Fine;
     // One scene after another: the largest one bounds the memory.
     for (index, input) in inputs.paths.iter().enumerate() {
-        let output = outputs.as_ref().map(|paths| paths[index].as_path());
+        let [output, report] = [&outputs, &reports].map(|paths| paths.as_ref().map(|paths| paths[index].as_path()));
         let mut document = json!({ "scene": input.display().to_string() });
         if index > 0 {
             out.report("\n")?;
         }
-        if let Err(error) = one_scene(input, output, args, &settings, out, &mut document) {
+        if let Err(error) = one_scene(input, [output, report], args, &settings, out, &mut document) {
             out.error(&in_words(&error));
             document["error"] = in_words(&error).into();
             outcome = Outcome::SomethingFailed;
@@ -213,7 +219,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 /// Localises a scene, writes and prints the result and adds it to the JSON document.
 fn one_scene(
     input: &Path,
-    output: Option<&Path>,
+    [output, report]: [Option<&Path>; 2],
     args: &Args,
     settings: &Settings,
     out: &Output,
@@ -242,9 +248,14 @@ fn one_scene(
     let localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
     let solved = start.elapsed();
     let estimates = &localization.estimates;
+    let result = result_file(&file, &scene, &localization, settings);
     if let Some(output) = output {
-        write_scene_file(output, &result_file(&file, &scene, &localization, settings))?;
+        write_scene_file(output, &result)?;
         document["output"] = output.display().to_string().into();
+    }
+    if let Some(report) = report {
+        write_localized(report, (input, &file), &scene, &result)?;
+        document["report"] = report.display().to_string().into();
     }
     let localised = count_localised(estimates);
     let mut text = format!(
@@ -255,8 +266,8 @@ fn one_scene(
     );
     text.push_str(&associated);
     text.push_str(&render(&scene, &localization, settings));
-    if let Some(output) = output {
-        text.push_str(&format!("wrote {}\n", output.display()));
+    for path in [output, report].into_iter().flatten() {
+        text.push_str(&format!("wrote {}\n", path.display()));
     }
     out.report(&text)?;
     for estimate in estimates {

@@ -7,6 +7,8 @@ pub mod evaluate;
 pub mod import;
 pub mod info;
 pub mod localize;
+pub mod render;
 pub mod reproduce;
 pub mod segment;
 pub mod synth;
+pub mod view;
