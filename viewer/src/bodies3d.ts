@@ -6,6 +6,9 @@ import { unitPoint, wireframe } from "./body_shape.ts";
 import type { Colors } from "./colors.ts";
 import { subtract } from "./linear.ts";
 
+/** With more objects than this the view is drawn more simply. */
+export const MANY = 200;
+
 /** Which body of an object is drawn. */
 export type Which = "body" | "enclosing" | "truth" | "centerShell";
 
@@ -28,7 +31,7 @@ export function placement(body: Body, origin: Vec3): THREE.Matrix4 {
 /** The unit shape of a body, with more triangles where there are few bodies. */
 export function unitGeometry(body: Body, bodies: number): THREE.BufferGeometry {
   if (body.kind === "cuboid") return new THREE.BoxGeometry(2, 2, 2);
-  const rounds = bodies > 200 ? 16 : 40;
+  const rounds = bodies > MANY ? 16 : 40;
   const geometry = new THREE.SphereGeometry(1, rounds, rounds / 2);
   if (body.kind === "ellipsoid") return geometry;
   const positions = geometry.getAttribute("position");

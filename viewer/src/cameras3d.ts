@@ -8,6 +8,9 @@ import type { Space } from "./space.ts";
 
 export class Cameras3d {
   readonly group = new THREE.Group();
+  readonly path: THREE.LineSegments;
+  /** Whether the frames follow each other in space: lines between cameras at random are a tangle. */
+  readonly isTrack: boolean;
   private readonly depth: number;
   private readonly material = new THREE.LineBasicMaterial();
   private readonly chosenMaterial = new THREE.LineBasicMaterial();
@@ -26,8 +29,9 @@ export class Cameras3d {
     this.depth = Math.max(0.03 * space.radius, Math.min(0.09 * space.radius, 1.2 * step));
     const frusta = report.frames.flatMap((_, index) => this.frustum(index, this.depth));
     this.group.add(lines(frusta, space.origin, this.material));
-    const path = steps.map((_, index): [Vec3, Vec3] => [centers[index] as Vec3, centers[index + 1] as Vec3]);
-    this.group.add(lines(path, space.origin, this.material));
+    const path = centers.slice(1).map((center, index): [Vec3, Vec3] => [centers[index] as Vec3, center]);
+    this.path = lines(path, space.origin, this.material);
+    this.isTrack = step < 0.25 * space.radius;
     this.group.add(this.chosen);
   }
 

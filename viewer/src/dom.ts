@@ -21,7 +21,8 @@ export function fitCanvas(canvas: HTMLCanvasElement, width: number, height: numb
   canvas.height = Math.max(1, Math.round(height * ratio));
   canvas.style.width = `${width}px`;
   canvas.style.height = `${height}px`;
-  const context = canvas.getContext("2d");
+  // Drawn by the processor: thousands of thin lines are slower on most graphics cards, and much slower without one.
+  const context = canvas.getContext("2d", { willReadFrequently: true });
   context?.scale(ratio, ratio);
   return context;
 }

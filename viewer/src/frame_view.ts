@@ -22,6 +22,8 @@ export class FrameView {
   private readonly sheet = element("div", { class: "sheet" }, this.canvas);
   private readonly title = element("h2");
   private readonly table: Table<Measured>;
+  /** Largest residual of the frame, for bars. */
+  private largest = 1;
   private readonly redraw = oncePerPicture(() => this.draw());
   private readonly truth = element("input", { type: "checkbox", checked: "" });
   private readonly zoom = element("input", { type: "checkbox" });
@@ -61,7 +63,6 @@ export class FrameView {
 
   private columns(): ConstructorParameters<typeof Table<Measured>>[1] {
     const { objects } = this.report;
-    const largest = Math.max(...objects.map((object) => object.residual ?? 0), 1e-9);
     return [
       {
         title: "object",
@@ -74,7 +75,7 @@ export class FrameView {
         hint: "root mean square distance between measured and predicted edges, pixels",
         value: (row) => row.residual,
         text: (row) => (row.residual === null ? "–" : `${short(row.residual)} px`),
-        bar: (row) => Math.min(1, (row.residual ?? 0) / (3 * largest)),
+        bar: (row) => (row.residual ?? 0) / this.largest,
         number: true,
         style: (row) => (row.state === REJECTED ? "bad" : ""),
       },
@@ -96,6 +97,7 @@ export class FrameView {
     }
     const { object, state, residual } = frame.detections;
     const rows = object.map((k, row) => ({ object: k, state: state[row] ?? 0, residual: residual[row] ?? null }));
+    this.largest = rows.reduce((most, row) => Math.max(most, row.residual ?? 0), 1e-9);
     this.table.show(rows, object);
     this.table.mark(this.selection.object);
     const text = `Frame ${frame.id}`;

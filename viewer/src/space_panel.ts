@@ -17,6 +17,7 @@ const LAYERS: [Layer, string][] = [
   ["enclosing", "enclosing bodies"],
   ["centerShell", "uncertainty"],
   ["cameras", "cameras"],
+  ["path", "path"],
   ["grid", "grid"],
 ];
 

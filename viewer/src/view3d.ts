@@ -4,7 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Report } from "./data.ts";
 import {
-  bodyMeshes, bodyWires, colorBodies, lines, placement, unitGeometry, type BodyMesh, type Which,
+  MANY, bodyMeshes, bodyWires, colorBodies, lines, placement, unitGeometry, type BodyMesh, type Which,
 } from "./bodies3d.ts";
 import { wireframe } from "./body_shape.ts";
 import { Cameras3d } from "./cameras3d.ts";
@@ -16,7 +16,7 @@ import { firstLook, type Space } from "./space.ts";
 import { Surroundings3d } from "./surroundings3d.ts";
 
 /** What can be switched on and off. */
-export type Layer = Which | "cameras" | "grid";
+export type Layer = Which | "cameras" | "path" | "grid";
 
 export class View3d {
   readonly canvas: HTMLCanvasElement;
@@ -32,6 +32,7 @@ export class View3d {
   private readonly layers: Record<Layer, THREE.Object3D>;
   private readonly wires = new THREE.LineBasicMaterial();
   private readonly highlight = new THREE.Group();
+  private size: [number, number] = [0, 0];
   private readonly redraw = oncePerPicture(() => this.draw());
 
   /** @throws when the browser has no WebGL 2 */
@@ -61,9 +62,13 @@ export class View3d {
       enclosing: group(enclosing),
       truth: bodyWires(report, "truth", origin, this.wires),
       cameras: this.cameras.group,
+      path: this.cameras.path,
       grid: this.surroundings.group,
     };
     this.layers.enclosing.visible = false;
+    this.layers.path.visible = this.cameras.isTrack;
+    // Hundreds of shells are hard to see and cost as much time as the bodies.
+    this.layers.centerShell.visible = report.objects.length <= MANY;
     // The centre's shell lies within its body: it is drawn over it.
     for (const { mesh } of shells) {
       mesh.renderOrder = 2;
@@ -74,7 +79,7 @@ export class View3d {
     this.controls = this.makeControls();
     this.canvas.addEventListener("keydown", (event) => this.onKey(event));
     this.listenToClicks();
-    new ResizeObserver(() => this.resize()).observe(place);
+    new ResizeObserver(this.redraw).observe(place);
     onTheme(() => this.paint());
     selection.onChange((now, before) => {
       if (now.frame !== before.frame) this.cameras.select(now.frame);
@@ -87,6 +92,7 @@ export class View3d {
 
   has(layer: Layer): boolean {
     if (layer === "cameras") return this.report.frames.length > 0;
+    if (layer === "path") return this.report.frames.length > 1;
     return layer === "grid" || this.report.objects.some((object) => object[layer] !== null);
   }
 
@@ -233,23 +239,24 @@ export class View3d {
     this.highlight.add(mesh, outline);
   }
 
+  /** Fits the picture to its place; in a narrow view as much is seen from side to side as in a square one. */
   private resize(): void {
     const [width, height] = [this.place.clientWidth, this.place.clientHeight];
-    if (width === 0 || height === 0) return;
+    if (width === 0 || height === 0 || (width === this.size[0] && height === this.size[1])) return;
+    this.size = [width, height];
     const before = Math.min(1, this.camera.aspect);
     this.camera.aspect = width / height;
-    // In a narrow view as much is seen from side to side as in a square one.
-    const after = Math.min(1, this.camera.aspect);
-    const offset = this.camera.position.clone().sub(this.controls.target).multiplyScalar(before / after);
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    offset.multiplyScalar(before / Math.min(1, this.camera.aspect));
     this.camera.position.copy(this.controls.target).add(offset);
     this.camera.updateProjectionMatrix();
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height);
-    // The canvas has been emptied: draw at once, or it flickers.
-    this.draw();
   }
 
   private draw(): void {
+    // With the picture that follows, or the canvas would be seen empty.
+    this.resize();
     this.light.position.copy(this.camera.position);
     this.renderer.render(this.world, this.camera);
   }

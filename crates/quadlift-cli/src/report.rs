@@ -9,18 +9,30 @@ use quadlift_io::scene_file::SceneImages;
 use quadlift_io::{SceneFile, read_scene_file, write_file};
 use quadlift_report::{Content, Scores, page, report};
 
+use crate::error::usage;
 use crate::evaluation::report_scores;
 use crate::files::{Inputs, check_file, outputs};
 
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
-pub fn report_paths(inputs: &Inputs, report: &Path) -> anyhow::Result<Vec<PathBuf>> {
+pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
+    if output == Some(report) && !inputs.several {
+        return usage(format!("the report would overwrite {}; give it another name", report.display()));
+    }
     let paths = outputs(inputs, report)?;
     Ok(if inputs.several { paths.iter().map(|path| path.with_extension("html")).collect() } else { paths })
 }
 
-/// Refuses a report that cannot be written, before anything is computed.
-pub fn check_report(report: Option<&PathBuf>) -> anyhow::Result<()> {
-    report.map_or(Ok(()), |path| check_file(path))
+/// Refuses a report that cannot be written or would take the place of another file, before anything is computed.
+pub fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow::Result<()> {
+    let Some(path) = report else { return Ok(()) };
+    check_file(path)?;
+    let same = |other: &&&Path| {
+        **other == path || other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|path| path == other))
+    };
+    match others.iter().find(same) {
+        Some(other) => usage(format!("the report would overwrite {}; give it another name", other.display())),
+        None => Ok(()),
+    }
 }
 
 /// Writes a page.

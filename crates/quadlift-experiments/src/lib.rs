@@ -8,6 +8,7 @@ mod accv;
 pub mod data;
 mod error;
 pub mod held_out;
+mod html;
 mod kitti;
 pub mod methods;
 mod minimal;
@@ -27,6 +28,7 @@ mod wide_views;
 use std::path::Path;
 
 pub use error::Error;
+pub use html::html_page;
 pub use progress::{Progress, Steps};
 pub use report::{Block, CONVENTIONS, Headline, Report, page, summary};
 

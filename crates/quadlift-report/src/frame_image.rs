@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn what_the_lens_shows_moves_to_its_pinhole_pixel() {
-        let lens = Camera::new(CameraModel::SimpleRadial, &[50.0, 32.0, 24.0, -0.2]).unwrap();
+        let lens = Camera::new(CameraModel::SimpleRadial, &[50.0, 32.0, 24.0, -0.4]).unwrap();
         let place = Vector2::new(50.0, 36.0);
         let ideal = lens.undistort_point(&place).unwrap();
         assert!((ideal - place).norm() > 1.0, "{ideal}");

@@ -32,7 +32,7 @@ pub struct Thumbnails {
 
 /// Makes the images of the frames with these indices; `budget` is their size in bytes all together.
 ///
-/// Images that do not fit are left out evenly: every second frame keeps its image, or every third, and so on.
+/// As many frames keep their images as fit; they are evenly spread.
 pub fn thumbnails(scene: &Scene, images: &SceneImages, frames: &[usize], budget: usize) -> Thumbnails {
     let with_image: Vec<usize> =
         (0..frames.len()).filter(|&k| images.images.get(frames[k]).is_some_and(Option::is_some)).collect();
@@ -66,13 +66,18 @@ pub fn thumbnails(scene: &Scene, images: &SceneImages, frames: &[usize], budget:
     result
 }
 
-/// Every k-th of the images, with the smallest k for which they fit.
+/// As many of the images as fit, evenly spread.
 fn within_budget(urls: Vec<(usize, String)>, budget: usize) -> Vec<(usize, String)> {
-    let size_with = |step: usize| urls.iter().step_by(step).map(|(_, url)| url.len()).sum::<usize>();
-    match (1..=urls.len()).find(|&step| size_with(step) <= budget) {
-        Some(step) => urls.into_iter().step_by(step).collect(),
-        None => Vec::new(),
+    let sizes: Vec<usize> = urls.iter().map(|(_, url)| url.len()).collect();
+    let size_of = |count: usize| evenly_spread(sizes.len(), count).map(|k| sizes[k]).sum::<usize>();
+    let total = sizes.iter().sum::<usize>().max(1);
+    // Images are about equally large.
+    let mut count = sizes.len().min((budget as u128 * sizes.len() as u128 / total as u128) as usize);
+    while size_of(count) > budget {
+        count -= 1;
     }
+    let mut urls: Vec<Option<(usize, String)>> = urls.into_iter().map(Some).collect();
+    evenly_spread(sizes.len(), count).filter_map(|k| urls[k].take()).collect()
 }
 
 /// At most `most` indices below `total`, evenly spread.
@@ -108,9 +113,13 @@ mod tests {
         let urls = || (0..10).map(|k| (k, "x".repeat(10))).collect::<Vec<_>>();
         let kept = |budget| within_budget(urls(), budget).into_iter().map(|(k, _)| k).collect::<Vec<_>>();
         assert_eq!(kept(100).len(), 10);
-        assert_eq!(kept(99), [0, 2, 4, 6, 8]);
-        assert_eq!(kept(40), [0, 3, 6, 9]);
+        assert_eq!(kept(99), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(kept(45), [0, 2, 5, 7]);
         assert_eq!(kept(10), [0]);
         assert!(kept(9).is_empty());
+        // One that is larger than the others.
+        let uneven = vec![(0, "x".repeat(50)), (1, "x".repeat(10)), (2, "x".repeat(10))];
+        assert!(within_budget(uneven.clone(), 49).is_empty());
+        assert_eq!(within_budget(uneven, 60).len(), 2);
     }
 }

@@ -61,7 +61,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if folder.exists() && !folder.is_dir() {
         bail!("cannot write to {}: it is a file; expected a folder", folder.display());
     }
-    check_report(args.report.as_ref())?;
+    check_report(args.report.as_ref(), &[])?;
     make_folder(folder)?;
     let synthetic = generate(&options()).context("cannot make the scene")?;
     let whole =

@@ -45,7 +45,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    check_report(args.report.as_ref())?;
+    check_report(args.report.as_ref(), &[&args.estimate, &args.truth])?;
     let estimate = read_scene_file(&args.estimate)?;
     let truth = read_scene_file(&args.truth)?;
     let evaluation = evaluate_files((&args.estimate, &estimate), (&args.truth, &truth))?;

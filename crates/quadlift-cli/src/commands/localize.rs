@@ -195,7 +195,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let settings = args.settings()?;
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
-    let reports = args.report.as_ref().map(|report| report_paths(&inputs, report)).transpose()?;
+    let reports =
+        args.report.as_ref().map(|report| report_paths(&inputs, report, args.output.as_deref())).transpose()?;
     let mut documents = Vec::with_capacity(inputs.paths.len());
     let mut outcome = Outcome::Fine;
     // One scene after another: the largest one bounds the memory.

@@ -107,7 +107,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     outputs(&inputs, &args.output)?;
-    check_report(args.report.as_ref())?;
+    check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
     let (mut file, scene) = read_scene(&args.scene)?;
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;

@@ -141,13 +141,13 @@ mod tests {
 
     #[test]
     fn lines_and_texts_are_drawn_in_the_colours_that_were_asked_for() {
-        let mut bitmap = Bitmap::new(RgbImage::from_pixel(60, 40, image::Rgb([255; 3])));
+        let mut bitmap = Bitmap::new(RgbImage::from_pixel(100, 40, image::Rgb([255; 3])));
         let red = Stroke { color: [255, 0, 0], opacity: 1.0, width: 2.0, dash: None };
         bitmap.line(&[Vector2::new(5.0, 10.0), Vector2::new(50.0, 10.0)], &red);
         bitmap.fill(&[[5.0, 20.0], [25.0, 20.0], [25.0, 35.0], [5.0, 35.0]].map(Vector2::from), [0, 0, 255], 0.5);
-        bitmap.text(Vector2::new(30.0, 38.0), 12.0, "cup", [0, 128, 0]);
+        bitmap.text(Vector2::new(35.0, 38.0), 24.0, "cup", [0, 128, 0]);
         let image = bitmap.finish().unwrap();
-        assert_eq!(image.dimensions(), (60, 40));
+        assert_eq!(image.dimensions(), (100, 40));
         let pixel = image.get_pixel(30, 10).0;
         assert!(pixel[0] > 200 && pixel[1] < 100, "{pixel:?}");
         let pixel = image.get_pixel(15, 28).0;

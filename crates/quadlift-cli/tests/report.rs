@@ -1,0 +1,125 @@
+//! Reports and pictures: what is in them. How the page behaves in a browser is tested in `viewer/tests`.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+mod common;
+
+use common::{Folder, RENDER};
+use serde_json::{Value, json};
+
+/// The data in a page.
+fn data(page: &str) -> Value {
+    let place = "id=\"report-data\">";
+    let start = page.find(place).unwrap() + place.len();
+    let end = start + page[start..].find("</script>").unwrap();
+    serde_json::from_str(&page[start..end]).unwrap()
+}
+
+#[test]
+fn the_report_of_the_demo_has_estimates_truth_scores_and_rejected_boxes() {
+    let folder = Folder::new();
+    let text = folder.succeed("demo --out demo --report demo.html");
+    assert!(text.ends_with("Wrote demo.html.\n"), "{text}");
+    let report = data(&folder.read("demo.html"));
+    let objects = report["objects"].as_array().unwrap();
+    assert_eq!((objects.len(), report["frames"].as_array().unwrap().len()), (8, 20));
+    for object in objects {
+        assert_eq!((&object["status"], &object["body"]["kind"]), (&json!("ok"), &json!("ellipsoid")));
+        assert!(object["truth"].is_object() && object["enclosing"].is_object(), "{object}");
+        // The shell holds 95 %: its mean semi-axis is about 2.8 standard deviations.
+        let axes: Vec<f64> = (0..3).map(|k| object["centerShell"]["half"][k].as_f64().unwrap()).collect();
+        let mean = (axes.iter().map(|a| a * a).sum::<f64>() / 3.0).sqrt();
+        assert!((mean / object["centerSd"].as_f64().unwrap() - 7.8147f64.sqrt()).abs() < 1e-3, "{object}");
+    }
+    let states: Vec<&Value> = report["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|f| f["detections"]["state"].as_array().unwrap())
+        .collect();
+    let rejected = objects.iter().map(|o| o["viewsRejected"].as_u64().unwrap()).sum::<u64>();
+    assert!(rejected > 0);
+    assert_eq!(states.iter().filter(|state| **state == 2).count() as u64, rejected);
+    assert_eq!(report["scores"]["rows"].as_array().unwrap().len(), 8);
+    let settings = report["settings"].to_string();
+    assert!(settings.contains("[\"method\",\"map\"]") && settings.contains("noise, edge"), "{settings}");
+}
+
+#[test]
+fn images_are_embedded_and_missing_ones_are_told() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    std::fs::remove_file(folder.path("images/000001.png")).unwrap();
+    folder.succeed("localize scene.json --report objects.html");
+    let report = data(&folder.read("objects.html"));
+    let images: Vec<bool> =
+        report["frames"].as_array().unwrap().iter().map(|f| f["image"].to_string().contains("jpeg;base64,")).collect();
+    assert_eq!(images, [true, false, true]);
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("1 of 3 images could not be read") && notes.contains("000001.png"), "{notes}");
+    // The truth of a scene is not shown as a result of localize.
+    assert!(report["objects"].as_array().unwrap().iter().all(|object| object["truth"].is_null()));
+}
+
+#[test]
+fn several_scenes_have_several_reports() {
+    let folder = Folder::new();
+    for name in ["a", "b"] {
+        folder.write_json(&format!("scenes/{name}.json"), &folder.small_scene());
+    }
+    folder.succeed("localize scenes --report pages");
+    assert!(folder.path("pages/a.html").exists() && folder.path("pages/b.html").exists());
+}
+
+#[test]
+fn segment_shows_ellipses() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    folder.succeed("segment scene.json -o out.json --method masks --report out.html");
+    let report = data(&folder.read("out.html"));
+    let ellipses: usize = report["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| f["detections"]["ellipses"].as_array().unwrap().len())
+        .sum();
+    assert_eq!(ellipses, folder.json("out.json")["detections"].as_array().unwrap().len());
+}
+
+#[test]
+fn view_shows_files_together_and_tells_where_the_page_is() {
+    let folder = Folder::new();
+    folder.succeed("demo --out demo -q");
+    let text = folder.succeed("view demo/truth.json demo/estimate.json demo/scene.json --no-browser");
+    let path = std::path::Path::new(text.trim());
+    let report = data(&std::fs::read_to_string(path).unwrap());
+    std::fs::remove_file(path).unwrap();
+    assert!(path.file_name().unwrap().to_str().unwrap().starts_with("quadlift-truth-"), "{text}");
+    assert!(report["scores"]["mean"][0].as_f64().unwrap() > 0.7, "{}", report["scores"]);
+    assert!(report["frames"][0]["detections"]["object"].as_array().unwrap().len() > 4);
+}
+
+#[test]
+fn pictures_have_the_size_of_the_frame_and_show_what_is_asked_for() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    folder.succeed("localize scene.json -o objects.json -q");
+    for name in ["frame.png", "frame.svg"] {
+        folder.succeed(&format!("render scene.json objects.json --frame 000001 -o {name} --labels"));
+    }
+    let drawn = quadlift_io::read_image(&folder.path("frame.png")).unwrap();
+    let plain = quadlift_io::read_image(&folder.path("images/000001.png")).unwrap();
+    assert_eq!(drawn.dimensions(), plain.dimensions());
+    let changed = drawn.pixels().zip(plain.pixels()).filter(|(a, b)| a != b).count();
+    let pixels = plain.pixels().len();
+    assert!(changed > pixels / 50 && changed < pixels * 9 / 10, "{changed} of {pixels}");
+    let svg = folder.read("frame.svg");
+    assert!(svg.contains("width=\"160\" height=\"120\"") && svg.contains("data:image/png;base64,"), "{svg:.300}");
+    assert_eq!(svg.matches("<text ").count(), 2, "two objects have labels");
+    // Bodies, truth and boxes.
+    assert!(svg.matches("<polygon ").count() >= 2 && svg.matches("<polyline ").count() >= 8);
+    // Without an image the sheet is blank.
+    folder.succeed("demo --out demo -q");
+    folder.succeed("render demo/scene.json --frame 000003 -o blank.png");
+    assert_eq!(quadlift_io::read_image(&folder.path("blank.png")).unwrap().dimensions(), (1280, 960));
+}
