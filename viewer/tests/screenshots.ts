@@ -13,7 +13,7 @@ for (const [name, look] of [
 ] as const) {
   const { page } = await open(browser, "report.html", look);
   await page.getByRole("button", { name: "Objects" }).click();
-  if (look.width > 1000) await page.locator("table[aria-label=Objects] tbody tr").nth(2).click();
+  if (look.width > 1000) await page.locator("table[aria-label=Objects] tbody tr").nth(3).click();
   await page.waitForTimeout(500);
   const path = join(project, "docs/images", `${name}.jpg`);
   await page.screenshot({ path, type: "jpeg", quality: 85, fullPage: look.width < 1000 });
