@@ -4,6 +4,7 @@ use anyhow::bail;
 use quadlift::associate;
 use quadlift::associate::{AssociateError, AssociateOptions, AssociatedObject, Association, IdUse, Outcome};
 use quadlift::scene::{Scene, SourceError};
+use quadlift_io::SceneFile;
 use serde_json::{Map, Value, json};
 
 use crate::output::Output;
@@ -87,6 +88,13 @@ pub fn associate_scene(
 /// The scene with the objects of an association.
 pub fn associated_scene(scene: &Scene, association: &Association, source: Option<&str>) -> anyhow::Result<Scene> {
     Ok(association.applied_to(scene, scene.source_index(source)?))
+}
+
+/// Writes the objects of an associated scene into the detections of its file.
+pub fn write_objects(file: &mut SceneFile, associated: &Scene) {
+    for (record, detection) in file.detections.iter_mut().zip(&associated.detections) {
+        record.object = detection.object_index.map(|index| associated.object_ids[index as usize].as_str().into());
+    }
 }
 
 /// What was found, in one sentence.

@@ -10,7 +10,7 @@ use quadlift_io::{SceneFile, read_scene_file, write_file};
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::usage;
-use crate::evaluation::report_scores;
+use crate::evaluation::{evaluate_files, report_scores};
 use crate::files::{Inputs, check_file, outputs};
 
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
@@ -113,7 +113,16 @@ impl Gathered {
         }
     }
 
-    /// Writes the page, with the scores where there are some.
+    /// Writes the page, with scores where the estimates and the truth have objects in common.
+    pub fn write_report_with_scores(&self, path: &Path) -> anyhow::Result<()> {
+        let evaluation = match (&self.estimate, &self.truth) {
+            (Some((a, estimate)), Some((b, truth))) => evaluate_files((a, estimate), (b, truth)).ok(),
+            _ => None,
+        };
+        self.write_report(path, evaluation.as_ref())
+    }
+
+    /// Writes the page, with these scores.
     pub fn write_report(&self, path: &Path, evaluation: Option<&Evaluation>) -> anyhow::Result<()> {
         write_report(path, &self.content(evaluation.map(report_scores).as_ref()))
     }

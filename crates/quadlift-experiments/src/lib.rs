@@ -18,7 +18,7 @@ mod progress;
 pub mod reg_weight;
 mod report;
 pub mod scores;
-mod segmentation;
+pub mod segmentation;
 pub mod sequences;
 mod synthetic;
 pub mod table;
@@ -73,6 +73,6 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Tuw => tuw::run(&folder()?, seed, progress),
         Experiment::Kitti => kitti::run(&folder()?, seed, progress),
         Experiment::Minimal => minimal::run(&folder()?, seed, progress),
-        Experiment::Segmentation => segmentation::run(data, seed, progress),
+        Experiment::Segmentation => segmentation::run(data, segmentation::Extent::Whole, seed, progress),
     }
 }

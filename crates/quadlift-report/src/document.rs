@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use nalgebra::{Matrix3, Point3};
 use quadlift::geometry::Ellipsoid;
 use quadlift::scene::{Detection, Scene};
-use quadlift_io::scene_file::{ObjectBodies, ObjectRecord, SceneImages};
+use quadlift_io::scene_file::{ObjectBodies, ObjectRecord, SceneImages, ViewRecord};
 use quadlift_io::{EntryError, SceneFile};
 
 use crate::data::{
@@ -263,7 +263,7 @@ fn detections_by_frame(
     let frames: HashMap<&str, usize> = scene.frames.iter().enumerate().map(|(k, frame)| (&*frame.id, k)).collect();
     let mut views = HashMap::new();
     for object in estimate.iter().flat_map(|file| &file.objects) {
-        let Some(&index) = objects.by_id.get(&object.id) else { continue };
+        let Some(&index) = objects.by_id.get(&object.id).filter(|&&index| index < MOST_OBJECTS) else { continue };
         for view in &object.view_residuals_px {
             if let Some(&frame) = frames.get(view.frame.as_str()) {
                 views.insert((index, frame), view);
@@ -276,19 +276,31 @@ fn detections_by_frame(
         let frame = detection.frame_index as usize;
         let id = detection.object_index.map(|index| &scene.object_ids[index as usize]);
         let object = id.and_then(|id| objects.by_id.get(id).copied()).filter(|&index| index < MOST_OBJECTS);
-        let view = object.and_then(|index| views.get(&(index, frame)));
+        let view = object.and_then(|index| views.remove(&(index, frame)));
         let list = &mut detections[frame];
         if let Some(e) = &detection.ellipse {
             let (center, axes) = (e.center.map(tenths), e.semi_axes.map(tenths));
             list.ellipses.push((list.object.len(), center.x, center.y, axes.x, axes.y, (1e4 * e.angle).round() / 1e4));
         }
-        list.object.push(object.map_or(-1, |index| index as i64));
-        list.state.push(view.map_or(0, |view| if view.inlier { 1 } else { 2 }));
-        list.residual.push(view.and_then(|view| view.residual_px).map(|x| (100.0 * x).round() / 100.0));
-        let edges = detection.bounding_box.map(|b| b.edges().map(|x| Some(tenths(x))));
-        list.boxes.extend(edges.unwrap_or([None; 4]));
+        list.push(object, view, detection.bounding_box.map(|b| b.edges().map(|x| Some(tenths(x)))));
+    }
+    // Views whose detections are not here, or do not say which object they show: the outline is known all the same.
+    let mut others: Vec<((usize, usize), &ViewRecord)> = views.into_iter().collect();
+    others.sort_by_key(|(place, _)| *place);
+    for ((object, frame), view) in others {
+        detections[frame].push(Some(object), Some(view), None);
     }
     detections
+}
+
+impl ReportDetections {
+    /// Adds a row.
+    fn push(&mut self, object: Option<usize>, view: Option<&ViewRecord>, edges: Option<[Option<f64>; 4]>) {
+        self.object.push(object.map_or(-1, |index| index as i64));
+        self.state.push(view.map_or(0, |view| if view.inlier { 1 } else { 2 }));
+        self.residual.push(view.and_then(|view| view.residual_px).map(|x| (100.0 * x).round() / 100.0));
+        self.boxes.extend(edges.unwrap_or([None; 4]));
+    }
 }
 
 /// Empties frames evenly until few enough detections are left in those that are shown; tells what was left out.

@@ -8,7 +8,7 @@ use quadlift::associate::AssociateOptions;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 
 use crate::args;
-use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json};
+use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json, write_objects};
 use crate::error::Outcome;
 use crate::files::{Inputs, outputs, read_scene};
 use crate::output::{HEADING, Output, WARNING, one_line};
@@ -105,9 +105,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let title = args.scene.display().to_string();
     let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
     let associated = associated_scene(&scene, &association, args.source.as_deref())?;
-    for (record, detection) in file.detections.iter_mut().zip(&associated.detections) {
-        record.object = detection.object_index.map(|index| associated.object_ids[index as usize].as_str().into());
-    }
+    write_objects(&mut file, &associated);
     write_scene_file(&args.output, &file)?;
     let mut table = Table::new(["<object", "<category", "views", "evidence", "<doubtful"]);
     for object in &association.objects {

@@ -6,7 +6,6 @@ use anyhow::Context;
 use serde_json::json;
 
 use crate::error::Outcome;
-use crate::evaluation::evaluate_files;
 use crate::output::Output;
 use crate::report::Gathered;
 
@@ -39,13 +38,8 @@ pub struct Args {
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let gathered = Gathered::read(&args.files)?;
-    // Scores are shown where there are some; a truth of other objects is shown all the same.
-    let evaluation = match (&gathered.estimate, &gathered.truth) {
-        (Some((a, estimate)), Some((b, truth))) => evaluate_files((a, estimate), (b, truth)).ok(),
-        _ => None,
-    };
     let page = temporary_page(&args.files[0])?;
-    gathered.write_report(&page, evaluation.as_ref())?;
+    gathered.write_report_with_scores(&page)?;
     if !args.no_browser {
         let failed = || format!("cannot open a browser; the page is {} (--no-browser opens none)", page.display());
         open::that(&page).with_context(failed)?;
