@@ -16,6 +16,7 @@ mod output;
 mod pose_check;
 mod progress;
 mod rendered_scene;
+mod report;
 mod segmentation;
 mod segmented_scene;
 mod synthetic_file;
@@ -27,8 +28,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use commands::{
-    associate, completions, demo, evaluate, export, import, import_detections, info, localize, reproduce, segment,
-    synth,
+    associate, completions, demo, evaluate, export, import, import_detections, info, localize, render, reproduce,
+    segment, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -70,6 +71,8 @@ enum Command {
     Associate(associate::Args),
     Localize(localize::Args),
     Evaluate(evaluate::Args),
+    View(view::Args),
+    Render(render::Args),
     Synth(synth::Args),
     Import(import::Args),
     Export(export::Args),
@@ -88,6 +91,8 @@ fn main() -> ExitCode {
         Command::Associate(args) => associate::run(&args, &out),
         Command::Localize(args) => localize::run(&args, &out),
         Command::Evaluate(args) => evaluate::run(&args, &out),
+        Command::View(args) => view::run(&args, &out),
+        Command::Render(args) => render::run(&args, &out),
         Command::Synth(args) => synth::run(&args, &out),
         Command::Import(args) => import::run(&args, &out),
         Command::Export(args) => export::run(&args, &out),

@@ -24,6 +24,12 @@ struct Case {
     make: Box<dyn Fn(&Folder)>,
 }
 
+impl Case {
+    fn with(self, arguments: &'static str) -> Self {
+        Self { arguments, ..self }
+    }
+}
+
 const LOCALIZE: &str = "localize scene.json -o out.json";
 
 /// A case whose scene is a good one after a change.
@@ -117,6 +123,30 @@ fn entries() -> Vec<Case> {
             scene["detections"].as_array_mut().unwrap().push(again);
         }),
         changed("an id that is a number", |scene| scene["detections"][2]["object"] = json!(7)),
+    ]
+}
+
+/// Reports and pictures that cannot be made.
+fn looks() -> Vec<Case> {
+    vec![
+        called("a report in a folder that does not exist", 1, "localize scene.json --report no/out.html"),
+        called("a report in the place of the result", 2, "localize scene.json -o out.json --report out.json"),
+        called("a page of a file that does not exist", 1, "view scene.json truth.json --no-browser"),
+        changed("a result with a wrong body", |scene| {
+            scene["objects"] = json!([{"id": "a", "status": "ok", "ellipsoid":
+                {"center": [0, 0, 0], "semi_axes": [1, 0, 1], "rotation": [1, 0, 0, 0]}}]);
+        })
+        .with("view scene.json --no-browser"),
+        called("a picture of an unknown frame", 1, "render scene.json --frame 17 -o out.png"),
+        called("a picture of another format", 2, "render scene.json --frame 000000 -o out.pdf"),
+        rendered(
+            "a picture of an image that is none",
+            1,
+            "render scene.json --frame 000001 -o out.png",
+            |_, folder| {
+                folder.write("images/000001.png", "a cup on a table");
+            },
+        ),
     ]
 }
 
@@ -672,6 +702,7 @@ fn document() -> String {
         ("Paths", paths()),
         ("Evaluation", evaluations()),
         ("Exports", exports()),
+        ("Reports and pictures", looks()),
     ];
     let mut text = INTRODUCTION.to_owned();
     for (heading, cases) in sections {

@@ -23,6 +23,7 @@ use crate::localization::{
     PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, read_masks, result_file,
 };
 use crate::output::{HEADING, Output, one_line};
+use crate::report::{check_report, report_paths, write_localized};
 use crate::words::count;
 
 /// Localise the objects that the detections of a scene show
@@ -40,7 +41,7 @@ With --cameras and --detections both are read from other programs' files, whose 
 `quadlift import` and `quadlift import-detections` would ask beyond that can be said here too.
 
 Examples:
-  quadlift localize scene.json -o estimate.json
+  quadlift localize scene.json -o estimate.json --report estimate.html
   quadlift localize --cameras sparse/0 --detections runs/detect/predict -o objects.json
   quadlift localize street.json -o cars.json --source yolo --body cuboid --priors builtin
   quadlift localize scenes/ -o estimates/
@@ -56,6 +57,10 @@ pub struct Args {
     /// Where the result is written (of several scenes: a folder); without it, it is only shown
     #[arg(short, long, value_name = "OUT.json")]
     output: Option<PathBuf>,
+
+    /// Page that shows the result, for any browser (of several scenes: a folder)
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 
     /// Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularised one)
     #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodName::Map, hide_possible_values = true)]
@@ -203,31 +208,38 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let settings = args.settings()?;
     if let Some((cameras, detections)) = args.direct.paths() {
-        let output = args.output.as_deref();
+        let [output, report] = [&args.output, &args.report].map(Option::as_deref);
         output.map_or(Ok(()), check_file)?;
+        let others: Vec<&Path> = [cameras, detections].into_iter().chain(output).collect();
+        check_report(args.report.as_ref(), &others)?;
+        // What the paths of images are relative to.
+        let place = output.or(report);
         let scene = || {
-            let file = args.direct.read([cameras, detections], output, args.source.as_deref(), out)?;
+            let file = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
             let scene = file.to_scene().map_err(|error| error.in_file(detections))?;
             Ok((file, scene))
         };
         let mut document =
             json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
-        let outcome = one_scene(detections, scene, output, args, &settings, out, &mut document)?;
+        let named = [detections, place.unwrap_or(Path::new(""))];
+        let outcome = one_scene(named, scene, [output, report], args, &settings, out, &mut document)?;
         out.document(&json!({ "scenes": [document] }))?;
         return Ok(outcome);
     }
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
+    let reports =
+        args.report.as_ref().map(|report| report_paths(&inputs, report, args.output.as_deref())).transpose()?;
     let mut documents = Vec::with_capacity(inputs.paths.len());
     let mut outcome = Outcome::Fine;
     // One scene after another: the largest one bounds the memory.
     for (index, input) in inputs.paths.iter().enumerate() {
-        let output = outputs.as_ref().map(|paths| paths[index].as_path());
+        let [output, report] = [&outputs, &reports].map(|paths| paths.as_ref().map(|paths| paths[index].as_path()));
         let mut document = json!({ "scene": input.display().to_string() });
         if index > 0 {
             out.report("\n")?;
         }
-        match one_scene(input, || read_scene(input), output, args, &settings, out, &mut document) {
+        match one_scene([input, input], || read_scene(input), [output, report], args, &settings, out, &mut document) {
             Ok(Outcome::Fine) => {}
             Ok(failed) => outcome = failed,
             Err(error) => {
@@ -242,11 +254,12 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Reads and localises a scene, writes and prints the result and adds it to the JSON document. `input` names it.
+/// Reads and localises a scene, writes and prints the result and adds it to the JSON document. `input` names it, the paths
+/// in it are relative to the file `place`.
 fn one_scene(
-    input: &Path,
+    [input, place]: [&Path; 2],
     read: impl FnOnce() -> anyhow::Result<(SceneFile, Scene)>,
-    output: Option<&Path>,
+    [output, report]: [Option<&Path>; 2],
     args: &Args,
     settings: &Settings,
     out: &Output,
@@ -256,7 +269,7 @@ fn one_scene(
     let (mut file, mut scene) = read()?;
     let title = input.display().to_string();
     let problems =
-        read_masks(&title, (input, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
+        read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
     file.objects = Vec::new();
     // Detections are the bulk of a large scene; a result has them where their identities are found.
     let detections = std::mem::take(&mut file.detections);
@@ -287,13 +300,17 @@ fn one_scene(
     let solved = start.elapsed();
     let estimates = &localization.estimates;
     let found = identities.as_ref().map_or(String::new(), |(.., words)| format!("{words}\n\n"));
+    let mut result = result_file(&file, &scene, &localization, settings);
+    if let Some((detections, association, _)) = identities {
+        add_to_result(&mut result, detections, &scene, source, &association);
+    }
     if let Some(output) = output {
-        let mut result = result_file(&file, &scene, &localization, settings);
-        if let Some((detections, association, _)) = identities {
-            add_to_result(&mut result, detections, &scene, source, &association);
-        }
         write_scene_file(output, &result)?;
         document["output"] = output.display().to_string().into();
+    }
+    if let Some(report) = report {
+        write_localized(report, (place, &file), &scene, &result)?;
+        document["report"] = report.display().to_string().into();
     }
     let localised = count_localised(estimates);
     let mut text = format!(
@@ -304,8 +321,8 @@ fn one_scene(
     );
     text.push_str(&found);
     text.push_str(&render(&scene, &localization, settings));
-    if let Some(output) = output {
-        text.push_str(&format!("wrote {}\n", output.display()));
+    for path in [output, report].into_iter().flatten() {
+        text.push_str(&format!("wrote {}\n", path.display()));
     }
     out.report(&text)?;
     for estimate in estimates {

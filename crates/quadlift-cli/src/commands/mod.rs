@@ -9,6 +9,8 @@ pub mod import;
 pub mod import_detections;
 pub mod info;
 pub mod localize;
+pub mod render;
 pub mod reproduce;
 pub mod segment;
 pub mod synth;
+pub mod view;
