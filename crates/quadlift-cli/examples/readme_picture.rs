@@ -1,15 +1,18 @@
-//! Draws the picture of the README from the files that `quadlift demo` writes: on the left the boxes of one image with
+//! Draws the picture of the README from the files that `quadlift demo` writes of its second scene: on the left the boxes of one image with
 //! the outlines of the estimated ellipsoids, on the right the estimates and the truth from above.
 //!
 //!     cargo run --release -p quadlift-cli -- demo --out target/demo
-//!     cargo run --release -p quadlift-cli --example readme_picture -- target/demo docs/images/demo.svg
+//!     cargo run --release -p quadlift-cli --example readme_picture -- target/demo/boxes docs/images/demo.svg
 
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use nalgebra::Vector2;
+use quadlift::associate;
+use quadlift::associate::AssociateOptions;
 use quadlift::geometry::{BoundingBox, Ellipse, Ellipsoid, project_ellipsoid};
+use quadlift::scene::Detection;
 use quadlift_io::scene_file::ObjectBodies;
 use quadlift_io::{SceneFile, read_scene_file, write_file};
 
@@ -83,19 +86,26 @@ fn coloured(objects: &[ObjectBodies]) -> impl Iterator<Item = (Ellipsoid, &'stat
 }
 
 /// The boxes of one image and the outlines of the ellipsoids in it.
-fn image(scene: &SceneFile, estimate: &SceneFile) -> Result<String> {
-    let rejected =
-        |frame: &str| estimate.objects.iter().filter(|o| o.views_rejected.iter().any(|f| f == frame)).count();
+fn image(file: &SceneFile, estimate: &SceneFile) -> Result<String> {
+    let scene = file.to_scene()?;
+    // As the demo has found them: a box is wrong when it belongs to no object or was rejected by its own.
+    let objects = associate(&scene, &AssociateOptions::default(), &|_, _| {})?;
+    let wrong = |(detection, object): (&Detection, &Option<u32>)| {
+        let frame = &scene.frames[detection.frame_index as usize].id;
+        object.is_none_or(|object| {
+            let id = &objects.objects[object as usize].id;
+            estimate.objects.iter().any(|o| o.id == *id && o.views_rejected.contains(frame))
+        })
+    };
+    let wrong: Vec<bool> = scene.detections.iter().zip(&objects.object_of_detection).map(wrong).collect();
+    let boxes_in = |frame: usize| {
+        let boxes = scene.detections.iter().zip(&wrong).filter(move |(d, _)| d.frame_index as usize == frame);
+        boxes.filter_map(|(d, wrong)| Some((d.bounding_box?, *wrong)))
+    };
     // The image with the most wrong boxes, the first of equals.
-    let frames = scene.to_scene()?.frames;
-    let Some(frame) = frames.iter().rev().max_by_key(|frame| rejected(&frame.id)) else { bail!("there is no frame") };
-    let mut boxes = Vec::new();
-    for detection in scene.detections.iter().filter(|d| *d.frame == *frame.id) {
-        let edges = detection.bounding_box.context("a detection without a box")?;
-        let owner = estimate.objects.iter().find(|o| Some(o.id.as_str()) == detection.object.as_deref());
-        let wrong = owner.is_some_and(|o| o.views_rejected.contains(&frame.id));
-        boxes.push((BoundingBox::new(edges)?, wrong));
-    }
+    let count = |frame: &usize| boxes_in(*frame).filter(|(_, wrong)| *wrong).count();
+    let Some(index) = (0..scene.frames.len()).rev().max_by_key(count) else { bail!("there is no frame") };
+    let (frame, boxes) = (&scene.frames[index], boxes_in(index).collect::<Vec<_>>());
     let panel = Panel::around(boxes.iter().map(|(b, _)| *b), MARGIN);
     let mut svg = String::new();
     for (ellipsoid, colour) in coloured(&estimate.to_objects()?) {

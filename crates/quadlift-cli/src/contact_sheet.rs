@@ -1,12 +1,16 @@
 //! Contact sheets: the crops of one object side by side, with what was found in them, for people to look at.
 
+use std::path::Path;
+
 use image::imageops::{FilterType, replace, resize};
 use image::{Rgb, RgbImage};
 use nalgebra::Vector2;
 use quadlift::geometry::Ellipse;
+use quadlift_io::write_png;
 use quadlift_segment::Crop;
 
-use crate::segmentation::Found;
+use crate::file_names::FileNames;
+use crate::segmentation::{Found, Segmentation};
 
 /// Pixels of the longer side of a crop on the sheet.
 const CROP: u32 = 144;
@@ -17,7 +21,7 @@ const PLACE: u32 = CROP + 2 * FRAME + 4;
 /// Crops side by side.
 const COLUMNS: usize = 10;
 /// Most crops on a sheet; of more views an evenly spread choice is shown.
-pub const MOST_CROPS: usize = 200;
+const MOST_CROPS: usize = 200;
 
 const PAPER: Rgb<u8> = Rgb([24, 24, 24]);
 /// The mask's outline.
@@ -31,8 +35,22 @@ const FREE: Rgb<u8> = Rgb([60, 170, 60]);
 const CUT: Rgb<u8> = Rgb([255, 150, 0]);
 const GIVEN_UP: Rgb<u8> = Rgb([220, 30, 30]);
 
+/// Writes a contact sheet for each object; detections without an object id share one.
+pub fn write_sheets(segmentation: &Segmentation, folder: &Path) -> anyhow::Result<()> {
+    let ids = segmentation.groups.iter().map(|group| group.object.as_deref().unwrap_or("without_object"));
+    for (group, name) in segmentation.groups.iter().zip(FileNames::new(ids).iter()) {
+        let views: Vec<_> = group
+            .detections
+            .iter()
+            .map(|&index| (segmentation.crops[index].as_ref(), segmentation.found[index].as_ref()))
+            .collect();
+        write_png(&folder.join(format!("{name}.png")), &contact_sheet(&views))?;
+    }
+    Ok(())
+}
+
 /// Draws the sheet of an object: row by row, in the order of the views.
-pub fn contact_sheet(views: &[(Option<&Crop>, Option<&Found>)]) -> RgbImage {
+fn contact_sheet(views: &[(Option<&Crop>, Option<&Found>)]) -> RgbImage {
     let shown = views.len().min(MOST_CROPS);
     let columns = shown.clamp(1, COLUMNS);
     let rows = shown.div_ceil(columns).max(1);

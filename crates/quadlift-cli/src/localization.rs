@@ -1,6 +1,6 @@
 //! Localising one scene: what was chosen, the call of the library, and the result as a scene file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use quadlift::scene::{Scene, SourceError};
@@ -12,7 +12,8 @@ use serde_json::{Map, Value, json};
 use crate::args::body_name;
 use crate::error::usage;
 use crate::output::Output;
-use crate::progress::object_bar;
+use crate::progress::{counting_bar, object_bar};
+use crate::segmentation::Problem;
 
 /// Where the priors on categories come from.
 #[derive(Debug, Clone, Default)]
@@ -107,6 +108,7 @@ fn observations_name(measurements: UsedMeasurements) -> &'static str {
         UsedMeasurements::Box => "box",
         UsedMeasurements::Ellipse => "ellipse",
         UsedMeasurements::BoxAndEllipse => "box+ellipse",
+        UsedMeasurements::Mask => "mask",
     }
 }
 
@@ -134,6 +136,41 @@ pub fn check_metres(scene: &Scene) -> anyhow::Result<()> {
         "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \"m\" if \
          it is in metres, or give a file of priors in its unit"
     )
+}
+
+/// Reads the masks of the detections that will be localised, where they are wanted; returns what could not be read, in
+/// words. `title` stands before the progress bar.
+pub fn read_masks(
+    title: &str,
+    (path, file): (&Path, &SceneFile),
+    scene: &mut Scene,
+    options: &Options,
+    out: &Output,
+) -> anyhow::Result<Vec<String>> {
+    if options.measurements != UsedMeasurements::Mask {
+        return Ok(Vec::new());
+    }
+    // An unclear source is for `localize` to tell.
+    let source = scene.source_index(options.source.as_deref()).unwrap_or_default();
+    if file.detections.iter().all(|detection| detection.mask.is_none()) {
+        bail!("no detection has a \"mask\"; `quadlift segment` finds masks in the images");
+    }
+    let bar = counting_bar(title, "frames with masks", out);
+    let problems = file.add_support_lines(path, scene, source, &|done, total| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    // Detections of one label image share its problem.
+    let mut told: Vec<Problem> = Vec::new();
+    for (index, error) in problems.map_err(|error| error.in_file(path))? {
+        let message = error.to_string();
+        match told.iter_mut().find(|problem| problem.message == message) {
+            Some(problem) => problem.detections.push(index),
+            None => told.push(Problem { message, detections: vec![index] }),
+        }
+    }
+    Ok(told.iter().map(|problem| problem.in_words(scene)).collect())
 }
 
 /// Localises the objects of a scene; `title` stands before the progress bar.

@@ -21,6 +21,9 @@ pub const HEADING: Style = Style::new().bold();
 /// Style of what is less important.
 pub const DIM: Style = Style::new().dimmed();
 
+/// Errors of one kind that are told one by one; the JSON document has all of them.
+const MOST_ERRORS: usize = 20;
+
 /// What is shown, and where.
 #[derive(Debug, Clone, Copy)]
 pub struct Output {
@@ -64,6 +67,14 @@ impl Output {
     pub fn error(&self, text: &str) {
         let style = BAD.bold();
         to_stderr(&format!("{style}error:{style:#} {}", one_line(text)));
+    }
+
+    /// Prints errors; of many, the first ones and how many more there are.
+    pub fn errors(&self, texts: &[String]) {
+        texts.iter().take(MOST_ERRORS).for_each(|text| self.error(text));
+        if texts.len() > MOST_ERRORS {
+            self.error(&format!("{} more problems of this kind (--json lists all)", texts.len() - MOST_ERRORS));
+        }
     }
 }
 

@@ -28,32 +28,44 @@ pub fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the images and the label images of a rendered scene beside the scene file and gives the content of that one,
-/// with the truth.
+/// Writes the images of a rendered scene beside the scene file and gives the content of that one, with the truth.
 pub fn write_images(rendered: &RenderedScene, path: &Path) -> anyhow::Result<SceneFile> {
-    let [images, masks] = folders(path);
+    let [images, _] = folders(path);
     make_folder(&images)?;
-    make_folder(&masks)?;
     let mut file = scene_file(&rendered.synthetic);
-    let name = |index: usize| format!("{}.png", rendered.synthetic.frames[index].id);
     for (index, frame) in file.frames.iter_mut().enumerate() {
-        write_png(&images.join(name(index)), &rendered.images[index])?;
-        write_label_image(&masks.join(name(index)), &rendered.labels[index])?;
-        frame.image = Some(format!("{}/{}", FOLDERS[0], name(index)));
+        write_png(&images.join(image_name(rendered, index)), &rendered.images[index])?;
+        frame.image = Some(format!("{}/{}", FOLDERS[0], image_name(rendered, index)));
     }
-    for (index, detection) in rendered.synthetic.scene.detections.iter().enumerate() {
-        let record = &mut file.detections[index];
-        record.visible_fraction = Some(rendered.visible_fractions[index]);
-        record.mask = Some(Box::new(MaskRecord {
-            path: Some(format!("{}/{}", FOLDERS[1], name(detection.frame_index as usize))),
-            value: Some(rendered.values[index].into()),
-            ..Default::default()
-        }));
+    for (record, &visible_fraction) in file.detections.iter_mut().zip(&rendered.visible_fractions) {
+        record.visible_fraction = Some(visible_fraction);
     }
     for (object, kind) in file.objects.iter_mut().zip(&rendered.kinds) {
         object.category = Some(kind.name().to_owned());
     }
     Ok(file)
+}
+
+/// Writes the label images of the true masks beside the scene file, and their names into its content.
+pub fn write_masks(rendered: &RenderedScene, path: &Path, file: &mut SceneFile) -> anyhow::Result<()> {
+    let [_, masks] = folders(path);
+    make_folder(&masks)?;
+    for (index, labels) in rendered.labels.iter().enumerate() {
+        write_label_image(&masks.join(image_name(rendered, index)), labels)?;
+    }
+    for (index, detection) in rendered.synthetic.scene.detections.iter().enumerate() {
+        file.detections[index].mask = Some(Box::new(MaskRecord {
+            path: Some(format!("{}/{}", FOLDERS[1], image_name(rendered, detection.frame_index as usize))),
+            value: Some(rendered.values[index].into()),
+            ..Default::default()
+        }));
+    }
+    Ok(())
+}
+
+/// The name of a frame's image and of its label image.
+fn image_name(rendered: &RenderedScene, frame: usize) -> String {
+    format!("{}.png", rendered.synthetic.frames[frame].id)
 }
 
 fn folders(scene_file: &Path) -> [PathBuf; 2] {

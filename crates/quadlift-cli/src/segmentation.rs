@@ -5,21 +5,18 @@ use std::collections::{BTreeMap, HashMap};
 
 use anyhow::bail;
 use nalgebra::Vector2;
-use quadlift::geometry::{BoundingBox, Ellipse};
+use quadlift::geometry::Ellipse;
 use quadlift::scene::Scene;
 use quadlift::scene::SourceError;
 use quadlift_io::scene_file::{MaskSource, SceneImages};
 use quadlift_segment::{
-    Contacts, Crop, CropOptions, Failure, Mask, Moments, PixelTerm, SegmentMethod, SegmentOptions, SegmentStatus,
-    ViewSegmentation, segment_objects,
+    Contacts, Crop, CropOptions, Failure, FrameMasks, Mask, Moments, PixelTerm, SegmentMethod, SegmentOptions,
+    SegmentStatus, ViewSegmentation, segment_objects,
 };
 
 use crate::output::Output;
 use crate::progress::{counting_bar, object_bar};
 use crate::words::some_of;
-
-/// Pixels between two masks that still count as touching: masks often keep a gap of a pixel.
-const REACH: u32 = 2;
 
 /// Where masks come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -172,7 +169,7 @@ pub fn segment_scene(
             bail!("there is nothing to read: no detection has a \"mask\"");
         }
     } else {
-        let has_box = |&index: &usize| scene.detections[index].bounding_box.is_some();
+        let has_box = |&index: &usize| images.boxes[index].is_some();
         (detections, segmentation.without_box) = detections.into_iter().partition(has_box);
         if detections.is_empty() {
             bail!("there is nothing to segment: no detection has a \"box\"");
@@ -266,9 +263,7 @@ fn cut_crops(scene: &Scene, images: &SceneImages, frame: usize, detections: &[us
     };
     for &index in detections {
         let of_mask = || segmentation.found[index].as_ref().and_then(|found| found.mask.bounding_box());
-        let Some(bounding_box): Option<BoundingBox> = scene.detections[index].bounding_box.or_else(of_mask) else {
-            continue;
-        };
+        let Some(bounding_box) = images.boxes[index].or_else(of_mask) else { continue };
         match Crop::cut(&image, &bounding_box, &CropOptions::default()) {
             Ok(crop) => segmentation.crops[index] = Some(crop),
             Err(error) => {
@@ -325,16 +320,12 @@ fn found(view: ViewSegmentation) -> Found {
 /// Finds where the masks of a frame touch each other and the border of the image.
 fn find_contacts(scene: &Scene, frame: usize, detections: &[usize], segmentation: &mut Segmentation) {
     let image = image_size(scene, frame, detections, segmentation).unwrap_or([u32::MAX; 2]);
-    let [width, height] = reach_of_masks(detections, segmentation);
-    let mut covered = vec![false; width as usize * height as usize];
-    let place = |x: u32, y: u32| y as usize * width as usize + x as usize;
-    for found in detections.iter().filter_map(|&index| segmentation.found[index].as_ref()) {
-        found.mask.pixels().for_each(|[x, y]| covered[place(x, y)] = true);
-    }
-    let other = |x: u32, y: u32| x < width && y < height && covered[place(x, y)];
+    let trusted = |found: &&Found| found.fell_back.is_none();
+    let masks = detections.iter().filter_map(|&index| segmentation.found[index].as_ref().filter(trusted));
+    let all = FrameMasks::new(masks.map(|found| &found.mask));
     for &index in detections {
         if let Some(found) = segmentation.found[index].as_mut().filter(|found| found.fell_back.is_none()) {
-            found.contacts = Contacts::of(&found.mask, image, other, REACH);
+            found.contacts = all.contacts(&found.mask, image);
         }
     }
 }

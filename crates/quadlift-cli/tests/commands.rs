@@ -11,25 +11,54 @@ use serde_json::{Value, json};
 fn the_demo_goes_the_whole_way() {
     let folder = Folder::new();
     insta::assert_snapshot!("demo", folder.succeed("demo"));
-    for name in ["scene.json", "estimate.json", "truth.json"] {
-        folder.json(&format!("quadlift-demo/{name}"));
+    for name in ["scene.json", "boxes/scene.json"] {
+        let scene = folder.json(&format!("quadlift-demo/{name}"));
+        assert!(scene["objects"].is_null(), "the scene must not hold the truth");
+        let detections = scene["detections"].as_array().unwrap();
+        let plain = |d: &Value| d.as_object().unwrap().keys().all(|key| key == "frame" || key == "box");
+        assert!(!detections.is_empty() && detections.iter().all(plain), "a detector gives boxes and nothing else");
     }
-    assert!(folder.json("quadlift-demo/scene.json")["objects"].is_null(), "the scene must not hold the truth");
+    for name in ["images/000008.png", "masks/000008.png", "sheets/object_0002.png"] {
+        assert!(folder.path(&format!("quadlift-demo/{name}")).exists(), "{name}");
+    }
     // What it proposes to do next works.
     insta::assert_snapshot!("info_of_the_demo", folder.succeed("info quadlift-demo/scene.json"));
-    folder.succeed("localize quadlift-demo/scene.json -o again.json --method planes");
-    folder.succeed("evaluate again.json quadlift-demo/truth.json");
-    // The file and the call of the demo give the same estimate.
-    folder.succeed("localize quadlift-demo/scene.json -o again.json");
-    assert_eq!(folder.read("again.json"), folder.read("quadlift-demo/estimate.json"));
+    folder.succeed("localize quadlift-demo/boxes/scene.json -o again.json --method planes");
+    folder.succeed("evaluate again.json quadlift-demo/boxes/truth.json");
+    folder.succeed("evaluate quadlift-demo/estimate.json quadlift-demo/truth.json");
+}
+
+#[test]
+fn the_commands_give_what_the_demo_gives() {
+    let folder = Folder::new();
+    folder.succeed("demo --out d");
+    folder.succeed("associate d/scene.json -o d/associated.json");
+    folder.succeed("segment d/associated.json -o d/again.json --out-masks d/masks --contact-sheets sheets");
+    assert!(folder.read("d/again.json") == folder.read("d/segmented.json"));
+    for name in ["object_0000.png", "object_0002.png"] {
+        let bytes = |path: &str| std::fs::read(folder.path(path)).unwrap();
+        assert!(bytes(&format!("sheets/{name}")) == bytes(&format!("d/sheets/{name}")), "{name}");
+    }
+    for (scene, estimate) in [("d/segmented.json", "d/estimate.json"), ("d/boxes/scene.json", "d/boxes/estimate.json")]
+    {
+        folder.succeed(&format!("localize {scene} -o again.json"));
+        assert!(folder.read("again.json") == folder.read(estimate), "{scene}");
+    }
 }
 
 #[test]
 fn the_demo_finds_its_objects() {
     let folder = Folder::new();
     let report: Value = serde_json::from_str(&folder.succeed("demo --out elsewhere --json")).unwrap();
-    assert!(report["evaluation"]["mean"]["iou3d"]["value"].as_f64().unwrap() > 0.75, "{report}");
-    assert_eq!(report["evaluation"]["failures"], 0);
+    let mean = |part: &str| report[part]["evaluation"]["mean"]["iou3d"]["value"].as_f64().unwrap();
+    assert!(mean("images") > 0.65 && mean("boxes") > 0.8, "{report}");
+    assert!(report["images"]["masks"]["mean_iou"].as_f64().unwrap() > 0.85, "{report}");
+    assert_eq!(report["boxes"]["wrong_boxes"]["number"], report["boxes"]["wrong_boxes"]["found"]);
+    for (part, objects) in [("images", 3), ("boxes", 8)] {
+        assert_eq!(report[part]["evaluation"]["failures"], 0);
+        assert_eq!(report[part]["evaluation"]["objects"].as_array().unwrap().len(), objects);
+        assert_eq!(report[part]["evaluation"]["unmatched"].as_array().unwrap().len(), 0);
+    }
     assert!(folder.path("elsewhere/scene.json").exists());
 }
 

@@ -189,3 +189,76 @@ fn a_rendered_scene_may_take_the_place_of_an_earlier_one() {
     folder.succeed(&format!("{RENDER} --sensor-noise 3 --camouflage 1 --noise box:0.1 --trajectory arc:30"));
     assert_ne!(first, std::fs::read(folder.path("images/000001.png")).unwrap());
 }
+
+/// The boxes of a scene are undistorted; crops are cut where the object is in the image.
+#[test]
+fn distorted_images_are_cropped_as_they_are() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    let mut scene = folder.json("scene.json");
+    folder.succeed("segment scene.json -o pinhole.json");
+    let params = scene["cameras"][0]["params"].as_array().unwrap().clone();
+    scene["cameras"][0]["model"] = json!("SIMPLE_RADIAL");
+    scene["cameras"][0]["params"] = json!([params[0], params[2], params[3], -0.25]);
+    folder.write_json("scene.json", &scene);
+    folder.succeed("segment scene.json -o distorted.json");
+    assert_eq!(detections(&folder, "pinhole.json"), detections(&folder, "distorted.json"));
+}
+
+#[test]
+fn masks_are_an_observation_of_their_own() {
+    let folder = Folder::new();
+    folder.succeed("synth --render -o scene.json --objects 2 --views 8 --kinds ellipsoid --image-size 240x180");
+    folder.succeed("segment scene.json -o runs.json --method masks --out-masks masks2");
+    let score = |arguments: &str| {
+        folder.succeed(&format!("localize {arguments} -o objects.json"));
+        let scores = folder.succeed("evaluate objects.json scene.json --json");
+        serde_json::from_str::<Value>(&scores).unwrap()["mean"]["iou3d"]["value"].as_f64().unwrap()
+    };
+    for method in ["map", "planes"] {
+        // True masks, from label images, of ellipsoids that stand free.
+        let [masks, again, boxes] = ["scene.json --observations mask", "runs.json --observations mask", "scene.json"]
+            .map(|what| score(&format!("{what} --method {method}")));
+        assert!(masks > boxes && masks > 0.85, "{method}: {masks} {boxes}");
+        assert_eq!(masks, again, "{method}");
+    }
+    // One that cannot be read is named; its object has seven other views.
+    let mut scene = folder.json("scene.json");
+    scene["detections"][3]["mask"]["value"] = json!(9);
+    folder.write_json("wrong.json", &scene);
+    let run = folder.run("localize wrong.json -o objects.json --observations mask");
+    assert!(run.code == 1 && run.stderr.contains("masks/000001.png: no pixel has the value 9"), "{}", run.stderr);
+    assert!(run.stdout.contains(": 2 of 2 objects localised"), "{}", run.stdout);
+    assert_eq!(folder.json("objects.json")["objects"][1]["view_residuals_px"].as_array().map(Vec::len), Some(7));
+}
+
+/// Masks that were not trusted say nothing; what is cut or touched counts less.
+#[test]
+fn what_the_segmentation_says_of_masks_is_heard() {
+    let folder = Folder::new();
+    folder.succeed("synth --render -o scene.json --objects 2 --views 8 --kinds ellipsoid --image-size 240x180");
+    folder.succeed("segment scene.json -o segmented.json --method masks");
+    let mut scene = folder.json("segmented.json");
+    let noise = |name: &str| {
+        folder.succeed(&format!("localize {name} -o objects.json"));
+        folder.json("objects.json")["localization"]["noise"].clone()
+    };
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["segmentation"] = json!({"method": "masks", "status": "ok"});
+    }
+    folder.write_json("whole.json", &scene);
+    assert!(noise("whole.json")["partial_ellipse"].is_null());
+    for index in [0, 3, 11] {
+        scene["detections"][index]["segmentation"]["touches_others"] = json!(0.2);
+    }
+    folder.write_json("partial.json", &scene);
+    assert!(noise("partial.json")["partial_ellipse"].is_number());
+    for index in 0..16 {
+        scene["detections"][index]["segmentation"] = json!({"method": "sca", "status": "fell_back"});
+    }
+    folder.write_json("fallen.json", &scene);
+    let fallen = noise("fallen.json");
+    assert!(fallen["shape"].is_null() && fallen["edge_relative"].is_number(), "{fallen}");
+    let run = folder.run("localize fallen.json --observations mask");
+    assert!(run.code == 1 && run.stderr.contains("no object could be localised"), "{}", run.stderr);
+}

@@ -19,7 +19,7 @@ mod progress;
 pub mod reg_weight;
 mod report;
 pub mod scores;
-mod segmentation;
+pub mod segmentation;
 pub mod sequences;
 mod synthetic;
 pub mod table;
@@ -77,7 +77,7 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Tuw => tuw::run(&folder()?, seed, progress),
         Experiment::Kitti => kitti::run(&folder()?, seed, progress),
         Experiment::Minimal => minimal::run(&folder()?, seed, progress),
-        Experiment::Segmentation => segmentation::run(data, seed, progress),
+        Experiment::Segmentation => segmentation::run(data, segmentation::Extent::Whole, seed, progress),
         Experiment::Association => association::run(data, seed, progress),
     }
 }

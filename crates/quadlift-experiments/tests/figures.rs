@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use quadlift::scene::Frame;
 use quadlift_experiments::data::{TrueScene, data_folder};
 use quadlift_experiments::methods::REG_LAMBDA;
-use quadlift_experiments::{Error, Experiment, Report, reg_weight, run};
+use quadlift_experiments::{Error, Experiment, Report, reg_weight, run, segmentation};
 
 fn data() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
@@ -160,6 +160,37 @@ fn objects_without_ids() {
         ];
         assert_within(&report, &bounds);
     }
+}
+
+#[test]
+fn ellipses_from_images() {
+    let data = data();
+    let report = segmentation::run(data.as_deref(), segmentation::Extent::Default, 0, &|_, _, _| {}).unwrap();
+    if data.is_some() {
+        assert_within(
+            &report,
+            &[
+                ("segmentation_ellipse_iou", 0.82, 0.86),
+                ("segmentation_angle", 4.0, 7.6),
+                ("segmentation_all_views_ellipse_iou", 0.80, 0.86),
+                ("segmentation_both_enclosing", 0.65, 0.8),
+                ("segmentation_both_theta_err", 0.2, 0.45),
+            ],
+        );
+    }
+    // Ellipses tell the closed forms how objects are turned.
+    let theta_err = |method, setting| cell(&report, "Bodies from", &[method, setting], "theta_err, rendered");
+    for (method, boxes, ellipses) in [
+        ("pfd", "boxes (the paper's PfD)", "ellipses (the paper's PfD+ES)"),
+        ("reg", "boxes (the paper's PfD+REG)", "ellipses (the paper's PfD+ES+REG)"),
+        ("lfd", "boxes", "ellipses"),
+    ] {
+        let (boxes, ellipses) = (theta_err(method, boxes), theta_err(method, ellipses));
+        println!("{method}: theta_err {boxes:.3} with boxes, {ellipses:.3} with ellipses");
+        assert!(ellipses < boxes, "{method}: {ellipses} with ellipses, {boxes} with boxes");
+    }
+    let ellipse_iou = |row: &[&str]| cell(&report, "Masks and ellipses, rendered", row, "ellipse IoU");
+    assert!(ellipse_iou(&["sca+cut", "falls back"]) > 0.86);
 }
 
 #[test]

@@ -11,6 +11,9 @@ pub struct Contacts {
     pub others: f64,
 }
 
+/// Share of an outline above which what is not the object's own makes the mask that of a part.
+const PARTIAL: f64 = 0.05;
+
 impl Contacts {
     /// The contacts of a mask in an image of this size (width, height) with the pixels of other objects.
     ///
@@ -46,6 +49,11 @@ impl Contacts {
         }
         let share = |count: u64| count as f64 / outline.max(1) as f64;
         Self { border: share(border), others: share(others) }
+    }
+
+    /// Whether so much of the outline is not the object's own that mask and ellipse may be of a part of the object.
+    pub fn is_partial(&self) -> bool {
+        self.border + self.others > PARTIAL
     }
 
     /// Whether the border of the image cuts the mask.

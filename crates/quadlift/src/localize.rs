@@ -20,11 +20,17 @@ pub enum UsedMeasurements {
     Ellipse,
     /// Box and ellipse, as with `Auto`; detections that lack one of them take no part.
     BoxAndEllipse,
+    /// The supporting lines of the mask, in the place of the box's edges, with `map` and `planes`; detections without
+    /// any ([`Detection::support_lines`]) take no part.
+    Mask,
 }
 
 impl UsedMeasurements {
     /// Removes from a view what is not used; `false` when it lacks what is.
     fn keep(self, view: &mut View) -> bool {
+        if self != Self::Mask {
+            view.support_lines = None;
+        }
         match self {
             Self::Auto => true,
             Self::Box => {
@@ -36,6 +42,11 @@ impl UsedMeasurements {
                 view.ellipse.is_some()
             }
             Self::BoxAndEllipse => view.bounding_box.is_some() && view.ellipse.is_some(),
+            Self::Mask => {
+                view.ellipse = None;
+                view.bounding_box = view.support_lines.and_then(|lines| lines.bounding_box());
+                view.bounding_box.is_some()
+            }
         }
     }
 }
@@ -195,6 +206,9 @@ fn check(options: &Options) -> Result<(), LocalizeError> {
     }
     if options.method != Method::Map && map.body.is_some_and(|body| body != BodyKind::Ellipsoid) {
         return refuse("only the method map fits bodies other than ellipsoids".to_owned());
+    }
+    if options.measurements == UsedMeasurements::Mask && !matches!(options.method, Method::Map | Method::Planes) {
+        return refuse("only the methods map and planes take masks; the others take their ellipses".to_owned());
     }
     if let Some(PoseNoise { rotation_sd, translation_sd }) = map.pose_noise
         && !(rotation_sd > 0.0 && translation_sd > 0.0)

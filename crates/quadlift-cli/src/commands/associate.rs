@@ -11,7 +11,7 @@ use quadlift::scene::Scene;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 
 use crate::args;
-use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json};
+use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json, write_objects};
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, outputs, read_scene};
 use crate::localization::check_metres;
@@ -119,9 +119,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
     out.detail(&format!("associated in {:.2?}", start.elapsed()));
     let associated = associated_scene(&scene, &association, args.source.as_deref())?;
-    for (record, detection) in file.detections.iter_mut().zip(&associated.detections) {
-        record.object = detection.object_index.map(|index| associated.object_ids[index as usize].as_str().into());
-    }
+    write_objects(&mut file, &associated);
     // The true objects, if the scene has any, have other ids.
     file.objects = Vec::new();
     write_scene_file(&args.output, &file)?;

@@ -17,7 +17,7 @@ use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
 use crate::files::{expand, outputs, read_scene};
 use crate::localization::{
-    PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, result_file,
+    PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, read_masks, result_file,
 };
 use crate::output::{HEADING, Output, one_line};
 use crate::words::count;
@@ -68,7 +68,8 @@ pub struct Args {
     source: Option<String>,
 
     /// Which measurements of a detection are used: auto (what it has; of both the box for place and size, the ellipse
-    /// for shape), box, ellipse, or box+ellipse (detections that lack one take no part)
+    /// for shape), box, ellipse, box+ellipse, or mask (its outline, with map and planes); detections that lack what is
+    /// asked for take no part
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
     observations: ObservationName,
 
@@ -134,6 +135,7 @@ enum ObservationName {
     Ellipse,
     #[value(name = "box+ellipse")]
     BoxAndEllipse,
+    Mask,
 }
 
 impl Args {
@@ -168,6 +170,7 @@ impl Args {
                 ObservationName::Box => UsedMeasurements::Box,
                 ObservationName::Ellipse => UsedMeasurements::Ellipse,
                 ObservationName::BoxAndEllipse => UsedMeasurements::BoxAndEllipse,
+                ObservationName::Mask => UsedMeasurements::Mask,
             },
             seed: self.seed,
             ..Default::default()
@@ -200,10 +203,14 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if index > 0 {
             out.report("\n")?;
         }
-        if let Err(error) = one_scene(input, output, args, &settings, out, &mut document) {
-            out.error(&in_words(&error));
-            document["error"] = in_words(&error).into();
-            outcome = Outcome::SomethingFailed;
+        match one_scene(input, output, args, &settings, out, &mut document) {
+            Ok(Outcome::Fine) => {}
+            Ok(failed) => outcome = failed,
+            Err(error) => {
+                out.error(&in_words(&error));
+                document["error"] = in_words(&error).into();
+                outcome = Outcome::SomethingFailed;
+            }
         }
         documents.push(document);
     }
@@ -219,14 +226,16 @@ fn one_scene(
     settings: &Settings,
     out: &Output,
     document: &mut Value,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Outcome> {
     let start = Instant::now();
     let (mut file, mut scene) = read_scene(input)?;
+    let title = input.display().to_string();
+    let problems =
+        read_masks(&title, (input, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
     file.objects = Vec::new();
     // Detections are the bulk of a large scene; a result has them where their identities are found.
     let detections = std::mem::take(&mut file.detections);
     let read = start.elapsed();
-    let title = input.display().to_string();
     let source = settings.options.source.as_deref();
     let ids = args.associate.ids_for(&scene, source, args.ids);
     let mut identities = None;
@@ -289,8 +298,12 @@ fn one_scene(
         document["noise"] = noise_json(&localization).into();
         document["left_out"] = left_out_json(&localization);
     }
+    out.errors(&problems);
+    if !problems.is_empty() {
+        document["problems"] = json!(problems);
+    }
     if localised == 0 {
         return Err(anyhow!("{title}: no object could be localised"));
     }
-    Ok(())
+    Ok(if problems.is_empty() { Outcome::Fine } else { Outcome::SomethingFailed })
 }

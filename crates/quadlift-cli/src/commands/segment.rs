@@ -6,22 +6,18 @@ use std::time::Instant;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
 use quadlift_io::scene_file::{MaskSource, SceneImages};
-use quadlift_io::{write_png, write_scene_file};
+use quadlift_io::write_scene_file;
 use quadlift_segment::SegmentMethod;
 use serde_json::{Value, json};
 
-use crate::contact_sheet::contact_sheet;
+use crate::contact_sheet::write_sheets;
 use crate::error::{Outcome, usage};
-use crate::file_names::FileNames;
 use crate::files::{Inputs, make_folder, outputs, read_scene};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::segmentation::{Group, Method, Segmentation, Settings, segment_scene};
 use crate::segmented_scene::add_to_scene;
 use crate::table::{Cell, Table, number};
 use crate::words::count;
-
-/// Problems that are told one by one; the JSON document has all of them.
-const MOST_TOLD: usize = 20;
 
 /// Find the masks of detected objects in their images, and the ellipses of the masks
 ///
@@ -115,12 +111,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let title = args.scene.display().to_string();
     let segmentation = segment_scene(&title, &scene, &images, &settings, out).with_context(|| title.clone())?;
     let problems: Vec<String> = segmentation.problems.iter().map(|problem| problem.in_words(&scene)).collect();
-    for problem in problems.iter().take(MOST_TOLD) {
-        out.error(problem);
-    }
-    if problems.len() > MOST_TOLD {
-        out.error(&format!("{} more problems of this kind (--json lists all)", problems.len() - MOST_TOLD));
-    }
+    out.errors(&problems);
     let done = segmentation.found.iter().flatten().count();
     if done == 0 {
         return Err(anyhow!("{title}: no detection could be segmented"));
@@ -181,20 +172,6 @@ fn check_folders(args: &Args, images: &SceneImages) -> anyhow::Result<()> {
             }
         }
         seen.push(here);
-    }
-    Ok(())
-}
-
-/// Writes a contact sheet for each object; detections without an object id share one.
-fn write_sheets(segmentation: &Segmentation, folder: &Path) -> anyhow::Result<()> {
-    let ids = segmentation.groups.iter().map(|group| group.object.as_deref().unwrap_or("without_object"));
-    for (group, name) in segmentation.groups.iter().zip(FileNames::new(ids).iter()) {
-        let views: Vec<_> = group
-            .detections
-            .iter()
-            .map(|&index| (segmentation.crops[index].as_ref(), segmentation.found[index].as_ref()))
-            .collect();
-        write_png(&folder.join(format!("{name}.png")), &contact_sheet(&views))?;
     }
     Ok(())
 }

@@ -16,7 +16,7 @@ use crate::args;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, make_folder};
 use crate::output::Output;
-use crate::rendered_scene::{check_folders, write_images};
+use crate::rendered_scene::{check_folders, write_images, write_masks};
 use crate::synthetic_file::{scene_file, with_true_ids};
 
 /// Write a synthetic scene whose truth is known
@@ -367,8 +367,10 @@ fn rendered(args: &Args) -> anyhow::Result<SyntheticScene> {
     if let Some(folder) = args.output.parent() {
         make_folder(folder)?;
     }
+    let mut file = write_images(&rendered, &args.output)?;
+    write_masks(&rendered, &args.output, &mut file)?;
     // Last, so that it never names images that do not exist.
-    write_scene_file(&args.output, &write_images(&rendered, &args.output)?)?;
+    write_scene_file(&args.output, &file)?;
     Ok(rendered.synthetic)
 }
 

@@ -1,22 +1,25 @@
 //! Scenes with images: for every detection its crop, its true mask and how much of the object is visible.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
+use quadlift::geometry::Ellipse;
 use quadlift::metrics::TruthObject;
 use quadlift_io::{ReadError, read_scene_file};
 use quadlift_segment::render::{RenderOptions, RenderedScene, render};
 use quadlift_segment::{
-    Crop, CropOptions, Mask, Moments, PixelTerm, SegmentError, SegmentMethod, SegmentOptions, SegmentStatus,
-    ViewSegmentation, segment_object,
+    Crop, CropOptions, FrameMasks, Mask, Moments, PixelTerm, SegmentOptions, SegmentStatus, ViewSegmentation,
+    segment_object,
 };
 use rayon::prelude::*;
 
+use super::errors::ViewErrors;
 use crate::data::TrueScene;
 use crate::error::Error;
 
-/// Detections with a smaller share of the object visible do not count for masks: their ellipse is that of a part.
+/// Masks are scored where at least this share of the object is visible: elsewhere the ellipse is that of a part.
 const LEAST_VISIBLE: f64 = 0.7;
-/// Nor do masks of fewer pixels, or objects with fewer such views.
+/// Masks of fewer pixels are not scored either, nor objects with fewer such views.
 const FEWEST_PIXELS: usize = 50;
 const FEWEST_VIEWS: usize = 3;
 
@@ -32,7 +35,7 @@ pub struct Seen {
     pub crop: Crop,
     /// The pixels that are the object's.
     pub truth: Mask,
-    /// Whether enough of the object is visible to compare masks.
+    /// Whether enough of the object is visible to score its mask.
     pub counts: bool,
 }
 
@@ -116,50 +119,76 @@ impl ImageScene {
         Self { scene, objects }
     }
 
-    /// For each object the views whose masks are compared, where there are enough of them.
-    pub fn sequences(&self) -> impl Iterator<Item = Vec<&Seen>> {
-        let objects = self.objects.iter().map(|views| views.iter().filter(|seen| seen.counts).collect::<Vec<_>>());
-        objects.filter(|views| views.len() >= FEWEST_VIEWS)
+    /// Number of scored views of each object that has enough of them.
+    pub fn scored_counts(&self) -> impl Iterator<Item = usize> {
+        let counts = self.objects.iter().map(|views| views.iter().filter(|seen| seen.counts).count());
+        counts.filter(|&count| count >= FEWEST_VIEWS)
     }
 
-    /// The scene with an ellipse beside each box that a method has found one for; all views of an object are segmented
-    /// together, whatever is visible of it.
+    /// The same with the views only whose masks are scored.
+    pub fn scored_views(&self) -> Self {
+        let scored = |views: &Vec<Seen>| views.iter().filter(|seen| seen.counts).cloned().collect();
+        Self { scene: self.scene.clone(), objects: self.objects.iter().map(scored).collect() }
+    }
+
+    /// Segments every object, all of its views together, as `quadlift segment` does: for each object its views.
     ///
     /// # Errors
-    /// [`Error::Segment`].
-    pub fn with_ellipses(&self, method: SegmentMethod, seed: u64) -> Result<TrueScene, Error> {
-        let options = SegmentOptions { method, seed, ..Default::default() };
-        let results: Vec<Vec<ViewSegmentation>> =
-            self.objects.par_iter().map(|views| segment(views, &options)).collect::<Result<_, _>>()?;
-        let mut scene = self.scene.clone();
-        for (seen, view) in self.objects.iter().flatten().zip(results.into_iter().flatten()) {
-            // The ellipse of a box says nothing that the box does not say.
-            if view.status == SegmentStatus::Ok {
-                scene.scene.detections[seen.detection].ellipse = Some(view.ellipse);
-            }
-        }
-        Ok(scene)
+    /// [`Error::Segment`] when an option is out of its range.
+    pub fn segment(&self, options: &SegmentOptions) -> Result<Vec<Vec<ViewSegmentation>>, Error> {
+        let object = |views: &Vec<Seen>| {
+            let crops: Vec<Crop> = views.iter().map(|seen| seen.crop.clone()).collect();
+            segment_object(&crops, options)
+        };
+        Ok(self.objects.par_iter().map(object).collect::<Result<_, _>>()?)
     }
 
-    /// The scene with the ellipses of the true masks.
-    pub fn with_true_ellipses(&self) -> TrueScene {
+    /// The errors of what was found, of each object with enough scored views.
+    pub fn errors(&self, found: &[Vec<ViewSegmentation>]) -> Vec<Vec<ViewErrors>> {
+        let of_object = |(views, found): (&Vec<Seen>, &Vec<ViewSegmentation>)| {
+            let scored = views.iter().zip(found).filter(|(seen, _)| seen.counts);
+            scored.filter_map(|(seen, view)| ViewErrors::of(view, &seen.truth)).collect()
+        };
+        let errors = self.objects.iter().zip(found).map(of_object);
+        errors.filter(|views: &Vec<ViewErrors>| views.len() >= FEWEST_VIEWS).collect()
+    }
+
+    /// The scene with what was found beside the boxes, as `quadlift localize` takes it from what `quadlift segment`
+    /// writes: nothing where no mask could be trusted.
+    pub fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> TrueScene {
+        self.with_masks(found.iter().flatten().map(|view| {
+            let trusted = !matches!(view.status, SegmentStatus::FellBack(_));
+            trusted.then(|| (view.mask.clone(), view.ellipse))
+        }))
+    }
+
+    /// The scene with the true masks and their ellipses.
+    pub fn with_true_masks(&self) -> TrueScene {
+        self.with_masks(self.objects.iter().flatten().map(|seen| {
+            let ellipse = Moments::of_mask(&seen.truth, PixelTerm::Centers)?.ellipse()?;
+            Some((seen.truth.clone(), ellipse))
+        }))
+    }
+
+    /// The scene with masks and ellipses, in the order of the objects and their views.
+    fn with_masks(&self, masks: impl Iterator<Item = Option<(Mask, Ellipse)>>) -> TrueScene {
         let mut scene = self.scene.clone();
-        for seen in self.objects.iter().flatten() {
-            let moments = Moments::of_mask(&seen.truth, PixelTerm::Centers);
-            scene.scene.detections[seen.detection].ellipse = moments.and_then(|moments| moments.ellipse());
+        let mut frames: BTreeMap<u32, Vec<(usize, Mask, Ellipse)>> = BTreeMap::new();
+        for (seen, found) in self.objects.iter().flatten().zip(masks) {
+            let frame = scene.scene.detections[seen.detection].frame_index;
+            frames.entry(frame).or_default().extend(found.map(|(mask, ellipse)| (seen.detection, mask, ellipse)));
+        }
+        for (frame, masks) in frames {
+            let all = FrameMasks::new(masks.iter().map(|(_, mask, _)| mask));
+            let size = scene.scene.frames[frame as usize].image_size;
+            for (index, mask, ellipse) in &masks {
+                let detection = &mut scene.scene.detections[*index];
+                detection.ellipse = Some(*ellipse);
+                detection.support_lines = all.support_lines(mask, size, None).map(Box::new);
+                let whole = size.map_or([u32::MAX; 2], |size| [size.x as u32, size.y as u32]);
+                detection.partial = all.contacts(mask, whole).is_partial();
+            }
         }
         scene
     }
-}
-
-/// Segments the views of an object.
-///
-/// # Errors
-/// [`SegmentError`] when an option is out of its range.
-pub fn segment<'a>(
-    views: impl IntoIterator<Item = &'a Seen>,
-    options: &SegmentOptions,
-) -> Result<Vec<ViewSegmentation>, SegmentError> {
-    let crops: Vec<Crop> = views.into_iter().map(|seen| seen.crop.clone()).collect();
-    segment_object(&crops, options)
 }

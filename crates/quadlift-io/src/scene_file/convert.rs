@@ -6,7 +6,7 @@ use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
 use quadlift::scene::{DetectionInput, Scene, SceneBuilder, SceneError};
 
-use super::records::{CameraRecord, DetectionRecord, FrameRecord, SceneFile};
+use super::records::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, SegmentationRecord};
 use super::suggest::known_names;
 use crate::error::EntryError;
 
@@ -167,6 +167,9 @@ fn detection_input<'a>(
         Ellipse::new(Vector2::from(e.center), Vector2::from(e.semi_axes), e.angle)
             .map_err(|error| EntryError::new(entry(".ellipse"), format!("{error}; \"semi_axes\" is {:?}", e.semi_axes)))
     });
+    let segmentation = record.segmentation.as_deref();
+    // Where no mask could be trusted the ellipse says nothing that the box does not say better.
+    let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
     Ok(DetectionInput {
         frame: &record.frame,
         object: record.object.as_deref(),
@@ -174,7 +177,8 @@ fn detection_input<'a>(
         source: record.source.as_deref(),
         score: record.score,
         bounding_box,
-        ellipse: ellipse.transpose()?,
+        ellipse: ellipse.transpose()?.filter(|_| !of_box),
+        partial: segmentation.is_some_and(SegmentationRecord::is_partial),
         occluded: record.occluded,
         truncated: record.truncated,
     })

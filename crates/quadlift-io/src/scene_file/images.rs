@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 use nalgebra::Vector2;
+use quadlift::geometry::BoundingBox;
 use quadlift::scene::Scene;
 use quadlift_segment::{LabelImage, Mask, Polygons, Rle};
 
@@ -46,6 +47,8 @@ pub struct SceneImages {
     pub images: Vec<Option<PathBuf>>,
     /// For each detection of the scene, its mask.
     pub masks: Vec<Option<MaskSource>>,
+    /// For each detection of the scene, its box in the image as it is: those of the scene are undistorted.
+    pub boxes: Vec<Option<BoundingBox>>,
 }
 
 impl SceneFile {
@@ -65,6 +68,8 @@ impl SceneFile {
         };
         Ok(SceneImages {
             scene_file: path.to_owned(),
+            // Wrong ones are for `to_scene` to tell.
+            boxes: self.detections.iter().map(|d| BoundingBox::new(d.bounding_box?).ok()).collect(),
             images: self.frames.iter().map(|frame| frame.image.as_ref().map(|image| folder.join(image))).collect(),
             masks: self.detections.iter().map(|d| &d.mask).enumerate().map(mask).collect::<Result<_, _>>()?,
         })

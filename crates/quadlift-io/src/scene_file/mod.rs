@@ -3,7 +3,7 @@
 //! [`read_scene_file`] gives a [`SceneFile`] (plain records, as written); [`SceneFile::to_scene`] and
 //! [`SceneFile::to_objects`] check it and give the library's types; [`estimates_to_objects`],
 //! [`SceneFile::with_results`] and [`write_scene_file`] go the other way. [`SceneFile::to_images`] finds the images of
-//! the frames and the masks of the detections.
+//! the frames and the masks of the detections, [`SceneFile::add_support_lines`] the lines that bound the masks.
 
 mod bodies;
 mod convert;
@@ -14,6 +14,7 @@ mod read;
 mod records;
 mod results;
 mod suggest;
+mod support_lines;
 mod write;
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 use std::fmt;
 
+use quadlift_segment::Contacts;
 use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -234,6 +235,19 @@ pub struct SegmentationRecord {
     /// Fields that this version does not know.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
+}
+
+impl SegmentationRecord {
+    /// Whether ellipse and mask may be of a part of the object, see [`Contacts::is_partial`].
+    pub fn is_partial(&self) -> bool {
+        let share = |share: Option<f64>| share.unwrap_or(0.0);
+        Contacts { border: share(self.cut_by_border), others: share(self.touches_others) }.is_partial()
+    }
+
+    /// Whether no mask could be trusted: ellipse and mask are those of the box.
+    pub fn fell_back(&self) -> bool {
+        self.status == "fell_back"
+    }
 }
 
 /// A mask in one of three forms: the pixels of an image that have one value, COCO's runs, or polygons.

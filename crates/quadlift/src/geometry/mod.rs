@@ -15,6 +15,7 @@ pub(crate) mod linalg;
 mod projection;
 mod rotation;
 mod superellipsoid;
+mod support_lines;
 mod vech;
 
 pub use bounding_box::{BoundingBox, BoundingBoxError};
@@ -27,6 +28,7 @@ pub use lens::{Camera, CameraModel, WIDEST_ANGLE_DEG};
 pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
 pub use rotation::{quaternion_from_rotation, random_rotation, rotation_defect, rotation_from_quaternion, skew};
 pub use superellipsoid::{Superellipsoid, second_moment_scale};
+pub use support_lines::{OutlineEnd, SUPPORT_DIRECTIONS, SupportLines};
 pub use vech::{VECH3, VECH4, projection_matrix_on_vech, unvech3, unvech4, vech3, vech4};
 
 /// A body of any kind.

@@ -65,6 +65,8 @@ pub struct DetectionInput<'a> {
     pub bounding_box: Option<BoundingBox>,
     /// Ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// Whether the ellipse may be of a part of the object: the border of the image or another object cuts it.
+    pub partial: bool,
     /// Occlusion level.
     pub occluded: Option<f64>,
     /// Truncation level.
@@ -195,6 +197,8 @@ impl SceneBuilder {
             score: input.score,
             bounding_box,
             ellipse,
+            support_lines: None,
+            partial: input.partial,
             box_in_image,
             occluded: input.occluded,
             truncated: input.truncated,

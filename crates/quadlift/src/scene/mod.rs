@@ -13,7 +13,7 @@ pub use views::{ObjectViews, View};
 
 use nalgebra::{Unit, Vector2, Vector3};
 
-use crate::geometry::{BoundingBox, Camera, Ellipse, Projection};
+use crate::geometry::{BoundingBox, Camera, Ellipse, Projection, SupportLines};
 
 /// Posed frames and detections, with every reference resolved to an index.
 #[derive(Debug, Clone, Default)]
@@ -68,6 +68,11 @@ pub struct Detection {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// The supporting lines of the mask in pixels, where it was looked at: a scene is built without them. Boxed, because
+    /// most of millions of detections have none.
+    pub support_lines: Option<Box<SupportLines>>,
+    /// Whether ellipse and mask may be of a part of the object: the border of the image or another object cuts them.
+    pub partial: bool,
     /// Where a lens bends the image: the measured box, or the box around the measured ellipse, in the image itself,
     /// whose border may cut it.
     pub box_in_image: Option<BoundingBox>,

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::{Detection, Scene};
-use crate::geometry::{BoundingBox, Ellipse, Projection};
+use crate::geometry::{BoundingBox, Ellipse, Projection, SupportLines};
 
 /// One object seen in one frame.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +18,10 @@ pub struct View {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// The supporting lines of the mask in pixels; where there are any, they take the place of the box's edges.
+    pub support_lines: Option<SupportLines>,
+    /// Whether the ellipse may be of a part of the object.
+    pub partial: bool,
     /// Where a lens bends the image: the box in the image itself, see [`Detection::box_in_image`].
     pub box_in_image: Option<BoundingBox>,
     /// Which edges of the box (left, top, right, bottom) another detection of the frame probably hides.
@@ -58,6 +62,8 @@ impl Scene {
             image_size: frame.image_size,
             bounding_box: detection.bounding_box,
             ellipse: detection.ellipse,
+            support_lines: detection.support_lines.as_deref().copied(),
+            partial: detection.partial,
             box_in_image: detection.box_in_image,
             hidden_edges: [false; 4],
         }

@@ -4,13 +4,13 @@
 //! Unlike an ellipse inscribed in the box this is not biased: exact boxes of ellipsoids give the exact answer from
 //! three views. Needs three views with at least nine edges that are not on the image border.
 
-use nalgebra::{Matrix3x4, Vector2, Vector4};
+use nalgebra::{Matrix3x4, Vector2, Vector3, Vector4};
 
 use super::conditioning::ObjectFrame;
 use super::estimate::Status;
 use super::lfd::ConditionedSolution;
 use super::streaming_qr::StreamingQr;
-use crate::geometry::{BoundingBox, DualQuadric, VECH4};
+use crate::geometry::{BoundingBox, DualQuadric, SUPPORT_DIRECTIONS, SupportLines, VECH4};
 use crate::scene::View;
 
 /// Edges this close to the image border (pixels) are where the object is cut off, and are not used.
@@ -45,6 +45,13 @@ pub fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -
     if edge < 2 { plane } else { -plane }
 }
 
+/// The plane through the camera and the supporting line with an index, positive on the side of the object, for a
+/// projection `p` of any frame.
+pub fn support_plane(p: &Matrix3x4<f64>, lines: &SupportLines, direction: usize) -> Vector4<f64> {
+    let normal = SupportLines::normal(direction);
+    p.transpose() * Vector3::new(-normal.x, -normal.y, lines.reach[direction])
+}
+
 /// Solves for the quadric that the planes of the views' box edges touch best.
 ///
 /// Rows are scaled to unit depth and unit box size, so that a residual is an edge's error relative to its box.
@@ -72,6 +79,12 @@ pub fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<DualQuadri
         let p = frame.local_projection(&view.projection);
         // Depth of the frame's origin; its sign must not matter, a row may be multiplied by anything.
         let depth = p[(2, 3)].abs().max(f64::MIN_POSITIVE);
+        if let Some(lines) = &view.support_lines {
+            let half = depth * bounding_box.mean_half_size();
+            let free = (0..SUPPORT_DIRECTIONS).filter(|&k| !lines.cut_off[k]);
+            rows.extend(free.map(|k| tangency_row(&(support_plane(&p, lines, k) / half))));
+            continue;
+        }
         let half = bounding_box.size() * 0.5;
         let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, BORDER_TOLERANCE_PX);
         for edge in (0..4).filter(|&edge| !cut[edge]) {

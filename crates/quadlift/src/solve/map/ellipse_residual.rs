@@ -36,11 +36,13 @@ pub(super) struct EllipseMeasurement {
     log_aspect: f64,
     /// Whether only aspect and angle are compared.
     shape_only: bool,
+    /// Whether it may be the ellipse of a part of the object.
+    partial: bool,
 }
 
 impl EllipseMeasurement {
     /// Prepares an ellipse seen by the local projection `p`.
-    pub(super) fn new(p: &Matrix3x4<f64>, observed: &Ellipse, shape_only: bool) -> Self {
+    pub(super) fn new(p: &Matrix3x4<f64>, observed: &Ellipse, shape_only: bool, partial: bool) -> Self {
         let (a, b) = (observed.semi_axes.x, observed.semi_axes.y);
         // The first axis is taken as the longer one, as the predicted angle is that of the longer axis.
         let angle = if a >= b { observed.angle } else { observed.angle + std::f64::consts::FRAC_PI_2 };
@@ -65,6 +67,7 @@ impl EllipseMeasurement {
             log_size: 0.5 * (a * b / (mean * mean)).ln(),
             log_aspect: 0.5 * (a / b).ln().abs(),
             shape_only,
+            partial,
         }
     }
 
@@ -76,13 +79,16 @@ impl EllipseMeasurement {
         as_vector: bool,
         rows: &mut Vec<ResidualRow>,
     ) {
-        let shape = |group| if self.shape_only { NoiseGroup::Shape } else { group };
-        let [center, size, aspect, angle] = [
-            NoiseGroup::EllipseCenter,
-            NoiseGroup::EllipseSize,
-            shape(NoiseGroup::EllipseAspect),
-            shape(NoiseGroup::EllipseAngle),
-        ]
+        let [center, size, aspect, angle] = match (self.partial, self.shape_only) {
+            (true, _) => [NoiseGroup::PartialEllipse; 4],
+            (false, true) => [NoiseGroup::Shape; 4],
+            (false, false) => [
+                NoiseGroup::EllipseCenter,
+                NoiseGroup::EllipseSize,
+                NoiseGroup::EllipseAspect,
+                NoiseGroup::EllipseAngle,
+            ],
+        }
         .map(|group| (group, 1.0 / noise.of(group)));
         let as_vector = as_vector || self.shape_only;
         let mut push = |residual: f64, row: Row, (group, weight): (NoiseGroup, f64)| {

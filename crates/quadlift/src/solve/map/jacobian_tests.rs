@@ -30,6 +30,8 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
         projection: projection(azimuth),
         image_size: Some(Vector2::new(640.0, 480.0)),
         box_in_image: None,
+        support_lines: None,
+        partial: false,
         bounding_box: bounding_box.map(|b| BoundingBox::new(b).unwrap()),
         ellipse,
         hidden_edges: [false; 4],

@@ -7,10 +7,10 @@ use nalgebra::{Matrix3x4, Vector2, Vector3, Vector4};
 
 use super::super::conditioning::ObjectFrame;
 use super::super::options::MapOptions;
-use super::super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border};
+use super::super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border, support_plane};
 use super::ellipse_residual::EllipseMeasurement;
 use super::noise::NoiseGroup;
-use crate::geometry::Ellipse;
+use crate::geometry::{Ellipse, SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
 
 /// A tangent plane `n.x + d = 0`, positive on the side of the body, divided by the detection's half size in pixels:
@@ -89,10 +89,12 @@ impl Measurements {
                 // The box's edges stand for it.
                 Some(_) if ellipses_as_planes => {}
                 None if ellipses_as_planes => self.push_tangents(&p, observed),
-                beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some())),
+                beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some(), view.partial)),
             }
         }
-        if let Some(bounding_box) = &view.bounding_box {
+        if let (Some(lines), Some(bounding_box)) = (&view.support_lines, &view.bounding_box) {
+            self.push_support_lines(&p, lines, bounding_box.mean_half_size());
+        } else if let Some(bounding_box) = &view.bounding_box {
             let half_size = bounding_box.mean_half_size();
             let margin = view.image_size.map_or(0.0, |s| options.border_margin * s.max()).max(BORDER_TOLERANCE_PX);
             let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, margin);
@@ -114,6 +116,14 @@ impl Measurements {
             edges: first..self.edges.len(),
             ellipse,
         });
+    }
+
+    fn push_support_lines(&mut self, p: &Matrix3x4<f64>, lines: &SupportLines, half_size: f64) {
+        for k in (0..SUPPORT_DIRECTIONS / 2).flat_map(|k| [k, k + SUPPORT_DIRECTIONS / 2]) {
+            let plane = Plane::new(support_plane(p, lines, k) / half_size);
+            let group = if lines.hidden[k] { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
+            self.edges.push(Edge { plane, one_sided: lines.cut_off[k], group });
+        }
     }
 
     fn push_tangents(&mut self, p: &Matrix3x4<f64>, ellipse: &Ellipse) {

@@ -21,6 +21,8 @@ pub(super) enum NoiseGroup {
     EllipseAngle,
     /// Shape of an ellipse beside a box: half the logarithm of its axis ratio as a vector at twice its angle.
     Shape,
+    /// Anything of an ellipse that may be that of a part of the object only.
+    PartialEllipse,
 }
 
 impl NoiseGroup {
@@ -33,6 +35,7 @@ impl NoiseGroup {
         Self::EllipseAspect,
         Self::EllipseAngle,
         Self::Shape,
+        Self::PartialEllipse,
     ];
 
     /// Whether it is an edge, hidden or not.
@@ -41,15 +44,15 @@ impl NoiseGroup {
         matches!(self, Self::Edge | Self::HiddenEdge)
     }
 
-    /// Whether single residuals may be far off: edges, and shapes of masks.
+    /// Whether single residuals may be far off: edges, shapes of masks, and parts.
     #[inline]
     pub(super) fn has_heavy_tails(self) -> bool {
-        self.is_edge() || self == Self::Shape
+        self.is_edge() || matches!(self, Self::Shape | Self::PartialEllipse)
     }
 }
 
 /// Number of noise groups.
-const GROUPS: usize = 7;
+const GROUPS: usize = 8;
 
 /// Names for reports, in the order of the groups.
 const GROUP_NAMES: [&str; GROUPS] = [
@@ -60,10 +63,11 @@ const GROUP_NAMES: [&str; GROUPS] = [
     "ellipse_aspect",
     "ellipse_angle",
     "shape",
+    "partial_ellipse",
 ];
 
 /// Where the estimation starts, and what few data are drawn towards.
-const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1];
+const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
 
 /// Largest correlation between views that is believed.
 const LARGEST_CORRELATION: f64 = 0.9;
@@ -78,13 +82,37 @@ const ENOUGH_DATA: f64 = 16.0;
 /// right kind follows the measurements, and they look better than they are.
 const ENOUGH_VIEWS: f64 = 9.0;
 
+/// How much residuals count because of the correlation of views: of edges, of ellipses.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Weights([f64; 2]);
+
+impl Weights {
+    /// Every view counts wholly.
+    pub(super) const INDEPENDENT: Self = Self([1.0; 2]);
+
+    #[inline]
+    pub(super) fn of(&self, group: NoiseGroup) -> f64 {
+        self.0[usize::from(!group.is_edge())]
+    }
+
+    #[inline]
+    pub(super) fn edges(&self) -> f64 {
+        self.0[0]
+    }
+
+    #[inline]
+    pub(super) fn ellipses(&self) -> f64 {
+        self.0[1]
+    }
+}
+
 /// What the residuals of a scene tell about its measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct NoiseLevels {
     /// A standard deviation for each group.
     sd: [f64; GROUPS],
-    /// Correlation of an edge's error with that in the object's next view, in [0, 1).
-    correlation: f64,
+    /// Correlation of an error with that in the object's next view, in [0, 1): of edges, of ellipses.
+    correlation: [f64; 2],
     /// Half size of a box, in pixels, at which the part of the edge noise that is constant in pixels equals the part
     /// that is proportional to the size.
     pixel_size: f64,
@@ -93,7 +121,7 @@ pub(super) struct NoiseLevels {
 impl NoiseLevels {
     /// The levels before anything is known.
     pub(super) fn new(pixel_size: f64) -> Self {
-        Self { sd: DEFAULTS, correlation: 0.0, pixel_size }
+        Self { sd: DEFAULTS, correlation: [0.0; 2], pixel_size }
     }
 
     /// How the noise of an edge, relative to the half size of its box, depends on that size: a detector errs by pixels
@@ -112,7 +140,7 @@ impl NoiseLevels {
 
     /// The same levels with independent views.
     pub(super) fn uncorrelated(&self) -> Self {
-        Self { correlation: 0.0, ..*self }
+        Self { correlation: [0.0; 2], ..*self }
     }
 
     /// All standard deviations multiplied by a factor.
@@ -120,11 +148,11 @@ impl NoiseLevels {
         Self { sd: self.sd.map(|s| s * factor), ..*self }
     }
 
-    /// How much an edge counts among those of `views` views: errors that stay the same from view to view tell their
+    /// How much a residual counts among those of `views` views: errors that stay the same from view to view tell their
     /// own size no better in many views than in few (E9). `(1 - c) / (1 + c)` is the share of independent views in a
     /// long row of them with the correlation c between neighbours.
-    pub(super) fn edge_weight(&self, views: usize) -> f64 {
-        ((1.0 - self.correlation) / (1.0 + self.correlation)).max(1.0 / views.max(1) as f64)
+    pub(super) fn weights(&self, views: usize) -> Weights {
+        Weights(self.correlation.map(|c| ((1.0 - c) / (1.0 + c)).max(1.0 / views.max(1) as f64)))
     }
 
     /// The levels that the statistics ask for.
@@ -142,9 +170,10 @@ impl NoiseLevels {
         });
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
         let exact = sd[NoiseGroup::Edge as usize] < 2.0 * FLOOR;
-        let [sum, pairs] = statistics.neighbours;
-        let told = pairs > ENOUGH_DATA && !exact;
-        let correlation = if told { (sum / pairs).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 };
+        let correlation = statistics.neighbours.map(|[sum, pairs]| {
+            let told = pairs > ENOUGH_DATA && !exact;
+            if told { (sum / pairs).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 }
+        });
         Self { sd, correlation, ..*self }
     }
 
@@ -153,7 +182,8 @@ impl NoiseLevels {
         (0..GROUPS)
             .filter(|&g| statistics.freedom[g] > 0.0)
             .map(|g| (self.sd[g] / other.sd[g]).ln().abs())
-            .fold((self.correlation - other.correlation).abs(), f64::max)
+            .chain((0..2).map(|k| (self.correlation[k] - other.correlation[k]).abs()))
+            .fold(0.0, f64::max)
     }
 
     /// Names and levels of what has data. The noise of an edge has two equal parts at the half size `pixel_size`: it is
@@ -166,8 +196,11 @@ impl NoiseLevels {
             report.push((GROUP_NAMES[group as usize], self.of(group) * part));
             if group == NoiseGroup::Edge {
                 report.push(("edge_px", self.of(group) * part * self.pixel_size));
-                report.push(("edge_correlation", self.correlation));
+                report.push(("edge_correlation", self.correlation[0]));
             }
+        }
+        if self.correlation[1] > 0.0 {
+            report.push(("ellipse_correlation", self.correlation[1]));
         }
         report
     }
@@ -179,8 +212,9 @@ pub(super) struct NoiseStatistics {
     squares: [f64; GROUPS],
     freedom: [f64; GROUPS],
     missing: [f64; GROUPS],
-    /// Correlation of an edge's residuals in views that follow each other, times the number of pairs; that number.
-    neighbours: [f64; 2],
+    /// Correlation of residuals in views that follow each other, times the number of pairs; that number. Of edges, of
+    /// ellipses.
+    neighbours: [[f64; 2]; 2],
     /// Parameters that the measurements determine, and parameters.
     determined: [f64; 2],
 }
@@ -200,10 +234,12 @@ impl NoiseStatistics {
         }
     }
 
-    /// Adds an object's correlation between an edge's residuals in views that follow each other, over `pairs` of them.
-    pub(super) fn add_neighbours(&mut self, correlation: f64, pairs: usize) {
-        self.neighbours[0] += correlation * pairs as f64;
-        self.neighbours[1] += pairs as f64;
+    /// Adds an object's correlation between its residuals in views that follow each other, of edges or of ellipses, over
+    /// `pairs` of them.
+    pub(super) fn add_neighbours(&mut self, edges: bool, correlation: f64, pairs: usize) {
+        let [sum, number] = &mut self.neighbours[usize::from(!edges)];
+        *sum += correlation * pairs as f64;
+        *number += pairs as f64;
     }
 
     /// Adds an object: the sum of the leverages of its measurements is the number of parameters that they determine,
@@ -226,7 +262,8 @@ impl NoiseStatistics {
             self.missing[g] += other.missing[g];
         }
         for k in 0..2 {
-            self.neighbours[k] += other.neighbours[k];
+            self.neighbours[0][k] += other.neighbours[0][k];
+            self.neighbours[1][k] += other.neighbours[1][k];
             self.determined[k] += other.determined[k];
         }
     }
@@ -252,13 +289,13 @@ mod tests {
     #[test]
     fn correlated_views_count_less_but_never_less_than_one() {
         let mut statistics = NoiseStatistics::default();
-        statistics.add_neighbours(0.7, 50);
-        statistics.add_neighbours(0.9, 50);
+        statistics.add_neighbours(true, 0.7, 50);
+        statistics.add_neighbours(true, 0.9, 50);
         let updated = NoiseLevels::new(67.0).updated(&statistics);
-        assert!((updated.correlation - 0.8).abs() < 1e-12);
-        assert!((updated.edge_weight(100) - 1.0 / 9.0).abs() < 1e-12);
-        assert_eq!(updated.edge_weight(2), 0.5);
-        assert_eq!(NoiseLevels::new(67.0).edge_weight(100), 1.0);
+        assert!((updated.correlation[0] - 0.8).abs() < 1e-12 && updated.correlation[1] == 0.0);
+        assert!((updated.weights(100).of(NoiseGroup::Edge) - 1.0 / 9.0).abs() < 1e-12);
+        assert_eq!(updated.weights(2).of(NoiseGroup::Edge), 0.5);
+        assert_eq!(NoiseLevels::new(67.0).weights(100).of(NoiseGroup::Edge), 1.0);
     }
 
     #[test]

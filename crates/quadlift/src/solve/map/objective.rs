@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::body_model::BodyModel;
 use super::measurements::{Measurements, Plane};
-use super::noise::{NoiseGroup, NoiseLevels, NoiseStatistics};
+use super::noise::{NoiseGroup, NoiseLevels, NoiseStatistics, Weights};
 use super::normal_equations::{NormalEquations, PARAMETERS, Row};
 use super::rows::{ResidualRow, view_rows};
 use crate::geometry::linalg::invert_spd;
@@ -105,13 +105,13 @@ impl Objective<'_> {
     pub(super) fn linearise(&self, body: &impl BodyModel) -> Option<NormalEquations> {
         let mut equations = NormalEquations::zero();
         let mut rows = Vec::with_capacity(16);
-        let edge_weight = self.edge_weight();
+        let weights = self.weights();
         for view in 0..self.measurements.views.len() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-            let (cost, view_weight) = self.view_loss(&rows, edge_weight);
+            let (cost, view_weight) = self.view_loss(&rows, &weights);
             equations.cost += cost;
             for row in &rows {
-                equations.add_row(row.residual, &row.row, view_weight * self.row_weight(row, edge_weight));
+                equations.add_row(row.residual, &row.row, view_weight * self.row_weight(row, &weights));
             }
         }
         self.add_priors(body, &mut equations);
@@ -120,9 +120,9 @@ impl Objective<'_> {
 
     /// Cost of a view and the factor on the weights of its rows.
     #[inline]
-    fn view_loss(&self, rows: &[ResidualRow], edge_weight: f64) -> (f64, f64) {
+    fn view_loss(&self, rows: &[ResidualRow], weights: &Weights) -> (f64, f64) {
         let (edges, others) = self.view_cost(rows);
-        let cost = edges * edge_weight + others;
+        let cost = edges * weights.edges() + others * weights.ellipses();
         let Some(scale) = self.outlier_scale else { return (cost, 1.0) };
         // Whether a view is an outlier does not depend on how many others there are.
         let ratio = 1.0 + (edges + others) / (scale * scale);
@@ -150,15 +150,15 @@ impl Objective<'_> {
         (edges + if tails > 1.0 { (TAILS + 1.0) * f64::ln(tails) } else { 0.0 }, others)
     }
 
-    fn edge_weight(&self) -> f64 {
-        self.noise.edge_weight(self.measurements.views.len())
+    fn weights(&self) -> Weights {
+        self.noise.weights(self.measurements.views.len())
     }
 
     #[inline]
-    fn row_weight(&self, row: &ResidualRow, edge_weight: f64) -> f64 {
+    fn row_weight(&self, row: &ResidualRow, weights: &Weights) -> f64 {
         let heavy = self.heavy_tails && row.group.has_heavy_tails();
         let tails = if heavy { (TAILS + 1.0) / (TAILS + row.residual * row.residual) } else { 1.0 };
-        if row.group.is_edge() { edge_weight * tails } else { tails }
+        weights.of(row.group) * tails
     }
 
     /// Squared norm of each view's whitened residuals.
@@ -177,9 +177,9 @@ impl Objective<'_> {
         let mut rows = Vec::with_capacity(16);
         for view in 0..self.measurements.views.len() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-            let (_, view_weight) = self.view_loss(&rows, 1.0);
+            let (_, view_weight) = self.view_loss(&rows, &Weights::INDEPENDENT);
             for row in &rows {
-                take(view, row, view_weight * self.row_weight(row, 1.0));
+                take(view, row, view_weight * self.row_weight(row, &Weights::INDEPENDENT));
             }
         }
     }
@@ -188,14 +188,14 @@ impl Objective<'_> {
     /// them.
     pub(super) fn evidence(&self, body: &impl BodyModel, equations: &NormalEquations) -> f64 {
         let Some(covariance) = invert_spd(&equations.hessian()) else { return 0.0 };
-        let edge_weight = self.edge_weight();
+        let weights = self.weights();
         let mut rows = Vec::with_capacity(16);
         let mut normaliser = 0.0;
         for view in 0..self.measurements.views.len() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-            let (_, view_weight) = self.view_loss(&rows, edge_weight);
+            let (_, view_weight) = self.view_loss(&rows, &weights);
             for row in rows.iter().filter(|row| row.residual != 0.0) {
-                let weight = view_weight * if row.group.is_edge() { edge_weight } else { 1.0 };
+                let weight = view_weight * weights.of(row.group);
                 normaliser += weight * self.noise.of(row.group).ln();
             }
         }
@@ -211,20 +211,21 @@ impl Objective<'_> {
     ) -> NoiseStatistics {
         let mut statistics = NoiseStatistics::default();
         let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
-        let edge_weight = self.edge_weight();
+        let weights = self.weights();
         let mut counts = [0; NoiseGroup::ALL.len()];
-        let (mut products, mut squares, mut pairs) = (0.0, 0.0, 0);
+        // Of edges, of ellipses.
+        let mut neighbours = [(0.0, 0.0, 0); 2];
         let mut determined = 0.0;
         let views = self.measurements.views.len();
         let (mut rows, mut before) = (Vec::with_capacity(16), Vec::<ResidualRow>::with_capacity(16));
         for view in 0..views {
             std::mem::swap(&mut rows, &mut before);
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-            let (_, view_weight) = self.view_loss(&rows, edge_weight);
+            let (_, view_weight) = self.view_loss(&rows, &weights);
             for row in rows.iter().filter(|row| row.residual != 0.0) {
                 let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
-                let weight = view_weight * self.row_weight(row, 1.0);
-                let shared = if row.group.is_edge() { edge_weight } else { 1.0 };
+                let weight = view_weight * self.row_weight(row, &Weights::INDEPENDENT);
+                let shared = weights.of(row.group);
                 let leverage = weight * shared * gradient.dot(&(covariance * gradient));
                 determined += leverage;
                 // The scale of Student's t distribution by maximum likelihood: weighted squares over the number.
@@ -232,18 +233,21 @@ impl Objective<'_> {
                 counts[row.group as usize] += 1;
             }
             if correlated_views && rows.len() == before.len() {
-                for (a, b) in before.iter().zip(&rows).filter(|(a, _)| a.group.is_edge()) {
+                for (a, b) in before.iter().zip(&rows) {
+                    let (products, squares, pairs) = &mut neighbours[usize::from(!a.group.is_edge())];
                     // Edges that do not count are zero; wild ones would drown the others.
                     if a.residual != 0.0 && b.residual != 0.0 && a.residual.abs().max(b.residual.abs()) < WILD {
-                        products += a.residual * b.residual;
-                        squares += 0.5 * (a.residual * a.residual + b.residual * b.residual);
-                        pairs += 1;
+                        *products += a.residual * b.residual;
+                        *squares += 0.5 * (a.residual * a.residual + b.residual * b.residual);
+                        *pairs += 1;
                     }
                 }
             }
         }
-        if squares > 0.0 {
-            statistics.add_neighbours(products / squares, pairs);
+        for (k, (products, squares, pairs)) in neighbours.into_iter().enumerate() {
+            if squares > 0.0 {
+                statistics.add_neighbours(k == 0, products / squares, pairs);
+            }
         }
         statistics.add_determined(determined, PARAMETERS);
         for group in NoiseGroup::ALL {

@@ -1,0 +1,36 @@
+//! Figures of our numpy prototype on the same images, boxes and true masks. It segments the scored views only.
+
+use crate::table::Cell;
+
+/// A row: name, and the figures of the columns except the last one.
+pub type PrototypeRow = (&'static str, [f64; 7]);
+
+/// On the real images.
+pub const REAL: [PrototypeRow; 8] = [
+    ("box", [0.636, 0.735, 0.739, 17.1, 0.163, 0.181, 0.018]),
+    ("GrabCut (OpenCV), each frame alone", [0.427, 0.702, 0.738, 17.0, 0.242, 0.370, 0.132]),
+    ("gmm", [0.501, 0.588, 0.617, 15.5, 0.296, 0.712, 0.255]),
+    ("sca", [0.756, 0.811, 0.832, 7.7, 0.146, 0.088, 0.000]),
+    ("sca+cut", [0.766, 0.818, 0.846, 7.6, 0.141, 0.084, 0.000]),
+    ("sca+cut, falls back", [0.763, 0.819, 0.846, 7.4, 0.144, 0.082, 0.000]),
+    ("graphcut", [0.777, 0.827, 0.851, 7.1, 0.130, 0.094, 0.015]),
+    ("sca, then GrabCut", [0.745, 0.794, 0.845, 8.0, 0.142, 0.150, 0.037]),
+];
+
+/// On the rendered scenes with the seeds 0 to 5.
+pub const RENDERED: [PrototypeRow; 8] = [
+    ("box", [0.582, 0.662, 0.661, 21.8, 0.213, 0.194, 0.129]),
+    ("GrabCut (OpenCV), each frame alone", [0.802, 0.811, 0.865, 7.4, 0.131, 0.224, 0.065]),
+    ("gmm", [0.656, 0.729, 0.792, 9.6, 0.175, 0.306, 0.161]),
+    ("sca", [0.850, 0.886, 0.934, 3.9, 0.086, 0.069, 0.010]),
+    ("sca+cut", [0.871, 0.892, 0.945, 4.3, 0.080, 0.067, 0.017]),
+    ("sca+cut, falls back", [0.865, 0.889, 0.944, 4.6, 0.082, 0.065, 0.013]),
+    ("graphcut", [0.878, 0.890, 0.928, 3.6, 0.065, 0.080, 0.006]),
+    ("sca, then GrabCut", [0.904, 0.912, 0.950, 3.1, 0.064, 0.056, 0.004]),
+];
+
+/// The cells of a row: angles are in degrees, all other figures are shares.
+pub fn cells((name, figures): &PrototypeRow) -> Vec<Cell> {
+    let figures = figures.iter().enumerate().map(|(k, x)| Cell::number(*x, if k == 3 { 1 } else { 3 }));
+    [(*name).into(), "prototype".into()].into_iter().chain(figures).collect()
+}

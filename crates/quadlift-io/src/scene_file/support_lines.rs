@@ -1,0 +1,60 @@
+//! From masks to the supporting lines of detections, for `map` and `planes`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use quadlift::scene::Scene;
+use quadlift_segment::FrameMasks;
+
+use super::records::SceneFile;
+use crate::error::{EntryError, ReadError};
+
+impl SceneFile {
+    /// Reads the masks of the detections of one source (of all without one) and gives the scene's detections their
+    /// supporting lines ([`FrameMasks::support_lines`]). The scene must be that of this file ([`Self::to_scene`]), and
+    /// `path` is the file's. Masks that `quadlift segment` did not trust (`fell_back`) are left out. `progress` is called
+    /// with the number of frames done and their total.
+    ///
+    /// Returns what could not be read, with the index of the detection; all others are done.
+    ///
+    /// # Errors
+    /// As [`Self::to_images`].
+    pub fn add_support_lines(
+        &self,
+        path: &Path,
+        scene: &mut Scene,
+        source_index: Option<u32>,
+        progress: &dyn Fn(usize, usize),
+    ) -> Result<Vec<(usize, ReadError)>, EntryError> {
+        let images = self.to_images(path)?;
+        let fell_back = |index: usize| {
+            self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fell_back())
+        };
+        let mut frames: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (index, detection) in scene.detections.iter().enumerate() {
+            let chosen = source_index.is_none() || detection.source_index == source_index;
+            if chosen && images.masks[index].is_some() && !fell_back(index) {
+                frames.entry(detection.frame_index).or_default().push(index);
+            }
+        }
+        let mut problems = Vec::new();
+        for (done, (&frame, detections)) in frames.iter().enumerate() {
+            progress(done, frames.len());
+            let mut masks = Vec::with_capacity(detections.len());
+            for (&index, mask) in detections.iter().zip(images.read_masks(scene, detections)) {
+                match mask {
+                    Ok(mask) => masks.extend(mask.map(|mask| (index, mask))),
+                    Err(error) => problems.push((index, error)),
+                }
+            }
+            let all = FrameMasks::new(masks.iter().map(|(_, mask)| mask));
+            let frame = &scene.frames[frame as usize];
+            for (index, mask) in &masks {
+                let lines = all.support_lines(mask, frame.image_size, frame.lens.as_ref());
+                scene.detections[*index].support_lines = lines.map(Box::new);
+            }
+        }
+        progress(frames.len(), frames.len());
+        Ok(problems)
+    }
+}

@@ -1,0 +1,117 @@
+//! All masks of one image together: where they touch each other, and what that says of each of them.
+
+use nalgebra::Vector2;
+use quadlift::geometry::{Camera, OutlineEnd, SupportLines};
+
+use crate::contacts::Contacts;
+use crate::hull::ConvexHull;
+use crate::mask::Mask;
+
+/// Pixels between two masks, or between a mask and the border of the image, that still count as touching: masks often
+/// keep a gap of a pixel.
+const REACH: u32 = 2;
+
+/// How many masks of an image cover each of its pixels.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct FrameMasks {
+    width: u32,
+    counts: Vec<u32>,
+}
+
+impl FrameMasks {
+    /// The masks of one image.
+    pub fn new<'a>(masks: impl Iterator<Item = &'a Mask> + Clone) -> Self {
+        let extents = masks.clone().filter_map(Mask::extent);
+        let [width, height] = extents.fold([0, 0], |[w, h], [.., x, y]| [w.max(x), h.max(y)]);
+        let mut counts = vec![0; width as usize * height as usize];
+        for [x, y] in masks.flat_map(Mask::pixels) {
+            counts[y as usize * width as usize + x as usize] += 1;
+        }
+        Self { width, counts }
+    }
+
+    /// Whether another mask than this one, which is among them, covers a pixel.
+    fn others_cover(&self, mask: &Mask, x: u32, y: u32) -> bool {
+        let count = self.counts.get(y as usize * self.width as usize + x as usize);
+        x < self.width && count.is_some_and(|&count| count > u32::from(mask.contains(x, y)))
+    }
+
+    /// Where the outline of one of the masks touches the others and the border of the image, whose size is width and
+    /// height in pixels.
+    pub fn contacts(&self, mask: &Mask, image_size: [u32; 2]) -> Contacts {
+        Contacts::of(mask, image_size, |x, y| self.others_cover(mask, x, y), REACH)
+    }
+
+    /// The supporting lines of one of the masks, undistorted where there is a lens: cut off at the border of the image
+    /// where its size is known, hidden at other masks. `None` for an empty mask, and where the lens has no pinhole pixels
+    /// for it.
+    pub fn support_lines(
+        &self,
+        mask: &Mask,
+        image_size: Option<Vector2<f64>>,
+        lens: Option<&Camera>,
+    ) -> Option<SupportLines> {
+        let hull = ConvexHull::of_mask(mask)?;
+        let reach = f64::from(REACH);
+        let at_border =
+            |point: &Vector2<f64>| image_size.is_some_and(|size| point.min() <= reach || (size - point).min() <= reach);
+        let others_near = |point: &Vector2<f64>| {
+            // Casts saturate: what lies above or to the left of the image is at its border.
+            let near = |x: f64| (x - reach).floor() as u32..(x + reach).ceil() as u32;
+            near(point.y).any(|y| near(point.x).any(|x| self.others_cover(mask, x, y)))
+        };
+        let end = |point: &Vector2<f64>| OutlineEnd { cut_off: at_border(point), hidden: others_near(point) };
+        let points = match lens {
+            Some(lens) => lens.undistort_outline(hull.vertices())?,
+            None => hull.vertices().to_vec(),
+        };
+        SupportLines::of_outline(&points.into_iter().zip(hull.vertices().iter().map(end)).collect::<Vec<_>>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use quadlift::geometry::CameraModel;
+
+    fn square(x: u32, y: u32) -> Mask {
+        Mask { origin: [x, y], width: 10, height: 10, inside: vec![true; 100] }
+    }
+
+    #[test]
+    fn lines_that_touch_something_are_known() {
+        // The second square lies one pixel to the right of the first one, the third one at the left border.
+        let masks = [square(20, 20), square(31, 20), square(1, 50)];
+        let frame = FrameMasks::new(masks.iter());
+        let size = Some(Vector2::new(100.0, 100.0));
+        let lines = frame.support_lines(&masks[0], size, None).unwrap();
+        assert_eq!(lines.bounding_box().unwrap().edges(), [20.0, 20.0, 30.0, 30.0]);
+        assert_eq!(lines.cut_off, [false; 8]);
+        assert_eq!(lines.hidden, [true, true, true, false, false, false, true, true]);
+        let contacts = frame.contacts(&masks[0], [100, 100]);
+        assert_eq!(contacts, Contacts { border: 0.0, others: 0.25 });
+        let lines = frame.support_lines(&masks[2], size, None).unwrap();
+        assert_eq!(lines.cut_off, [false, false, true, true, true, true, true, false]);
+        assert_eq!(lines.hidden, [false; 8]);
+        assert_eq!(frame.support_lines(&masks[2], None, None).unwrap().cut_off, [false; 8]);
+        assert_eq!(FrameMasks::default().support_lines(&Mask::default(), size, None), None);
+    }
+
+    #[test]
+    fn masks_that_overlap_touch() {
+        let masks = [square(20, 20), square(24, 20)];
+        let frame = FrameMasks::new(masks.iter());
+        assert!(frame.contacts(&masks[0], [100, 100]).touches_another());
+        assert!(frame.support_lines(&masks[0], None, None).unwrap().hidden[0]);
+    }
+
+    #[test]
+    fn lines_of_a_distorted_mask_are_those_of_its_undistorted_outline() {
+        let lens = Camera::new(CameraModel::SimpleRadial, &[100.0, 50.0, 50.0, -0.2]).unwrap();
+        let mask = square(80, 45);
+        let frame = FrameMasks::new(std::iter::once(&mask));
+        let lines = frame.support_lines(&mask, None, Some(&lens)).unwrap();
+        let corner = lens.undistort_point(&Vector2::new(90.0, 45.0)).unwrap();
+        assert!((lines.reach[0] - corner.x).abs() < 1e-9 && corner.x > 91.0, "{lines:?}");
+    }
+}
