@@ -201,13 +201,7 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
     let mean = [Cell::styled("mean", HEADING), Cell::default(), Cell::default()];
     table.push(mean.into_iter().chain(means).collect());
     let mut text = table.render();
-    let _ = writeln!(
-        text,
-        "failures: {} of {} without a body ({:.0} %)",
-        evaluation.failures,
-        count(evaluation.objects.len(), "object"),
-        100.0 * evaluation.failure_share().unwrap_or(0.0)
-    );
+    let _ = writeln!(text, "{}", failures(evaluation));
     if !evaluation.unmatched.is_empty() {
         let _ = writeln!(
             text,
@@ -217,6 +211,16 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
         );
     }
     text
+}
+
+/// How many objects have no body, in words.
+fn failures(evaluation: &Evaluation) -> String {
+    format!(
+        "failures: {} of {} without a body ({:.0} %)",
+        evaluation.failures,
+        count(evaluation.objects.len(), "object"),
+        100.0 * evaluation.failure_share().unwrap_or(0.0)
+    )
 }
 
 /// The scores for programs: angles in radians, lengths in world units, shares from 0 to 1.
@@ -272,4 +276,24 @@ pub fn found_to_json(found: &FoundScore) -> Value {
         "recall": found.recall(),
         "mean_iou3d": found.mean_iou3d,
     })
+}
+
+/// The scores for a report.
+pub fn report_scores(evaluation: &Evaluation) -> quadlift_report::Scores {
+    let unit = |unit: &Unit| match unit {
+        Unit::Share => "share",
+        Unit::Percent => "percent",
+        Unit::Degrees => "degrees",
+        Unit::Length => "length",
+    };
+    let values = |o: &ObjectScore| COLUMNS.iter().map(|column| (column.of)(o)).collect();
+    quadlift_report::Scores {
+        columns: COLUMNS
+            .iter()
+            .map(|column| quadlift_report::ScoreColumn { title: column.title.to_owned(), unit: unit(&column.unit) })
+            .collect(),
+        rows: evaluation.objects.iter().map(|o| (o.id.clone(), o.status.clone(), values(o))).collect(),
+        mean: COLUMNS.iter().map(|column| (column.mean)(&evaluation.mean).map(|mean| mean.value)).collect(),
+        failures: failures(evaluation),
+    }
 }

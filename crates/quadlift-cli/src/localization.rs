@@ -123,21 +123,6 @@ pub fn method_name(method: Method) -> &'static str {
     }
 }
 
-/// Refuses a scene that is not in metres, as the built-in priors are.
-pub fn check_metres(scene: &Scene) -> anyhow::Result<()> {
-    if scene.length_unit.as_deref() == Some("m") {
-        return Ok(());
-    }
-    let unit = match &scene.length_unit {
-        Some(unit) => format!("\"{unit}\""),
-        None => "not given".to_owned(),
-    };
-    bail!(
-        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \"m\" if \
-         it is in metres, or give a file of priors in its unit"
-    )
-}
-
 /// Reads the masks of the detections that will be localised, where they are wanted; returns what could not be read, in
 /// words. `title` stands before the progress bar.
 pub fn read_masks(
@@ -171,6 +156,21 @@ pub fn read_masks(
         }
     }
     Ok(told.iter().map(|problem| problem.in_words(scene)).collect())
+}
+
+/// Refuses a scene that is not in metres, as the built-in priors are.
+pub fn check_metres(scene: &Scene) -> anyhow::Result<()> {
+    if scene.length_unit.as_deref() == Some("m") {
+        return Ok(());
+    }
+    let unit = match &scene.length_unit {
+        Some(unit) => format!("\"{unit}\""),
+        None => "not given".to_owned(),
+    };
+    bail!(
+        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \"m\" if \
+         it is in metres, or give a file of priors in its unit"
+    )
 }
 
 /// Localises the objects of a scene; `title` stands before the progress bar.

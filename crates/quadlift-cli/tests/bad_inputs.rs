@@ -24,6 +24,12 @@ struct Case {
     make: Box<dyn Fn(&Folder)>,
 }
 
+impl Case {
+    fn with(self, arguments: &'static str) -> Self {
+        Self { arguments, ..self }
+    }
+}
+
 const LOCALIZE: &str = "localize scene.json -o out.json";
 
 /// A case whose scene is a good one after a change.
@@ -117,6 +123,30 @@ fn entries() -> Vec<Case> {
             scene["detections"].as_array_mut().unwrap().push(again);
         }),
         changed("an id that is a number", |scene| scene["detections"][2]["object"] = json!(7)),
+    ]
+}
+
+/// Reports and pictures that cannot be made.
+fn looks() -> Vec<Case> {
+    vec![
+        called("a report in a folder that does not exist", 1, "localize scene.json --report no/out.html"),
+        called("a report in the place of the result", 2, "localize scene.json -o out.json --report out.json"),
+        called("a page of a file that does not exist", 1, "view scene.json truth.json --no-browser"),
+        changed("a result with a wrong body", |scene| {
+            scene["objects"] = json!([{"id": "a", "status": "ok", "ellipsoid":
+                {"center": [0, 0, 0], "semi_axes": [1, 0, 1], "rotation": [1, 0, 0, 0]}}]);
+        })
+        .with("view scene.json --no-browser"),
+        called("a picture of an unknown frame", 1, "render scene.json --frame 17 -o out.png"),
+        called("a picture of another format", 2, "render scene.json --frame 000000 -o out.pdf"),
+        rendered(
+            "a picture of an image that is none",
+            1,
+            "render scene.json --frame 000001 -o out.png",
+            |_, folder| {
+                folder.write("images/000001.png", "a cup on a table");
+            },
+        ),
     ]
 }
 
@@ -281,6 +311,131 @@ fn images() -> Vec<Case> {
         called("rendered images that are too small", 2, "synth --render -o out.json --image-size 8x8"),
         called("ellipse noise on rendered scenes", 2, "synth --render -o out.json --noise re:45"),
     ]
+}
+
+/// Detections of other programs, for a good scene without detections whose frames are 000000 to 000005.
+fn detections() -> Vec<Case> {
+    let file = |title, arguments, name: &'static str, content: &'static str| Case {
+        make: Box::new(move |folder: &Folder| {
+            let mut scene = folder.small_scene();
+            drop(scene.as_object_mut().unwrap().remove("detections"));
+            folder.write_json("scene.json", &scene);
+            folder.write(name, content);
+        }),
+        ..called(title, 1, arguments)
+    };
+    const COCO: &str = "import-detections coco coco.json scene.json -o out.json";
+    const MOT: &str = "import-detections mot mot.txt scene.json -o out.json";
+    const YOLO: &str = "import-detections yolo labels scene.json -o out.json";
+    const CSV: &str = "import-detections csv boxes.csv scene.json -o out.json";
+    let label = "labels/000001.txt";
+    let usage = |case: Case| Case { code: 2, ..case };
+    vec![
+        file("no image is a frame", CSV, "boxes.csv", "image,x0,y0,x1,y1\na.png,1,2,3,4\nb.png,1,2,3,4\n"),
+        file("image numbers with two readings", MOT, "mot.txt", "0,1,10,20,30,40\n").with_ids_from_ten(),
+        file("a track twice in one image", CSV, "boxes.csv", "frame,x0,y0,x1,y1,track\n0,1,2,3,4,7\n0,2,2,3,4,7\n"),
+        file(
+            "images of another size",
+            COCO,
+            "coco.json",
+            r#"{"images": [{"id": 1, "file_name": "000000.png", "width": 32, "height": 32}], "annotations": [{"image_id": 1, "bbox": [1, 2, 3, 4]}]}"#,
+        ),
+        file(
+            "an annotation of an unknown image",
+            COCO,
+            "coco.json",
+            r#"{"images": [], "annotations": [{"image_id": 1, "bbox": [1, 2, 3, 4]}]}"#,
+        ),
+        file(
+            "runs that do not fill the image",
+            COCO,
+            "coco.json",
+            r#"[{"image_id": 1, "segmentation": {"size": [9, 9], "counts": "04"}}]"#,
+        ),
+        file(
+            "a box of edges where a size is expected",
+            COCO,
+            "coco.json",
+            r#"[{"image_id": 1, "bbox": [30, 20, -10, 4]}]"#,
+        ),
+        file("a reversed box", CSV, "boxes.csv", "0,30,20,10,40\n"),
+        file("no column for the image", CSV, "boxes.csv", "x0,y0,x1,y1\n1,2,3,4\n"),
+        file("columns without names", CSV, "boxes.csv", "1,2,3,4,5,6,7\n"),
+        file("too few columns of MOTChallenge", MOT, "mot.txt", "1,2,3\n"),
+        file("pixels in a YOLO file", YOLO, label, "0 345.2 120 20 20\n"),
+        file("a score or a track id", YOLO, label, "0 0.5 0.5 0.2 0.2 1\n"),
+        file("a folder without label files", YOLO, "labels/a.md", ""),
+        file(
+            "names that are not in the YAML file",
+            "import-detections yolo labels scene.json -o out.json --names data.yaml",
+            "data.yaml",
+            "nc: 2\n",
+        ),
+        file(
+            "a LabelMe file without shapes",
+            "import-detections labelme a.json scene.json -o out.json",
+            "a.json",
+            "{}",
+        ),
+        file(
+            "a KITTI label that is cut off",
+            "import-detections kitti a.txt scene.json -o out.json",
+            "a.txt",
+            "0 1 Car 0 0\n",
+        ),
+        file(
+            "cameras of no known format",
+            "localize --cameras boxes.csv --detections boxes.csv -o out.json",
+            "boxes.csv",
+            "1,2,3\n",
+        ),
+        file(
+            "detections of no known format",
+            "localize --cameras scene.json --detections notes.txt -o out.json",
+            "notes.txt",
+            "hello\n",
+        ),
+        usage(file("cameras without detections", "localize --cameras scene.json -o out.json", "a.txt", "")),
+        usage(
+            file(
+                "a trajectory without intrinsics",
+                "localize --cameras tum.txt --detections boxes.csv",
+                "tum.txt",
+                "0 0 0 0 0 0 0 1\n",
+            )
+            .and("boxes.csv", "0,1,2,3,4\n"),
+        ),
+    ]
+}
+
+impl Case {
+    /// The same with one more file.
+    fn and(self, name: &'static str, content: &'static str) -> Self {
+        let make = self.make;
+        Self {
+            make: Box::new(move |folder| {
+                make(folder);
+                folder.write(name, content);
+            }),
+            ..self
+        }
+    }
+
+    /// The same with frames whose ids count from 10.
+    fn with_ids_from_ten(self) -> Self {
+        let make = self.make;
+        Self {
+            make: Box::new(move |folder| {
+                make(folder);
+                let mut scene = folder.json("scene.json");
+                for (index, frame) in scene["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+                    frame["id"] = json!(format!("frame_{}", index + 10));
+                }
+                folder.write_json("scene.json", &scene);
+            }),
+            ..self
+        }
+    }
 }
 
 fn choices() -> Vec<Case> {
@@ -450,6 +605,37 @@ fn evaluations() -> Vec<Case> {
     ]
 }
 
+fn exports() -> Vec<Case> {
+    let of_truth = |title, code, arguments| Case {
+        make: Box::new(|folder: &Folder| {
+            folder.succeed("synth -o truth.json --objects 2 --views 6");
+            folder.write("tables/notes.txt", "");
+            folder.write("calib.txt", "P0: 1 2 3\n");
+        }),
+        ..called(title, code, arguments)
+    };
+    vec![
+        called("a scene without objects", 1, "export ply scene.json -o out.ply"),
+        Case {
+            make: Box::new(|folder| {
+                let mut scene = folder.small_scene();
+                scene["objects"] = json!([{"id": "cup", "status": "too_few_views"}]);
+                folder.write_json("scene.json", &scene);
+            }),
+            ..called("objects without a body", 1, "export glb scene.json -o out.glb")
+        },
+        of_truth("an export in place of the scene", 2, "export ply truth.json -o truth.json"),
+        of_truth("an export into a folder that does not exist", 1, "export coco truth.json -o no/out.json"),
+        of_truth("an export in place of a folder", 1, "export ros truth.json -o tables"),
+        of_truth("two tables of one name", 2, "export csv truth.json -o out.csv --views out.csv"),
+        of_truth("a calibration without P2", 1, "export kitti truth.json -o out.txt --calib calib.txt"),
+        of_truth("frusta of a negative depth", 2, "export ply truth.json -o out.ply --frusta=-1"),
+        of_truth("an unknown format", 2, "export obj truth.json -o out.obj"),
+        #[cfg(not(feature = "parquet"))]
+        of_truth("Parquet, which the program was built without", 2, "export parquet truth.json -o new"),
+    ]
+}
+
 /// What the program says: errors, and the notes on objects without a body.
 fn message(run: &Run) -> String {
     let notes = run.stdout.lines().filter_map(|line| line.strip_prefix("note: "));
@@ -511,9 +697,12 @@ fn document() -> String {
         ("Scenes in which nothing can be localised", hopeless()),
         ("Detections without identities", associations()),
         ("Images and masks", images()),
+        ("Detections of other programs", detections()),
         ("Choices", choices()),
         ("Paths", paths()),
         ("Evaluation", evaluations()),
+        ("Exports", exports()),
+        ("Reports and pictures", looks()),
     ];
     let mut text = INTRODUCTION.to_owned();
     for (heading, cases) in sections {
@@ -526,6 +715,8 @@ fn document() -> String {
     text
 }
 
+// The manual describes the program without Parquet, as it is built by default.
+#[cfg(not(feature = "parquet"))]
 #[test]
 fn every_bad_input_has_its_message() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/errors.md");

@@ -10,6 +10,7 @@ mod association;
 pub mod data;
 mod error;
 pub mod held_out;
+mod html;
 mod kitti;
 pub mod methods;
 mod minimal;
@@ -29,6 +30,7 @@ mod wide_views;
 use std::path::Path;
 
 pub use error::Error;
+pub use html::html_page;
 pub use progress::{Progress, Steps};
 pub use report::{Block, CONVENTIONS, Headline, Report, page, summary};
 

@@ -149,7 +149,7 @@ impl Table {
     }
 
     /// The cells as text, and for each column whether it is aligned to the left (it holds no number).
-    fn shown(&self) -> (Vec<Vec<String>>, Vec<bool>) {
+    pub(crate) fn shown(&self) -> (Vec<Vec<String>>, Vec<bool>) {
         let is_number = |row: &Vec<Cell>, column: usize| matches!(row.get(column), Some(Cell::Number { .. }));
         let left = (0..self.columns.len()).map(|c| !self.rows.iter().any(|row| is_number(row, c))).collect();
         (self.rows.iter().map(|row| row.iter().map(Cell::shown).collect()).collect(), left)

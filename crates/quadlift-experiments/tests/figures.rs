@@ -135,34 +135,6 @@ fn two_views() {
 }
 
 #[test]
-fn objects_without_ids() {
-    if let Some(report) = report(Experiment::Association) {
-        let bounds = [
-            ("association_base", 0.995, 1.0),
-            ("association_base_o3d", -0.01, 0.01),
-            ("association_cube20", 0.995, 1.0),
-            ("association_random", 0.995, 1.0),
-            ("association_hard", 0.985, 1.0),
-            ("association_pose", 0.99, 1.0),
-            ("association_ids", 0.995, 1.0),
-            ("association_trust", 1.0, 1.0),
-            ("association_tuw", 1.0, 1.0),
-            ("association_lmo_model", 0.99, 1.0),
-            ("association_lmo_mask", 0.985, 1.0),
-            ("association_kitti", 0.97, 1.0),
-            ("association_kitti_drift", 0.79, 1.0),
-            ("association_video_0000", 0.98, 1.0),
-            ("association_video_0001", 0.98, 1.0),
-            ("association_video_0007", 0.91, 1.0),
-            ("association_video_0009", 0.96, 1.0),
-            ("association_doubtful_false", 0.5, 1.0),
-            ("association_doubtful_true", 0.0, 0.05),
-        ];
-        assert_within(&report, &bounds);
-    }
-}
-
-#[test]
 fn ellipses_from_images() {
     let data = data();
     let report = segmentation::run(data.as_deref(), segmentation::Extent::Default, 0, &|_, _, _| {}).unwrap();
@@ -191,6 +163,34 @@ fn ellipses_from_images() {
     }
     let ellipse_iou = |row: &[&str]| cell(&report, "Masks and ellipses, rendered", row, "ellipse IoU");
     assert!(ellipse_iou(&["sca+cut", "falls back"]) > 0.86);
+}
+
+#[test]
+fn objects_without_ids() {
+    if let Some(report) = report(Experiment::Association) {
+        let bounds = [
+            ("association_base", 0.995, 1.0),
+            ("association_base_o3d", -0.01, 0.01),
+            ("association_cube20", 0.995, 1.0),
+            ("association_random", 0.995, 1.0),
+            ("association_hard", 0.985, 1.0),
+            ("association_pose", 0.99, 1.0),
+            ("association_ids", 0.995, 1.0),
+            ("association_trust", 1.0, 1.0),
+            ("association_tuw", 1.0, 1.0),
+            ("association_lmo_model", 0.99, 1.0),
+            ("association_lmo_mask", 0.985, 1.0),
+            ("association_kitti", 0.97, 1.0),
+            ("association_kitti_drift", 0.79, 1.0),
+            ("association_video_0000", 0.98, 1.0),
+            ("association_video_0001", 0.98, 1.0),
+            ("association_video_0007", 0.91, 1.0),
+            ("association_video_0009", 0.96, 1.0),
+            ("association_doubtful_false", 0.5, 1.0),
+            ("association_doubtful_true", 0.0, 0.05),
+        ];
+        assert_within(&report, &bounds);
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ use crate::division::{self, DivisionOutcome};
 use crate::error::Outcome;
 use crate::evaluation::{Match, evaluate_objects, found_to_json, render, render_found, to_json};
 use crate::output::Output;
+use crate::report::{Gathered, check_report};
 
 /// Score a result against the truth
 ///
@@ -55,15 +56,20 @@ pub struct Args {
     /// Score the identities of the detections of this source only; needed when those of the estimate have several
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
+    /// Page that shows estimates, truth and scores, for any browser
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let estimate = read_scene_file(&args.estimate)?;
-    let truth = read_scene_file(&args.truth)?;
-    let (estimate, truth) = ((args.estimate.as_path(), &estimate), (args.truth.as_path(), &truth));
+    check_report(args.report.as_ref(), &[&args.estimate, &args.truth])?;
+    let estimate_file = read_scene_file(&args.estimate)?;
+    let truth_file = read_scene_file(&args.truth)?;
+    let (estimate, truth) = ((args.estimate.as_path(), &estimate_file), (args.truth.as_path(), &truth_file));
     let division = division::score(estimate, truth, args.source.as_deref())?;
     let mut text = String::new();
     let mut document = json!({});
+    let mut evaluation = None;
     // Detections alone can be compared as well.
     let has_objects = !(estimate.1.objects.is_empty() || truth.1.objects.is_empty());
     if let DivisionOutcome::Unclear(why) = &division
@@ -72,13 +78,19 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         bail!("{why}");
     }
     if has_objects || division == DivisionOutcome::Absent {
-        let (evaluation, found) = evaluate_objects(estimate, truth, args.matching)?;
-        text = render(&evaluation, truth.1.length_unit.as_deref()) + &render_found(&found);
-        document = to_json(&evaluation);
+        let (scores, found) = evaluate_objects(estimate, truth, args.matching)?;
+        text = render(&scores, truth.1.length_unit.as_deref()) + &render_found(&found);
+        document = to_json(&scores);
         document["found"] = found_to_json(&found);
+        evaluation = Some(scores);
     }
     document["identities"] = division.to_json();
     out.report(&(text + &division.render()))?;
     out.document(&document)?;
+    if let Some(report) = &args.report {
+        let files = vec![(args.truth.clone(), truth_file), (args.estimate.clone(), estimate_file)];
+        Gathered::new(files)?.write_report(report, evaluation.as_ref())?;
+        out.report(&format!("wrote {}\n", report.display()))?;
+    }
     Ok(Outcome::Fine)
 }

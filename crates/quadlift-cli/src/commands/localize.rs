@@ -1,25 +1,29 @@
 //! `quadlift localize`: from detections to objects.
 
+mod direct;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
+use quadlift::scene::Scene;
 use quadlift::solve::{Method, PoseNoise};
 use quadlift::{Options, UsedMeasurements};
-use quadlift_io::write_scene_file;
+use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice};
 use crate::association::{IdsName, When, add_to_result, associate_scene, associated_scene, localize_in_words, to_json};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
-use crate::files::{expand, outputs, read_scene};
+use crate::files::{check_file, expand, outputs, read_scene};
 use crate::localization::{
     PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, read_masks, result_file,
 };
 use crate::output::{HEADING, Output, one_line};
+use crate::report::{check_report, report_paths, write_localized};
 use crate::words::count;
 
 /// Localise the objects that the detections of a scene show
@@ -33,8 +37,12 @@ use crate::words::count;
 Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is a folder then,
 and each result has the file name of its scene. A scene that fails is reported and the others are still done.
 
+With --cameras and --detections both are read from other programs' files, whose formats are recognised; what
+`quadlift import` and `quadlift import-detections` would ask beyond that can be said here too.
+
 Examples:
-  quadlift localize scene.json -o estimate.json
+  quadlift localize scene.json -o estimate.json --report estimate.html
+  quadlift localize --cameras sparse/0 --detections runs/detect/predict -o objects.json
   quadlift localize street.json -o cars.json --source yolo --body cuboid --priors builtin
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
@@ -43,12 +51,16 @@ Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised;
 )]
 pub struct Args {
     /// Scene files, folders that hold them, or patterns in quotes
-    #[arg(required = true, value_name = "SCENE.json")]
+    #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     scenes: Vec<PathBuf>,
 
     /// Where the result is written (of several scenes: a folder); without it, it is only shown
     #[arg(short, long, value_name = "OUT.json")]
     output: Option<PathBuf>,
+
+    /// Page that shows the result, for any browser (of several scenes: a folder)
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 
     /// Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularised one)
     #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodName::Map, hide_possible_values = true)]
@@ -117,6 +129,9 @@ pub struct Args {
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
+
+    #[command(flatten)]
+    direct: direct::DirectArgs,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
@@ -192,18 +207,39 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
     }
     let settings = args.settings()?;
+    if let Some((cameras, detections)) = args.direct.paths() {
+        let [output, report] = [&args.output, &args.report].map(Option::as_deref);
+        output.map_or(Ok(()), check_file)?;
+        let others: Vec<&Path> = [cameras, detections].into_iter().chain(output).collect();
+        check_report(args.report.as_ref(), &others)?;
+        // What the paths of images are relative to.
+        let place = output.or(report);
+        let scene = || {
+            let file = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
+            let scene = file.to_scene().map_err(|error| error.in_file(detections))?;
+            Ok((file, scene))
+        };
+        let mut document =
+            json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
+        let named = [detections, place.unwrap_or(Path::new(""))];
+        let outcome = one_scene(named, scene, [output, report], args, &settings, out, &mut document)?;
+        out.document(&json!({ "scenes": [document] }))?;
+        return Ok(outcome);
+    }
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
+    let reports =
+        args.report.as_ref().map(|report| report_paths(&inputs, report, args.output.as_deref())).transpose()?;
     let mut documents = Vec::with_capacity(inputs.paths.len());
     let mut outcome = Outcome::Fine;
     // One scene after another: the largest one bounds the memory.
     for (index, input) in inputs.paths.iter().enumerate() {
-        let output = outputs.as_ref().map(|paths| paths[index].as_path());
+        let [output, report] = [&outputs, &reports].map(|paths| paths.as_ref().map(|paths| paths[index].as_path()));
         let mut document = json!({ "scene": input.display().to_string() });
         if index > 0 {
             out.report("\n")?;
         }
-        match one_scene(input, output, args, &settings, out, &mut document) {
+        match one_scene([input, input], || read_scene(input), [output, report], args, &settings, out, &mut document) {
             Ok(Outcome::Fine) => {}
             Ok(failed) => outcome = failed,
             Err(error) => {
@@ -218,20 +254,22 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Localises a scene, writes and prints the result and adds it to the JSON document.
+/// Reads and localises a scene, writes and prints the result and adds it to the JSON document. `input` names it, the paths
+/// in it are relative to the file `place`.
 fn one_scene(
-    input: &Path,
-    output: Option<&Path>,
+    [input, place]: [&Path; 2],
+    read: impl FnOnce() -> anyhow::Result<(SceneFile, Scene)>,
+    [output, report]: [Option<&Path>; 2],
     args: &Args,
     settings: &Settings,
     out: &Output,
     document: &mut Value,
 ) -> anyhow::Result<Outcome> {
     let start = Instant::now();
-    let (mut file, mut scene) = read_scene(input)?;
+    let (mut file, mut scene) = read()?;
     let title = input.display().to_string();
     let problems =
-        read_masks(&title, (input, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
+        read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
     file.objects = Vec::new();
     // Detections are the bulk of a large scene; a result has them where their identities are found.
     let detections = std::mem::take(&mut file.detections);
@@ -262,13 +300,17 @@ fn one_scene(
     let solved = start.elapsed();
     let estimates = &localization.estimates;
     let found = identities.as_ref().map_or(String::new(), |(.., words)| format!("{words}\n\n"));
+    let mut result = result_file(&file, &scene, &localization, settings);
+    if let Some((detections, association, _)) = identities {
+        add_to_result(&mut result, detections, &scene, source, &association);
+    }
     if let Some(output) = output {
-        let mut result = result_file(&file, &scene, &localization, settings);
-        if let Some((detections, association, _)) = identities {
-            add_to_result(&mut result, detections, &scene, source, &association);
-        }
         write_scene_file(output, &result)?;
         document["output"] = output.display().to_string().into();
+    }
+    if let Some(report) = report {
+        write_localized(report, (place, &file), &scene, &result)?;
+        document["report"] = report.display().to_string().into();
     }
     let localised = count_localised(estimates);
     let mut text = format!(
@@ -279,8 +321,8 @@ fn one_scene(
     );
     text.push_str(&found);
     text.push_str(&render(&scene, &localization, settings));
-    if let Some(output) = output {
-        text.push_str(&format!("wrote {}\n", output.display()));
+    for path in [output, report].into_iter().flatten() {
+        text.push_str(&format!("wrote {}\n", path.display()));
     }
     out.report(&text)?;
     for estimate in estimates {

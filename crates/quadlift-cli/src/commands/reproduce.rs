@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use quadlift_experiments::data::data_folder;
-use quadlift_experiments::{CONVENTIONS, Experiment, Report, page, run as run_experiment, summary};
+use quadlift_experiments::{CONVENTIONS, Experiment, Report, html_page, page, run as run_experiment, summary};
 use quadlift_io::write_file;
 use serde_json::{Value, json};
 
@@ -12,6 +12,7 @@ use crate::error::Outcome;
 use crate::files::make_folder;
 use crate::output::Output;
 use crate::progress::counting_bar;
+use crate::report::check_report;
 
 /// Rerun the experiments of the paper and show its figures beside ours
 ///
@@ -53,6 +54,10 @@ pub struct Args {
     /// Folder for the tables and plots; it is made if it does not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+
+    /// One page of the tables and plots, for any browser
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 
     /// Print Markdown instead of aligned text
     #[arg(long, conflicts_with = "json")]
@@ -102,6 +107,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         }
         make_folder(folder)?;
     }
+    check_report(args.report.as_ref(), &[])?;
     let mut reports = Vec::new();
     for experiment in experiments {
         let report = with_progress(experiment, args, out)?;
@@ -121,6 +127,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             folder.display(),
             name(args)
         ))?;
+    }
+    if let Some(path) = &args.report {
+        let html = html_page(&reports, &command(args))?;
+        write_file(path, |file| file.write_all(html.as_bytes()))?;
+        out.report(&format!("\nWrote {}.\n", path.display()))?;
     }
     out.document(&document(&reports, args))?;
     Ok(Outcome::Fine)

@@ -14,6 +14,7 @@ use crate::contact_sheet::write_sheets;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, make_folder, outputs, read_scene};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
+use crate::report::{Gathered, check_report};
 use crate::segmentation::{Group, Method, Segmentation, Settings, segment_scene};
 use crate::segmented_scene::add_to_scene;
 use crate::table::{Cell, Table, number};
@@ -71,6 +72,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     contact_sheets: Option<PathBuf>,
 
+    /// Page that shows the ellipses in their images, for any browser
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -98,6 +103,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     outputs(&inputs, &args.output)?;
+    check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
     let (mut file, scene) = read_scene(&args.scene)?;
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;
@@ -127,6 +133,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     add_to_scene(&mut file, &scene, &segmentation, args.method, folders, args.out_masks.as_deref())?;
     // Last, so that it never names masks that do not exist.
     write_scene_file(&args.output, &file)?;
+    if let Some(report) = &args.report {
+        Gathered::new(vec![(args.output.clone(), file)])?.write_report(report, None)?;
+    }
     out.detail(&format!("segmented in {segmented:.2?}, written in {:.2?}", start.elapsed() - segmented));
     out.report(&report(args, &segmentation))?;
     out.document(&json!({
@@ -288,6 +297,8 @@ fn report(args: &Args, segmentation: &Segmentation) -> String {
     for folder in [&args.out_masks, &args.contact_sheets].into_iter().flatten() {
         text.push_str(&format!("wrote {}{}\n", folder.display(), std::path::MAIN_SEPARATOR));
     }
-    text.push_str(&format!("wrote {}\n", args.output.display()));
+    for path in [Some(&args.output), args.report.as_ref()].into_iter().flatten() {
+        text.push_str(&format!("wrote {}\n", path.display()));
+    }
     text
 }

@@ -12,6 +12,7 @@ use serde_json::json;
 use crate::error::Outcome;
 use crate::files::make_folder;
 use crate::output::{HEADING, Output};
+use crate::report::{Gathered, check_report};
 
 /// Show the whole way on two built-in scenes: which boxes show the same object, masks, objects, how good they are
 ///
@@ -32,12 +33,17 @@ Files in DIR, for the other commands to work on:
 Next:
   quadlift info quadlift-demo/scene.json
   quadlift localize quadlift-demo/segmented.json -o again.json --method lfd
-  quadlift evaluate again.json quadlift-demo/truth.json"
+  quadlift evaluate again.json quadlift-demo/truth.json
+  quadlift view quadlift-demo/segmented.json again.json quadlift-demo/truth.json"
 )]
 pub struct Args {
     /// Folder for the files; it is made if it does not exist
     #[arg(long, value_name = "DIR", default_value = "quadlift-demo")]
     out: PathBuf,
+
+    /// Page that shows the first scene and what was found in it, for any browser
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -45,10 +51,16 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if folder.exists() && !folder.is_dir() {
         bail!("cannot write to {}: it is a file; expected a folder", folder.display());
     }
+    check_report(args.report.as_ref(), &[])?;
     make_folder(folder)?;
     let with_images = images::run(folder, out)?;
     let with_boxes = boxes::run(&folder.join("boxes"), out)?;
     out.report(&next_steps(folder))?;
+    if let Some(report) = &args.report {
+        let files = ["segmented.json", "estimate.json", "truth.json"].map(|name| folder.join(name));
+        Gathered::read(&files)?.write_report_with_scores(report)?;
+        out.report(&format!("Wrote {}\n", report.display()))?;
+    }
     out.document(&json!({ "images": with_images, "boxes": with_boxes }))?;
     Ok(Outcome::Fine)
 }
@@ -59,11 +71,14 @@ fn next_steps(folder: &Path) -> String {
     format!(
         "{HEADING}Look at{HEADING:#}\n  {:width$}  an image\n  {sheet}  what was found: masks yellow, their ellipses pink\n\
          {HEADING}Try next{HEADING:#}\n  quadlift info {scene}\n  quadlift localize {boxes} -o again.json --method planes\n  \
-         quadlift evaluate again.json {truth}\n",
+         quadlift evaluate again.json {truth}\n  quadlift view {segmented} {estimate} {found}\n",
         file("images/000000.png"),
         width = sheet.chars().count(),
         scene = file("scene.json"),
         boxes = file("boxes/scene.json"),
         truth = file("boxes/truth.json"),
+        segmented = file("segmented.json"),
+        estimate = file("estimate.json"),
+        found = file("truth.json"),
     )
 }

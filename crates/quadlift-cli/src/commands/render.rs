@@ -1,0 +1,84 @@
+//! `quadlift render`: a picture of one frame, for papers and pages.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{anyhow, bail};
+use quadlift_io::{write_file, write_png};
+use quadlift_report::{Content, Picture, frame_image, report_of_frames};
+use serde_json::json;
+
+use crate::error::{Outcome, usage};
+use crate::files::check_file;
+use crate::output::Output;
+use crate::report::Gathered;
+
+/// Draw the detections and outlines of one frame as PNG or SVG
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Boxes and ellipses are what was detected (red and dashed where the estimator has rejected them), filled outlines are
+the estimated bodies, dotted ones the truth. Without an image the sheet is blank. An image of a camera with lens
+distortion is drawn as its pinhole camera would see it. Several files of one scene are drawn together, as in `quadlift
+view`.
+
+Examples:
+  quadlift render scene.json estimate.json --frame 000003 -o frame.png
+  quadlift render scene.json --frame 000003 -o frame.svg --labels
+
+Exit codes: 0 fine; 1 a file or an image cannot be read; 2 wrong usage."
+)]
+pub struct Args {
+    /// A scene, and files that hold its estimates and its truth
+    #[arg(required = true, value_name = "SCENE.json")]
+    files: Vec<PathBuf>,
+
+    /// The frame
+    #[arg(long, value_name = "ID")]
+    frame: String,
+
+    /// Where the picture is written; its ending chooses the format
+    #[arg(short, long, value_name = "OUT.png|OUT.svg")]
+    output: PathBuf,
+
+    /// Write the ids of the objects beside them
+    #[arg(long)]
+    labels: bool,
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    let is_svg = match ending(&args.output).as_deref() {
+        Some("svg") => true,
+        Some("png") => false,
+        _ => return usage(format!("{}: expected a name that ends in .png or .svg", args.output.display())),
+    };
+    check_file(&args.output)?;
+    let gathered = Gathered::read(&args.files)?;
+    let scene = &gathered.scene;
+    let Some(index) = scene.frames.iter().position(|frame| frame.id == args.frame) else {
+        let some: Vec<&str> = scene.frames.iter().take(5).map(|frame| frame.id.as_str()).collect();
+        bail!("there is no frame \"{}\"; there are {}: {} ...", args.frame, scene.frames.len(), some.join(", "));
+    };
+    let images = &gathered.images;
+    let image = match images.images.get(index) {
+        Some(Some(_)) => Some(frame_image(scene, images, index, u32::MAX)?.image),
+        _ => None,
+    };
+    let content = Content { images: None, ..gathered.content(None) };
+    let report = report_of_frames(&content, &[index])?;
+    let picture = Picture { report: &report, frame_index: 0, image: image.as_ref(), labels: args.labels };
+    let failed = |reason| anyhow!("cannot draw the frame: {reason}");
+    if is_svg {
+        let svg = picture.svg().map_err(failed)?;
+        write_file(&args.output, |file| file.write_all(svg.as_bytes()))?;
+    } else {
+        write_png(&args.output, &picture.bitmap().map_err(failed)?)?;
+    }
+    out.report(&format!("wrote {}\n", args.output.display()))?;
+    out.document(&json!({ "output": args.output, "frame": args.frame, "image": image.is_some() }))?;
+    Ok(Outcome::Fine)
+}
+
+fn ending(path: &Path) -> Option<String> {
+    Some(path.extension()?.to_str()?.to_ascii_lowercase())
+}

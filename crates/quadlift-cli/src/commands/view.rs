@@ -1,0 +1,60 @@
+//! `quadlift view`: opens a scene or a result in the browser.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde_json::json;
+
+use crate::error::Outcome;
+use crate::output::Output;
+use crate::report::Gathered;
+
+/// Show scenes and results in the browser
+///
+/// Makes the page that --report writes, in the folder for temporary files, and opens it.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+Several files of one scene are shown together, in any order: detections, estimates and truth may be in one file or in
+several. Objects with a status are estimates, those without one are the truth.
+
+Examples:
+  quadlift view scene.json
+  quadlift view estimate.json truth.json
+  quadlift view scene.json estimate.json truth.json --no-browser
+
+Exit codes: 0 fine; 1 a file cannot be read or the browser not be opened; 2 wrong usage."
+)]
+pub struct Args {
+    /// A scene, and files that hold its estimates and its truth
+    #[arg(required = true, value_name = "SCENE.json")]
+    files: Vec<PathBuf>,
+
+    /// Print where the page is and open nothing
+    #[arg(long)]
+    no_browser: bool,
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    let gathered = Gathered::read(&args.files)?;
+    let page = temporary_page(&args.files[0])?;
+    gathered.write_report_with_scores(&page)?;
+    if !args.no_browser {
+        let failed = || format!("cannot open a browser; the page is {} (--no-browser opens none)", page.display());
+        open::that(&page).with_context(failed)?;
+    }
+    out.report(&format!("{}\n", page.display()))?;
+    out.document(&json!({ "report": page }))?;
+    Ok(Outcome::Fine)
+}
+
+/// A new file for a page, with the name of the scene in it; it is left to the system to remove it.
+fn temporary_page(scene: &Path) -> anyhow::Result<PathBuf> {
+    let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut builder = tempfile::Builder::new();
+    let prefix = format!("quadlift-{name}-");
+    let file = builder.prefix(&prefix).suffix(".html").tempfile().context("cannot make a temporary file")?;
+    let (_, path) = file.keep().context("cannot keep the temporary file")?;
+    Ok(path)
+}

@@ -1,0 +1,135 @@
+//! Reports: what the commands with `--report` share, and files of one scene that are looked at together.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use quadlift::metrics::Evaluation;
+use quadlift::scene::Scene;
+use quadlift_io::scene_file::SceneImages;
+use quadlift_io::{SceneFile, read_scene_file, write_file};
+use quadlift_report::{Content, Scores, page, report};
+
+use crate::error::usage;
+use crate::evaluation::{evaluate_files, report_scores};
+use crate::files::{Inputs, check_file, outputs};
+
+/// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
+pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
+    if output == Some(report) && !inputs.several {
+        return usage(format!("the report would overwrite {}; give it another name", report.display()));
+    }
+    let paths = outputs(inputs, report)?;
+    Ok(if inputs.several { paths.iter().map(|path| path.with_extension("html")).collect() } else { paths })
+}
+
+/// Refuses a report that cannot be written or would take the place of another file, before anything is computed.
+pub fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow::Result<()> {
+    let Some(path) = report else { return Ok(()) };
+    check_file(path)?;
+    let same = |other: &&&Path| {
+        **other == path || other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|path| path == other))
+    };
+    match others.iter().find(same) {
+        Some(other) => usage(format!("the report would overwrite {}; give it another name", other.display())),
+        None => Ok(()),
+    }
+}
+
+/// Writes a page.
+fn write_report(path: &Path, content: &Content) -> anyhow::Result<()> {
+    let html = report(content).context("cannot make the report")?;
+    let html = page(&html).context("cannot make the report")?;
+    write_file(path, |file| file.write_all(html.as_bytes()))?;
+    Ok(())
+}
+
+/// Writes the page of a localisation that has just been made. `file` has the frames of the scene, whose file is `input`.
+pub fn write_localized(
+    path: &Path,
+    (input, file): (&Path, &SceneFile),
+    scene: &Scene,
+    result: &SceneFile,
+) -> anyhow::Result<()> {
+    let images = file.to_images(input).map_err(|error| error.in_file(input))?;
+    let title = title(input, file);
+    let content =
+        Content { title: &title, scene, images: Some(&images), estimate: Some(result), truth: None, scores: None };
+    write_report(path, &content)
+}
+
+/// Files of one scene, looked at together: detections, estimates and truth may be in one or in several of them.
+pub struct Gathered {
+    title: String,
+    /// Frames and detections.
+    pub scene: Scene,
+    /// Their images.
+    pub images: SceneImages,
+    /// The file that holds estimates.
+    pub estimate: Option<(PathBuf, SceneFile)>,
+    /// The file that holds the truth.
+    pub truth: Option<(PathBuf, SceneFile)>,
+}
+
+impl Gathered {
+    /// Reads the files.
+    pub fn read(paths: &[PathBuf]) -> anyhow::Result<Self> {
+        let read = |path: &PathBuf| Ok((path.clone(), read_scene_file(path)?));
+        Self::new(paths.iter().map(read).collect::<anyhow::Result<_>>()?)
+    }
+
+    /// Frames are taken from the first file with detections, or the first with frames.
+    pub fn new(files: Vec<(PathBuf, SceneFile)>) -> anyhow::Result<Self> {
+        let first = |fits: &dyn Fn(&SceneFile) -> bool| files.iter().find(|(_, file)| fits(file));
+        let is_estimate =
+            |file: &SceneFile| file.objects.iter().any(|object| object.status.is_some()) || file.localization.is_some();
+        let estimate = first(&is_estimate).cloned();
+        let truth = first(&|file| !file.objects.is_empty() && !is_estimate(file)).cloned();
+        let cameras = first(&|file| !file.detections.is_empty()).or(first(&|file| !file.frames.is_empty()));
+        let Some((path, file)) = cameras.or(files.first()) else { bail!("there is no file to look at") };
+        for (other, second) in &files {
+            if let (Some(a), Some(b)) = (&file.length_unit, &second.length_unit)
+                && a != b
+            {
+                bail!("the length unit of {} is \"{a}\", that of {} is \"{b}\"", path.display(), other.display());
+            }
+        }
+        for (path, file) in estimate.iter().chain(&truth) {
+            file.to_objects().map_err(|error| error.in_file(path))?;
+        }
+        let scene = file.to_scene().map_err(|error| error.in_file(path))?;
+        let images = file.to_images(path).map_err(|error| error.in_file(path))?;
+        Ok(Self { title: title(path, file), scene, images, estimate, truth })
+    }
+
+    /// What is shown.
+    pub fn content<'a>(&'a self, scores: Option<&'a Scores>) -> Content<'a> {
+        Content {
+            title: &self.title,
+            scene: &self.scene,
+            images: Some(&self.images),
+            estimate: self.estimate.as_ref().map(|(_, file)| file),
+            truth: self.truth.as_ref().map(|(_, file)| file),
+            scores,
+        }
+    }
+
+    /// Writes the page, with scores where the estimates and the truth have objects in common.
+    pub fn write_report_with_scores(&self, path: &Path) -> anyhow::Result<()> {
+        let evaluation = match (&self.estimate, &self.truth) {
+            (Some((a, estimate)), Some((b, truth))) => evaluate_files((a, estimate), (b, truth)).ok(),
+            _ => None,
+        };
+        self.write_report(path, evaluation.as_ref())
+    }
+
+    /// Writes the page, with these scores.
+    pub fn write_report(&self, path: &Path, evaluation: Option<&Evaluation>) -> anyhow::Result<()> {
+        write_report(path, &self.content(evaluation.map(report_scores).as_ref()))
+    }
+}
+
+/// The title of a report: the name of the scene, or that of its file.
+fn title(path: &Path, file: &SceneFile) -> String {
+    let name = file.name.clone().filter(|name| !name.trim().is_empty());
+    name.unwrap_or_else(|| path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned())
+}

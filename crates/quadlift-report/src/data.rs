@@ -1,0 +1,187 @@
+//! What a report shows, as the JSON document in its page. Mirrored by `viewer/src/data.ts`.
+//!
+//! Lengths are world units. Pixels are those of the frames' pinhole cameras: lens distortion has been taken out.
+
+use quadlift::geometry::{Cuboid, Ellipsoid, Superellipsoid, quaternion_from_rotation};
+use serde::Serialize;
+
+/// A report.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Report {
+    /// Title of the page.
+    pub title: String,
+    /// Name and version of the program.
+    pub program: String,
+    /// World unit, where it is known.
+    pub length_unit: Option<String>,
+    /// World direction against gravity, where it is known.
+    pub up: Option<[f64; 3]>,
+    /// Categories; [`ReportObject::category`] points here.
+    pub categories: Vec<String>,
+    /// The posed images.
+    pub frames: Vec<ReportFrame>,
+    /// The objects: estimates, then what only the truth or the detections have.
+    pub objects: Vec<ReportObject>,
+    /// Scores against the truth.
+    pub scores: Option<ReportScores>,
+    /// Settings and counts of the run: name and value.
+    pub settings: Vec<(String, String)>,
+    /// What should be known about the report or the run, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// A posed image.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct ReportFrame {
+    /// Id of the frame.
+    pub id: String,
+    /// World to pixels, 3x4 by rows.
+    pub projection: Vec<f64>,
+    /// Width and height in pixels.
+    pub size: [f64; 2],
+    /// The image as a data URL.
+    pub image: Option<String>,
+    /// The detections.
+    pub detections: ReportDetections,
+}
+
+/// The detections of a frame by columns, because there may be hundreds of thousands in a report.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct ReportDetections {
+    /// Index into [`Report::objects`], -1 where the object is not known.
+    pub object: Vec<i64>,
+    /// 0: not used or not known, 1: used, 2: rejected as an outlier.
+    pub state: Vec<u8>,
+    /// Residuals in pixels.
+    pub residual: Vec<Option<f64>>,
+    /// x0, y0, x1, y1 of each; four times nothing where there is no box.
+    #[serde(rename = "box")]
+    pub boxes: Vec<Option<f64>>,
+    /// Of those that have an ellipse: row, centre x and y, semi-axes, angle in radians.
+    pub ellipses: Vec<(usize, f64, f64, f64, f64, f64)>,
+}
+
+/// An object.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct ReportObject {
+    /// Id.
+    pub id: String,
+    /// Index into [`Report::categories`], -1 without one.
+    pub category: i64,
+    /// How the estimation ended (see [`quadlift::solve::Status::name`]); absent where none was made.
+    pub status: Option<String>,
+    /// Estimated centre in the world.
+    pub center: Option<[f64; 3]>,
+    /// Standard deviation of the centre per coordinate.
+    pub center_sd: Option<f64>,
+    /// Where the centre is with 95 % probability.
+    pub center_shell: Option<ReportBody>,
+    /// The estimated body.
+    pub body: Option<ReportBody>,
+    /// The larger body that holds the real object.
+    pub enclosing: Option<ReportBody>,
+    /// The true body.
+    pub truth: Option<ReportBody>,
+    /// Number of views that were used.
+    pub views_used: usize,
+    /// Number of views that were rejected.
+    pub views_rejected: usize,
+    /// Root mean square residual of the used views in pixels.
+    pub residual: Option<f64>,
+    /// What makes the estimate weak, in words.
+    pub warnings: Vec<String>,
+}
+
+/// A body of any kind.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ReportBody {
+    /// `ellipsoid`, `cuboid` or `superellipsoid`.
+    pub kind: &'static str,
+    /// Centre in the world.
+    pub center: [f64; 3],
+    /// Semi-axes or half extents.
+    pub half: [f64; 3],
+    /// Unit quaternion, w first.
+    pub rotation: [f64; 4],
+    /// Exponent of the support function, in [1, 2].
+    pub exponent: f64,
+}
+
+/// Scores of the objects against the truth.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct ReportScores {
+    /// What is scored.
+    pub columns: Vec<ScoreColumn>,
+    /// One row for each true object.
+    pub rows: Vec<ScoreRow>,
+    /// Means over the objects.
+    pub mean: Vec<Option<f64>>,
+    /// How many objects failed, in a sentence.
+    pub failures: String,
+}
+
+/// A score.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ScoreColumn {
+    /// Heading.
+    pub title: String,
+    /// `share`, `percent` (a share too, shown as percent), `degrees` (given in radians) or `length`.
+    pub unit: &'static str,
+}
+
+/// The scores of one object.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ScoreRow {
+    /// Index into [`Report::objects`].
+    pub object: usize,
+    /// Status of the estimate; absent when there is none.
+    pub status: Option<String>,
+    /// One value for each column.
+    pub values: Vec<Option<f64>>,
+}
+
+impl From<&Ellipsoid> for ReportBody {
+    fn from(body: &Ellipsoid) -> Self {
+        Self {
+            kind: "ellipsoid",
+            center: body.center.coords.into(),
+            half: body.semi_axes.into(),
+            rotation: quaternion_from_rotation(&body.rotation),
+            exponent: 2.0,
+        }
+    }
+}
+
+impl From<&Cuboid> for ReportBody {
+    fn from(body: &Cuboid) -> Self {
+        Self {
+            kind: "cuboid",
+            center: body.center.coords.into(),
+            half: body.half_extents.into(),
+            rotation: quaternion_from_rotation(&body.rotation),
+            exponent: 1.0,
+        }
+    }
+}
+
+impl From<&Superellipsoid> for ReportBody {
+    fn from(body: &Superellipsoid) -> Self {
+        Self {
+            // The page draws these two exactly by their own shapes.
+            kind: match body.support_exponent {
+                q if q <= 1.0 => "cuboid",
+                q if q >= 2.0 => "ellipsoid",
+                _ => "superellipsoid",
+            },
+            center: body.center.coords.into(),
+            half: body.semi_axes.into(),
+            rotation: quaternion_from_rotation(&body.rotation),
+            exponent: body.support_exponent,
+        }
+    }
+}

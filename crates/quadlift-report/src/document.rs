@@ -1,0 +1,320 @@
+//! From scenes and results to the data of a report.
+
+use std::collections::HashMap;
+
+use nalgebra::{Matrix3, Point3};
+use quadlift::geometry::Ellipsoid;
+use quadlift::scene::{Detection, Scene};
+use quadlift_io::scene_file::{ObjectBodies, ObjectRecord, SceneImages, ViewRecord};
+use quadlift_io::{EntryError, SceneFile};
+
+use crate::data::{
+    Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow,
+};
+use crate::page::EMPTY_PAGE;
+use crate::run::{run_notes, run_settings, run_source};
+use crate::thumbnails::{evenly_spread, thumbnails};
+
+/// Bytes that a page should not exceed: images fill what the rest leaves.
+pub const MOST_BYTES: usize = 30_000_000;
+/// Frames in a report; of more an evenly spread choice is shown.
+pub const MOST_FRAMES: usize = 10_000;
+/// Objects in a report; of more the first are shown.
+pub const MOST_OBJECTS: usize = 10_000;
+/// Detections in a report; with more, only every second frame keeps its own, or every third, and so on.
+pub const MOST_DETECTIONS: usize = 500_000;
+
+/// Of a centre with normal errors, this many squared standard deviations hold 95 % (chi squared, three degrees).
+const CHI2_95: f64 = 7.814_727_903_251_178;
+
+/// What a report is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Content<'a> {
+    /// Title of the page.
+    pub title: &'a str,
+    /// Frames and detections.
+    pub scene: &'a Scene,
+    /// The images of the scene's frames.
+    pub images: Option<&'a SceneImages>,
+    /// A result: the objects with a `status` are estimates.
+    pub estimate: Option<&'a SceneFile>,
+    /// A scene whose objects are the truth.
+    pub truth: Option<&'a SceneFile>,
+    /// Scores of the estimates against the truth.
+    pub scores: Option<&'a Scores>,
+}
+
+/// Scores of estimates, by the ids of the objects.
+#[derive(Debug, Clone, Default)]
+pub struct Scores {
+    /// What is scored.
+    pub columns: Vec<ScoreColumn>,
+    /// Of each true object: id, status of the estimate if there is one, one value for each column.
+    pub rows: Vec<(String, Option<String>, Vec<Option<f64>>)>,
+    /// Means over the objects.
+    pub mean: Vec<Option<f64>>,
+    /// How many objects failed, in a sentence.
+    pub failures: String,
+}
+
+/// Gathers the data of a report and reads its images. An image that cannot be read is told in the notes.
+///
+/// # Errors
+/// [`EntryError`] names the first object of the estimate or of the truth that is wrong.
+pub fn report(content: &Content) -> Result<Report, EntryError> {
+    let scene = content.scene;
+    let frames: Vec<usize> = evenly_spread(scene.frames.len(), MOST_FRAMES).collect();
+    let mut report = report_of_frames(content, &frames)?;
+    if frames.len() < scene.frames.len() {
+        let note = format!("the report shows {} of {} frames, evenly spread", frames.len(), scene.frames.len());
+        report.notes.push(note);
+    }
+    let Some(images) = content.images else { return Ok(report) };
+    let thumbnails = thumbnails(scene, images, &frames, bytes_left(&report));
+    for (k, (frame, url)) in report.frames.iter_mut().zip(thumbnails.urls).enumerate() {
+        if let (None, Some(size)) = (scene.frames[frames[k]].image_size, thumbnails.sizes[k]) {
+            frame.size = size.map(f64::from);
+        }
+        frame.image = url;
+    }
+    report.notes.extend(thumbnails.notes);
+    Ok(report)
+}
+
+/// The data of a report that has these frames only, without images.
+///
+/// # Errors
+/// As [`report()`].
+pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, EntryError> {
+    let scene = content.scene;
+    let source = content.estimate.and_then(run_source);
+    let source = source.and_then(|name| scene.sources.iter().position(|known| known == name));
+    let is_shown = |d: &&Detection| source.is_none() || d.source_index.map(|s| s as usize) == source;
+    let objects = gather_objects(content, is_shown)?;
+    let mut notes = content.estimate.map(run_notes).unwrap_or_default();
+    let total = objects.list.len();
+    if total > MOST_OBJECTS {
+        notes.push(format!("the report shows the first {MOST_OBJECTS} of {total} objects"));
+    }
+    let mut detections = detections_by_frame(scene, &objects, content.estimate, is_shown);
+    notes.extend(thin_out(&mut detections, frames));
+    let frame = |&index: &usize| {
+        let frame = &scene.frames[index];
+        let detections = std::mem::take(&mut detections[index]);
+        ReportFrame {
+            id: frame.id.clone(),
+            projection: frame.projection.matrix().transpose().iter().copied().collect(),
+            size: frame.image_size.map_or_else(|| extent(&detections), Into::into),
+            image: None,
+            detections,
+        }
+    };
+    Ok(Report {
+        title: content.title.to_owned(),
+        program: format!("quadlift {}", env!("CARGO_PKG_VERSION")),
+        length_unit: scene.length_unit.clone(),
+        up: scene.up.map(|up| up.into_inner().into()),
+        settings: content.estimate.map(run_settings).unwrap_or_default(),
+        notes,
+        frames: frames.iter().map(frame).collect(),
+        scores: content.scores.map(|scores| objects.scores(scores)),
+        categories: objects.categories,
+        objects: objects.list.into_iter().take(MOST_OBJECTS).collect(),
+    })
+}
+
+/// Estimates first, then what only the truth has, then what was only detected.
+fn gather_objects(content: &Content, is_shown: impl Fn(&&Detection) -> bool) -> Result<Objects, EntryError> {
+    let scene = content.scene;
+    let mut objects = Objects::default();
+    if let Some(file) = content.estimate {
+        for (record, bodies) in file.objects.iter().zip(file.to_objects()?) {
+            objects.estimate(record, bodies);
+        }
+    }
+    if let Some(file) = content.truth {
+        for bodies in file.to_objects()? {
+            objects.truth(bodies);
+        }
+    }
+    for detection in scene.detections.iter().filter(is_shown) {
+        let category = detection.category_index.and_then(|index| scene.categories.get(index as usize));
+        if let Some(id) = detection.object_index.and_then(|index| scene.object_ids.get(index as usize)) {
+            objects.entry(id, category);
+        }
+    }
+    Ok(objects)
+}
+
+/// Bytes that are left for images.
+fn bytes_left(report: &Report) -> usize {
+    let data = serde_json::to_string(report).map_or(MOST_BYTES, |json| json.len());
+    // A little room for notes and sizes.
+    MOST_BYTES.saturating_sub(data + EMPTY_PAGE + 100_000)
+}
+
+/// The size of a frame of which nothing is known: it holds all of its detections.
+fn extent(detections: &ReportDetections) -> [f64; 2] {
+    let mut size = [4.0f64, 3.0];
+    let mut hold = |x: f64, y: f64| size = [size[0].max(x), size[1].max(y)];
+    for edges in detections.boxes.chunks_exact(4) {
+        hold(edges[2].unwrap_or(0.0), edges[3].unwrap_or(0.0));
+    }
+    for &(_, x, y, a, b, _) in &detections.ellipses {
+        hold(x + a.max(b), y + a.max(b));
+    }
+    size.map(|side| 1.02 * side)
+}
+
+/// The objects of a report and where they are in it.
+#[derive(Debug, Default)]
+struct Objects {
+    list: Vec<ReportObject>,
+    categories: Vec<String>,
+    by_id: HashMap<String, usize>,
+}
+
+impl Objects {
+    /// The entry of an object, made if there is none.
+    fn entry(&mut self, id: &str, category: Option<&String>) -> &mut ReportObject {
+        let index = match self.by_id.get(id) {
+            Some(&index) => index,
+            None => {
+                self.by_id.insert(id.to_owned(), self.list.len());
+                self.list.push(ReportObject { id: id.to_owned(), category: -1, ..Default::default() });
+                self.list.len() - 1
+            }
+        };
+        let object = &mut self.list[index];
+        if let (Some(name), -1) = (category, object.category) {
+            let known = self.categories.iter().position(|known| known == name);
+            let place = known.unwrap_or_else(|| {
+                self.categories.push(name.clone());
+                self.categories.len() - 1
+            });
+            object.category = place as i64;
+        }
+        object
+    }
+
+    fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies) {
+        if record.status.is_none() {
+            // An object without a status is no estimate: in a scene that was never localised it is the truth.
+            return self.truth(bodies);
+        }
+        let shell = bodies.covariance.as_ref().zip(bodies.center).and_then(|(covariance, center)| {
+            let shape: Matrix3<f64> = covariance.matrix.fixed_view::<3, 3>(0, 0) * CHI2_95;
+            Ellipsoid::from_shape(center, &shape).ok()
+        });
+        let object = self.entry(&record.id, record.category.as_ref());
+        object.status = record.status.clone();
+        object.center = bodies.center.map(|center: Point3<f64>| center.coords.into());
+        object.center_sd = record.center_sd;
+        object.center_shell = shell.as_ref().map(Into::into);
+        object.body = body(&bodies, None);
+        object.enclosing = (bodies.enclosing_cuboid.as_ref().map(ReportBody::from))
+            .or(bodies.enclosing_superellipsoid.as_ref().map(Into::into))
+            .or(bodies.enclosing_ellipsoid.as_ref().map(Into::into));
+        object.views_rejected = record.views_rejected.len();
+        object.views_used = record.views_used.unwrap_or(0);
+        object.residual = record.residual_px;
+        object.warnings = record.warnings.clone();
+    }
+
+    fn truth(&mut self, bodies: ObjectBodies) {
+        let object = self.entry(&bodies.id, bodies.category.as_ref());
+        let like = object.body.as_ref().map(|body| body.kind);
+        object.truth = body(&bodies, like);
+        if object.status.is_none() {
+            object.center = bodies.center.map(|center| center.coords.into());
+        }
+    }
+
+    fn scores(&self, scores: &Scores) -> ReportScores {
+        let row = |(id, status, values): &(String, Option<String>, Vec<Option<f64>>)| {
+            let object = self.by_id.get(id).copied().filter(|&index| index < MOST_OBJECTS)?;
+            Some(ScoreRow { object, status: status.clone(), values: values.clone() })
+        };
+        ReportScores {
+            columns: scores.columns.clone(),
+            rows: scores.rows.iter().filter_map(row).collect(),
+            mean: scores.mean.clone(),
+            failures: scores.failures.clone(),
+        }
+    }
+}
+
+/// The body of an object: of the kind `like` where it has one, else cuboid, superellipsoid or ellipsoid.
+fn body(bodies: &ObjectBodies, like: Option<&str>) -> Option<ReportBody> {
+    let ellipsoid = bodies.ellipsoid.as_ref().map(ReportBody::from);
+    if like == Some("ellipsoid") && ellipsoid.is_some() {
+        return ellipsoid;
+    }
+    (bodies.cuboid.as_ref().map(Into::into)).or(bodies.superellipsoid.as_ref().map(Into::into)).or(ellipsoid)
+}
+
+/// The detections of each frame, with what the estimates say about them.
+fn detections_by_frame(
+    scene: &Scene,
+    objects: &Objects,
+    estimate: Option<&SceneFile>,
+    is_shown: impl Fn(&&Detection) -> bool,
+) -> Vec<ReportDetections> {
+    let frames: HashMap<&str, usize> = scene.frames.iter().enumerate().map(|(k, frame)| (&*frame.id, k)).collect();
+    let mut views = HashMap::new();
+    for object in estimate.iter().flat_map(|file| &file.objects) {
+        let Some(&index) = objects.by_id.get(&object.id).filter(|&&index| index < MOST_OBJECTS) else { continue };
+        for view in &object.view_residuals_px {
+            if let Some(&frame) = frames.get(view.frame.as_str()) {
+                views.insert((index, frame), view);
+            }
+        }
+    }
+    let mut detections = vec![ReportDetections::default(); scene.frames.len()];
+    let tenths = |x: f64| (10.0 * x).round() / 10.0;
+    for detection in scene.detections.iter().filter(is_shown) {
+        let frame = detection.frame_index as usize;
+        let id = detection.object_index.map(|index| &scene.object_ids[index as usize]);
+        let object = id.and_then(|id| objects.by_id.get(id).copied()).filter(|&index| index < MOST_OBJECTS);
+        let view = object.and_then(|index| views.remove(&(index, frame)));
+        let list = &mut detections[frame];
+        if let Some(e) = &detection.ellipse {
+            let (center, axes) = (e.center.map(tenths), e.semi_axes.map(tenths));
+            list.ellipses.push((list.object.len(), center.x, center.y, axes.x, axes.y, (1e4 * e.angle).round() / 1e4));
+        }
+        list.push(object, view, detection.bounding_box.map(|b| b.edges().map(|x| Some(tenths(x)))));
+    }
+    // Views whose detections are not here, or do not say which object they show: the outline is known all the same.
+    let mut others: Vec<((usize, usize), &ViewRecord)> = views.into_iter().collect();
+    others.sort_by_key(|(place, _)| *place);
+    for ((object, frame), view) in others {
+        detections[frame].push(Some(object), Some(view), None);
+    }
+    detections
+}
+
+impl ReportDetections {
+    /// Adds a row.
+    fn push(&mut self, object: Option<usize>, view: Option<&ViewRecord>, edges: Option<[Option<f64>; 4]>) {
+        self.object.push(object.map_or(-1, |index| index as i64));
+        self.state.push(view.map_or(0, |view| if view.inlier { 1 } else { 2 }));
+        self.residual.push(view.and_then(|view| view.residual_px).map(|x| (100.0 * x).round() / 100.0));
+        self.boxes.extend(edges.unwrap_or([None; 4]));
+    }
+}
+
+/// Empties frames evenly until few enough detections are left in those that are shown; tells what was left out.
+fn thin_out(detections: &mut [ReportDetections], frames: &[usize]) -> Option<String> {
+    let total: usize = frames.iter().map(|&frame| detections[frame].object.len()).sum();
+    let step = total.div_ceil(MOST_DETECTIONS);
+    if step <= 1 {
+        return None;
+    }
+    for (k, &frame) in frames.iter().enumerate() {
+        if k % step != 0 {
+            detections[frame] = ReportDetections::default();
+        }
+    }
+    let kept: usize = frames.iter().map(|&frame| detections[frame].object.len()).sum();
+    Some(format!("the report has the detections of one in {step} frames only ({kept} of {total}), to keep it small"))
+}

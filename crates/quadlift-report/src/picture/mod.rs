@@ -1,0 +1,202 @@
+//! A picture of one frame: its image or a blank sheet, the detections and the outlines of the bodies; as SVG or PNG.
+
+mod bitmap;
+mod svg;
+
+use image::RgbImage;
+use nalgebra::{Matrix3x4, Point3, Vector2};
+use quadlift::geometry::{Body, Cuboid, Ellipse, Ellipsoid, Projection, Superellipsoid, rotation_from_quaternion};
+
+use crate::data::{Report, ReportBody, ReportFrame};
+use crate::outline::{ellipse_points, outline};
+
+/// A colour: red, green, blue.
+pub type Color = [u8; 3];
+
+/// Paul Tol's bright scheme with two more, as in the page (`viewer/src/colors.ts`).
+const PALETTE: [Color; 8] = [
+    [0x44, 0x77, 0xaa],
+    [0xee, 0x66, 0x77],
+    [0x22, 0x88, 0x33],
+    [0xcc, 0xbb, 0x44],
+    [0x66, 0xcc, 0xee],
+    [0xaa, 0x33, 0x77],
+    [0xee, 0x88, 0x66],
+    [0x88, 0x88, 0x88],
+];
+const UNKNOWN: Color = [0x88; 3];
+const REJECTED: Color = [0xe0, 0x10, 0x10];
+const BLACK: Color = [0; 3];
+const WHITE: Color = [0xff; 3];
+/// Where there is no image.
+const SHEET: Color = [0xf2, 0xf3, 0xf5];
+
+/// A blank sheet with more pixels is refused.
+const MOST_PIXELS: f64 = 1e8;
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct Stroke {
+    /// Colour.
+    pub color: Color,
+    /// Opacity, in [0, 1].
+    pub opacity: f64,
+    /// Width in pixels.
+    pub width: f64,
+    /// Lengths of dashes and of the gaps between them, pixels.
+    pub dash: Option<[f64; 2]>,
+}
+
+/// What a picture is drawn on. Coordinates are pixels of the frame.
+pub trait Canvas {
+    /// Fills a polygon.
+    fn fill(&mut self, polygon: &[Vector2<f64>], color: Color, opacity: f64);
+    /// Draws a line through points.
+    fn line(&mut self, points: &[Vector2<f64>], stroke: &Stroke);
+    /// Writes a text whose lower left corner is here.
+    fn text(&mut self, place: Vector2<f64>, height: f64, text: &str, color: Color);
+}
+
+/// What a picture shows.
+#[derive(Debug, Clone, Copy)]
+pub struct Picture<'a> {
+    /// The data (see [`crate::report()`]).
+    pub report: &'a Report,
+    /// Index of the frame in the report.
+    pub frame_index: usize,
+    /// The image of the frame in full size; without it the sheet is blank.
+    pub image: Option<&'a RgbImage>,
+    /// Whether the ids of the objects are written beside their boxes.
+    pub labels: bool,
+}
+
+impl Picture<'_> {
+    /// The picture as an SVG document with the image in it; empty when there is no such frame.
+    ///
+    /// # Errors
+    /// Text of the encoder of images.
+    pub fn svg(&self) -> Result<String, String> {
+        let size = self.size();
+        let mut canvas = svg::Svg::new(size, self.image)?;
+        self.draw(&mut canvas);
+        Ok(canvas.finish())
+    }
+
+    /// The picture as an image of the size of the frame.
+    ///
+    /// # Errors
+    /// Text of the drawing library, or that a frame without an image is too large.
+    pub fn bitmap(&self) -> Result<RgbImage, String> {
+        let [width, height] = self.size().map(f64::ceil);
+        let sheet = match self.image {
+            Some(image) => image.clone(),
+            None if width * height > MOST_PIXELS => {
+                return Err(format!(
+                    "the frame has {width} x {height} pixels, too many for a blank image; SVG takes it"
+                ));
+            }
+            None => RgbImage::from_pixel(width as u32, height as u32, image::Rgb(SHEET)),
+        };
+        let mut canvas = bitmap::Bitmap::new(sheet);
+        self.draw(&mut canvas);
+        canvas.finish()
+    }
+
+    /// Width and height in pixels.
+    fn size(&self) -> [f64; 2] {
+        let image = self.image.map(|image| [f64::from(image.width()), f64::from(image.height())]);
+        image.or(self.report.frames.get(self.frame_index).map(|frame| frame.size)).unwrap_or([4.0, 3.0])
+    }
+
+    /// Bodies first, then truth, then measurements, which must not be hidden.
+    fn draw(&self, canvas: &mut dyn Canvas) {
+        let Some(frame) = self.report.frames.get(self.frame_index) else { return };
+        // Lines of one pixel in an image of VGA size, wider ones in larger images.
+        let pen = (self.size()[0].max(self.size()[1]) / 640.0).max(1.0);
+        let stroke = |color, width: f64| Stroke { color, opacity: 1.0, width: width * pen, dash: None };
+        let matrix = Matrix3x4::from_row_slice(&frame.projection);
+        let Ok(projection) = Projection::from_matrix(matrix) else { return };
+        let objects = || frame.detections.object.iter().filter_map(|&index| usize::try_from(index).ok());
+        for index in objects() {
+            let Some(shape) = self.body(index, |o| &o.body).and_then(|body| outline(&projection, &body)) else {
+                continue;
+            };
+            let color = self.color(index);
+            shape.faces.iter().for_each(|face| canvas.fill(face, color, 0.3));
+            shape.lines.iter().for_each(|line| canvas.line(line, &stroke(color, 1.4)));
+        }
+        for index in objects() {
+            let Some(shape) = self.body(index, |o| &o.truth).and_then(|body| outline(&projection, &body)) else {
+                continue;
+            };
+            for line in &shape.lines {
+                canvas.line(line, &Stroke { opacity: 0.7, ..stroke(WHITE, 1.8) });
+                canvas.line(line, &Stroke { dash: Some([2.0 * pen, 3.0 * pen]), ..stroke(BLACK, 1.0) });
+            }
+        }
+        self.measurements(canvas, frame, pen);
+    }
+
+    fn measurements(&self, canvas: &mut dyn Canvas, frame: &ReportFrame, pen: f64) {
+        let detections = &frame.detections;
+        let style = |row: usize| {
+            let color = usize::try_from(detections.object[row]).map_or(UNKNOWN, |index| self.color(index));
+            let base = Stroke { color, opacity: 1.0, width: 1.5 * pen, dash: None };
+            if detections.state[row] == 2 {
+                return Stroke { color: REJECTED, dash: Some([6.0 * pen, 4.0 * pen]), ..base };
+            }
+            base
+        };
+        let mut lines = Vec::new();
+        for (row, edges) in detections.boxes.chunks_exact(4).enumerate() {
+            if let &[Some(x0), Some(y0), Some(x1), Some(y1)] = edges {
+                let corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]];
+                lines.push((row, corners.map(Vector2::from).to_vec()));
+            }
+        }
+        for &(row, x, y, a, b, angle) in &detections.ellipses {
+            let ellipse = Ellipse { center: Vector2::new(x, y), semi_axes: Vector2::new(a, b), angle };
+            let mut points = ellipse_points(&ellipse);
+            points.push(points[0]);
+            lines.push((row, points));
+        }
+        for (row, line) in &lines {
+            // A dark line under the coloured one: it can be seen on any image.
+            canvas.line(line, &Stroke { color: BLACK, opacity: 0.5, width: 2.8 * pen, dash: None });
+            canvas.line(line, &style(*row));
+        }
+        if self.labels {
+            for (row, line) in &lines {
+                let Ok(index) = usize::try_from(detections.object[*row]) else { continue };
+                let corner = line.iter().fold(line[0], |a, b| a.inf(b)) - Vector2::new(0.0, 3.0 * pen);
+                canvas.text(corner, 11.0 * pen, &self.report.objects[index].id, self.color(index));
+            }
+        }
+    }
+
+    fn body(&self, index: usize, of: impl Fn(&crate::data::ReportObject) -> &Option<ReportBody>) -> Option<Body> {
+        of(self.report.objects.get(index)?).as_ref().and_then(library_body)
+    }
+
+    /// By category where there are several, else by object, as in the page.
+    fn color(&self, index: usize) -> Color {
+        let category = self.report.objects.get(index).map_or(-1, |object| object.category);
+        match self.report.categories.len() {
+            0 | 1 => PALETTE[index % PALETTE.len()],
+            _ => usize::try_from(category).map_or(UNKNOWN, |category| PALETTE[category % PALETTE.len()]),
+        }
+    }
+}
+
+/// The body as one of the library.
+fn library_body(body: &ReportBody) -> Option<Body> {
+    let (center, half) = (Point3::from(body.center), body.half.into());
+    let rotation = rotation_from_quaternion(body.rotation)?;
+    Some(match body.kind {
+        "cuboid" => Body::Cuboid(Cuboid { center, half_extents: half, rotation }),
+        "ellipsoid" => Body::Ellipsoid(Ellipsoid { center, semi_axes: half, rotation }),
+        _ => {
+            Body::Superellipsoid(Superellipsoid { center, semi_axes: half, rotation, support_exponent: body.exponent })
+        }
+    })
+}

@@ -1,0 +1,60 @@
+//! What a result says about its run (`localization` in the file): settings, and notes in sentences.
+
+use quadlift_io::SceneFile;
+use serde_json::Value;
+
+/// The source whose detections were taken.
+pub fn run_source(file: &SceneFile) -> Option<&str> {
+    file.localization.as_ref()?.get("settings")?.get("source")?.as_str()
+}
+
+/// Names and values: the settings that were made, the kind of body, the noise levels.
+pub fn run_settings(file: &SceneFile) -> Vec<(String, String)> {
+    let Some(run) = &file.localization else { return Vec::new() };
+    let mut settings = Vec::new();
+    let mut add = |prefix: &str, value: Option<&Value>| {
+        for (name, value) in value.and_then(Value::as_object).into_iter().flatten() {
+            if !value.is_null() {
+                settings.push((format!("{prefix}{}", name.replace('_', " ")), in_words(value)));
+            }
+        }
+    };
+    add("", run.get("settings"));
+    add("noise, ", run.get("noise"));
+    if let Some(body) = run.get("body") {
+        settings.push(("fitted body".to_owned(), in_words(body)));
+    }
+    settings
+}
+
+/// What took no part, in sentences.
+pub fn run_notes(file: &SceneFile) -> Vec<String> {
+    let left_out = |name: &str| file.localization.as_ref()?.get("left_out")?.get(name)?.as_u64();
+    let reasons = [
+        ("without_object", "they name no object"),
+        ("occluded_or_truncated", "they are too occluded or truncated"),
+        ("beyond_lens", "they lie where the lens cannot be undistorted"),
+    ];
+    let note = |(name, reason): (&str, &str)| {
+        let number = left_out(name).filter(|&number| number > 0)?;
+        Some(format!("{number} detections took no part: {reason}"))
+    };
+    reasons.into_iter().filter_map(note).collect()
+}
+
+fn in_words(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Bool(true) => "yes".to_owned(),
+        Value::Bool(false) => "no".to_owned(),
+        Value::Number(number) => match number.as_f64() {
+            Some(x) if number.is_f64() => {
+                // Three digits are enough to look at.
+                let digits = if x == 0.0 { 0 } else { (2 - x.abs().log10().floor() as i32).clamp(0, 12) };
+                format!("{x:.*}", digits as usize)
+            }
+            _ => number.to_string(),
+        },
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,138 @@
+"""Makes recordings with to_rerun.py and reads them back. Run by scripts/test_rerun.sh, which names the program in
+QUADLIFT. Every check is against the scene files, not against what to_rerun.py has computed."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+from rerun.chunk import RrdReader
+
+sys.path.insert(0, str(Path(__file__).parent))
+import to_rerun  # noqa: E402
+
+QUADLIFT = os.environ["QUADLIFT"]
+
+
+class Recording:
+    """A recording that has been written, verified and read."""
+
+    def __init__(self, folder, *files):
+        path = folder / "recording.rrd"
+        script = Path(to_rerun.__file__)
+        subprocess.run([sys.executable, script, *files, "-o", path], cwd=folder, check=True)
+        subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True)
+        self.chunks = RrdReader(str(path)).stream().to_chunks()
+
+    def entities(self):
+        return {chunk.entity_path for chunk in self.chunks}
+
+    def values(self, entity, component):
+        """Frame number (None for static data) and value of every row."""
+        rows = []
+        for chunk in self.chunks:
+            batch = chunk.to_record_batch() if chunk.entity_path == entity else None
+            if batch is None or component not in batch.schema.names:
+                continue
+            column = batch.column(component).to_pylist()
+            frames = [None] * len(column) if chunk.is_static else batch.column("frame").to_pylist()
+            rows += zip(frames, column)
+        assert rows, f"{entity} has no {component}: {self.entities()}"
+        return sorted((row for row in rows if row[1]), key=lambda row: -1 if row[0] is None else row[0])
+
+
+def quadlift(folder, *args):
+    subprocess.run([QUADLIFT, "-q", *args], cwd=folder, check=True)
+
+
+def read(path):
+    return json.loads(path.read_text())
+
+
+class ToRerun(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = Path(temporary.name)
+
+    def test_a_scene_with_images(self):
+        folder = self.folder
+        quadlift(folder, "synth", "-o", "scene.json", "--render", "--objects", "3", "--views", "5")
+        quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "ellipsoid")
+        recording = Recording(folder, "scene.json", "estimate.json")
+        scene, estimate = read(folder / "scene.json"), read(folder / "estimate.json")
+        for entity in ["estimate/ellipsoids", "truth/ellipsoids", "path", "camera", "camera/image",
+                       "camera/image/boxes", "camera/image/outlines"]:
+            self.assertIn(f"/world/{entity}", recording.entities())
+
+        objects = estimate["objects"]
+        [(frame, axes)] = recording.values("/world/estimate/ellipsoids", "Ellipsoids3D:half_sizes")
+        self.assertIsNone(frame)
+        np.testing.assert_allclose(axes, [o["ellipsoid"]["semi_axes"] for o in objects], rtol=1e-6)
+        [(_, quaternions)] = recording.values("/world/estimate/ellipsoids", "Ellipsoids3D:quaternions")
+        w_last = [o["ellipsoid"]["rotation"][1:] + o["ellipsoid"]["rotation"][:1] for o in objects]
+        np.testing.assert_allclose(quaternions, w_last, atol=1e-6)
+
+        images = recording.values("/world/camera/image", "EncodedImage:blob")
+        self.assertEqual([frame for frame, _ in images], [0, 1, 2, 3, 4])
+        first = (folder / scene["frames"][0]["image"]).read_bytes()
+        self.assertEqual(bytes(images[0][1][0]), first)
+        [fx, fy, cx, cy] = scene["cameras"][0]["params"]
+        (_, [pinhole]) = recording.values("/world/camera/image", "Pinhole:image_from_camera")[0]
+        # Columns one after another.
+        np.testing.assert_allclose(pinhole, [fx, 0, 0, 0, fy, 0, cx, cy, 1], rtol=1e-6)
+        centers = recording.values("/world/camera", "Transform3D:translation")
+        for index, [center] in centers:
+            pose = np.array(scene["frames"][index]["cam_from_world"])
+            np.testing.assert_allclose(pose[:, :3] @ center + pose[:, 3], 0, atol=1e-4)
+
+        # The boxes of the outlines give the residuals that the program has computed.
+        residuals = {(o["id"], v["frame"]): v["residual_px"] for o in objects for v in o["view_residuals_px"]}
+        boxes = {(d["object"], d["frame"]): np.array(d["box"]) for d in scene["detections"]}
+        strips = recording.values("/world/camera/image/outlines", "LineStrips2D:strips")
+        labels = dict(recording.values("/world/camera/image/outlines", "LineStrips2D:labels"))
+        compared = 0
+        width, height = scene["cameras"][0]["width"], scene["cameras"][0]["height"]
+        for index, outlines in strips:
+            for name, points in zip(labels[index], outlines):
+                key = (name, scene["frames"][index]["id"])
+                box = boxes.get(key)
+                # Edges at the border of the image do not count for the program.
+                if box is None or box[:2].min() < 2 or box[2] > width - 2 or box[3] > height - 2:
+                    continue
+                points = np.array(points)
+                edges = np.concatenate([points.min(axis=0), points.max(axis=0)])
+                found = np.sqrt(np.mean((edges - box) ** 2))
+                self.assertLess(abs(found - residuals[key]), 0.3, key)
+                compared += 1
+        self.assertGreater(compared, 5)
+
+    def test_cuboids_and_projections(self):
+        folder = self.folder
+        quadlift(folder, "synth", "-o", "scene.json", "--objects", "3", "--views", "6", "--body", "cuboid")
+        quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "cuboid")
+        scene = read(folder / "scene.json")
+        cameras = {camera["id"]: camera for camera in scene["cameras"]}
+        frames = [to_rerun.Frame(record, cameras) for record in scene["frames"]]
+        for record, frame in zip(scene["frames"], frames):
+            # Any scale, also a negative one.
+            record["projection"] = (-0.01 * frame.projection).tolist()
+            del record["camera"], record["cam_from_world"]
+            again = to_rerun.Frame(record, {})
+            np.testing.assert_allclose(again.k, frame.k, rtol=1e-9, atol=1e-6)
+            np.testing.assert_allclose(again.r, frame.r, atol=1e-9)
+            np.testing.assert_allclose(again.t, frame.t, atol=1e-9)
+        (folder / "projections.json").write_text(json.dumps(scene))
+        recording = Recording(folder, "projections.json", "estimate.json")
+        [(_, sizes)] = recording.values("/world/estimate/cuboids", "Boxes3D:half_sizes")
+        objects = read(folder / "estimate.json")["objects"]
+        np.testing.assert_allclose(sizes, [o["cuboid"]["half_extents"] for o in objects], rtol=1e-6)
+        self.assertIn("/world/truth/cuboids", recording.entities())
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# Tests examples/to_rerun.py: makes recordings, checks them with `rerun rrd verify` and reads them back. rerun-sdk is
+# installed into target/rerun-venv (790 MB) if it is not there; QUADLIFT_SKIP_RERUN=1 skips the test.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+if [ -n "${QUADLIFT_SKIP_RERUN:-}" ]; then
+    echo "skipped: QUADLIFT_SKIP_RERUN is set"
+    exit 0
+fi
+# The version that the test reads recordings with; the example itself works with others too.
+RERUN_VERSION=0.41.0
+target="${CARGO_TARGET_DIR:-$PWD/target}"
+python="$target/rerun-venv/bin/python"
+if ! "$python" -c "import rerun; assert rerun.__version__ == '$RERUN_VERSION'" 2>/dev/null; then
+    python3 -m venv "$target/rerun-venv"
+    "$python" -m pip install --quiet "rerun-sdk==$RERUN_VERSION"
+fi
+if [ -z "${QUADLIFT:-}" ]; then
+    cargo build -p quadlift-cli --locked
+    QUADLIFT="$target/debug/quadlift"
+fi
+QUADLIFT="$QUADLIFT" "$python" examples/test_to_rerun.py

@@ -1,0 +1,72 @@
+// Points on bodies. Every body is a unit shape that its axes stretch: a sphere, a cube or a superellipsoid.
+
+import type { Body, Vec3 } from "./data.ts";
+import { column, rotationMatrix } from "./linear.ts";
+
+/**
+ * The point where the plane with normal `v` touches the unit superellipsoid with this support exponent q: the gradient
+ * of the support function (sum |v_i|^q)^(1/q). With q = 2 it is the sphere; q = 1 is left to cubes.
+ */
+export function unitPoint(v: Vec3, exponent: number): Vec3 {
+  const largest = Math.max(...v.map(Math.abs));
+  const w = v.map((x) => x / largest) as Vec3;
+  const length = w.reduce((sum, x) => sum + Math.abs(x) ** exponent, 0) ** (1 / exponent);
+  return w.map((x) => Math.sign(x) * (Math.abs(x) / length) ** (exponent - 1)) as Vec3;
+}
+
+/** Maps points of the unit shape to the world. */
+export function worldFromUnit(body: Body): (point: Vec3) => Vec3 {
+  const rotation = rotationMatrix(body.rotation);
+  const axes = [0, 1, 2].map((k) => column(rotation, k).map((x) => x * (body.half[k] ?? NaN)) as Vec3);
+  const [a, b, c] = axes as [Vec3, Vec3, Vec3];
+  return (p) => {
+    const at = (i: 0 | 1 | 2): number => body.center[i] + p[0] * a[i] + p[1] * b[i] + p[2] * c[i];
+    return [at(0), at(1), at(2)];
+  };
+}
+
+const CORNERS: Vec3[] = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1]);
+const EDGES: [number, number][] = [];
+for (let k = 0; k < 8; k++) {
+  for (const bit of [1, 2, 4]) if (!(k & bit)) EDGES.push([k, k | bit]);
+}
+
+/** Points on each of the three curves of a round wireframe. */
+const CURVE_POINTS = 32;
+
+/** Lines that show a body, as pairs of points in the world: edges of a cuboid, else its three central sections. */
+export function wireframe(body: Body): [Vec3, Vec3][] {
+  const place = worldFromUnit(body);
+  if (body.kind === "cuboid") {
+    const corners = CORNERS.map(place);
+    return EDGES.map(([i, j]) => [corners[i] as Vec3, corners[j] as Vec3]);
+  }
+  const lines: [Vec3, Vec3][] = [];
+  for (let axis = 0; axis < 3; axis++) {
+    const at = (k: number): Vec3 => {
+      const angle = (2 * Math.PI * k) / CURVE_POINTS;
+      const v: Vec3 = [0, 0, 0];
+      v[(axis + 1) % 3] = Math.cos(angle);
+      v[(axis + 2) % 3] = Math.sin(angle);
+      return place(unitPoint(v, body.exponent));
+    };
+    for (let k = 0; k < CURVE_POINTS; k++) lines.push([at(k), at(k + 1)]);
+  }
+  return lines;
+}
+
+/** Points whose convex hull is close to the body; of a cuboid its corners. */
+export function surfacePoints(body: Body): Vec3[] {
+  const place = worldFromUnit(body);
+  if (body.kind === "cuboid") return CORNERS.map(place);
+  const points: Vec3[] = [];
+  for (let i = 0; i <= 16; i++) {
+    const polar = (Math.PI * i) / 16;
+    for (let j = 0; j < 32; j++) {
+      const angle = (2 * Math.PI * j) / 32;
+      const v: Vec3 = [Math.sin(polar) * Math.cos(angle), Math.sin(polar) * Math.sin(angle), Math.cos(polar)];
+      points.push(place(unitPoint(v, body.exponent)));
+    }
+  }
+  return points;
+}

@@ -1,0 +1,112 @@
+// What a report shows: the JSON document in the page. Mirrors crates/quadlift-report/src/data.rs.
+//
+// Lengths are world units; pixels are measured from the corner of the image, as the pinhole camera of the frame sees
+// it (lens distortion has been taken out, of measurements and of images); rotations are quaternions, w first.
+
+export type Vec3 = [number, number, number];
+
+export interface Report {
+  title: string;
+  /** Name and version of the program. */
+  program: string;
+  lengthUnit: string | null;
+  /** World direction against gravity. */
+  up: Vec3 | null;
+  categories: string[];
+  frames: Frame[];
+  objects: ReportObject[];
+  scores: Scores | null;
+  /** Settings and counts of the run: name and value. */
+  settings: [string, string][];
+  /** What should be known about the report or the run, in sentences. */
+  notes: string[];
+}
+
+export interface Frame {
+  id: string;
+  /** World to pixels, 3x4 by rows. */
+  projection: number[];
+  /** Width and height in pixels. */
+  size: [number, number];
+  /** The image as a data URL. */
+  image: string | null;
+  detections: Detections;
+}
+
+/** The detections of a frame by columns: there may be hundreds of thousands. */
+export interface Detections {
+  /** Index of the object, -1 where it is not known. */
+  object: number[];
+  state: DetectionState[];
+  /** Pixels; null where there is none. */
+  residual: (number | null)[];
+  /** x0, y0, x1, y1 of each; four nulls where there is no box. */
+  box: (number | null)[];
+  /** Of those that have an ellipse: row, centre x, y, semi-axes, angle (radians). */
+  ellipses: [number, number, number, number, number, number][];
+}
+
+/** 0: not used or not known, 1: used, 2: rejected as an outlier. */
+export type DetectionState = 0 | 1 | 2;
+export const USED: DetectionState = 1;
+export const REJECTED: DetectionState = 2;
+
+export interface ReportObject {
+  id: string;
+  /** Index of the category, -1 where there is none. */
+  category: number;
+  /** How the estimation ended; null where none was made. */
+  status: string | null;
+  center: Vec3 | null;
+  /** Standard deviation of the centre per coordinate. */
+  centerSd: number | null;
+  /** Where the centre is with 95 % probability. */
+  centerShell: Body | null;
+  body: Body | null;
+  /** The larger body that holds the real object. */
+  enclosing: Body | null;
+  truth: Body | null;
+  viewsUsed: number;
+  viewsRejected: number;
+  /** Root mean square over the used views, pixels. */
+  residual: number | null;
+  warnings: string[];
+}
+
+export interface Body {
+  kind: "ellipsoid" | "cuboid" | "superellipsoid";
+  center: Vec3;
+  /** Semi-axes or half extents. */
+  half: Vec3;
+  /** The columns of this rotation are the axes. */
+  rotation: [number, number, number, number];
+  /** Exponent of the support function of a superellipsoid, in [1, 2]; 1 of a cuboid, 2 of an ellipsoid. */
+  exponent: number;
+}
+
+export interface Scores {
+  columns: ScoreColumn[];
+  rows: ScoreRow[];
+  mean: (number | null)[];
+  /** The number of true objects without an estimated body, in a sentence. */
+  failures: string;
+}
+
+export interface ScoreColumn {
+  title: string;
+  unit: "share" | "percent" | "degrees" | "length";
+}
+
+export interface ScoreRow {
+  /** Index of the object. */
+  object: number;
+  status: string | null;
+  values: (number | null)[];
+}
+
+/** Reads the document of the page. */
+export function readReport(): Report {
+  const text = document.getElementById("report-data")?.textContent ?? "";
+  if (text.trim() === "") throw new Error("This page holds no report.");
+  return JSON.parse(text) as Report;
+}

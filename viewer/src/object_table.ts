@@ -1,0 +1,86 @@
+// The table of all objects.
+
+import type { Report, ReportObject } from "./data.ts";
+import type { Colors } from "./colors.ts";
+import type { Selection } from "./selection.ts";
+import { Table, type Column } from "./table.ts";
+import { extents, remarks, score, short, statusName } from "./words.ts";
+
+export function objectTable(report: Report, selection: Selection, colors: Colors): HTMLElement {
+  const { objects, categories, lengthUnit, scores } = report;
+  const unit = lengthUnit === null ? "" : ` [${lengthUnit}]`;
+  const largest = Math.max(...objects.map((object) => object.residual ?? 0), 1e-9);
+  const size = (object: ReportObject): number | null =>
+    object.body === null ? null : object.body.half.reduce((product, half) => product * half, 1);
+  const columns: Column<number>[] = [
+    {
+      title: "object",
+      value: (k) => objects[k]?.id ?? null,
+      text: (k) => objects[k]?.id ?? "",
+      mark: (k) => colors.ofObject(k),
+    },
+    {
+      title: "status",
+      value: (k) => statusName(objects[k]?.status ?? null),
+      text: (k) => {
+        const object = objects[k];
+        const weak = object?.status === "ok" && object.warnings.length > 0;
+        return statusName(object?.status ?? null) + (weak ? ", weak" : "");
+      },
+      style: (k) => {
+        const object = objects[k];
+        if (object?.status == null) return "dim";
+        return object.status !== "ok" ? "bad" : remarks(object).length > 0 ? "weak" : "good";
+      },
+    },
+    {
+      title: `size${unit}`,
+      hint: "full extents along the axes; sorted by volume",
+      value: (k) => (objects[k] ? size(objects[k]) : null),
+      text: (k) => extents(objects[k]?.body ?? null),
+      number: true,
+    },
+    {
+      title: `± centre${unit}`,
+      hint: "standard deviation of the centre per coordinate",
+      value: (k) => objects[k]?.centerSd ?? null,
+      text: (k) => short(objects[k]?.centerSd ?? null),
+      number: true,
+    },
+    {
+      title: "residual [px]",
+      hint: "root mean square distance between measured and predicted edges over the used views",
+      value: (k) => objects[k]?.residual ?? null,
+      text: (k) => short(objects[k]?.residual ?? null),
+      number: true,
+      bar: (k) => (objects[k]?.residual ?? 0) / largest,
+    },
+    {
+      title: "views",
+      hint: "views that were used, and those that were rejected as outliers",
+      value: (k) => objects[k]?.viewsUsed ?? null,
+      text: (k) => {
+        const { viewsUsed = 0, viewsRejected = 0 } = objects[k] ?? {};
+        return viewsRejected > 0 ? `${viewsUsed} (−${viewsRejected})` : `${viewsUsed}`;
+      },
+      number: true,
+    },
+  ];
+  if (categories.length > 0) {
+    const category = (k: number): string => categories[objects[k]?.category ?? -1] ?? "";
+    columns.splice(1, 0, { title: "category", value: category, text: category });
+  }
+  const first = scores?.columns[0];
+  if (scores && first) {
+    const values = new Map(scores.rows.map((row) => [row.object, row.values[0] ?? null]));
+    const value = (k: number): number | null => values.get(k) ?? null;
+    columns.push({ title: first.title, value, text: (k) => score(value(k), first), number: true });
+  }
+  const table = new Table<number>("Objects", columns, (k) => selection.selectObject(k));
+  const keys = objects.map((_, k) => k);
+  table.show(keys, keys);
+  selection.onChange((now, before) => {
+    if (now.object !== before.object) table.mark(now.object);
+  });
+  return table.element;
+}

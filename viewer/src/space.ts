@@ -1,0 +1,91 @@
+// Where the scene lies: which way is up, what to look at and from where. World units; the 3D view draws everything
+// relative to `origin`, because graphics cards count with seven digits.
+
+import type { Report, Vec3 } from "./data.ts";
+import { add, cross, dot, norm, row, scale, subtract, unit, viewpoint, type Viewpoint } from "./linear.ts";
+
+export interface Space {
+  up: Vec3;
+  /** Whether the report says where up is; otherwise it is where the cameras have it. */
+  upIsKnown: boolean;
+  /** The middle of the objects. */
+  origin: Vec3;
+  /** About how far the objects reach from it. */
+  objectRadius: number;
+  /** About how far objects and cameras reach from it. */
+  radius: number;
+  /** How much is in sight at first: cameras too, unless they are so far off that the objects would be tiny. */
+  firstRadius: number;
+  /** Height of the grid along `up`, relative to the origin. */
+  floor: number;
+  /** Viewpoints of the frames; null where a camera has none. */
+  viewpoints: (Viewpoint | null)[];
+}
+
+export function makeSpace(report: Report): Space {
+  const viewpoints = report.frames.map((frame) => viewpoint(frame.projection));
+  const cameras = viewpoints.flatMap((view) => (view === null ? [] : [view.center]));
+  const up = unit(report.up ?? upOfCameras(report), [0, 0, 1]);
+  const bodies = report.objects.flatMap((object) => [object.body, object.truth].flatMap((body) => body ?? []));
+  const centers = bodies.map((body) => body.center);
+  for (const { body, truth, center } of report.objects) if (body === null && truth === null && center) centers.push(center);
+  const points = centers.length > 0 ? centers : cameras;
+  const origin: Vec3 = [0, 1, 2].map((axis) => middle(points.map((point) => point[axis] ?? 0))) as Vec3;
+  const distance = (point: Vec3): number => norm(subtract(point, origin));
+  const sizes = bodies.map((body) => Math.max(...body.half));
+  // A few objects that are far off must not make all the others tiny.
+  const objectRadius = quantile(centers.map(distance), 0.9) + quantile(sizes, 0.9) || 1;
+  const radius = Math.max(objectRadius, Math.min(quantile(cameras.map(distance), 0.9), 20 * objectRadius));
+  const firstRadius = 1.1 * (radius > 4 * objectRadius ? 1.3 * objectRadius : radius);
+  const heights = bodies.map((body) => dot(subtract(body.center, origin), up) - Math.min(...body.half));
+  const floor = heights.length > 0 ? quantile(heights, 0.1) : -objectRadius;
+  return { up, upIsKnown: report.up !== null, origin, objectRadius, radius, firstRadius, floor, viewpoints };
+}
+
+/** Where the cameras have their upper side, on average: row 1 of a projection points down. */
+function upOfCameras(report: Report): Vec3 {
+  let sum: Vec3 = [0, 0, 0];
+  for (const { projection } of report.frames) {
+    const forward = unit(row(projection, 2), [0, 0, 1]);
+    const down = row(projection, 1);
+    sum = add(sum, unit(subtract(down, scale(forward, dot(down, forward))), [0, 1, 0]));
+  }
+  return scale(sum, -1);
+}
+
+/** Two directions that span the plane across `up`, along axes of the world where up is one. */
+export function planeAxes(up: Vec3): [Vec3, Vec3] {
+  const axes: Vec3[] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const first = axes.reduce((a, b) => (Math.abs(dot(b, up)) < Math.abs(dot(a, up)) ? b : a));
+  const a = unit(subtract(first, scale(up, dot(first, up))), [1, 0, 0]);
+  return [a, cross(up, a)];
+}
+
+/** Where one first looks from: behind the cameras, a little higher, so far that all is in sight. */
+export function firstLook(space: Space): Vec3 {
+  const cameras = space.viewpoints.flatMap((view) => (view === null ? [] : [view.center]));
+  const mean = [0, 1, 2].map((axis) => middle(cameras.map((camera) => camera[axis] ?? 0))) as Vec3;
+  const flat = (v: Vec3): Vec3 => subtract(v, scale(space.up, dot(v, space.up)));
+  const [a, b] = planeAxes(space.up);
+  const aside = cameras.length > 0 ? unit(flat(subtract(mean, space.origin)), a) : unit(add(a, scale(b, -1)), a);
+  // A little to the side, so that the path of a camera that drives straight on is not seen from behind.
+  const turned = unit(add(aside, scale(cross(space.up, aside), 0.6)), aside);
+  return unit(add(turned, scale(space.up, 0.6)), [0, 0, 1]);
+}
+
+function middle(values: number[]): number {
+  return quantile(values, 0.5);
+}
+
+function quantile(values: number[], share: number): number {
+  const sorted = values.filter(Number.isFinite).sort((a, b) => a - b);
+  return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))] ?? 0;
+}
+
+/** A round number near `x`: 1, 2 or 5 times a power of ten. */
+export function roundNumber(x: number): number {
+  const power = 10 ** Math.floor(Math.log10(x));
+  const rounded = power * (x / power < 1.5 ? 1 : x / power < 3.5 ? 2 : x / power < 7.5 ? 5 : 10);
+  // 0.30000000000000004 is not round.
+  return Number(rounded.toPrecision(1));
+}

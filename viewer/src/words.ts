@@ -1,0 +1,67 @@
+// Numbers and names as people read them.
+
+import type { Body, ReportObject, ScoreColumn } from "./data.ts";
+
+/** A number with three significant digits, without an exponent where that is readable. */
+export function short(value: number | null): string {
+  if (value === null) return "–";
+  const size = Math.abs(value);
+  if (size === 0) return "0";
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(2);
+  return value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size))));
+}
+
+/** A number with its unit, where there is one. */
+export function withUnit(value: number | null, unit: string | null): string {
+  return value === null || unit === null ? short(value) : `${short(value)} ${unit}`;
+}
+
+/** Full extents of a body. */
+export function extents(body: Body | null): string {
+  return body === null ? "–" : body.half.map((half) => short(2 * half)).join(" × ");
+}
+
+const STATUS: Record<string, string> = {
+  ok: "ok",
+  not_an_ellipsoid: "not an ellipsoid",
+  too_few_views: "too few views",
+  degenerate: "degenerate",
+  diverged: "diverged",
+};
+
+const REASON: Record<string, string> = {
+  not_an_ellipsoid: "the quadric that fits best is not an ellipsoid; only its centre is known",
+  too_few_views: "it has fewer views than the method needs",
+  degenerate: "its views do not determine it: they are all from one place, or contradict each other",
+  diverged: "no finite body in front of the cameras fits its views",
+};
+
+/** A status in the table. */
+export function statusName(status: string | null): string {
+  return status === null ? "no estimate" : (STATUS[status] ?? status);
+}
+
+/** What is to be said about an object, in sentences. */
+export function remarks(object: ReportObject): string[] {
+  const reason = object.status === null ? undefined : REASON[object.status];
+  return reason === undefined ? object.warnings : [`not localised: ${reason}`, ...object.warnings];
+}
+
+/** A score; angles are given in radians and shown in degrees, shares as they are. */
+export function score(value: number | null, column: ScoreColumn): string {
+  if (value === null) return "–";
+  switch (column.unit) {
+    case "share":
+      return value.toFixed(3);
+    case "percent":
+      return (100 * value).toFixed(1);
+    case "degrees":
+      return ((180 / Math.PI) * value).toFixed(1);
+    case "length":
+      return short(value);
+  }
+}
+
+export function count(n: number, noun: string): string {
+  return `${n} ${noun}${n === 1 ? "" : "s"}`;
+}
