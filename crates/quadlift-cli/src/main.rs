@@ -66,7 +66,7 @@ enum Command {
     Demo(demo::Args),
     Segment(segment::Args),
     Associate(associate::Args),
-    Localize(localize::Args),
+    Localize(Box<localize::Args>),
     Evaluate(evaluate::Args),
     Synth(synth::Args),
     Import(import::Args),
