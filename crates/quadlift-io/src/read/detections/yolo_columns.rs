@@ -123,6 +123,18 @@ impl Columns {
 /// What the columns of these lines mean. What is not [`YoloKind::Auto`] or [`ExtraColumns::Auto`] is taken as it is.
 pub fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) -> Result<Columns, ReadError> {
     let counts = || lines.iter().map(|line| line.values.len());
+    if kind == YoloKind::Auto
+        && let [first, _, _, ..] = lines
+        && first.values.len() > 10
+        && counts().all(|n| n == first.values.len())
+    {
+        let count = first.values.len();
+        let problem = format!(
+            "every line has {count} numbers after the class, which looks like a box and keypoints, and these are not read; \
+             --kind polygon if they are polygons"
+        );
+        return Err(first.line.error(problem));
+    }
     let kind = match kind {
         YoloKind::Auto if counts().all(|n| n <= 6) => YoloKind::Box,
         YoloKind::Auto if are_turned_boxes(lines) => YoloKind::TurnedBox,
