@@ -332,7 +332,7 @@ fn detections() -> Vec<Case> {
     let usage = |case: Case| Case { code: 2, ..case };
     vec![
         file("no image is a frame", CSV, "boxes.csv", "image,x0,y0,x1,y1\na.png,1,2,3,4\nb.png,1,2,3,4\n"),
-        file("image numbers with two readings", MOT, "mot.txt", "0,1,10,20,30,40\n").with_ids_from_ten(),
+        file("image numbers with two readings", MOT, "mot.txt", "11,1,10,20,30,40\n").with_ids_from_ten(),
         file("a track twice in one image", CSV, "boxes.csv", "frame,x0,y0,x1,y1,track\n0,1,2,3,4,7\n0,2,2,3,4,7\n"),
         file(
             "images of another size",
