@@ -3,7 +3,7 @@
 
     python3 -m venv target/venv && target/venv/bin/pip install numpy opencv-python-headless
     cargo build --release -p quadlift-cli
-    for seed in 0 1 2; do
+    for seed in 0 1 2 3 4 5; do
         target/release/quadlift synth -q --render -o target/rendered/$seed/scene.json --noise box:0.1 --seed $seed
     done
     target/venv/bin/python experiments/grabcut.py target/release/quadlift target/rendered/*/scene.json

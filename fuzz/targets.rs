@@ -6,13 +6,22 @@ use std::path::Path;
 
 use quadlift_io::ReadError;
 use quadlift_io::read::bop::{BopFiles, parse_bop};
+use quadlift_io::read::detections::coco::parse_coco;
+use quadlift_io::read::detections::csv::{TableOptions, parse_csv};
+use quadlift_io::read::detections::kitti::parse_kitti_labels;
+use quadlift_io::read::detections::labelme::parse_labelme;
+use quadlift_io::read::detections::mot::{MotOptions, parse_mot};
+use quadlift_io::read::detections::names::parse_names;
+use quadlift_io::read::detections::supervision::parse_supervision;
+use quadlift_io::read::detections::yolo::{YoloOptions, parse_yolo};
+use quadlift_io::read::detections::{AddOptions, DetectionFiles, LabelFile, MatchBy, add_detections};
 use quadlift_io::read::kitti::{KittiFiles, KittiOptions, parse_kitti};
 use quadlift_io::read::kitti_raw::parse_tracklets;
 use quadlift_io::read::nerfstudio::parse_nerfstudio;
 use quadlift_io::read::projections::parse_projections;
 use quadlift_io::read::tum::{TumOptions, parse_tum};
 use quadlift_io::read::{Import, PixelCenters, colmap};
-use quadlift_io::scene_file::{parse_scene_file, write_scene};
+use quadlift_io::scene_file::{CameraRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
 
 /// Stands between the files of one input.
 pub const SEPARATOR: &[u8] = b"=====\n";
@@ -34,11 +43,16 @@ fn files<'a, const N: usize>(data: &'a [u8], names: [&'static str; N]) -> [File<
     })
 }
 
+/// An error has a message in one line.
+fn check_error(error: ReadError) {
+    assert!(!error.problem.is_empty() && !error.to_string().contains(char::is_control), "{error}");
+}
+
 /// What must hold for every answer: an error has a message in one line, a scene is valid and survives its file.
 fn check(result: Result<Import, ReadError>) -> bool {
     match result {
         Err(error) => {
-            assert!(!error.problem.is_empty() && !error.problem.contains('\n'), "{error}");
+            check_error(error);
             false
         }
         Ok(import) => {
@@ -49,6 +63,44 @@ fn check(result: Result<Import, ReadError>) -> bool {
             true
         }
     }
+}
+
+/// What must hold for every answer of a reader of detections: as [`check`], for a scene with the frames 0 to 3 to which
+/// they are added.
+fn check_detections(result: Result<DetectionFiles, ReadError>) -> bool {
+    let Ok(files) = result.map_err(check_error) else { return false };
+    for match_by in [MatchBy::Auto, MatchBy::Index, MatchBy::Time] {
+        let mut scene = small_scene();
+        let options = AddOptions { match_by, min_score: Some(0.1), ..AddOptions::default() };
+        let Ok(added) = add_detections(&mut scene, files.clone(), &options).map_err(check_error) else { continue };
+        assert_eq!(added.added, scene.detections.len());
+        scene.to_scene().unwrap();
+        scene.to_images(Path::new("scene.json")).unwrap();
+        let mut bytes = Vec::new();
+        write_scene(&scene, &mut bytes).unwrap();
+        assert_eq!(parse_scene_file(Path::new("scene.json"), &bytes).unwrap(), scene);
+    }
+    true
+}
+
+/// Four frames of one camera.
+fn small_scene() -> SceneFile {
+    let camera = CameraRecord {
+        id: "c".to_owned(),
+        model: "PINHOLE".to_owned(),
+        width: Some(640.0),
+        height: Some(480.0),
+        params: vec![500.0, 500.0, 320.0, 240.0],
+        ..CameraRecord::default()
+    };
+    let frame = |number: u8| FrameRecord {
+        id: format!("{number}.png"),
+        camera: Some("c".to_owned()),
+        cam_from_world: Some([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]),
+        time: Some(f64::from(number)),
+        ..FrameRecord::default()
+    };
+    SceneFile { cameras: vec![camera], frames: (0..4).map(frame).collect(), ..SceneFile::default() }
 }
 
 pub fn colmap_text(data: &[u8]) -> bool {
@@ -114,4 +166,49 @@ pub fn bop(data: &[u8]) -> bool {
 
 pub fn projections(data: &[u8]) -> bool {
     check(parse_projections(Path::new("projections.csv"), data, None, PixelCenters::Integer))
+}
+
+pub fn coco(data: &[u8]) -> bool {
+    let [file, annotations] = files(data, ["results.json", "instances.json"]);
+    check_detections(parse_coco(file, Some(annotations).filter(|file| !file.1.is_empty())))
+}
+
+pub fn mot(data: &[u8]) -> bool {
+    check_detections(parse_mot(Path::new("mot.txt"), data, &MotOptions::default()))
+}
+
+/// The files of a format that has one for each image.
+fn label_files(data: &[u8], extension: &str) -> Vec<LabelFile> {
+    let files = files(data, ["0", "1", "2"]);
+    let name = |name: &Path| format!("{}.{extension}", name.display());
+    files.map(|(path, bytes)| LabelFile { name: name(path), path: name(path).into(), bytes: bytes.to_vec() }).into()
+}
+
+/// Two label files, then the names of the classes in YAML.
+pub fn yolo(data: &[u8]) -> bool {
+    let mut files = label_files(data, "txt");
+    let names = files.pop().map(|file| parse_names(Path::new("data.yaml"), &file.bytes).map_err(check_error));
+    let names = names.and_then(Result::ok);
+    let options = YoloOptions { names: names.as_ref(), ..YoloOptions::default() };
+    check_detections(parse_yolo(Path::new("labels"), &files, &options))
+}
+
+pub fn kitti_labels(data: &[u8]) -> bool {
+    let mut files = label_files(data, "txt");
+    files.truncate(1);
+    check_detections(parse_kitti_labels(Path::new("labels"), &files))
+}
+
+pub fn csv(data: &[u8]) -> bool {
+    check_detections(parse_csv(Path::new("boxes.csv"), data, &TableOptions::default()))
+}
+
+pub fn supervision(data: &[u8]) -> bool {
+    check_detections(parse_supervision(Path::new("sink"), data, &TableOptions::default()))
+}
+
+pub fn labelme(data: &[u8]) -> bool {
+    let mut files = label_files(data, "json");
+    files.retain(|file| !file.bytes.is_empty());
+    check_detections(parse_labelme(Path::new("labels"), &files))
 }

@@ -64,6 +64,11 @@ pub fn positive(text: &str) -> Result<f64, String> {
     finite(text).ok().filter(|x| *x > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
 }
 
+/// Reads a finite number that is zero or above.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "expected a number that is not negative".to_owned())
+}
+
 /// Reads three numbers separated by commas.
 pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
@@ -112,6 +117,7 @@ mod tests {
     fn numbers_are_finite() {
         assert_eq!(three_numbers("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
         assert_eq!((image_size("640x480"), frame_range("90-106")), (Ok([640.0, 480.0]), Ok(90..=106)));
+        assert!(not_negative("0") == Ok(0.0) && not_negative("-1").is_err() && not_negative("nan").is_err());
         assert!(image_size("640").is_err() && image_size("0x1").is_err() && frame_range("7-6").is_err());
         assert!(three_numbers("1,2").is_err() && three_numbers("1,2,inf").is_err() && finite("nan").is_err());
     }

@@ -1,15 +1,18 @@
 //! Finding out which detections show the same object: what `associate` and `localize` share.
 
+use std::collections::HashMap;
+
 use anyhow::bail;
 use quadlift::associate;
-use quadlift::associate::{AssociateError, AssociateOptions, AssociatedObject, Association, IdUse, Outcome};
-use quadlift::scene::{Scene, SourceError};
+use quadlift::associate::{AssociateError, AssociateOptions, AssociatedObject, Association, IdUse, NotUsed, Outcome};
+use quadlift::scene::{Detection, Scene, SourceError};
 use quadlift_io::SceneFile;
+use quadlift_io::scene_file::DetectionRecord;
 use serde_json::{Map, Value, json};
 
-use crate::output::Output;
+use crate::output::{Output, one_line};
 use crate::progress::counting_bar;
-use crate::words::count;
+use crate::words::{count, some_of};
 
 /// What the ids of a scene's detections are worth, as on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -36,28 +39,80 @@ impl IdsName {
 /// Whether `localize` finds out first which detections show the same object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum When {
-    /// Where no detection of the source names an object.
+    /// Where detections of the source name no object; ids that others have are trusted.
     #[default]
     Auto,
     /// Not at all: detections without an object are left out.
     Never,
-    /// In any case.
+    /// In any case; ids are evidence.
     Always,
 }
 
 impl When {
-    /// Whether a scene is to be associated.
-    pub fn applies_to(self, scene: &Scene, source: Option<&str>) -> anyhow::Result<bool> {
-        Ok(match self {
-            Self::Never => false,
-            Self::Always => true,
-            Self::Auto => {
-                let Ok(source) = scene.source_index(source) else { return Ok(false) };
-                let mut detections =
-                    scene.detections.iter().filter(|d| source.is_none() || d.source_index == source).peekable();
-                detections.peek().is_some() && detections.all(|detection| detection.object_index.is_none())
-            }
-        })
+    /// What the ids of a scene are worth when it is to be associated; `None` when it is not. `chosen` is what the user
+    /// says about ids.
+    pub fn ids_for(self, scene: &Scene, source: Option<&str>, chosen: Option<IdsName>) -> Option<IdUse> {
+        let default = match self {
+            Self::Never => return None,
+            Self::Always => IdUse::Evidence,
+            Self::Auto if named_and_unnamed(scene, source).1 == 0 => return None,
+            Self::Auto => IdUse::Trust,
+        };
+        Some(chosen.map_or(default, IdsName::use_of_ids))
+    }
+}
+
+/// How many detections of a source name an object, and how many do not; a source that is not clear is reported by what
+/// comes next.
+fn named_and_unnamed(scene: &Scene, source: Option<&str>) -> (usize, usize) {
+    let source = scene.source_index(source).unwrap_or_default();
+    let of_source = |d: &&Detection| source.is_none() || d.source_index == source;
+    let (named, unnamed): (Vec<_>, Vec<_>) =
+        scene.detections.iter().filter(of_source).partition(|d| d.object_index.is_some());
+    (named.len(), unnamed.len())
+}
+
+/// What `localize` says about identities that it has found.
+pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, association: &Association) -> String {
+    let (named, unnamed) = named_and_unnamed(scene, source);
+    let given = match ids {
+        _ if named == 0 => "no detection names an object".to_owned(),
+        IdUse::Trust => format!("{} name no object, the ids of the others are trusted", count(unnamed, "detection")),
+        IdUse::Evidence => "the ids of the detections are evidence".to_owned(),
+        IdUse::Ignore => "the ids of the detections are not looked at".to_owned(),
+    };
+    let doubtful: Vec<&str> =
+        association.objects.iter().filter(|o| o.doubtful.is_some()).map(|o| o.id.as_str()).collect();
+    let mut text = format!("identities were found ({given}): {}", in_words(association));
+    if !doubtful.is_empty() {
+        text.push_str(&format!("\ndoubtful: {}", one_line(&some_of(&doubtful))));
+    }
+    text
+}
+
+/// Adds to a result what was found about identities: the detections with their objects, why objects are doubtful, and
+/// the counts.
+pub fn add_to_result(
+    result: &mut SceneFile,
+    mut detections: Vec<DetectionRecord>,
+    associated: &Scene,
+    source: Option<&str>,
+    association: &Association,
+) {
+    for (record, detection) in detections.iter_mut().zip(&associated.detections) {
+        record.object = detection.object_index.map(|index| associated.object_ids[index as usize].as_str().into());
+        // Masks are the bulk of a segmented scene, and stay there.
+        (record.mask, record.segmentation) = (None, None);
+    }
+    detections.retain(|record| source.is_none() || record.source.as_deref() == source);
+    result.detections = detections;
+    let doubts: HashMap<&str, &str> =
+        association.objects.iter().filter_map(|o| Some((o.id.as_str(), o.doubtful?.text()))).collect();
+    for object in &mut result.objects {
+        object.warnings.extend(doubts.get(object.id.as_str()).map(|doubt| format!("doubtful: {doubt}")));
+    }
+    if let Some(about) = &mut result.localization {
+        about["association"] = to_json(associated, association);
     }
 }
 
@@ -80,7 +135,7 @@ pub fn associate_scene(
         result => result?,
     };
     if association.outcome != Outcome::Found {
-        bail!("no object was found: {}", association.outcome.text());
+        bail!("no object was found: {}{}", association.outcome.text(), not_used_in_words(association.not_used));
     }
     Ok(association)
 }
@@ -110,13 +165,14 @@ pub fn in_words(association: &Association) -> String {
     if doubtful > 0 {
         text.push_str(&format!("; {doubtful} doubtful"));
     }
-    let not_used = association.not_used;
-    for (number, why) in [(not_used.low_score, "with a low score"), (not_used.duplicate, "that overlap a better one")] {
-        if number > 0 {
-            text.push_str(&format!("; {} {why} left out", count(number, "detection")));
-        }
-    }
-    text
+    text + &not_used_in_words(association.not_used)
+}
+
+/// The detections that took no part, to be added to a sentence.
+fn not_used_in_words(not_used: NotUsed) -> String {
+    let reasons = [(not_used.low_score, "with a low score"), (not_used.duplicate, "that overlap a better one")];
+    let left_out = reasons.iter().filter(|(number, _)| *number > 0);
+    left_out.map(|(number, why)| format!("; {} {why} left out", count(*number, "detection"))).collect()
 }
 
 /// The association as JSON: counts, and the objects with their evidence.

@@ -1,11 +1,15 @@
 //! Scores of estimates against the truth: from scene files to the table and the JSON document.
 
+use std::collections::HashSet;
 use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{anyhow, bail};
-use quadlift::geometry::Projection;
-use quadlift::metrics::{EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, TruthObject, evaluate};
+use quadlift::geometry::{Ellipsoid, Projection};
+use quadlift::metrics::{
+    EstimatedObject, Evaluation, FoundScore, Mean, MeanScore, ObjectScore, PairedBy, TruthObject, evaluate,
+    evaluate_by_overlap, score_found,
+};
 use quadlift::solve::Status;
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::ObjectBodies;
@@ -15,10 +19,34 @@ use crate::output::{BAD, GOOD, HEADING, WARNING, one_line};
 use crate::table::{Cell, Table, decimals, number};
 use crate::words::{count, some_of, with_unit};
 
-/// Scores the objects of a result against those of a scene that holds the truth.
+/// A true object is found when the volume IoU with an estimate is at least this.
+const LEAST_IOU: f64 = 0.25;
+
+/// How estimates and true objects are paired, as on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Match {
+    /// By their ids where any is common, else by overlap.
+    #[default]
+    Auto,
+    /// By their ids.
+    Ids,
+    /// By the overlap of their bodies.
+    Overlap,
+}
+
+/// Scores the objects of a result against those of a scene that holds the truth, paired as their ids suggest.
+pub fn evaluate_files(estimate: (&Path, &SceneFile), truth: (&Path, &SceneFile)) -> anyhow::Result<Evaluation> {
+    Ok(evaluate_objects(estimate, truth, Match::Auto)?.0)
+}
+
+/// Scores the objects of a result against those of a scene that holds the truth, and tells how many were found.
 ///
 /// The cameras for the agreement in the images are those of the truth, or of the estimate where the truth has none.
-pub fn evaluate_files(estimate: (&Path, &SceneFile), truth: (&Path, &SceneFile)) -> anyhow::Result<Evaluation> {
+pub fn evaluate_objects(
+    estimate: (&Path, &SceneFile),
+    truth: (&Path, &SceneFile),
+    matching: Match,
+) -> anyhow::Result<(Evaluation, FoundScore)> {
     let objects = |(path, file): (&Path, &SceneFile)| file.to_objects().map_err(|error| error.in_file(path));
     let estimated: Vec<EstimatedObject> = objects(estimate)?.into_iter().map(estimated_object).collect();
     let true_objects: Vec<TruthObject> = objects(truth)?.into_iter().map(true_object).collect();
@@ -26,21 +54,34 @@ pub fn evaluate_files(estimate: (&Path, &SceneFile), truth: (&Path, &SceneFile))
     if true_objects.is_empty() {
         bail!("{truth_path}: the file holds no \"objects\": there is no truth to compare with");
     }
+    if estimated.is_empty() {
+        bail!("{estimate_path}: the file holds no \"objects\": there is nothing to score");
+    }
     if let (Some(a), Some(b)) = (&estimate.1.length_unit, &truth.1.length_unit)
         && a != b
     {
         bail!("the length unit of {estimate_path} is \"{a}\", that of {truth_path} is \"{b}\"");
     }
-    if !estimated.iter().any(|e| true_objects.iter().any(|t| t.id == e.id)) {
+    let ids: HashSet<&str> = true_objects.iter().map(|object| object.id.as_str()).collect();
+    let any_common = estimated.iter().any(|object| ids.contains(object.id.as_str()));
+    if matching == Match::Ids && !any_common {
         bail!(
-            "no object of {estimate_path} has the id of an object of {truth_path}; there: {}",
+            "no object of {estimate_path} has the id of an object of {truth_path}; there: {} (--match overlap pairs them \
+             by their bodies)",
             true_objects.iter().take(5).map(|object| object.id.as_str()).collect::<Vec<_>>().join(", ")
         );
     }
     let (path, cameras) = if truth.1.frames.is_empty() { estimate } else { truth };
     let scene = cameras.to_scene().map_err(|error| anyhow!(error.in_file(path)))?;
     let projections: Vec<Projection> = scene.frames.iter().map(|frame| frame.projection).collect();
-    Ok(evaluate(&estimated, &true_objects, &projections))
+    let evaluation = match matching {
+        Match::Overlap => evaluate_by_overlap(&estimated, &true_objects, &projections),
+        Match::Auto if !any_common => evaluate_by_overlap(&estimated, &true_objects, &projections),
+        Match::Auto | Match::Ids => evaluate(&estimated, &true_objects, &projections),
+    };
+    let found: Vec<Option<Ellipsoid>> = estimated.iter().map(|object| object.ellipsoid).collect();
+    let bodies: Vec<Ellipsoid> = true_objects.iter().filter_map(TruthObject::ellipsoid).collect();
+    Ok((evaluation, score_found(&found, &bodies, LEAST_IOU)))
 }
 
 fn estimated_object(object: ObjectBodies) -> EstimatedObject {
@@ -129,7 +170,8 @@ const COLUMNS: [Column; 9] = [
 pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
     let columns: Vec<&Column> =
         COLUMNS.iter().filter(|c| evaluation.objects.iter().any(|o| (c.of)(o).is_some())).collect();
-    let mut titles = vec!["<object".to_owned(), "<status".to_owned()];
+    let by_overlap = evaluation.paired_by == PairedBy::Overlap;
+    let mut titles = ["<object", "<estimate", "<status"].map(str::to_owned).to_vec();
     titles.extend(columns.iter().map(|column| match column.unit {
         Unit::Length => with_unit(column.title, length_unit),
         _ => column.title.to_owned(),
@@ -149,18 +191,22 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
             Some(status) => Cell::styled(status, BAD),
         };
         let scores = columns.iter().map(|column| show(column, (column.of)(object)).into());
-        table.push([object.id.as_str().into(), status].into_iter().chain(scores).collect());
+        // Where ids pair them it is the same one.
+        let estimate = object.estimate.as_deref().filter(|_| by_overlap).unwrap_or_default();
+        table.push([object.id.as_str().into(), estimate.into(), status].into_iter().chain(scores).collect());
     }
     let means = columns
         .iter()
         .map(|column| Cell::styled(show(column, (column.mean)(&evaluation.mean).map(|mean| mean.value)), HEADING));
-    table.push([Cell::styled("mean", HEADING), Cell::default()].into_iter().chain(means).collect());
+    let mean = [Cell::styled("mean", HEADING), Cell::default(), Cell::default()];
+    table.push(mean.into_iter().chain(means).collect());
     let mut text = table.render();
     let _ = writeln!(text, "{}", failures(evaluation));
     if !evaluation.unmatched.is_empty() {
         let _ = writeln!(
             text,
-            "{WARNING}note:{WARNING:#} estimates that no true object has the id of: {}",
+            "{WARNING}note:{WARNING:#} estimates that {}: {}",
+            if by_overlap { "are paired with no true object" } else { "no true object has the id of" },
             one_line(&some_of(&evaluation.unmatched))
         );
     }
@@ -182,6 +228,7 @@ pub fn to_json(evaluation: &Evaluation) -> Value {
     let object = |o: &ObjectScore| {
         let mut scores = Map::new();
         scores.insert("id".to_owned(), json!(o.id));
+        scores.insert("estimate".to_owned(), json!(o.estimate));
         scores.insert("status".to_owned(), json!(o.status));
         scores.insert("has_body".to_owned(), json!(o.has_body));
         for column in &COLUMNS {
@@ -200,6 +247,34 @@ pub fn to_json(evaluation: &Evaluation) -> Value {
         "failures": evaluation.failures,
         "failure_share": evaluation.failure_share(),
         "unmatched": evaluation.unmatched,
+        "matched_by": match evaluation.paired_by {
+            PairedBy::Ids => "ids",
+            PairedBy::Overlap => "overlap",
+        },
+    })
+}
+
+/// How many objects were found, for people.
+pub fn render_found(found: &FoundScore) -> String {
+    format!(
+        "{HEADING}found{HEADING:#}: {} of {} (IoU of {LEAST_IOU} or more, whatever their ids); of {} {} are true\n",
+        found.matched,
+        count(found.true_objects, "true object"),
+        count(found.found, "estimate"),
+        found.matched,
+    )
+}
+
+/// How many objects were found, as JSON.
+pub fn found_to_json(found: &FoundScore) -> Value {
+    json!({
+        "least_iou3d": LEAST_IOU,
+        "true_objects": found.true_objects,
+        "estimates": found.found,
+        "matched": found.matched,
+        "precision": found.precision(),
+        "recall": found.recall(),
+        "mean_iou3d": found.mean_iou3d,
     })
 }
 

@@ -126,7 +126,8 @@ fn check_parent(path: &Path) -> anyhow::Result<()> {
     }
 }
 
-fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
+/// Refuses an output that is the scene itself.
+pub fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
     match (input.canonicalize(), output.canonicalize()) {
         (Ok(a), Ok(b)) if a == b => usage(format!("the result would overwrite the scene {}", input.display())),
         _ => Ok(()),

@@ -158,17 +158,25 @@ pub fn read_masks(
     Ok(told.iter().map(|problem| problem.in_words(scene)).collect())
 }
 
+/// Refuses a scene that is not in metres, as the built-in priors are.
+pub fn check_metres(scene: &Scene) -> anyhow::Result<()> {
+    if scene.length_unit.as_deref() == Some("m") {
+        return Ok(());
+    }
+    let unit = match &scene.length_unit {
+        Some(unit) => format!("\"{unit}\""),
+        None => "not given".to_owned(),
+    };
+    bail!(
+        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \"m\" if \
+         it is in metres, or give a file of priors in its unit"
+    )
+}
+
 /// Localises the objects of a scene; `title` stands before the progress bar.
 pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Output) -> anyhow::Result<Localization> {
-    if matches!(settings.priors, PriorSource::Builtin) && scene.length_unit.as_deref() != Some("m") {
-        let unit = match &scene.length_unit {
-            Some(unit) => format!("\"{unit}\""),
-            None => "not given".to_owned(),
-        };
-        bail!(
-            "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \
-             \"m\" if it is in metres, or give a file of priors in its unit"
-        );
+    if matches!(settings.priors, PriorSource::Builtin) {
+        check_metres(scene)?;
     }
     let bar = object_bar(title, out);
     let result = localize(scene, &settings.options, &|done, total| {

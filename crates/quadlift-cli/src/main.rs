@@ -5,6 +5,7 @@ mod args;
 mod association;
 mod commands;
 mod contact_sheet;
+mod division;
 mod error;
 mod estimate_table;
 mod evaluation;
@@ -27,7 +28,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use commands::{
-    associate, completions, demo, evaluate, import, info, localize, render, reproduce, segment, synth, view,
+    associate, completions, demo, evaluate, export, import, import_detections, info, localize, render, reproduce,
+    segment, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -73,6 +75,8 @@ enum Command {
     Render(render::Args),
     Synth(synth::Args),
     Import(import::Args),
+    Export(export::Args),
+    ImportDetections(import_detections::Args),
     Info(info::Args),
     Reproduce(reproduce::Args),
     Completions(completions::Args),
@@ -91,6 +95,8 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(&args, &out),
         Command::Synth(args) => synth::run(&args, &out),
         Command::Import(args) => import::run(&args, &out),
+        Command::Export(args) => export::run(&args, &out),
+        Command::ImportDetections(args) => import_detections::run(&args, &out),
         Command::Info(args) => info::run(&args, &out),
         Command::Reproduce(args) => reproduce::run(&args, &out),
         Command::Completions(args) => completions::run(&args, &out),
@@ -124,9 +130,13 @@ mod tests {
             let name = command.get_name();
             assert!(name == "quadlift" || manual.contains(&format!("## quadlift {name}")), "{name}");
         }
-        let formats: Vec<_> = cli.find_subcommand("import").unwrap().get_subcommands().collect();
-        for format in &formats {
-            assert!(manual.contains(&format!("quadlift import {}", format.get_name())), "{}", format.get_name());
+        let mut formats = Vec::new();
+        for command in ["import", "import-detections", "export"] {
+            for format in cli.find_subcommand(command).unwrap().get_subcommands() {
+                let name = format.get_name();
+                assert!(manual.contains(&format!("quadlift {command} {name}")), "{command} {name}");
+                formats.push(format);
+            }
         }
         for command in cli.get_subcommands().chain([&cli]).chain(formats) {
             let name = command.get_name();

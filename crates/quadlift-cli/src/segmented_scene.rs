@@ -28,13 +28,7 @@ pub fn add_to_scene(
     folders: [&Path; 2],
     out_masks: Option<&Path>,
 ) -> anyhow::Result<()> {
-    let move_path = relocation(folders)?;
-    for image in file.frames.iter_mut().filter_map(|frame| frame.image.as_mut()) {
-        *image = move_path(image);
-    }
-    for path in file.detections.iter_mut().filter_map(|d| d.mask.as_mut()?.path.as_mut()) {
-        *path = move_path(path);
-    }
+    move_paths(file, folders)?;
     for (index, record) in file.detections.iter_mut().enumerate() {
         if let Some(found) = &segmentation.found[index] {
             describe(record, found, method);
@@ -70,6 +64,18 @@ pub fn add_to_scene(
                 }
             }
         }
+    }
+    Ok(())
+}
+
+/// Changes the paths of images and masks when the scene file moves from the first folder to the second one.
+pub fn move_paths(file: &mut SceneFile, folders: [&Path; 2]) -> anyhow::Result<()> {
+    let move_path = relocation(folders)?;
+    for image in file.frames.iter_mut().filter_map(|frame| frame.image.as_mut()) {
+        *image = move_path(image);
+    }
+    for path in file.detections.iter_mut().filter_map(|d| d.mask.as_mut()?.path.as_mut()) {
+        *path = move_path(path);
     }
     Ok(())
 }

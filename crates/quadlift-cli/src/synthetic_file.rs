@@ -5,6 +5,14 @@ use quadlift::synthetic::SyntheticScene;
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::{CameraRecord, DetectionRecord, EllipseRecord, FrameRecord, ObjectRecord};
 
+/// The same scene whose detections name the true objects.
+pub fn with_true_ids(mut file: SceneFile, synthetic: &SyntheticScene) -> SceneFile {
+    for (record, object) in file.detections.iter_mut().zip(&synthetic.true_objects) {
+        record.object = object.map(|index| synthetic.truth[index].0.as_str().into());
+    }
+    file
+}
+
 /// The scene with its cameras, detections and, as `objects`, the truth.
 pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
     let scene = &synthetic.scene;

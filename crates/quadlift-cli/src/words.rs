@@ -3,6 +3,11 @@
 /// How many names a line shows.
 const SHOWN: usize = 8;
 
+/// What is said where Parquet is asked for and the program was built without it.
+#[cfg(not(feature = "parquet"))]
+pub const NO_PARQUET: &str = "this program was built without Parquet; build it with it: cargo install --path crates/quadlift-cli \
+                              --features parquet";
+
 /// "1 view", "2 views".
 pub fn count(n: usize, singular: &str) -> String {
     format!("{n} {singular}{}", if n == 1 { "" } else { "s" })

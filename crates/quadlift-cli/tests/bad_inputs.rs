@@ -313,6 +313,131 @@ fn images() -> Vec<Case> {
     ]
 }
 
+/// Detections of other programs, for a good scene without detections whose frames are 000000 to 000005.
+fn detections() -> Vec<Case> {
+    let file = |title, arguments, name: &'static str, content: &'static str| Case {
+        make: Box::new(move |folder: &Folder| {
+            let mut scene = folder.small_scene();
+            drop(scene.as_object_mut().unwrap().remove("detections"));
+            folder.write_json("scene.json", &scene);
+            folder.write(name, content);
+        }),
+        ..called(title, 1, arguments)
+    };
+    const COCO: &str = "import-detections coco coco.json scene.json -o out.json";
+    const MOT: &str = "import-detections mot mot.txt scene.json -o out.json";
+    const YOLO: &str = "import-detections yolo labels scene.json -o out.json";
+    const CSV: &str = "import-detections csv boxes.csv scene.json -o out.json";
+    let label = "labels/000001.txt";
+    let usage = |case: Case| Case { code: 2, ..case };
+    vec![
+        file("no image is a frame", CSV, "boxes.csv", "image,x0,y0,x1,y1\na.png,1,2,3,4\nb.png,1,2,3,4\n"),
+        file("image numbers with two readings", MOT, "mot.txt", "0,1,10,20,30,40\n").with_ids_from_ten(),
+        file("a track twice in one image", CSV, "boxes.csv", "frame,x0,y0,x1,y1,track\n0,1,2,3,4,7\n0,2,2,3,4,7\n"),
+        file(
+            "images of another size",
+            COCO,
+            "coco.json",
+            r#"{"images": [{"id": 1, "file_name": "000000.png", "width": 32, "height": 32}], "annotations": [{"image_id": 1, "bbox": [1, 2, 3, 4]}]}"#,
+        ),
+        file(
+            "an annotation of an unknown image",
+            COCO,
+            "coco.json",
+            r#"{"images": [], "annotations": [{"image_id": 1, "bbox": [1, 2, 3, 4]}]}"#,
+        ),
+        file(
+            "runs that do not fill the image",
+            COCO,
+            "coco.json",
+            r#"[{"image_id": 1, "segmentation": {"size": [9, 9], "counts": "04"}}]"#,
+        ),
+        file(
+            "a box of edges where a size is expected",
+            COCO,
+            "coco.json",
+            r#"[{"image_id": 1, "bbox": [30, 20, -10, 4]}]"#,
+        ),
+        file("a reversed box", CSV, "boxes.csv", "0,30,20,10,40\n"),
+        file("no column for the image", CSV, "boxes.csv", "x0,y0,x1,y1\n1,2,3,4\n"),
+        file("columns without names", CSV, "boxes.csv", "1,2,3,4,5,6,7\n"),
+        file("too few columns of MOTChallenge", MOT, "mot.txt", "1,2,3\n"),
+        file("pixels in a YOLO file", YOLO, label, "0 345.2 120 20 20\n"),
+        file("a score or a track id", YOLO, label, "0 0.5 0.5 0.2 0.2 1\n"),
+        file("a folder without label files", YOLO, "labels/a.md", ""),
+        file(
+            "names that are not in the YAML file",
+            "import-detections yolo labels scene.json -o out.json --names data.yaml",
+            "data.yaml",
+            "nc: 2\n",
+        ),
+        file(
+            "a LabelMe file without shapes",
+            "import-detections labelme a.json scene.json -o out.json",
+            "a.json",
+            "{}",
+        ),
+        file(
+            "a KITTI label that is cut off",
+            "import-detections kitti a.txt scene.json -o out.json",
+            "a.txt",
+            "0 1 Car 0 0\n",
+        ),
+        file(
+            "cameras of no known format",
+            "localize --cameras boxes.csv --detections boxes.csv -o out.json",
+            "boxes.csv",
+            "1,2,3\n",
+        ),
+        file(
+            "detections of no known format",
+            "localize --cameras scene.json --detections notes.txt -o out.json",
+            "notes.txt",
+            "hello\n",
+        ),
+        usage(file("cameras without detections", "localize --cameras scene.json -o out.json", "a.txt", "")),
+        usage(
+            file(
+                "a trajectory without intrinsics",
+                "localize --cameras tum.txt --detections boxes.csv",
+                "tum.txt",
+                "0 0 0 0 0 0 0 1\n",
+            )
+            .and("boxes.csv", "0,1,2,3,4\n"),
+        ),
+    ]
+}
+
+impl Case {
+    /// The same with one more file.
+    fn and(self, name: &'static str, content: &'static str) -> Self {
+        let make = self.make;
+        Self {
+            make: Box::new(move |folder| {
+                make(folder);
+                folder.write(name, content);
+            }),
+            ..self
+        }
+    }
+
+    /// The same with frames whose ids count from 10.
+    fn with_ids_from_ten(self) -> Self {
+        let make = self.make;
+        Self {
+            make: Box::new(move |folder| {
+                make(folder);
+                let mut scene = folder.json("scene.json");
+                for (index, frame) in scene["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+                    frame["id"] = json!(format!("frame_{}", index + 10));
+                }
+                folder.write_json("scene.json", &scene);
+            }),
+            ..self
+        }
+    }
+}
+
 fn choices() -> Vec<Case> {
     let sources = |scene: &mut Value| {
         for (index, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
@@ -345,8 +470,60 @@ fn choices() -> Vec<Case> {
         called("an unknown noise", 2, "synth -o out.json --noise fog:1"),
         called("too many outliers", 2, "synth -o out.json --outliers 1.5"),
         called("ellipse noise on boxes", 2, "synth -o out.json --noise re:45"),
+        called("an unknown path of the cameras", 2, "synth -o out.json --trajectory circle"),
+        called("a share of misses above one", 2, "synth -o out.json --misses 1.5"),
+        called("a negative number of false boxes", 2, "synth -o out.json --false-boxes=-1"),
+        called("no ids, and ids of a tracker", 2, "synth -o out.json --no-ids --fragments 0.1"),
+        called("a truth in place of the scene", 2, "synth -o out.json --truth out.json"),
+        called("a detector of rendered scenes", 2, "synth --render -o out.json --misses 0.1"),
         called("ellipses of cuboids", 2, "synth -o out.json --body cuboid --observations ellipses"),
     ]
+}
+
+/// Scenes whose detections name no object.
+fn associations() -> Vec<Case> {
+    const ASSOCIATE: &str = "associate scene.json -o out.json";
+    let nameless = |title, arguments, change: fn(&mut Value)| Case {
+        arguments,
+        ..changed(title, move |scene| {
+            for detection in scene["detections"].as_array_mut().unwrap() {
+                detection.as_object_mut().unwrap().remove("object");
+            }
+            change(scene);
+        })
+    };
+    let code_2 = |case: Case| Case { code: 2, ..case };
+    vec![
+        nameless("no detections to associate", ASSOCIATE, |scene| scene["detections"] = json!([])),
+        nameless("all detections in one frame", ASSOCIATE, |scene| keep_frames(scene, &["000002"])),
+        nameless("all detections in two frames", ASSOCIATE, |scene| keep_frames(scene, &["000002", "000004"])),
+        nameless("the same in localize", LOCALIZE, |scene| keep_frames(scene, &["000002", "000004"])),
+        nameless("cameras that see nothing in common", ASSOCIATE, |scene| {
+            // Each looks another way from the same place.
+            for (index, frame) in scene["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+                let (sin, cos) = (std::f64::consts::TAU * index as f64 / 6.0).sin_cos();
+                frame["cam_from_world"] = json!([[cos, 0, -sin, 0], [0, 1, 0, 0], [sin, 0, cos, 0]]);
+            }
+        }),
+        nameless("scores that are all too low", "associate scene.json -o out.json --min-score 0.5", |scene| {
+            scene["detections"].as_array_mut().unwrap().iter_mut().for_each(|d| d["score"] = json!(0.1));
+        }),
+        nameless("a score that is no number", ASSOCIATE, |scene| scene["detections"][0]["score"] = json!("high")),
+        nameless(
+            "sizes in metres, a scene without a unit",
+            "associate scene.json -o out.json --priors builtin",
+            |_| {},
+        ),
+        nameless("an unknown source to associate", "associate scene.json -o out.json --source yolo", |_| {}),
+        code_2(nameless("an overlap above one", "associate scene.json -o out.json --max-overlap 2", |_| {})),
+        code_2(nameless("objects of one view", "associate scene.json -o out.json --min-views 1", |_| {})),
+        code_2(nameless("an associated scene in place of the scene", "associate scene.json -o scene.json", |_| {})),
+    ]
+}
+
+/// Leaves the detections in these frames.
+fn keep_frames(scene: &mut Value, frames: &[&str]) {
+    scene["detections"].as_array_mut().unwrap().retain(|d| frames.contains(&d["frame"].as_str().unwrap()));
 }
 
 fn paths() -> Vec<Case> {
@@ -396,13 +573,18 @@ fn evaluations() -> Vec<Case> {
             let mut changed = folder.json("truth.json");
             truth(&mut changed);
             folder.write_json("truth.json", &changed);
+            let object = |name: &str| json!({"format": "quadlift.scene", "version": 1, "name": name});
+            folder.write_json("empty.json", &object("empty"));
+            let mut other = object("other");
+            other["detections"] = json!([{"frame": "000000", "object": "cup", "box": [1, 2, 3, 4]}]);
+            folder.write_json("other.json", &other);
         }),
         ..called(title, 1, arguments)
     };
     const EVALUATE: &str = "evaluate estimate.json truth.json";
     vec![
         pair("a truth without objects", EVALUATE, |truth| drop(truth.as_object_mut().unwrap().remove("objects"))),
-        pair("no common object", EVALUATE, |truth| {
+        pair("no common object", "evaluate estimate.json truth.json --match ids", |truth| {
             truth["objects"][0]["id"] = json!("cup");
             truth["objects"][1]["id"] = json!("mug");
         }),
@@ -417,6 +599,40 @@ fn evaluations() -> Vec<Case> {
         }),
         pair("an unknown status", EVALUATE, |truth| truth["objects"][0]["status"] = json!("fine")),
         pair("no estimate", "evaluate no.json truth.json", |_| {}),
+        pair("an estimate without objects", "evaluate empty.json truth.json", |_| {}),
+        pair("identities of other detections", "evaluate other.json truth.json", |_| {}),
+        pair("identities of an unknown source", "evaluate truth.json truth.json --source yolo", |_| {}),
+    ]
+}
+
+fn exports() -> Vec<Case> {
+    let of_truth = |title, code, arguments| Case {
+        make: Box::new(|folder: &Folder| {
+            folder.succeed("synth -o truth.json --objects 2 --views 6");
+            folder.write("tables/notes.txt", "");
+            folder.write("calib.txt", "P0: 1 2 3\n");
+        }),
+        ..called(title, code, arguments)
+    };
+    vec![
+        called("a scene without objects", 1, "export ply scene.json -o out.ply"),
+        Case {
+            make: Box::new(|folder| {
+                let mut scene = folder.small_scene();
+                scene["objects"] = json!([{"id": "cup", "status": "too_few_views"}]);
+                folder.write_json("scene.json", &scene);
+            }),
+            ..called("objects without a body", 1, "export glb scene.json -o out.glb")
+        },
+        of_truth("an export in place of the scene", 2, "export ply truth.json -o truth.json"),
+        of_truth("an export into a folder that does not exist", 1, "export coco truth.json -o no/out.json"),
+        of_truth("an export in place of a folder", 1, "export ros truth.json -o tables"),
+        of_truth("two tables of one name", 2, "export csv truth.json -o out.csv --views out.csv"),
+        of_truth("a calibration without P2", 1, "export kitti truth.json -o out.txt --calib calib.txt"),
+        of_truth("frusta of a negative depth", 2, "export ply truth.json -o out.ply --frusta=-1"),
+        of_truth("an unknown format", 2, "export obj truth.json -o out.obj"),
+        #[cfg(not(feature = "parquet"))]
+        of_truth("Parquet, which the program was built without", 2, "export parquet truth.json -o new"),
     ]
 }
 
@@ -479,10 +695,13 @@ fn document() -> String {
         ("Files", files()),
         ("Entries of a scene", entries()),
         ("Scenes in which nothing can be localised", hopeless()),
+        ("Detections without identities", associations()),
         ("Images and masks", images()),
+        ("Detections of other programs", detections()),
         ("Choices", choices()),
         ("Paths", paths()),
         ("Evaluation", evaluations()),
+        ("Exports", exports()),
         ("Reports and pictures", looks()),
     ];
     let mut text = INTRODUCTION.to_owned();
@@ -496,6 +715,8 @@ fn document() -> String {
     text
 }
 
+// The manual describes the program without Parquet, as it is built by default.
+#[cfg(not(feature = "parquet"))]
 #[test]
 fn every_bad_input_has_its_message() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/errors.md");

@@ -152,16 +152,27 @@ fn the_number_of_threads_does_not_change_a_byte() {
 }
 
 #[test]
-fn detections_without_object_ids_are_counted() {
+fn detections_without_object_ids_are_given_to_their_objects_or_counted() {
     let folder = Folder::new();
     let mut scene = folder.small_scene();
+    let first = scene["detections"][0]["object"].clone();
     for detection in scene["detections"].as_array_mut().unwrap().iter_mut().skip(9) {
         detection.as_object_mut().unwrap().remove("object");
     }
     folder.write_json("scene.json", &scene);
-    let text = folder.succeed("localize scene.json");
+    let text = folder.succeed("localize scene.json -o out.json");
+    let expected = "identities were found (3 detections name no object, the ids of the others are trusted): 12 detections \
+                    show 2 objects, 0 none";
+    assert!(text.contains(expected), "{text}");
+    let found = folder.json("out.json");
+    assert_eq!(found["detections"].as_array().unwrap().len(), 12);
+    assert_eq!((&found["detections"][0]["object"], &found["detections"][11]["object"]), (&first, &json!("object_001")));
+    assert_eq!(found["localization"]["left_out"]["without_object"], 0);
+    // Not where it is not wanted.
+    let text = folder.succeed("localize scene.json --associate never");
     assert!(text.contains("warning: left out 3 detections without an object id"), "{text}");
-    let document: Value = serde_json::from_str(&folder.succeed("localize scene.json --json")).unwrap();
+    let document: Value =
+        serde_json::from_str(&folder.succeed("localize scene.json --associate never --json")).unwrap();
     assert_eq!(document["scenes"][0]["left_out"]["without_object"], 3);
 }
 

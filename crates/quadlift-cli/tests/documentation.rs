@@ -45,6 +45,12 @@ fn files_and_commands_work_as_shown() {
     let (mut files, mut commands) = (0, 0);
     for (path, page) in pages() {
         let folder = Folder::new();
+        // The files of a tutorial that are too long for its text.
+        let data = path.with_extension("");
+        let data = workspace().join("docs/data").join(data.file_name().unwrap());
+        if data.is_dir() {
+            folder.copy(&data);
+        }
         for (kind, text) in blocks(&page) {
             match kind.split_once(' ') {
                 Some(("json", name)) => {
@@ -70,7 +76,7 @@ fn files_and_commands_work_as_shown() {
             }
         }
     }
-    assert!(files >= 4 && commands >= 15, "{files} files, {commands} commands");
+    assert!(files >= 4 && commands >= 40, "{files} files, {commands} commands");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use quadlift::LocalizeError;
+use quadlift::associate::AssociateError;
 use quadlift::synthetic::SyntheticError;
 use quadlift_io::ReadError;
 use quadlift_segment::{CropError, SegmentError};
@@ -13,8 +14,8 @@ pub enum Error {
     /// The real data is not there.
     #[error(
         "there is no real data: {} has no folder \"scenes\"; name the folder of the data with --data DIR or the \
-         environment variable QUADLIFT_DATA (only the experiments \"synthetic\" and \
-         \"segmentation\" run without)", .0.display()
+         environment variable QUADLIFT_DATA (only the experiments \"synthetic\", \
+         \"segmentation\" and \"association\" run without)", .0.display()
     )]
     NoData(PathBuf),
     /// A scene file cannot be read.
@@ -23,6 +24,9 @@ pub enum Error {
     /// The options do not fit a scene.
     #[error(transparent)]
     Localize(#[from] LocalizeError),
+    /// The options of an association do not fit a scene.
+    #[error(transparent)]
+    Associate(#[from] AssociateError),
     /// A synthetic scene cannot be made.
     #[error("cannot make a synthetic scene: {0}")]
     Synthetic(#[from] SyntheticError),

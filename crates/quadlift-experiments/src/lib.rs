@@ -1,10 +1,12 @@
-//! The experiments of *3D Pose from Detections* (section 5), rerun beside the paper's figures: one file for each.
+//! The experiments of *3D Pose from Detections* (section 5), rerun beside the paper's figures, and ours
+//! beside a prototype's: one file or folder for each.
 //!
 //! [`run`] gives a [`Report`] of text, tables and plots. Nothing here is tuned on the truth it is scored with; every
 //! setting of an experiment stands in the `rows` of its file.
 #![forbid(unsafe_code)]
 
 mod accv;
+mod association;
 pub mod data;
 mod error;
 pub mod held_out;
@@ -47,21 +49,25 @@ pub enum Experiment {
     Minimal,
     /// Section 4.2: masks and ellipses from images, and bodies from them.
     Segmentation,
+    /// Objects from detections without ids; not in the paper.
+    Association,
 }
 
 impl Experiment {
-    /// All experiments, in the order of the paper; then what the paper describes without figures of its own.
-    pub const ALL: [Self; 6] = [Self::Synthetic, Self::Accv, Self::Tuw, Self::Kitti, Self::Minimal, Self::Segmentation];
+    /// All experiments, in the order of the paper; then what it describes without figures of its own, and what is ours.
+    pub const ALL: [Self; 7] =
+        [Self::Synthetic, Self::Accv, Self::Tuw, Self::Kitti, Self::Minimal, Self::Segmentation, Self::Association];
 
     /// Whether it needs the real data.
     pub fn needs_data(self) -> bool {
-        !matches!(self, Self::Synthetic | Self::Segmentation)
+        !matches!(self, Self::Synthetic | Self::Segmentation | Self::Association)
     }
 }
 
 /// Runs an experiment. The same seed gives the same report, with any number of threads.
 ///
-/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none, and `segmentation` shows less without.
+/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none; `segmentation` and
+/// `association` show less without.
 ///
 /// # Errors
 /// [`Error`]: no data, a file that is wrong.
@@ -74,5 +80,6 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Kitti => kitti::run(&folder()?, seed, progress),
         Experiment::Minimal => minimal::run(&folder()?, seed, progress),
         Experiment::Segmentation => segmentation::run(data, segmentation::Extent::Whole, seed, progress),
+        Experiment::Association => association::run(data, seed, progress),
     }
 }

@@ -166,6 +166,34 @@ fn ellipses_from_images() {
 }
 
 #[test]
+fn objects_without_ids() {
+    if let Some(report) = report(Experiment::Association) {
+        let bounds = [
+            ("association_base", 0.995, 1.0),
+            ("association_base_o3d", -0.01, 0.01),
+            ("association_cube20", 0.995, 1.0),
+            ("association_random", 0.995, 1.0),
+            ("association_hard", 0.985, 1.0),
+            ("association_pose", 0.99, 1.0),
+            ("association_ids", 0.995, 1.0),
+            ("association_trust", 1.0, 1.0),
+            ("association_tuw", 1.0, 1.0),
+            ("association_lmo_model", 0.99, 1.0),
+            ("association_lmo_mask", 0.985, 1.0),
+            ("association_kitti", 0.97, 1.0),
+            ("association_kitti_drift", 0.79, 1.0),
+            ("association_video_0000", 0.98, 1.0),
+            ("association_video_0001", 0.98, 1.0),
+            ("association_video_0007", 0.91, 1.0),
+            ("association_video_0009", 0.96, 1.0),
+            ("association_doubtful_false", 0.5, 1.0),
+            ("association_doubtful_true", 0.0, 0.05),
+        ];
+        assert_within(&report, &bounds);
+    }
+}
+
+#[test]
 fn the_assumed_vertical_is_that_of_the_cameras() {
     let Some(data) = data() else { return };
     for file in ["accv_iron", "accv_duck", "accv_cat", "accv_glue", "tuw_demo"] {

@@ -57,6 +57,44 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<
     Ok(())
 }
 
+/// Fills a new folder through a temporary one beside it, which takes its name at the end. A folder that is empty may be
+/// there already.
+///
+/// # Errors
+/// [`WriteError`] when the folder above does not exist, when there is a file or a folder with files of this name, or when
+/// the system or `fill` fails; then nothing is left behind.
+#[cfg(feature = "parquet")]
+pub(crate) fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> Result<(), WriteError>) -> Result<(), WriteError> {
+    let fail = |error: io::Error| WriteError::new(path, error);
+    if path.exists() {
+        if !path.is_dir() {
+            return Err(WriteError::new(path, "it is a file; expected the name of a new folder"));
+        }
+        if fs::read_dir(path).map_err(fail)?.next().is_some() {
+            return Err(WriteError::new(path, "the folder is not empty; expected the name of a new folder"));
+        }
+    }
+    let above = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if !above.is_dir() {
+        return Err(WriteError::new(path, format!("the folder {} does not exist", above.display())));
+    }
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".quadlift-").suffix(".tmp");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    let folder = builder.tempdir_in(above).map_err(|error| {
+        WriteError::new(path, format!("cannot make a folder in {}: {}", above.display(), plain(&error)))
+    })?;
+    fill(folder.path())?;
+    if path.exists() {
+        fs::remove_dir(path).map_err(fail)?;
+    }
+    fs::rename(folder.keep(), path).map_err(fail)
+}
+
 /// The system's text without the name of the temporary file, which tells nobody anything.
 fn plain(error: &io::Error) -> String {
     match error.raw_os_error().or_else(|| inner_code(error)) {
@@ -125,6 +163,26 @@ mod tests {
         fs::set_permissions(&path, permissions).unwrap();
         assert_eq!(write_file(&path, text("x")).unwrap_err().problem, "the file is write-protected");
         assert_eq!(fs::read_to_string(&path).unwrap(), "one");
+    }
+
+    #[cfg(feature = "parquet")]
+    #[test]
+    fn folders_appear_as_a_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new");
+        let fill = |folder: &Path| write_file(&folder.join("a.txt"), text("x"));
+        write_folder(&path, fill).unwrap();
+        assert_eq!((names(folder.path()), names(&path)), (vec!["new".to_owned()], vec!["a.txt".to_owned()]));
+        assert!(write_folder(&path, fill).unwrap_err().problem.starts_with("the folder is not empty"));
+        assert!(write_folder(&path.join("a.txt"), fill).unwrap_err().problem.starts_with("it is a file"));
+        let (no, empty) = (folder.path().join("no/new"), folder.path().join("empty"));
+        assert!(write_folder(&no, fill).unwrap_err().problem.ends_with("does not exist"));
+        fs::create_dir(&empty).unwrap();
+        let failing = |_: &Path| Err(WriteError::new(Path::new("a"), "no"));
+        assert_eq!(write_folder(&empty, failing).unwrap_err().problem, "no");
+        assert_eq!(names(folder.path()), ["empty", "new"], "nothing is left behind");
+        write_folder(&empty, fill).unwrap();
+        assert_eq!(names(&empty), ["a.txt"]);
     }
 
     #[cfg(target_os = "linux")]

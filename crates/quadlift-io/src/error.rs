@@ -22,9 +22,10 @@ pub struct ReadError {
 }
 
 impl ReadError {
-    /// A problem with a whole file.
+    /// A problem with a whole file. Control characters (the text may quote the file) are written as escapes, so that a
+    /// message is one line.
     pub fn new(path: &Path, problem: impl Into<String>) -> Self {
-        Self { path: path.to_owned(), line: None, column: None, entry: None, problem: problem.into() }
+        Self { path: path.to_owned(), line: None, column: None, entry: None, problem: one_line(problem.into()) }
     }
 
     /// The problem is at this line and column, both from 1; zero stands for "not known".
@@ -38,9 +39,18 @@ impl ReadError {
     /// The problem is in this entry.
     #[must_use]
     pub fn in_entry(mut self, entry: impl Into<String>) -> Self {
-        self.entry = Some(entry.into());
+        self.entry = Some(one_line(entry.into()));
         self
     }
+}
+
+/// A text without line breaks and other control characters, which are written as escapes.
+fn one_line(text: String) -> String {
+    if !text.contains(char::is_control) {
+        return text;
+    }
+    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().map(escaped).collect()
 }
 
 impl fmt::Display for ReadError {
@@ -162,6 +172,12 @@ mod tests {
         assert_eq!(error.to_string(), "a.json: wrong");
         assert_eq!(error.clone().at(3, 0).to_string(), "a.json:3: wrong");
         assert_eq!(error.at(3, 7).in_entry("frames[0]").to_string(), "a.json:3:7: frames[0]: wrong");
+    }
+
+    #[test]
+    fn messages_are_one_line_whatever_they_quote() {
+        let error = ReadError::new(Path::new("a.json"), "found \"a\nb\"; é").in_entry("images.\u{1b}[31m");
+        assert_eq!(error.to_string(), "a.json: images.\\u{1b}[31m: found \"a\\nb\"; é");
     }
 
     #[test]

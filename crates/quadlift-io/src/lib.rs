@@ -1,17 +1,22 @@
-//! Files in and out of quadlift: the scene file ([`scene_file`]) and the file of size priors ([`priors`]).
+//! Files in and out of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
+//! formats in ([`read`]) and out ([`write`]), and scenes as Parquet tables (`tables`, feature `parquet`).
 //!
 //! Readers refuse what is wrong with a [`ReadError`] that names the file, the place in it, what was found and what
 //! was expected; writers leave the earlier file as it was when they fail.
 #![forbid(unsafe_code)]
 
 mod atomic;
+pub mod detect;
 mod error;
 pub mod images;
 mod numbers;
 pub mod priors;
 pub mod read;
 pub mod scene_file;
+#[cfg(feature = "parquet")]
+pub mod tables;
 mod wording;
+pub mod write;
 
 pub use atomic::write_file;
 pub use error::{EntryError, ReadError, WriteError};

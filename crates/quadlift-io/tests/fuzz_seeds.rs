@@ -79,3 +79,38 @@ fn bop() {
 fn projections() {
     run("projections", targets::projections);
 }
+
+#[test]
+fn coco() {
+    run("coco", targets::coco);
+}
+
+#[test]
+fn mot() {
+    run("mot", targets::mot);
+}
+
+#[test]
+fn yolo() {
+    run("yolo", targets::yolo);
+}
+
+#[test]
+fn kitti_labels() {
+    run("kitti_labels", targets::kitti_labels);
+}
+
+#[test]
+fn csv() {
+    run("csv", targets::csv);
+}
+
+#[test]
+fn supervision() {
+    run("supervision", targets::supervision);
+}
+
+#[test]
+fn labelme() {
+    run("labelme", targets::labelme);
+}

@@ -1,16 +1,20 @@
 //! `quadlift associate`: which detections show the same object.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use anyhow::Context;
 use clap::builder::RangedU64ValueParser;
+use quadlift::associate;
 use quadlift::associate::AssociateOptions;
+use quadlift::scene::Scene;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 
 use crate::args;
 use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json, write_objects};
-use crate::error::Outcome;
+use crate::error::{Outcome, usage};
 use crate::files::{Inputs, outputs, read_scene};
+use crate::localization::check_metres;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
 
@@ -86,7 +90,6 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     outputs(&inputs, &args.output)?;
-    let (mut file, scene) = read_scene(&args.scene)?;
     let options = AssociateOptions {
         source: args.source.clone(),
         ids: args.ids.use_of_ids(),
@@ -102,10 +105,23 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         },
         ..Default::default()
     };
+    // An empty scene has nothing that the options could fail on, except for the source.
+    let without_source = AssociateOptions { source: None, ..options.clone() };
+    if let Err(error) = associate(&Scene::default(), &without_source, &|_, _| {}) {
+        return usage(error.to_string());
+    }
+    let (mut file, scene) = read_scene(&args.scene)?;
+    if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
+        check_metres(&scene)?;
+    }
     let title = args.scene.display().to_string();
+    let start = Instant::now();
     let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
+    out.detail(&format!("associated in {:.2?}", start.elapsed()));
     let associated = associated_scene(&scene, &association, args.source.as_deref())?;
     write_objects(&mut file, &associated);
+    // The true objects, if the scene has any, have other ids.
+    file.objects = Vec::new();
     write_scene_file(&args.output, &file)?;
     let mut table = Table::new(["<object", "<category", "views", "evidence", "<doubtful"]);
     for object in &association.objects {

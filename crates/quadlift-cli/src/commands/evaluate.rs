@@ -2,16 +2,21 @@
 
 use std::path::PathBuf;
 
+use anyhow::bail;
 use quadlift_io::read_scene_file;
+use serde_json::json;
 
+use crate::division::{self, DivisionOutcome};
 use crate::error::Outcome;
-use crate::evaluation::{evaluate_files, render, to_json};
+use crate::evaluation::{Match, evaluate_objects, found_to_json, render, render_found, to_json};
 use crate::output::Output;
 use crate::report::{Gathered, check_report};
 
 /// Score a result against the truth
 ///
-/// Objects are paired by their ids. An object without an estimated body counts as a failure and scores an IoU of 0.
+/// Objects are paired by their ids, or by their overlap where no id is common. An object without an estimated body counts
+/// as a failure and scores an IoU of 0. Where both files have detections and those of the truth name objects, it is
+/// scored too how the detections were divided into objects.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -24,21 +29,33 @@ Columns:
   centre, size   distance of the centres; mean relative error of the semi-axes
   outline, box   area IoU in the images: of the outlines, of the boxes around them
 
+Below the table:
+  found          true objects that an estimate overlaps with an IoU of 0.25 or more, each estimate for one object
+  identities     over pairs of detections of true objects: were they put together, do they belong together
+
 Examples:
   quadlift evaluate estimate.json truth.json
+  quadlift evaluate associated.json truth.json
   quadlift evaluate estimate.json scene.json --json
 
 Exit codes: 0 scored; 1 a file cannot be read or the files have no object in common; 2 wrong usage."
 )]
 pub struct Args {
-    /// The result of localize
+    /// The result of localize or of associate
     #[arg(value_name = "ESTIMATE.json")]
     estimate: PathBuf,
 
-    /// A scene file whose objects are the truth
+    /// A scene file whose objects, or the ids of whose detections, are the truth
     #[arg(value_name = "TRUTH.json")]
     truth: PathBuf,
 
+    /// How estimates and true objects are paired: ids, overlap, or auto (by ids where any is common)
+    #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = Match::Auto, hide_possible_values = true)]
+    matching: Match,
+
+    /// Score the identities of the detections of this source only; needed when those of the estimate have several
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
     /// Page that shows estimates, truth and scores, for any browser
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
@@ -46,14 +63,33 @@ pub struct Args {
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_report(args.report.as_ref(), &[&args.estimate, &args.truth])?;
-    let estimate = read_scene_file(&args.estimate)?;
-    let truth = read_scene_file(&args.truth)?;
-    let evaluation = evaluate_files((&args.estimate, &estimate), (&args.truth, &truth))?;
-    out.report(&render(&evaluation, truth.length_unit.as_deref()))?;
-    out.document(&to_json(&evaluation))?;
+    let estimate_file = read_scene_file(&args.estimate)?;
+    let truth_file = read_scene_file(&args.truth)?;
+    let (estimate, truth) = ((args.estimate.as_path(), &estimate_file), (args.truth.as_path(), &truth_file));
+    let division = division::score(estimate, truth, args.source.as_deref())?;
+    let mut text = String::new();
+    let mut document = json!({});
+    let mut evaluation = None;
+    // Detections alone can be compared as well.
+    let has_objects = !(estimate.1.objects.is_empty() || truth.1.objects.is_empty());
+    if let DivisionOutcome::Unclear(why) = &division
+        && !has_objects
+    {
+        bail!("{why}");
+    }
+    if has_objects || division == DivisionOutcome::Absent {
+        let (scores, found) = evaluate_objects(estimate, truth, args.matching)?;
+        text = render(&scores, truth.1.length_unit.as_deref()) + &render_found(&found);
+        document = to_json(&scores);
+        document["found"] = found_to_json(&found);
+        evaluation = Some(scores);
+    }
+    document["identities"] = division.to_json();
+    out.report(&(text + &division.render()))?;
+    out.document(&document)?;
     if let Some(report) = &args.report {
-        let files = vec![(args.truth.clone(), truth), (args.estimate.clone(), estimate)];
-        Gathered::new(files)?.write_report(report, Some(&evaluation))?;
+        let files = vec![(args.truth.clone(), truth_file), (args.estimate.clone(), estimate_file)];
+        Gathered::new(files)?.write_report(report, evaluation.as_ref())?;
         out.report(&format!("wrote {}\n", report.display()))?;
     }
     Ok(Outcome::Fine)

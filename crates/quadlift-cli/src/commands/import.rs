@@ -1,7 +1,7 @@
 //! `quadlift import`: cameras and poses of other programs become a scene file.
 
-mod formats;
-mod paths;
+pub mod formats;
+pub mod paths;
 
 use std::path::PathBuf;
 
@@ -31,6 +31,7 @@ Examples:
   quadlift import kitti-raw 2011_09_26/2011_09_26_drive_0005_sync -o scene.json
   quadlift import bop lm/test/000005 --world-object 5 -o scene.json
   quadlift import projections projections.csv --image-size 640x480 -o scene.json
+  quadlift import parquet tables/ -o scene.json
 
 Exit codes: 0 the scene was written; 1 a file could not be read or written; 2 wrong usage."
 )]
@@ -55,21 +56,24 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let common = args.format.common();
     check_file(&common.output)?;
     let Import { mut scene, image_folder, mut notes } = args.format.read()?;
+    let is_scene = args.format.is_scene();
     match common.images.as_ref().or(image_folder.as_ref()) {
         Some(folder) => {
             let prefix = paths::relative_to_file(folder, &common.output)
                 .with_context(|| format!("cannot find the folder {}", folder.display()))?;
             paths::prefix_images(&mut scene, &prefix);
         }
-        None if scene.frames.iter().any(|frame| frame.image.is_some()) => {
+        None if !is_scene && scene.frames.iter().any(|frame| frame.image.is_some()) => {
             notes.push("where the images are is not known: name their folder with --images DIR".to_owned());
         }
         None => {}
     }
-    if scene.name.is_none() {
-        scene.name = common.output.file_stem().map(|name| name.to_string_lossy().into_owned());
+    if !is_scene {
+        if scene.name.is_none() {
+            scene.name = common.output.file_stem().map(|name| name.to_string_lossy().into_owned());
+        }
+        scene.notes = Some(format!("Imported from {}: {}.", args.format.name(), notes.join("; ")));
     }
-    scene.notes = Some(format!("Imported from {}: {}.", args.format.name(), notes.join("; ")));
     write_scene_file(&common.output, &scene)?;
     let (cameras, frames) = (scene.cameras.len(), scene.frames.len());
     let (detections, objects) = (scene.detections.len(), scene.objects.len());
@@ -79,7 +83,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         count(cameras, "camera"),
         count(frames, "frame"),
         count(detections, "detection"),
-        count(objects, "true object"),
+        count(objects, if is_scene { "object" } else { "true object" }),
     );
     notes.iter().for_each(|note| text.push_str(&format!("- {}\n", crate::output::one_line(note))));
     out.report(&text)?;

@@ -1,26 +1,29 @@
 //! `quadlift localize`: from detections to objects.
 
+mod direct;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
+use quadlift::scene::Scene;
 use quadlift::solve::{Method, PoseNoise};
 use quadlift::{Options, UsedMeasurements};
-use quadlift_io::write_scene_file;
+use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice};
-use crate::association::{IdsName, When, associate_scene, associated_scene, in_words as association_in_words, to_json};
+use crate::association::{IdsName, When, add_to_result, associate_scene, associated_scene, localize_in_words, to_json};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
-use crate::files::{expand, outputs, read_scene};
+use crate::files::{check_file, expand, outputs, read_scene};
 use crate::localization::{
     PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, read_masks, result_file,
 };
 use crate::output::{HEADING, Output, one_line};
-use crate::report::{report_paths, write_localized};
+use crate::report::{check_report, report_paths, write_localized};
 use crate::words::count;
 
 /// Localise the objects that the detections of a scene show
@@ -34,8 +37,12 @@ use crate::words::count;
 Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is a folder then,
 and each result has the file name of its scene. A scene that fails is reported and the others are still done.
 
+With --cameras and --detections both are read from other programs' files, whose formats are recognised; what
+`quadlift import` and `quadlift import-detections` would ask beyond that can be said here too.
+
 Examples:
   quadlift localize scene.json -o estimate.json --report estimate.html
+  quadlift localize --cameras sparse/0 --detections runs/detect/predict -o objects.json
   quadlift localize street.json -o cars.json --source yolo --body cuboid --priors builtin
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
@@ -44,7 +51,7 @@ Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised;
 )]
 pub struct Args {
     /// Scene files, folders that hold them, or patterns in quotes
-    #[arg(required = true, value_name = "SCENE.json")]
+    #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     scenes: Vec<PathBuf>,
 
     /// Where the result is written (of several scenes: a folder); without it, it is only shown
@@ -78,13 +85,14 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
     observations: ObservationName,
 
-    /// Find out first which detections show the same object: auto (where none of them names one), never or always
+    /// Find out first which detections show the same object: auto (where some of them name none), never or always
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = When::Auto, hide_possible_values = true)]
     associate: When,
 
-    /// What ids that the detections have are worth, with --associate always: trust, evidence or ignore
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
-    ids: IdsName,
+    /// What ids that detections have are worth then: trust, evidence or ignore [default: trust; with --associate always:
+    /// evidence]
+    #[arg(long, value_enum, value_name = "WHAT", hide_possible_values = true)]
+    ids: Option<IdsName>,
 
     /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
@@ -121,6 +129,9 @@ pub struct Args {
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
+
+    #[command(flatten)]
+    direct: direct::DirectArgs,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
@@ -196,6 +207,25 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
     }
     let settings = args.settings()?;
+    if let Some((cameras, detections)) = args.direct.paths() {
+        let [output, report] = [&args.output, &args.report].map(Option::as_deref);
+        output.map_or(Ok(()), check_file)?;
+        let others: Vec<&Path> = [cameras, detections].into_iter().chain(output).collect();
+        check_report(args.report.as_ref(), &others)?;
+        // What the paths of images are relative to.
+        let place = output.or(report);
+        let scene = || {
+            let file = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
+            let scene = file.to_scene().map_err(|error| error.in_file(detections))?;
+            Ok((file, scene))
+        };
+        let mut document =
+            json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
+        let named = [detections, place.unwrap_or(Path::new(""))];
+        let outcome = one_scene(named, scene, [output, report], args, &settings, out, &mut document)?;
+        out.document(&json!({ "scenes": [document] }))?;
+        return Ok(outcome);
+    }
     let inputs = expand(&args.scenes)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
     let reports =
@@ -209,7 +239,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if index > 0 {
             out.report("\n")?;
         }
-        match one_scene(input, [output, report], args, &settings, out, &mut document) {
+        match one_scene([input, input], || read_scene(input), [output, report], args, &settings, out, &mut document) {
             Ok(Outcome::Fine) => {}
             Ok(failed) => outcome = failed,
             Err(error) => {
@@ -224,9 +254,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Localises a scene, writes and prints the result and adds it to the JSON document.
+/// Reads and localises a scene, writes and prints the result and adds it to the JSON document. `input` names it, the paths
+/// in it are relative to the file `place`.
 fn one_scene(
-    input: &Path,
+    [input, place]: [&Path; 2],
+    read: impl FnOnce() -> anyhow::Result<(SceneFile, Scene)>,
     [output, report]: [Option<&Path>; 2],
     args: &Args,
     settings: &Settings,
@@ -234,37 +266,50 @@ fn one_scene(
     document: &mut Value,
 ) -> anyhow::Result<Outcome> {
     let start = Instant::now();
-    let (mut file, mut scene) = read_scene(input)?;
+    let (mut file, mut scene) = read()?;
     let title = input.display().to_string();
     let problems =
-        read_masks(&title, (input, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
-    // The result needs neither; detections are the bulk of a large scene.
-    (file.detections, file.objects) = (Vec::new(), Vec::new());
+        read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
+    file.objects = Vec::new();
+    // Detections are the bulk of a large scene; a result has them where their identities are found.
+    let detections = std::mem::take(&mut file.detections);
     let read = start.elapsed();
     let source = settings.options.source.as_deref();
-    let mut associated = String::new();
-    if args.associate.applies_to(&scene, source)? {
+    let ids = args.associate.ids_for(&scene, source, args.ids);
+    let mut identities = None;
+    if let Some(ids) = ids {
         let options = AssociateOptions {
             source: settings.options.source.clone(),
-            ids: args.ids.use_of_ids(),
+            ids,
             priors: settings.options.map.priors.clone(),
             ..Default::default()
         };
         let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
+        let words = localize_in_words(&scene, source, ids, &association);
         scene = associated_scene(&scene, &association, source)?;
-        associated = format!("identities were found: {}\n\n", association_in_words(&association));
         document["association"] = to_json(&scene, &association);
+        identities = Some((detections, association, words));
+    } else {
+        drop(detections);
     }
-    let localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
+    let mut localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
+    if identities.is_some() {
+        // They show no object, which is told with the identities.
+        localization.left_out.without_object = 0;
+    }
     let solved = start.elapsed();
     let estimates = &localization.estimates;
-    let result = result_file(&file, &scene, &localization, settings);
+    let found = identities.as_ref().map_or(String::new(), |(.., words)| format!("{words}\n\n"));
+    let mut result = result_file(&file, &scene, &localization, settings);
+    if let Some((detections, association, _)) = identities {
+        add_to_result(&mut result, detections, &scene, source, &association);
+    }
     if let Some(output) = output {
         write_scene_file(output, &result)?;
         document["output"] = output.display().to_string().into();
     }
     if let Some(report) = report {
-        write_localized(report, (input, &file), &scene, &result)?;
+        write_localized(report, (place, &file), &scene, &result)?;
         document["report"] = report.display().to_string().into();
     }
     let localised = count_localised(estimates);
@@ -274,7 +319,7 @@ fn one_scene(
         count(estimates.len(), "object"),
         settings.in_words(localization.body)
     );
-    text.push_str(&associated);
+    text.push_str(&found);
     text.push_str(&render(&scene, &localization, settings));
     for path in [output, report].into_iter().flatten() {
         text.push_str(&format!("wrote {}\n", path.display()));

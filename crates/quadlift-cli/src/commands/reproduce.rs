@@ -29,6 +29,7 @@ Experiments:
   kitti         parked cars seen from a moving car
   minimal       two and three views with a wide baseline
   segmentation  masks and ellipses from images, and bodies from them (without data: rendered images only)
+  association   objects from detections without ids (without data: synthetic scenes only)
   all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
@@ -75,6 +76,7 @@ enum Name {
     Kitti,
     Minimal,
     Segmentation,
+    Association,
     All,
 }
 
@@ -87,6 +89,7 @@ impl Name {
             Self::Kitti => vec![Experiment::Kitti],
             Self::Minimal => vec![Experiment::Minimal],
             Self::Segmentation => vec![Experiment::Segmentation],
+            Self::Association => vec![Experiment::Association],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -154,6 +157,7 @@ fn name(args: &Args) -> &'static str {
         Name::Kitti => "kitti",
         Name::Minimal => "minimal",
         Name::Segmentation => "segmentation",
+        Name::Association => "association",
         Name::All => "results",
     }
 }

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use nalgebra::Vector3;
 use quadlift::solve::BodyKind;
-use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
+use quadlift::synthetic::{
+    Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
+};
 use quadlift_io::write_scene_file;
 use quadlift_segment::render::{ObjectKind, RenderOptions, render};
 use serde_json::json;
@@ -15,12 +17,13 @@ use crate::error::{Outcome, usage};
 use crate::files::{check_file, make_folder};
 use crate::output::Output;
 use crate::rendered_scene::{check_folders, write_images, write_masks};
-use crate::synthetic_file::scene_file;
+use crate::synthetic_file::{scene_file, with_true_ids};
 
 /// Write a synthetic scene whose truth is known
 ///
 /// Objects of random place, size and orientation lie in a cube of side 20; the cameras stand 200 away from its centre
-/// and look at it. The truth is written as the `objects` of the scene; no estimator reads it.
+/// and look at it. The truth is written as the `objects` of the scene; no estimator reads it. A detector can be had that
+/// misses objects and makes some up, and ids as a tracker gives them, or none.
 ///
 /// With --render there are images and true masks as well, for `segment`: textured objects stand on a cluttered ground,
 /// and a camera goes around them on an arc.
@@ -34,6 +37,13 @@ Noise (--noise, several times if wanted):
   se:0.3     size of the ellipse, uniform; one factor for both axes (se2: one for each axis)
   te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
 
+Where the cameras stand (--trajectory):
+  paper      60 degrees around and 70 up, as in the paper
+  arc:SPAN   SPAN degrees around
+  orbit      once around, 20 to 50 degrees up
+  random     anywhere above the objects, which lie on a floor; boxes end at the border of the image
+  street     a drive along parked cars, one length unit per view; views / 3 + 17 objects fill the street
+
 With --render: images in `images` and label images of the masks in `masks`, two folders beside SCENE.json; the boxes are
 those of the visible pixels, the true bodies the smallest ellipsoids around the objects. Of the options above it takes
 --objects, --views, --noise box:X, --trajectory arc:SPAN and --seed.
@@ -43,6 +53,7 @@ Examples:
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
+  quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
 )]
 pub struct Args {
@@ -74,10 +85,18 @@ pub struct Args {
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
     outliers: f64,
 
-    /// Where the cameras stand: paper (60 degrees around, 70 up) or arc:SPAN (degrees) [default: paper; with --render:
+    /// Where the cameras stand: paper, arc:SPAN, orbit, random or street (see below) [default: paper; with --render:
     /// arc:100]
     #[arg(long, value_name = "PATH", value_parser = trajectory)]
     trajectory: Option<Trajectory>,
+
+    /// Side of the cube that holds the objects, in length units before --scale
+    #[arg(long, value_name = "SIDE", default_value_t = 20.0, value_parser = args::finite)]
+    cube: f64,
+
+    /// Standard deviation of wrong turns of the cameras about each of their axes, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = args::finite)]
+    pose_noise: f64,
 
     /// Factor on the whole world; the pixels stay the same
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = args::finite)]
@@ -91,12 +110,78 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
+    #[command(flatten)]
+    detector: DetectorArgs,
+
+    #[command(flatten)]
+    ids: IdArgs,
+
     /// Render images and true masks
-    #[arg(long, help_heading = "Rendering", conflicts_with_all = ["body", "observations", "outliers", "scale", "offset"])]
+    #[arg(
+        long,
+        help_heading = "Rendering",
+        conflicts_with_all = [
+            "body", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "DetectorArgs", "IdArgs"
+        ]
+    )]
     render: bool,
 
     #[command(flatten)]
     rendering: Rendering,
+}
+
+/// What the detector misses and makes up.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Detector")]
+struct DetectorArgs {
+    /// Share of the visible objects that are not detected, from 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
+    misses: f64,
+
+    /// Number of false boxes for each true one
+    #[arg(long, value_name = "RATIO", default_value_t = 0.0, value_parser = args::finite)]
+    false_boxes: f64,
+
+    /// Share of the objects that are reported by a second box, from 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
+    duplicates: f64,
+
+    /// Objects hide each other: one of which others cover more than 65 % is not detected
+    #[arg(long)]
+    occlusion: bool,
+}
+
+/// What the detections say about identities.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Identities")]
+struct IdArgs {
+    /// The detections name no objects
+    #[arg(long, conflicts_with_all = ["fragments", "switches"])]
+    no_ids: bool,
+
+    /// Ids of a tracker: probability at each detection that its track ends and a new one begins
+    #[arg(long, value_name = "SHARE", value_parser = args::finite)]
+    fragments: Option<f64>,
+
+    /// Ids of a tracker: probability at each detection that its track and its neighbour's are exchanged from then on
+    #[arg(long, value_name = "SHARE", value_parser = args::finite)]
+    switches: Option<f64>,
+
+    /// Write the scene with the true identities and objects here; SCENE.json gets no objects then
+    #[arg(long, value_name = "TRUTH.json")]
+    truth: Option<PathBuf>,
+}
+
+impl IdArgs {
+    fn ids(&self) -> SyntheticIds {
+        match (self.no_ids, self.fragments, self.switches) {
+            (true, ..) => SyntheticIds::Absent,
+            (false, None, None) => SyntheticIds::True,
+            (false, fragments, switches) => {
+                SyntheticIds::Tracks { fragments: fragments.unwrap_or(0.0), switches: switches.unwrap_or(0.0) }
+            }
+        }
+    }
 }
 
 /// What can be chosen about images.
@@ -144,10 +229,13 @@ fn noise(text: &str) -> Result<Noise, String> {
 }
 
 fn trajectory(text: &str) -> Result<Trajectory, String> {
-    match text.split_once(':') {
-        None if text == "paper" => Ok(Trajectory::default()),
-        Some(("arc", span)) => Ok(Trajectory::Arc { span: args::finite(span)? }),
-        _ => Err("expected paper or arc:SPAN, the span in degrees".to_owned()),
+    match (text, text.split_once(':')) {
+        ("paper", _) => Ok(Trajectory::default()),
+        ("orbit", _) => Ok(Trajectory::Orbit),
+        ("random", _) => Ok(Trajectory::Random),
+        ("street", _) => Ok(Trajectory::Street),
+        (_, Some(("arc", span))) => Ok(Trajectory::Arc { span: args::finite(span)? }),
+        _ => Err("expected paper, orbit, random, street or arc:SPAN, the span in degrees".to_owned()),
     }
 }
 
@@ -171,9 +259,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let outliers = synthetic.outliers.iter().filter(|wrong| **wrong).count();
     let (objects, views) = (synthetic.truth.len(), synthetic.frames.len());
     let detections = synthetic.scene.detections.len();
+    let extra = synthetic.true_objects.iter().filter(|object| object.is_none()).count();
+    let made_up = if extra > 0 { format!(", {extra} false or twice") } else { String::new() };
     let images = if args.render { " with images and masks" } else { "" };
     out.report(&format!(
-        "wrote {}: {objects} objects, {views} views{images}, {detections} detections, {outliers} of them outliers\n",
+        "wrote {}: {objects} objects, {views} views{images}, {detections} detections, {outliers} of them outliers{made_up}\n",
         args.output.display(),
     ))?;
     out.document(&json!({
@@ -182,6 +272,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "views": views,
         "detections": detections,
         "outliers": outliers,
+        "false_or_duplicate": extra,
+        "truth": args.ids.truth.as_ref().map(|path| path.display().to_string()),
     }))?;
     Ok(Outcome::Fine)
 }
@@ -189,7 +281,14 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 /// A scene of detections alone.
 fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     check_file(&args.output)?;
+    if let Some(truth) = &args.ids.truth {
+        check_file(truth)?;
+        if *truth == args.output {
+            return usage("--truth names the scene itself; expected another file");
+        }
+    }
     let defaults = SyntheticOptions::default();
+    let detector = &args.detector;
     let options = SyntheticOptions {
         seed: args.seed,
         objects: args.objects.unwrap_or(defaults.objects),
@@ -205,13 +304,27 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
         },
         noise: args.noise.clone(),
         outlier_share: args.outliers,
+        cube_side: args.cube,
+        pose_noise: args.pose_noise,
+        detector: Detector {
+            misses: detector.misses,
+            false_boxes: detector.false_boxes,
+            duplicates: detector.duplicates,
+            occlusion: detector.occlusion,
+        },
+        ids: args.ids.ids(),
         ..defaults
     };
     let synthetic = match generate(&options) {
         Ok(synthetic) => synthetic,
         Err(error) => return usage(error.to_string()),
     };
-    write_scene_file(&args.output, &scene_file(&synthetic))?;
+    let mut file = scene_file(&synthetic);
+    if let Some(truth) = &args.ids.truth {
+        write_scene_file(truth, &with_true_ids(file.clone(), &synthetic))?;
+        file.objects = Vec::new();
+    }
+    write_scene_file(&args.output, &file)?;
     Ok(synthetic)
 }
 
@@ -271,6 +384,7 @@ mod tests {
         assert_eq!(noise("te2:0.3"), Ok(Noise::TranslationFullAxis(0.3)));
         assert!(noise("box").is_err() && noise("box:x").is_err() && noise("fog:1").is_err());
         assert_eq!(trajectory("arc:60"), Ok(Trajectory::Arc { span: 60.0 }));
+        assert_eq!((trajectory("orbit"), trajectory("street")), (Ok(Trajectory::Orbit), Ok(Trajectory::Street)));
         assert!(trajectory("arc").is_err() && trajectory("circle:3").is_err());
         assert_eq!(image_size("640x480"), Ok([640, 480]));
         assert!(image_size("640").is_err() && image_size("-1x5").is_err());

@@ -33,6 +33,22 @@ impl Folder {
         std::fs::write(path, content).unwrap();
     }
 
+    /// Copies the files of a folder and of those in it.
+    pub fn copy(&self, from: &Path) {
+        let mut folders = vec![from.to_owned()];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(&folder).unwrap().map(Result::unwrap) {
+                let path = entry.path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else {
+                    let name = path.strip_prefix(from).unwrap().to_str().unwrap();
+                    self.write(name, std::fs::read(&path).unwrap());
+                }
+            }
+        }
+    }
+
     pub fn write_json(&self, name: &str, value: &Value) {
         self.write(name, serde_json::to_string_pretty(value).unwrap());
     }

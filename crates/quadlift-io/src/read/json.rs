@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use crate::error::{ReadError, as_utf8};
@@ -56,6 +57,11 @@ impl<'a> Node<'a> {
         self.value.as_object().ok_or_else(|| self.unexpected("an object {...}"))
     }
 
+    /// The value itself.
+    pub fn value(&self) -> &'a Value {
+        self.value
+    }
+
     /// Whether this is an object.
     pub fn is_object(&self) -> bool {
         self.value.is_object()
@@ -97,6 +103,33 @@ impl<'a> Node<'a> {
 
     pub fn text(&self) -> Result<&'a str, ReadError> {
         self.value.as_str().ok_or_else(|| self.unexpected("text in quotes"))
+    }
+
+    /// Any number of numbers.
+    pub fn list_of_numbers(&self) -> Result<Vec<f64>, ReadError> {
+        self.items()?.iter().map(Self::number).collect()
+    }
+
+    /// A record.
+    pub fn record<T: DeserializeOwned>(&self) -> Result<T, ReadError> {
+        serde_path_to_error::deserialize(self.value).map_err(|error| {
+            let entry = format!("{}.{}", self.entry, error.path());
+            ReadError::new(self.path, plain_words(&error.inner().to_string())).in_entry(entry)
+        })
+    }
+
+    /// Whether this is a list.
+    pub fn is_list(&self) -> bool {
+        self.value.is_array()
+    }
+
+    /// Text, or a number as text.
+    pub fn word(&self) -> Result<String, ReadError> {
+        match self.value {
+            Value::String(text) => Ok(text.clone()),
+            Value::Number(number) => Ok(number.to_string()),
+            _ => Err(self.unexpected("text in quotes or a number")),
+        }
     }
 
     /// Exactly `N` numbers.

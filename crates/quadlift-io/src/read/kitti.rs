@@ -65,6 +65,15 @@ pub fn read_kitti(folder: &Path, options: &KittiOptions) -> Result<Import, ReadE
     Ok(import)
 }
 
+/// From the rectified axes of camera 0, in which labels are written, to those of the left colour camera, in metres: from
+/// `P2` of a calibration file.
+///
+/// # Errors
+/// [`ReadError`] when the file cannot be read or has no such projection.
+pub fn read_cam_from_rect(path: &Path) -> Result<Matrix4<f64>, ReadError> {
+    Ok(calibration(path, &read_bytes(path)?)?.rectified_camera("P2")?.cam_from_rect)
+}
+
 /// A sequence from the bytes of its files.
 ///
 /// # Errors

@@ -1,23 +1,25 @@
-//! KITTI's label files of the tracking benchmark: a line for each object in each frame.
+//! KITTI's label files: a line for each object, in each frame (tracking benchmark) or of one image (object benchmark).
 
 use std::path::Path;
 
 use nalgebra::{Matrix4, Rotation3, Vector3};
 
 use super::poses::matrix4;
-use super::text::lines;
+use super::text::{Line, lines};
 use crate::error::{ReadError, as_utf8};
 
-/// One line: 17 fields, or 18 with a score.
+/// One line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KittiLabel {
+    /// Line of the file, from 1.
+    pub line: usize,
     /// Number of the frame, from 0.
     pub frame: usize,
     /// Track id; -1 for regions that are not labelled.
     pub track: i64,
     /// Type, as it is written (`Car`, `DontCare`, ...).
     pub kind: String,
-    /// Truncation level, 0 to 2; -1 where there is none.
+    /// Truncation: a level from 0 to 2 (tracking) or a share from 0 to 1 (objects); -1 where there is none.
     pub truncated: f64,
     /// Occlusion level, 0 to 3; -1 where there is none.
     pub occluded: f64,
@@ -54,37 +56,51 @@ impl KittiLabel {
     }
 }
 
-/// The labels in the bytes of a file; the path serves for messages.
+/// Which of KITTI's benchmarks a file belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Benchmark {
+    /// 17 fields, the first two are the frame and the track id; 18 with a score.
+    Tracking,
+    /// 15 fields, for one image; 16 with a score.
+    Object,
+}
+
+/// The labels of a sequence in the bytes of a file of the tracking benchmark; the path serves for messages.
 pub fn parse_labels(path: &Path, bytes: &[u8]) -> Result<Vec<KittiLabel>, ReadError> {
-    let mut labels = Vec::new();
-    for line in lines(path, as_utf8(path, bytes)?).filter(|line| !line.is_blank_or_comment()) {
-        let mut fields = line.fields();
-        let frame = fields.whole("the number of a frame")?;
-        let track = fields.whole("a track id, a whole number")?;
-        let kind = fields.word("a type such as Car")?.to_owned();
-        let truncated = fields.number("a truncation level")?;
-        let occluded = fields.number("an occlusion level")?;
-        fields.number("the angle alpha")?;
-        let bounding_box = fields.numbers("a box left, top, right, bottom")?;
-        let size = fields.numbers("height, width, length")?;
-        let location = fields.numbers("a location x, y, z")?;
-        let rotation_y = fields.number("the angle rotation_y")?;
-        let score = if fields.is_empty() { None } else { Some(fields.number("a score")?) };
-        if !fields.is_empty() {
-            return Err(line.error(format!("expected 17 or 18 fields; found more: {}", fields.rest())));
-        }
-        labels.push(KittiLabel {
-            frame,
-            track,
-            kind,
-            truncated,
-            occluded,
-            bounding_box,
-            size,
-            location,
-            rotation_y,
-            score,
-        });
+    parse_labels_of(path, bytes, Benchmark::Tracking)
+}
+
+/// The labels in the bytes of a file; without frames and tracks these are 0 and -1.
+pub fn parse_labels_of(path: &Path, bytes: &[u8], benchmark: Benchmark) -> Result<Vec<KittiLabel>, ReadError> {
+    let lines = lines(path, as_utf8(path, bytes)?).filter(|line| !line.is_blank_or_comment());
+    lines.map(|line| label(&line, benchmark)).collect()
+}
+
+fn label(line: &Line, benchmark: Benchmark) -> Result<KittiLabel, ReadError> {
+    let mut fields = line.fields();
+    let (frame, track) = match benchmark {
+        Benchmark::Tracking => (fields.whole("the number of a frame")?, fields.whole("a track id, a whole number")?),
+        Benchmark::Object => (0, -1),
+    };
+    let label = KittiLabel {
+        line: line.number,
+        frame,
+        track,
+        kind: fields.word("a type such as Car")?.to_owned(),
+        truncated: fields.number("a truncation level")?,
+        occluded: fields.number("an occlusion level")?,
+        bounding_box: {
+            fields.number("the angle alpha")?;
+            fields.numbers("a box left, top, right, bottom")?
+        },
+        size: fields.numbers("height, width, length")?,
+        location: fields.numbers("a location x, y, z")?,
+        rotation_y: fields.number("the angle rotation_y")?,
+        score: if fields.is_empty() { None } else { Some(fields.number("a score")?) },
+    };
+    if !fields.is_empty() {
+        let expected = if benchmark == Benchmark::Tracking { "17 or 18" } else { "15 or 16" };
+        return Err(line.error(format!("expected {expected} fields; found more: {}", fields.rest())));
     }
-    Ok(labels)
+    Ok(label)
 }

@@ -1,13 +1,15 @@
 //! Readers of other programs' files, one format each: cameras and poses become a [`SceneFile`] in the scene file's
-//! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image).
+//! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image), to which [`detections`] are
+//! added.
 
 pub mod bop;
 mod bytes;
 pub mod colmap;
+pub mod detections;
 mod json;
 pub mod kitti;
 mod kitti_geometry;
-mod kitti_labels;
+pub(crate) mod kitti_labels;
 pub mod kitti_raw;
 pub mod nerfstudio;
 mod poses;
@@ -38,7 +40,7 @@ pub struct Import {
 impl Import {
     /// The scene that was read from a file, once it is known to be valid: repeated ids, impossible cameras and poses are
     /// refused here, for all formats alike.
-    fn checked(self, path: &Path) -> Result<Self, ReadError> {
+    pub(crate) fn checked(self, path: &Path) -> Result<Self, ReadError> {
         let in_file = |error: EntryError| {
             let problem = format!("the scene made of this file is not valid: {}: {}", error.entry, error.problem);
             ReadError::new(path, problem)

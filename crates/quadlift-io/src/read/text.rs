@@ -8,7 +8,8 @@ use crate::error::ReadError;
 #[derive(Debug, Clone, Copy)]
 pub struct Line<'a> {
     path: &'a Path,
-    number: usize,
+    /// Its number, from 1.
+    pub number: usize,
     /// The text, without blanks around it.
     pub text: &'a str,
 }
@@ -36,12 +37,24 @@ impl<'a> Line<'a> {
 
     /// All its fields as finite numbers.
     pub fn numbers(&self) -> Result<Vec<f64>, ReadError> {
-        let mut fields = self.fields();
-        let mut numbers = Vec::new();
-        while !fields.is_empty() {
-            numbers.push(fields.number("a number")?);
+        self.fields().numbers_left("a number")
+    }
+}
+
+impl Line<'_> {
+    /// All its fields, between commas (or blanks, where there is no comma), as finite numbers. A comma at the end does
+    /// not count.
+    pub fn numbers_between_commas(&self) -> Result<Vec<f64>, ReadError> {
+        if !self.text.contains(',') {
+            return self.numbers();
         }
-        Ok(numbers)
+        let fields = self.text.strip_suffix(',').unwrap_or(self.text).split(',').map(str::trim);
+        let number = |(index, field): (usize, &str)| {
+            let number = field.parse::<f64>().ok().filter(|x| x.is_finite());
+            let shown: String = field.chars().take(40).collect();
+            number.ok_or_else(|| self.error(format!("column {} is \"{shown}\"; expected a number", index + 1)))
+        };
+        fields.enumerate().map(number).collect()
     }
 }
 
@@ -87,6 +100,15 @@ impl<'a> Fields<'a> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {
             *number = self.number(what)?;
+        }
+        Ok(numbers)
+    }
+
+    /// All fields that are left as finite numbers.
+    pub fn numbers_left(&mut self, what: &str) -> Result<Vec<f64>, ReadError> {
+        let mut numbers = Vec::new();
+        while !self.is_empty() {
+            numbers.push(self.number(what)?);
         }
         Ok(numbers)
     }

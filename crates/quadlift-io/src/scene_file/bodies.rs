@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use nalgebra::{Point3, Rotation3, Vector3};
-use quadlift::geometry::{Cuboid, Ellipsoid, Superellipsoid, rotation_from_quaternion};
+use quadlift::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid, rotation_from_quaternion};
 use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status};
 
 use super::object_records::{CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord};
@@ -35,6 +35,22 @@ pub struct ObjectBodies {
     pub enclosing_superellipsoid: Option<Superellipsoid>,
     /// Uncertainty of an estimate.
     pub covariance: Option<Covariance>,
+}
+
+impl ObjectBodies {
+    /// The body that was estimated, of its kind: not the ellipsoid that stands for a cuboid.
+    pub fn body(&self) -> Option<Body> {
+        (self.superellipsoid.map(Body::Superellipsoid))
+            .or(self.cuboid.map(Body::Cuboid))
+            .or(self.ellipsoid.map(Body::Ellipsoid))
+    }
+
+    /// The larger body of this kind that holds the real object.
+    pub fn enclosing_body(&self) -> Option<Body> {
+        (self.enclosing_superellipsoid.map(Body::Superellipsoid))
+            .or(self.enclosing_cuboid.map(Body::Cuboid))
+            .or(self.enclosing_ellipsoid.map(Body::Ellipsoid))
+    }
 }
 
 impl SceneFile {

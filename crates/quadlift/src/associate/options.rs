@@ -35,7 +35,7 @@ pub struct AssociateOptions {
     /// bodies that are no ellipsoids and for poses. 2 suits photos, 3 to 4 a camera in a moving car, 1 exact synthetic
     /// boxes. (Learning it from the residuals was tried: it comes out too small, because they do not show wrong poses.)
     pub pixel_sd: f64,
-    /// Sizes by category, where they are known; other priors are not used here.
+    /// Sizes by category, where they are known; other priors are not used here, because they do not help.
     pub priors: CategoryPriors,
     /// Search from several starts and seek weak objects anew. It takes about eight times as long; it helps where there
     /// are few views or many misses (F1 .986 to .993 with 6 views, .990 to .998 with 60 % missed) and hardly elsewhere.

@@ -312,6 +312,28 @@ fn bad_input_ends_in_an_outcome() {
 }
 
 #[test]
+fn scores_may_be_missing_or_of_any_size() {
+    let plain = generate(&SyntheticOptions { objects: 15, ..base(8) }).unwrap().scene;
+    let mut scored = plain.clone();
+    for (index, detection) in scored.detections.iter_mut().enumerate() {
+        detection.score = [None, Some(-3.0), Some(1e300), Some(f64::NAN), Some(0.5)][index % 5];
+    }
+    // Without a least score and without duplicates to choose from they change nothing.
+    let found = run(&scored, &AssociateOptions::default());
+    assert_eq!(found, run(&plain, &AssociateOptions::default()));
+    let strict = AssociateOptions { min_score: Some(0.5), max_overlap: Some(0.9), ..Default::default() };
+    let found = run(&scored, &strict);
+    let low = scored.detections.iter().filter(|d| d.score == Some(-3.0)).count();
+    assert_eq!(found.not_used.low_score, low);
+    let associated = found.object_of_detection.iter().zip(&scored.detections);
+    assert!(associated.filter(|(object, _)| object.is_some()).all(|(_, d)| d.score != Some(-3.0)));
+    // All too low: nothing takes part.
+    let none = run(&scored, &AssociateOptions { min_score: Some(f64::MAX), ..Default::default() });
+    let without_score = scored.detections.iter().filter(|d| d.score.is_none_or(f64::is_nan)).count();
+    assert_eq!(none.not_used.low_score, scored.detections.len() - without_score);
+}
+
+#[test]
 fn cameras_that_share_nothing_give_nothing() {
     // Back to back, each with boxes of its own.
     let mut scene = scene_of(6, |frame| anywhere(15, frame));

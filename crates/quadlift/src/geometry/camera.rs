@@ -180,6 +180,22 @@ impl Projection {
         Some(Self { matrix })
     }
 
+    /// The pose of the camera: axes that see pixels as `K [R | t]` does, with positive focal lengths in `K` and no skew
+    /// of its second row. `None` where the camera has no centre (see [`Projection::center_in_world`]).
+    ///
+    /// Of [`Projection::from_camera`] it is the pose, with a rotation that is exactly orthonormal.
+    pub fn camera_pose(&self) -> Option<CamFromWorld> {
+        let m = self.m();
+        let row = |i: usize| m.row(i).transpose();
+        let z = row(2).try_normalize(0.0)?;
+        let y = (row(1) - z * row(1).dot(&z)).try_normalize(0.0)?;
+        let rotation = Matrix3::from_rows(&[y.cross(&z).transpose(), y.transpose(), z.transpose()]);
+        let mut matrix = Matrix3x4::zeros();
+        matrix.fixed_columns_mut::<3>(0).copy_from(&rotation);
+        matrix.set_column(3, &-(rotation * self.center_in_world()?.coords));
+        CamFromWorld::new(matrix).ok()
+    }
+
     /// Unit direction of the ray through a pixel, pointing away from the camera, in the world.
     pub fn ray_in_world(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         let ray = self.m().lu().solve(&Vector3::new(pixel.x, pixel.y, 1.0))?;
@@ -246,6 +262,18 @@ mod tests {
         let moved_point = center + turn * (point - center) + shift;
         let (before, after) = (projection.project_point(&point).unwrap(), moved.project_point(&moved_point).unwrap());
         assert!((before - after).norm() < 1e-9);
+    }
+
+    #[test]
+    fn the_pose_is_found_in_the_projection() {
+        let rotation = Rotation3::new(Vector3::new(0.5, -1.2, 2.0));
+        let mut matrix = pose(4.0);
+        matrix.fixed_columns_mut::<3>(0).copy_from(rotation.matrix());
+        let intrinsics = Intrinsics::new(500.0, 510.0, 320.0, 240.0).unwrap();
+        let projection = Projection::from_camera(&intrinsics, &CamFromWorld::new(matrix).unwrap());
+        assert!((projection.camera_pose().unwrap().matrix() - matrix).norm() < 1e-12);
+        let scaled = Projection::from_matrix(projection.matrix() * -0.01).unwrap();
+        assert!((scaled.camera_pose().unwrap().matrix() - matrix).norm() < 1e-12);
     }
 
     #[test]

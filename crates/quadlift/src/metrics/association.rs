@@ -2,8 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::iou3d_ellipsoids;
-use crate::associate::matching::{Pair, best_pairs};
+use super::overlap::pair_by_overlap;
 use crate::geometry::Ellipsoid;
 
 /// Agreement of two divisions of the same detections.
@@ -98,34 +97,24 @@ impl FoundScore {
     }
 }
 
-/// Pairs found with true bodies one to one, with the greatest total volume IoU (O3D) over pairs of at least `least_iou`.
-/// A found object without a body counts as found and is never paired.
+/// How many true objects were found: found and true bodies are paired one to one (see [`pair_by_overlap`]), and a pair
+/// counts with a volume IoU (O3D) of at least `least_iou`. A found object without a body counts as found and is never
+/// paired.
 pub fn score_found(found: &[Option<Ellipsoid>], truth: &[Ellipsoid], least_iou: f64) -> FoundScore {
-    let mut pairs = Vec::new();
-    for (row, estimate) in found.iter().enumerate() {
-        let Some(estimate) = estimate else { continue };
-        for (column, body) in truth.iter().enumerate() {
-            // Bodies that are farther apart than both their longest semi-axes do not meet.
-            if (estimate.center - body.center).norm() < estimate.semi_axes.max() + body.semi_axes.max() {
-                let iou = iou3d_ellipsoids(estimate, body);
-                if iou >= least_iou {
-                    pairs.push(Pair { row: row as u32, column: column as u32, gain: iou });
-                }
-            }
-        }
-    }
-    let chosen = best_pairs(&pairs);
-    let total: f64 = chosen.iter().map(|&k| pairs[k].gain).sum();
+    let bodies: Vec<Option<Ellipsoid>> = truth.iter().copied().map(Some).collect();
+    let pairs = pair_by_overlap(found, &bodies, least_iou);
+    let total: f64 = pairs.iter().map(|pair| pair.iou3d).sum();
     FoundScore {
         true_objects: truth.len(),
         found: found.len(),
-        matched: chosen.len(),
-        mean_iou3d: (!chosen.is_empty()).then(|| total / chosen.len() as f64),
+        matched: pairs.len(),
+        mean_iou3d: (!pairs.is_empty()).then(|| total / pairs.len() as f64),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::iou3d_ellipsoids;
     use super::*;
     use crate::geometry::ConvexBody;
     use nalgebra::{Point3, Rotation3, Vector3};

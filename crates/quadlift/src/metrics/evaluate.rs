@@ -6,14 +6,14 @@ use nalgebra::Point3;
 
 use super::{
     box_reprojection_iou, center_error, ellipse_reprojection_iou, iou3d_cuboids, iou3d_ellipsoids, main_axis_angle,
-    rotation_error_modulo_symmetry, sorted_axes_error,
+    pair_by_overlap, rotation_error_modulo_symmetry, sorted_axes_error,
 };
 use crate::geometry::{Cuboid, Ellipsoid, Projection};
 
 /// What an estimator says about one object; what it does not say is absent.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EstimatedObject {
-    /// The id, which pairs it with the truth.
+    /// The id.
     pub id: String,
     /// How the estimation ended (see [`crate::solve::Status::name`]); only passed on.
     pub status: String,
@@ -47,7 +47,9 @@ pub struct TruthObject {
 pub struct ObjectScore {
     /// The id.
     pub id: String,
-    /// Status of the estimate; absent when no estimate has this id.
+    /// Id of the estimate that it is paired with; absent when there is none.
+    pub estimate: Option<String>,
+    /// Status of that estimate.
     pub status: Option<String>,
     /// Whether there is an estimated body at all.
     pub has_body: bool,
@@ -117,12 +119,24 @@ pub struct MeanScore {
     pub box_reprojection_iou: Option<Mean>,
 }
 
+/// How estimates and true objects are paired.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum PairedBy {
+    /// By their ids; of several estimates with one id the first counts.
+    #[default]
+    Ids,
+    /// By the overlap of their bodies.
+    Overlap,
+}
+
 /// The scores of a list of estimates.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Evaluation {
     /// One score for each object of the truth, in its order.
     pub objects: Vec<ObjectScore>,
-    /// Ids of the estimates that no object of the truth has (or that an earlier estimate has already).
+    /// How estimates and true objects were paired.
+    pub paired_by: PairedBy,
+    /// Ids of the estimates that are paired with no object of the truth.
     pub unmatched: Vec<String>,
     /// Means over the objects.
     pub mean: MeanScore,
@@ -137,31 +151,66 @@ impl Evaluation {
     }
 }
 
+impl TruthObject {
+    /// The true ellipsoid, or the one inscribed in the cuboid.
+    pub fn ellipsoid(&self) -> Option<Ellipsoid> {
+        self.ellipsoid.or_else(|| self.cuboid.as_ref().map(Cuboid::inscribed_ellipsoid))
+    }
+}
+
 /// Scores estimates against the truth, paired by id.
 ///
 /// `projections` are the cameras for the agreement in the images; with none of them that score is absent.
 pub fn evaluate(estimates: &[EstimatedObject], truth: &[TruthObject], projections: &[Projection]) -> Evaluation {
     let mut by_id = HashMap::new();
-    let mut matched = vec![false; estimates.len()];
     for (index, estimate) in estimates.iter().enumerate() {
         by_id.entry(estimate.id.as_str()).or_insert(index);
     }
+    let partners: Vec<Option<usize>> = truth.iter().map(|object| by_id.get(object.id.as_str()).copied()).collect();
+    score_pairs(estimates, truth, &partners, PairedBy::Ids, projections)
+}
+
+/// Scores estimates against the truth, paired by the overlap of their ellipsoids (see [`pair_by_overlap`]): for
+/// estimates whose ids mean nothing to the truth.
+pub fn evaluate_by_overlap(
+    estimates: &[EstimatedObject],
+    truth: &[TruthObject],
+    projections: &[Projection],
+) -> Evaluation {
+    let found: Vec<Option<Ellipsoid>> = estimates.iter().map(|estimate| estimate.ellipsoid).collect();
+    let bodies: Vec<Option<Ellipsoid>> = truth.iter().map(TruthObject::ellipsoid).collect();
+    let mut partners = vec![None; truth.len()];
+    for pair in pair_by_overlap(&found, &bodies, 0.0) {
+        partners[pair.truth] = Some(pair.found);
+    }
+    score_pairs(estimates, truth, &partners, PairedBy::Overlap, projections)
+}
+
+/// Scores each true object against its partner, the index of an estimate.
+fn score_pairs(
+    estimates: &[EstimatedObject],
+    truth: &[TruthObject],
+    partners: &[Option<usize>],
+    paired_by: PairedBy,
+    projections: &[Projection],
+) -> Evaluation {
     let reported = Reported {
         enclosing_ellipsoids: estimates.iter().any(|e| e.enclosing_ellipsoid.is_some()),
         cuboids: estimates.iter().any(|e| e.cuboid.is_some()),
         enclosing_cuboids: estimates.iter().any(|e| e.enclosing_cuboid.is_some()),
     };
+    let mut matched = vec![false; estimates.len()];
     let mut objects = Vec::with_capacity(truth.len());
-    for true_object in truth {
-        let index = by_id.get(true_object.id.as_str()).copied();
-        if let Some(index) = index {
+    for (true_object, &partner) in truth.iter().zip(partners) {
+        if let Some(index) = partner {
             matched[index] = true;
         }
-        objects.push(score(index.map(|i| &estimates[i]), true_object, projections, &reported));
+        objects.push(score(partner.map(|i| &estimates[i]), true_object, projections, &reported));
     }
     Evaluation {
         mean: mean_score(&objects),
         failures: objects.iter().filter(|object| !object.has_body).count(),
+        paired_by,
         unmatched: estimates.iter().zip(matched).filter(|(_, m)| !m).map(|(e, _)| e.id.clone()).collect(),
         objects,
     }
@@ -181,9 +230,9 @@ fn score(
     reported: &Reported,
 ) -> ObjectScore {
     let nothing = EstimatedObject::default();
-    let status = estimate.map(|e| e.status.clone());
+    let (id, status) = (estimate.map(|e| e.id.clone()), estimate.map(|e| e.status.clone()));
     let estimate = estimate.unwrap_or(&nothing);
-    let true_ellipsoid = truth.ellipsoid.or_else(|| truth.cuboid.as_ref().map(Cuboid::inscribed_ellipsoid));
+    let true_ellipsoid = truth.ellipsoid();
     let ellipsoids = estimate.ellipsoid.zip(true_ellipsoid);
     let center = estimate.center.or(estimate.ellipsoid.map(|e| e.center)).or(estimate.cuboid.map(|c| c.center));
     let (no_ellipsoid, no_cuboid) = (estimate.ellipsoid.is_none(), estimate.cuboid.is_none());
@@ -193,6 +242,7 @@ fn score(
         |body: Option<Cuboid>, failed| Some(iou_or_zero(body, truth.cuboid?, failed, iou3d_cuboids)).flatten();
     ObjectScore {
         id: truth.id.clone(),
+        estimate: id,
         status,
         has_body: !(no_ellipsoid && no_cuboid),
         iou3d: iou_of_ellipsoids(estimate.ellipsoid, true),
@@ -330,6 +380,25 @@ mod tests {
         let only_cuboid = TruthObject { ellipsoid: None, ..truth("a") };
         let result = evaluate(&[estimate("a", 0.5)], &[only_cuboid], &[]);
         assert!((result.objects[0].iou3d.unwrap() - 0.125).abs() < 1e-9);
+    }
+
+    #[test]
+    fn without_common_ids_bodies_are_paired_by_overlap() {
+        let (near, exact, far) = (estimate("1", 0.7), estimate("2", 1.0), estimate("3", 1.0));
+        let moved = |object: EstimatedObject, x: f64| {
+            let ellipsoid = object.ellipsoid.map(|e| Ellipsoid { center: e.center + Vector3::new(x, 0.0, 0.0), ..e });
+            EstimatedObject { center: ellipsoid.map(|e| e.center), ellipsoid, ..object }
+        };
+        let result = evaluate_by_overlap(&[near, exact, moved(far, 30.0)], &[truth("a"), truth("b")], &[]);
+        assert_eq!(result.paired_by, PairedBy::Overlap);
+        let paired: Vec<_> = result.objects.iter().map(|o| o.estimate.as_deref().unwrap()).collect();
+        assert!(paired == ["1", "2"] || paired == ["2", "1"], "{paired:?}");
+        assert!((result.mean.iou3d.unwrap().value - 0.5 * (1.0 + 0.343)).abs() < 1e-9);
+        assert_eq!((result.unmatched, result.failures), (vec!["3".to_owned()], 0));
+        // Nothing overlaps: everything is missing.
+        let result = evaluate_by_overlap(&[moved(estimate("1", 1.0), 30.0)], &[truth("a")], &[]);
+        assert_eq!((result.failures, result.objects[0].iou3d), (1, Some(0.0)));
+        assert_eq!((&result.objects[0].estimate, &result.objects[0].status), (&None, &None));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! How good an estimate is, against the truth (E7).
 //!
-//! [`evaluate`] scores a whole list of objects; the measures that it reports, and some more, are functions of their
+//! [`evaluate`] scores a whole list of objects, [`score_division`] how detections were divided into objects; the measures that it reports, and some more, are functions of their
 //! own. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
 
 mod association;
@@ -13,6 +13,7 @@ mod iou_cuboids;
 mod iou_ellipses;
 mod iou_ellipsoids;
 mod nees;
+mod overlap;
 mod quadrature;
 mod reprojection;
 
@@ -20,13 +21,15 @@ pub use association::{DivisionScore, FoundScore, score_division, score_found};
 pub use axes::{center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
 pub use distance::{hausdorff_distance, squared_wasserstein};
 pub use evaluate::{
-    EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, ReprojectionScore, TruthObject, evaluate,
+    EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject, evaluate,
+    evaluate_by_overlap,
 };
 pub use iou_bodies::iou3d_bodies;
 pub use iou_cuboids::{cuboid_intersection_volume, iou3d_cuboids};
 pub use iou_ellipses::ellipse_iou;
 pub use iou_ellipsoids::{ellipsoid_intersection_volume, iou3d_ellipsoids};
 pub use nees::nees;
+pub use overlap::{OverlapPair, pair_by_overlap};
 pub use reprojection::{box_reprojection_iou, ellipse_reprojection_iou};
 
 /// Intersection over union from the size of the intersection and of both parts; 0 when they have no size.

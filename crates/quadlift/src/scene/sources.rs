@@ -12,7 +12,10 @@ pub enum SourceError {
     )]
     Several(Vec<String>),
     /// The chosen source does not exist.
-    #[error("there are no detections of the source \"{chosen}\"; the scene has: {}", .known.join(", "))]
+    #[error(
+        "there are no detections of the source \"{chosen}\"; the scene has: {}",
+        if .known.is_empty() { "none that names a source".to_owned() } else { .known.join(", ") }
+    )]
     Unknown {
         /// The source that was asked for.
         chosen: String,

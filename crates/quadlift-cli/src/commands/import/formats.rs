@@ -3,7 +3,6 @@
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-use quadlift_io::ReadError;
 use quadlift_io::read::bop::{BopOptions, read_bop};
 use quadlift_io::read::colmap::read_colmap;
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
@@ -121,6 +120,14 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
+    /// Tables of `quadlift export parquet`: the scene as it was
+    Parquet {
+        /// Folder of the tables
+        #[arg(value_name = "DIR")]
+        path: PathBuf,
+        #[command(flatten)]
+        common: Common,
+    },
 }
 
 /// The size of the images.
@@ -128,7 +135,7 @@ pub enum Format {
 pub struct Size {
     /// Width and height of the images in pixels, where the files do not say
     #[arg(long, value_name = "WxH", value_parser = args::image_size)]
-    image_size: Option<[f64; 2]>,
+    pub image_size: Option<[f64; 2]>,
 }
 
 /// The origin of pixel coordinates.
@@ -146,7 +153,7 @@ enum Centers {
 }
 
 impl Pixels {
-    fn centers(&self) -> PixelCenters {
+    pub fn centers(&self) -> PixelCenters {
         match self.pixel_centers {
             Centers::Integer => PixelCenters::Integer,
             Centers::Half => PixelCenters::Half,
@@ -159,7 +166,7 @@ impl Pixels {
 pub struct Part {
     /// First and last frame, from 0 (default: all)
     #[arg(long, value_name = "FIRST-LAST", value_parser = args::frame_range)]
-    frames: Option<RangeInclusive<usize>>,
+    pub frames: Option<RangeInclusive<usize>>,
 }
 
 impl Format {
@@ -171,7 +178,8 @@ impl Format {
             | Self::Kitti { common, .. }
             | Self::KittiRaw { common, .. }
             | Self::Bop { common, .. }
-            | Self::Projections { common, .. } => common,
+            | Self::Projections { common, .. }
+            | Self::Parquet { common, .. } => common,
         }
     }
 
@@ -185,13 +193,19 @@ impl Format {
             Self::KittiRaw { .. } => "KITTI raw",
             Self::Bop { .. } => "BOP",
             Self::Projections { .. } => "projections",
+            Self::Parquet { .. } => "Parquet",
         }
     }
 
-    pub fn read(&self) -> Result<Import, ReadError> {
-        match self {
-            Self::Colmap { path, .. } => read_colmap(path),
-            Self::Nerfstudio { path, pixels, .. } => read_nerfstudio(path, pixels.centers()),
+    /// Whether the format is that of the scene file in another form: then nothing is added to the scene.
+    pub fn is_scene(&self) -> bool {
+        matches!(self, Self::Parquet { .. })
+    }
+
+    pub fn read(&self) -> anyhow::Result<Import> {
+        Ok(match self {
+            Self::Colmap { path, .. } => read_colmap(path)?,
+            Self::Nerfstudio { path, pixels, .. } => read_nerfstudio(path, pixels.centers())?,
             Self::Tum { path, intrinsics, image_list, time_tolerance, size, pixels, .. } => {
                 let options = TumOptions {
                     intrinsics,
@@ -200,7 +214,7 @@ impl Format {
                     time_tolerance: *time_tolerance,
                     pixel_centers: pixels.centers(),
                 };
-                read_tum(path, &options)
+                read_tum(path, &options)?
             }
             Self::Kitti { path, sequence, part, size, pixels, .. } => {
                 let options = KittiOptions {
@@ -209,7 +223,7 @@ impl Format {
                     image_size: size.image_size,
                     pixel_centers: pixels.centers(),
                 };
-                read_kitti(path, &options)
+                read_kitti(path, &options)?
             }
             Self::KittiRaw { path, camera, calibration, part, pixels, .. } => {
                 let options = KittiRawOptions {
@@ -218,7 +232,7 @@ impl Format {
                     calibration: calibration.clone(),
                     pixel_centers: pixels.centers(),
                 };
-                read_kitti_raw(path, &options)
+                read_kitti_raw(path, &options)?
             }
             Self::Bop { path, world_object, models, size, .. } => {
                 let options = BopOptions {
@@ -226,9 +240,20 @@ impl Format {
                     models_info: models.clone(),
                     image_size: size.image_size,
                 };
-                read_bop(path, &options)
+                read_bop(path, &options)?
             }
-            Self::Projections { path, size, pixels, .. } => read_projections(path, size.image_size, pixels.centers()),
-        }
+            Self::Projections { path, size, pixels, .. } => read_projections(path, size.image_size, pixels.centers())?,
+            #[cfg(feature = "parquet")]
+            Self::Parquet { path, .. } => {
+                // The reader turns panics of the crate parquet on damaged files into errors: say it once, not twice.
+                let hook = std::panic::take_hook();
+                std::panic::set_hook(Box::new(|_| {}));
+                let import = quadlift_io::tables::read_tables(path);
+                std::panic::set_hook(hook);
+                import?
+            }
+            #[cfg(not(feature = "parquet"))]
+            Self::Parquet { .. } => return crate::error::usage(crate::words::NO_PARQUET),
+        })
     }
 }

@@ -35,23 +35,39 @@ impl Camera {
         if self.is_pinhole() {
             return Some(*bounding_box);
         }
-        let points = self.undistorted_ellipse_points(&Ellipse::inscribed_in(bounding_box))?;
-        let (x0, x1) = extent(&points, 0);
-        let (y0, y1) = extent(&points, 1);
-        BoundingBox::new([x0, y0, x1, y1]).ok()
+        box_around(&self.undistorted_ellipse_points(&Ellipse::inscribed_in(bounding_box))?)
+    }
+
+    /// The box in the image of a box in pixels of the pinhole camera: around the distorted outline of its inscribed
+    /// ellipse, as [`Camera::undistort_box`] does it the other way. `None` when the lens does not show the outline.
+    pub fn distort_box(&self, pinhole_box: &BoundingBox) -> Option<BoundingBox> {
+        if self.is_pinhole() {
+            return Some(*pinhole_box);
+        }
+        let outline = ellipse_points(&Ellipse::inscribed_in(pinhole_box));
+        box_around(&outline.map(|point| self.distort_point(&point)).collect::<Option<Vec<_>>>()?)
     }
 
     fn undistorted_ellipse_points(&self, ellipse: &Ellipse) -> Option<Vec<Vector2<f64>>> {
-        let (sin, cos) = ellipse.angle.sin_cos();
-        let (a, b) = (ellipse.semi_axes.x, ellipse.semi_axes.y);
-        (0..OUTLINE_POINTS)
-            .map(|i| {
-                let (s, c) = (TAU * i as f64 / OUTLINE_POINTS as f64).sin_cos();
-                let offset = Vector2::new(a * c * cos - b * s * sin, a * c * sin + b * s * cos);
-                self.undistort_point(&(ellipse.center + offset))
-            })
-            .collect()
+        ellipse_points(ellipse).map(|point| self.undistort_point(&point)).collect()
     }
+}
+
+/// Points on the outline of an ellipse, equally spaced before it was stretched.
+fn ellipse_points(ellipse: &Ellipse) -> impl Iterator<Item = Vector2<f64>> + use<> {
+    let (sin, cos) = ellipse.angle.sin_cos();
+    let (center, a, b) = (ellipse.center, ellipse.semi_axes.x, ellipse.semi_axes.y);
+    (0..OUTLINE_POINTS).map(move |i| {
+        let (s, c) = (TAU * i as f64 / OUTLINE_POINTS as f64).sin_cos();
+        center + Vector2::new(a * c * cos - b * s * sin, a * c * sin + b * s * cos)
+    })
+}
+
+/// The box around a closed smooth curve through equally spaced points.
+fn box_around(points: &[Vector2<f64>]) -> Option<BoundingBox> {
+    let (x0, x1) = extent(points, 0);
+    let (y0, y1) = extent(points, 1);
+    BoundingBox::new([x0, y0, x1, y1]).ok()
 }
 
 /// Smallest and largest coordinate of a closed smooth curve through equally spaced points: the extreme of the parabola

@@ -224,6 +224,23 @@ fn ellipses_of_distorted_outlines_are_those_of_the_pinhole_camera() {
     }
 }
 
+/// The box of a distorted outline, from many of its points.
+#[test]
+fn distorted_boxes_surround_the_distorted_outline() {
+    for camera in cameras() {
+        let pinhole_box = BoundingBox::new([500.0, 260.0, 590.0, 310.0]).unwrap();
+        let inscribed = Ellipse::inscribed_in(&pinhole_box);
+        let points =
+            (0..3600).map(|i| camera.distort_point(&point_on(&inscribed, TAU * f64::from(i) / 3600.0)).unwrap());
+        let expected = points.fold([f64::MAX, f64::MAX, f64::MIN, f64::MIN], |[x0, y0, x1, y1], p| {
+            [x0.min(p.x), y0.min(p.y), x1.max(p.x), y1.max(p.y)]
+        });
+        for (found, expected) in camera.distort_box(&pinhole_box).unwrap().edges().iter().zip(expected) {
+            assert!((found - expected).abs() < 0.02, "{camera:?} {found} {expected}");
+        }
+    }
+}
+
 fn point_on(e: &Ellipse, t: f64) -> Vector2<f64> {
     let ((sin, cos), (s, c)) = (e.angle.sin_cos(), t.sin_cos());
     e.center

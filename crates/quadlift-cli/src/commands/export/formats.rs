@@ -1,0 +1,169 @@
+//! The formats with their options.
+
+use std::path::PathBuf;
+
+use quadlift_io::ReadError;
+use quadlift_io::read::kitti::read_cam_from_rect;
+use quadlift_io::write::bop::bop_results;
+use quadlift_io::write::coco::coco;
+use quadlift_io::write::glb::glb;
+use quadlift_io::write::kitti::{KittiLabelOptions, kitti_labels};
+use quadlift_io::write::ply::ply;
+use quadlift_io::write::ros::ros;
+use quadlift_io::write::{BodyChoice, CheckedScene, Document};
+
+use super::Common;
+use crate::args;
+
+/// A format and what is written of a scene.
+#[derive(clap::Subcommand)]
+pub enum Format {
+    #[command(flatten)]
+    Bodies(BodyFormat),
+    /// CSV: a row for each object
+    Csv {
+        #[command(flatten)]
+        common: Common,
+        /// Writes a second table: the residual of each view of each object
+        #[arg(long, value_name = "FILE")]
+        views: Option<PathBuf>,
+    },
+    /// Parquet: a folder of tables with all that the scene file holds
+    Parquet {
+        #[command(flatten)]
+        common: Common,
+    },
+}
+
+/// A format that holds nothing but objects with bodies.
+#[derive(clap::Subcommand)]
+pub enum BodyFormat {
+    /// PLY: meshes of the bodies and camera frusta
+    Ply {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        #[command(flatten)]
+        cameras: Cameras,
+    },
+    /// glTF binary: a node for each object, and camera frusta; metres, y up
+    Glb {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        #[command(flatten)]
+        cameras: Cameras,
+    },
+    /// KITTI tracking labels: upright boxes in the axes of each frame's camera
+    Kitti {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        #[command(flatten)]
+        frames: Frames,
+        /// KITTI's calibration of the sequence: locations are written in the axes of its camera 0
+        #[arg(long, value_name = "FILE")]
+        calib: Option<PathBuf>,
+    },
+    /// BOP results: poses of the bodies in each frame, millimetres
+    Bop {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        frames: Frames,
+        /// The number in the column scene_id
+        #[arg(long, value_name = "N", default_value_t = 0)]
+        scene_id: u64,
+    },
+    /// COCO annotations: the boxes of the bodies in each frame
+    Coco {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        #[command(flatten)]
+        frames: Frames,
+    },
+    /// JSON of the shape of ROS 2's vision_msgs/Detection3DArray
+    Ros {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        /// The name of the world in the header
+        #[arg(long, value_name = "NAME", default_value = "map")]
+        frame_id: String,
+    },
+}
+
+/// Which bodies.
+#[derive(clap::Args)]
+pub struct Bodies {
+    /// The larger bodies that hold the real objects, instead of those that touch the measurements
+    #[arg(long)]
+    enclosing: bool,
+}
+
+/// The frusta of cameras.
+#[derive(clap::Args)]
+pub struct Cameras {
+    /// Depth of the camera frusta in world units; 0 leaves them out (default: a tenth of the distance to the objects)
+    #[arg(long, value_name = "DEPTH", value_parser = args::not_negative)]
+    frusta: Option<f64>,
+}
+
+/// In which frames an object is written.
+#[derive(clap::Args)]
+pub struct Frames {
+    /// Only the frames in which the object was detected, instead of all in which it lies in the image
+    #[arg(long)]
+    only_detected: bool,
+}
+
+impl Bodies {
+    fn choice(&self) -> BodyChoice {
+        if self.enclosing { BodyChoice::Enclosing } else { BodyChoice::Tangent }
+    }
+}
+
+impl BodyFormat {
+    pub fn common(&self) -> &Common {
+        match self {
+            Self::Ply { common, .. }
+            | Self::Glb { common, .. }
+            | Self::Kitti { common, .. }
+            | Self::Bop { common, .. }
+            | Self::Coco { common, .. }
+            | Self::Ros { common, .. } => common,
+        }
+    }
+
+    pub fn choice(&self) -> BodyChoice {
+        match self {
+            Self::Ply { bodies, .. }
+            | Self::Glb { bodies, .. }
+            | Self::Kitti { bodies, .. }
+            | Self::Coco { bodies, .. }
+            | Self::Ros { bodies, .. } => bodies.choice(),
+            // A pose has no size.
+            Self::Bop { .. } => BodyChoice::Tangent,
+        }
+    }
+
+    pub fn document(&self, scene: &CheckedScene) -> Result<Document, ReadError> {
+        Ok(match self {
+            Self::Ply { cameras, .. } => ply(scene, cameras.frusta),
+            Self::Glb { cameras, .. } => glb(scene, cameras.frusta),
+            Self::Kitti { frames, calib, .. } => {
+                let cam_from_rect = calib.as_deref().map(read_cam_from_rect).transpose()?;
+                kitti_labels(scene, &KittiLabelOptions { only_detected: frames.only_detected, cam_from_rect })
+            }
+            Self::Bop { frames, scene_id, .. } => bop_results(scene, *scene_id, frames.only_detected),
+            Self::Coco { frames, .. } => coco(scene, frames.only_detected),
+            Self::Ros { frame_id, .. } => ros(scene, frame_id),
+        })
+    }
+}

@@ -1,0 +1,24 @@
+//! Parquet, where the program was built with it.
+
+#[cfg(feature = "parquet")]
+use quadlift_io::tables::write_tables;
+
+use super::Common;
+use crate::error::Outcome;
+use crate::output::Output;
+
+#[cfg(feature = "parquet")]
+pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
+    let Common { scene, output } = common;
+    let (file, _) = crate::files::read_scene(scene)?;
+    file.to_objects().map_err(|error| error.in_file(scene))?;
+    let counts = write_tables(output, &file)?;
+    out.report(&super::wrote(output, &counts))?;
+    out.document(&serde_json::json!({ "files": [super::entry(output, &counts, &[])], "without_body": [] }))?;
+    Ok(Outcome::Fine)
+}
+
+#[cfg(not(feature = "parquet"))]
+pub fn run(_: &Common, _: &Output) -> anyhow::Result<Outcome> {
+    crate::error::usage(crate::words::NO_PARQUET)
+}

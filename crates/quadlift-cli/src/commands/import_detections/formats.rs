@@ -1,0 +1,267 @@
+//! The formats of detections with their options.
+
+use std::path::{Path, PathBuf};
+
+use quadlift_io::ReadError;
+use quadlift_io::read::PixelCenters;
+use quadlift_io::read::detections::DetectionFiles;
+use quadlift_io::read::detections::coco::read_coco;
+use quadlift_io::read::detections::csv::{TableOptions, read_csv};
+use quadlift_io::read::detections::kitti::read_kitti_labels;
+use quadlift_io::read::detections::labelme::read_labelme;
+use quadlift_io::read::detections::mot::{MotKind, MotOptions, read_mot};
+use quadlift_io::read::detections::names::{ClassNames, read_names};
+use quadlift_io::read::detections::supervision::read_supervision;
+use quadlift_io::read::detections::yolo::{ExtraColumns, YoloKind, YoloOptions, read_yolo};
+
+use super::Common;
+use crate::commands::import::formats::Pixels;
+
+/// A format and where to read it.
+#[derive(clap::Subcommand)]
+pub enum Format {
+    /// COCO: annotations or a list of results, with boxes, polygons and masks
+    Coco {
+        /// The file
+        #[arg(value_name = "FILE.json")]
+        path: PathBuf,
+        /// The data set that names images and categories of a list of results
+        #[arg(long, value_name = "FILE.json")]
+        annotations: Option<PathBuf>,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// MOTChallenge: detections, tracks or ground truth
+    Mot {
+        /// The file, or the folder of a sequence with gt/gt.txt or det/det.txt
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        /// What follows the box: auto, det (confidence), gt (flag, class, visibility) or class (confidence, class)
+        #[arg(long, value_enum, value_name = "WHAT", default_value_t = MotColumns::Auto, hide_possible_values = true)]
+        columns: MotColumns,
+        /// The left edge of the first pixel: 1 as MOTChallenge has it, or 0 as many trackers write it
+        #[arg(long, value_name = "0|1", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=1))]
+        box_origin: u8,
+        #[command(flatten)]
+        names: Names,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Ultralytics YOLO: label files with boxes, polygons or turned boxes, and track ids
+    Yolo {
+        /// Folder of label files (or the one of the run, with `labels`), or one of them
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        /// What follows the class: auto, box, polygon or obb (the corners of a turned box)
+        #[arg(long, value_enum, value_name = "WHAT", default_value_t = YoloShapes::Auto, hide_possible_values = true)]
+        kind: YoloShapes,
+        /// What follows the coordinates: auto, none, score, track or score+track
+        #[arg(long, value_enum, value_name = "WHAT", default_value_t = YoloColumns::Auto, hide_possible_values = true)]
+        columns: YoloColumns,
+        #[command(flatten)]
+        names: Names,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// KITTI's labels or results, of the tracking or of the object benchmark
+    Kitti {
+        /// File of a sequence (tracking), or folder with a file for each image (objects)
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A CSV table of boxes
+    Csv {
+        /// The file: with names of columns, or frame, x0, y0, x1, y1 [, score]
+        #[arg(value_name = "FILE.csv")]
+        path: PathBuf,
+        #[command(flatten)]
+        table: TableArgs,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// The file of supervision's CSVSink or JSONSink
+    Supervision {
+        /// The file
+        #[arg(value_name = "FILE")]
+        path: PathBuf,
+        #[command(flatten)]
+        table: TableArgs,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// LabelMe's annotations
+    Labelme {
+        /// Folder with a file for each image, or one of them
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        #[command(flatten)]
+        common: Common,
+    },
+}
+
+/// The names of the classes.
+#[derive(clap::Args)]
+pub struct Names {
+    /// Names of the classes: a list, one in each line, or the `names` of a .yaml file
+    #[arg(long, value_name = "FILE")]
+    names: Option<PathBuf>,
+}
+
+impl Names {
+    pub fn read(&self) -> Result<Option<ClassNames>, ReadError> {
+        self.names.as_deref().map(read_names).transpose()
+    }
+}
+
+/// Options of tables.
+#[derive(clap::Args)]
+pub struct TableArgs {
+    /// The column that tells which image a row belongs to (default: by its name)
+    #[arg(long, value_name = "NAME")]
+    frame_column: Option<String>,
+    #[command(flatten)]
+    names: Names,
+    #[command(flatten)]
+    pixels: Pixels,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum MotColumns {
+    Auto,
+    Det,
+    Gt,
+    Class,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum YoloShapes {
+    Auto,
+    Box,
+    Polygon,
+    Obb,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum YoloColumns {
+    Auto,
+    None,
+    Score,
+    Track,
+    #[value(name = "score+track")]
+    ScoreAndTrack,
+}
+
+impl Format {
+    pub fn common(&self) -> &Common {
+        match self {
+            Self::Coco { common, .. }
+            | Self::Mot { common, .. }
+            | Self::Yolo { common, .. }
+            | Self::Kitti { common, .. }
+            | Self::Csv { common, .. }
+            | Self::Supervision { common, .. }
+            | Self::Labelme { common, .. } => common,
+        }
+    }
+
+    /// The file or folder.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Coco { path, .. }
+            | Self::Mot { path, .. }
+            | Self::Yolo { path, .. }
+            | Self::Kitti { path, .. }
+            | Self::Csv { path, .. }
+            | Self::Supervision { path, .. }
+            | Self::Labelme { path, .. } => path,
+        }
+    }
+
+    /// The word for the format, which is the source of its detections.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Coco { .. } => "coco",
+            Self::Mot { .. } => "mot",
+            Self::Yolo { .. } => "yolo",
+            Self::Kitti { .. } => "kitti",
+            Self::Csv { .. } => "csv",
+            Self::Supervision { .. } => "supervision",
+            Self::Labelme { .. } => "labelme",
+        }
+    }
+
+    /// The name of the format.
+    pub fn title(&self) -> &'static str {
+        match self {
+            Self::Coco { .. } => "COCO",
+            Self::Mot { .. } => "MOTChallenge",
+            Self::Yolo { .. } => "YOLO",
+            Self::Kitti { .. } => "KITTI labels",
+            Self::Csv { .. } => "a CSV table",
+            Self::Supervision { .. } => "supervision",
+            Self::Labelme { .. } => "LabelMe",
+        }
+    }
+
+    /// Where pixel coordinates have their origin.
+    pub fn pixel_centers(&self) -> PixelCenters {
+        match self {
+            Self::Kitti { pixels, .. } => pixels.centers(),
+            Self::Csv { table, .. } | Self::Supervision { table, .. } => table.pixels.centers(),
+            _ => PixelCenters::Half,
+        }
+    }
+
+    pub fn read(&self) -> Result<DetectionFiles, ReadError> {
+        match self {
+            Self::Coco { path, annotations, .. } => read_coco(path, annotations.as_deref()),
+            Self::Mot { path, columns, box_origin, names, .. } => {
+                let kind = match columns {
+                    MotColumns::Auto => MotKind::Auto,
+                    MotColumns::Det => MotKind::Detections,
+                    MotColumns::Gt => MotKind::GroundTruth,
+                    MotColumns::Class => MotKind::Classes,
+                };
+                let names = names.read()?;
+                read_mot(path, &MotOptions { kind, boxes_from_zero: *box_origin == 0, names: names.as_ref() })
+            }
+            Self::Yolo { path, kind, columns, names, .. } => {
+                let kind = match kind {
+                    YoloShapes::Auto => YoloKind::Auto,
+                    YoloShapes::Box => YoloKind::Box,
+                    YoloShapes::Polygon => YoloKind::Polygon,
+                    YoloShapes::Obb => YoloKind::TurnedBox,
+                };
+                let extra = match columns {
+                    YoloColumns::Auto => ExtraColumns::Auto,
+                    YoloColumns::None => ExtraColumns::None,
+                    YoloColumns::Score => ExtraColumns::Score,
+                    YoloColumns::Track => ExtraColumns::Track,
+                    YoloColumns::ScoreAndTrack => ExtraColumns::ScoreAndTrack,
+                };
+                let names = names.read()?;
+                read_yolo(path, &YoloOptions { kind, extra, names: names.as_ref() })
+            }
+            Self::Kitti { path, .. } => read_kitti_labels(path),
+            Self::Csv { path, table, .. } => {
+                let names = table.names.read()?;
+                read_csv(path, &table.options(names.as_ref()))
+            }
+            Self::Supervision { path, table, .. } => {
+                let names = table.names.read()?;
+                read_supervision(path, &table.options(names.as_ref()))
+            }
+            Self::Labelme { path, .. } => read_labelme(path),
+        }
+    }
+}
+
+impl TableArgs {
+    fn options<'a>(&'a self, names: Option<&'a ClassNames>) -> TableOptions<'a> {
+        TableOptions { frame_column: self.frame_column.as_deref(), names }
+    }
+}

@@ -1,0 +1,61 @@
+//! Options on how the images of detections are matched with the frames of a scene; `localize` has them too.
+
+use quadlift_io::read::PixelCenters;
+use quadlift_io::read::detections::{AddOptions, MatchBy};
+
+use crate::args;
+
+/// How images are matched, and which detections are taken.
+#[derive(clap::Args)]
+pub struct Matching {
+    /// How images are matched with frames: auto, name, stem (name without extension), index or time
+    #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = By::Auto, hide_possible_values = true)]
+    by: By,
+
+    /// Number that the detections give to the frame number 0 of the scene (default: told by format and names)
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    frame_offset: Option<i64>,
+
+    /// Largest difference of the times of an image and a frame, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
+    time_tolerance: f64,
+
+    /// Leave out detections with a lower score
+    #[arg(long, value_name = "S", value_parser = args::finite)]
+    min_score: Option<f64>,
+
+    /// Width and height of the images in pixels, where neither the scene nor the detections know them
+    #[arg(long, value_name = "WxH", value_parser = args::image_size)]
+    pub image_size: Option<[f64; 2]>,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum By {
+    Auto,
+    Name,
+    Stem,
+    Index,
+    Time,
+}
+
+impl Matching {
+    /// The options of the reader.
+    pub fn options<'a>(&self, source: &'a str, pixel_centers: PixelCenters) -> AddOptions<'a> {
+        AddOptions {
+            match_by: match self.by {
+                By::Auto => MatchBy::Auto,
+                By::Name => MatchBy::Name,
+                By::Stem => MatchBy::Stem,
+                By::Index => MatchBy::Index,
+                By::Time => MatchBy::Time,
+            },
+            frame_offset: self.frame_offset,
+            time_tolerance: self.time_tolerance,
+            image_size: self.image_size,
+            source,
+            min_score: self.min_score,
+            replace: false,
+            pixel_centers,
+        }
+    }
+}

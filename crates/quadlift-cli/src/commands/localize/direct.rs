@@ -1,0 +1,231 @@
+//! `localize --cameras --detections`: the scene is made of other programs' files, whose formats are recognised.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
+use quadlift_io::read::bop::{BopOptions, read_bop};
+use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::detections::coco::read_coco;
+use quadlift_io::read::detections::csv::{TableOptions, read_csv};
+use quadlift_io::read::detections::kitti::read_kitti_labels;
+use quadlift_io::read::detections::labelme::read_labelme;
+use quadlift_io::read::detections::mot::{MotOptions, read_mot};
+use quadlift_io::read::detections::supervision::read_supervision;
+use quadlift_io::read::detections::yolo::{YoloOptions, read_yolo};
+use quadlift_io::read::detections::{DetectionFiles, add_detections};
+use quadlift_io::read::kitti::{KittiOptions, read_kitti};
+use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
+use quadlift_io::read::nerfstudio::read_nerfstudio;
+use quadlift_io::read::projections::read_projections;
+use quadlift_io::read::tum::{TumOptions, read_tum};
+use quadlift_io::read::{Import, PixelCenters};
+use quadlift_io::{SceneFile, read_scene_file};
+
+use crate::commands::import::formats::{Part, Pixels};
+use crate::commands::import::paths::{prefix_images, relative_to_file};
+use crate::commands::import_detections::{Matching, Names, in_words, notes};
+use crate::error::usage;
+use crate::output::{Output, one_line};
+use crate::segmented_scene::move_paths;
+
+/// Cameras and detections in other programs' files.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Files of other programs")]
+pub struct DirectArgs {
+    /// Cameras and poses: whatever `quadlift import` reads, or a scene file
+    #[arg(long, value_name = "PATH", requires = "detections")]
+    cameras: Option<PathBuf>,
+
+    /// Detections: whatever `quadlift import-detections` reads
+    #[arg(long, value_name = "PATH", requires = "cameras")]
+    detections: Option<PathBuf>,
+
+    #[command(flatten)]
+    names: Names,
+
+    /// The data set that names images and categories of a list of COCO results
+    #[arg(long, value_name = "FILE.json")]
+    annotations: Option<PathBuf>,
+
+    /// The column of a table that tells which image a row belongs to
+    #[arg(long, value_name = "NAME")]
+    frame_column: Option<String>,
+
+    #[command(flatten)]
+    matching: Matching,
+
+    #[command(flatten)]
+    pixels: Pixels,
+
+    /// KITTI: name of the sequence, such as 0001 (default: that of the detections)
+    #[arg(long, value_name = "NAME")]
+    sequence: Option<String>,
+
+    #[command(flatten)]
+    part: Part,
+
+    /// TUM: file of the intrinsics
+    #[arg(long, value_name = "FILE")]
+    intrinsics: Option<PathBuf>,
+
+    /// BOP: number of the object whose model frame is the world
+    #[arg(long, value_name = "ID")]
+    world_object: Option<u64>,
+}
+
+impl DirectArgs {
+    /// Paths of cameras and detections, where they are given.
+    pub fn paths(&self) -> Option<(&Path, &Path)> {
+        self.cameras.as_deref().zip(self.detections.as_deref())
+    }
+
+    /// The scene, with the detections of one source. Paths of images are relative to the output. What was read is
+    /// reported.
+    pub fn read(
+        &self,
+        [cameras, detections]: [&Path; 2],
+        output: Option<&Path>,
+        source: Option<&str>,
+        out: &Output,
+    ) -> anyhow::Result<SceneFile> {
+        let (camera_format, camera_path) = detect_cameras(cameras)?;
+        let detection_format = detect_detections(detections)?;
+        let (mut file, camera_notes) = self.read_cameras(camera_format, &camera_path, detections, output)?;
+        let found = self.read_detections(detection_format, detections)?;
+        let found_notes = found.notes.clone();
+        let pixel_centers = match detection_format {
+            DetectionFormat::Kitti | DetectionFormat::Csv | DetectionFormat::Supervision => self.pixels.centers(),
+            _ => PixelCenters::Half,
+        };
+        let source = source.unwrap_or(detection_name(detection_format));
+        let mut options = self.matching.options(source, pixel_centers);
+        // Cameras may bring detections of their own, such as KITTI's labels.
+        options.replace = true;
+        file.objects.clear();
+        let added = add_detections(&mut file, found, &options)?;
+        let mut text = format!(
+            "{}: {}, {} frames\n{}: {}, {}\n",
+            cameras.display(),
+            camera_name(camera_format),
+            file.frames.len(),
+            detections.display(),
+            detection_name(detection_format),
+            one_line(&in_words(&added, source))
+        );
+        for note in [camera_notes, found_notes, notes(&added)].concat() {
+            text.push_str(&format!("- {}\n", one_line(&note)));
+        }
+        out.report(&format!("{text}\n"))?;
+        Ok(file)
+    }
+
+    fn read_cameras(
+        &self,
+        format: CameraFormat,
+        path: &Path,
+        detections: &Path,
+        output: Option<&Path>,
+    ) -> anyhow::Result<(SceneFile, Vec<String>)> {
+        let image_size = self.matching.image_size;
+        let Import { mut scene, image_folder, notes } = match format {
+            CameraFormat::Scene => {
+                let mut scene = read_scene_file(path)?;
+                if let Some(output) = output {
+                    move_paths(&mut scene, [path, output].map(|path| path.parent().unwrap_or(Path::new(""))))?;
+                }
+                return Ok((scene, Vec::new()));
+            }
+            CameraFormat::Colmap => read_colmap(path)?,
+            CameraFormat::Nerfstudio => read_nerfstudio(path, self.pixels.centers())?,
+            CameraFormat::Tum => {
+                let Some(intrinsics) = &self.intrinsics else {
+                    return usage("a TUM trajectory has no intrinsics: name their file with --intrinsics FILE");
+                };
+                let options = TumOptions {
+                    intrinsics,
+                    image_size,
+                    image_list: None,
+                    time_tolerance: 0.02,
+                    pixel_centers: self.pixels.centers(),
+                };
+                read_tum(path, &options)?
+            }
+            CameraFormat::Kitti => {
+                let of_detections = detections.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+                let exists = |name: &String| path.join("calib").join(format!("{name}.txt")).is_file();
+                let Some(sequence) = self.sequence.clone().or(of_detections.filter(exists)) else {
+                    return usage("the folder holds sequences of KITTI: choose one with --sequence NAME");
+                };
+                let options = KittiOptions {
+                    sequence,
+                    frames: self.part.frames.clone(),
+                    image_size,
+                    pixel_centers: self.pixels.centers(),
+                };
+                read_kitti(path, &options)?
+            }
+            CameraFormat::KittiRaw => {
+                let options = KittiRawOptions {
+                    camera: 2,
+                    frames: self.part.frames.clone(),
+                    calibration: None,
+                    pixel_centers: self.pixels.centers(),
+                };
+                read_kitti_raw(path, &options)?
+            }
+            CameraFormat::Bop => {
+                read_bop(path, &BopOptions { world_object: self.world_object, models_info: None, image_size })?
+            }
+            CameraFormat::Projections => read_projections(path, image_size, self.pixels.centers())?,
+        };
+        if let Some((folder, output)) = image_folder.zip(output) {
+            let prefix = relative_to_file(&folder, output)
+                .with_context(|| format!("cannot find the folder {}", folder.display()))?;
+            prefix_images(&mut scene, &prefix);
+        }
+        Ok((scene, notes))
+    }
+
+    fn read_detections(&self, format: DetectionFormat, path: &Path) -> anyhow::Result<DetectionFiles> {
+        let names = self.names.read()?;
+        let names = names.as_ref();
+        let table = TableOptions { frame_column: self.frame_column.as_deref(), names };
+        Ok(match format {
+            DetectionFormat::Coco => read_coco(path, self.annotations.as_deref())?,
+            DetectionFormat::Mot => read_mot(path, &MotOptions { names, ..MotOptions::default() })?,
+            DetectionFormat::Yolo => read_yolo(path, &YoloOptions { names, ..YoloOptions::default() })?,
+            DetectionFormat::Kitti => read_kitti_labels(path)?,
+            DetectionFormat::Csv => read_csv(path, &table)?,
+            DetectionFormat::Supervision => read_supervision(path, &table)?,
+            DetectionFormat::LabelMe => read_labelme(path)?,
+        })
+    }
+}
+
+/// The format of cameras in the words of `quadlift import`.
+fn camera_name(format: CameraFormat) -> &'static str {
+    match format {
+        CameraFormat::Scene => "scene file",
+        CameraFormat::Colmap => "colmap",
+        CameraFormat::Nerfstudio => "nerfstudio",
+        CameraFormat::Tum => "tum",
+        CameraFormat::Kitti => "kitti",
+        CameraFormat::KittiRaw => "kitti-raw",
+        CameraFormat::Bop => "bop",
+        CameraFormat::Projections => "projections",
+    }
+}
+
+/// The format of detections in the words of `quadlift import-detections`.
+fn detection_name(format: DetectionFormat) -> &'static str {
+    match format {
+        DetectionFormat::Coco => "coco",
+        DetectionFormat::Mot => "mot",
+        DetectionFormat::Yolo => "yolo",
+        DetectionFormat::Kitti => "kitti",
+        DetectionFormat::Csv => "csv",
+        DetectionFormat::Supervision => "supervision",
+        DetectionFormat::LabelMe => "labelme",
+    }
+}

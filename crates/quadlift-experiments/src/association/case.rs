@@ -1,0 +1,179 @@
+//! A scene that is divided into objects, and how well that was done.
+
+use quadlift::associate::{AssociateOptions, Association, associate};
+use quadlift::geometry::Ellipsoid;
+use quadlift::metrics::{DivisionScore, FoundScore, score_division, score_found};
+use quadlift::scene::Scene;
+use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::{Options, localize};
+
+use crate::error::Error;
+use crate::scores::mean;
+
+/// A found object counts when the volume IoU with a true one is at least this.
+const LEAST_IOU: f64 = 0.25;
+
+/// A true object is looked for when it is detected so often.
+const FEWEST_VIEWS: usize = 3;
+
+/// A scene as association gets it, and what is true about it. Only detections that take part are in it.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// The scene; ids of its detections are what association may look at.
+    pub scene: Scene,
+    /// For each detection, the index of the object in `bodies` that it shows; absent where it shows none of them.
+    pub true_objects: Vec<Option<u32>>,
+    /// The true objects.
+    pub bodies: Vec<Ellipsoid>,
+}
+
+/// How well a case was divided into objects.
+#[derive(Debug, Clone, Copy)]
+pub struct CaseScore {
+    /// The detections.
+    pub division: DivisionScore,
+    /// The objects, with the bodies that association itself fits.
+    pub found: FoundScore,
+    /// Share of the true objects that have a found centre within their longest semi-axis.
+    pub centers_found: Option<f64>,
+    /// Mean volume IoU of the true objects, localised from what was found.
+    pub o3d: f64,
+    /// The same, localised from the true identities.
+    pub o3d_with_true_ids: f64,
+    /// Objects at least half of whose detections show true ones.
+    pub standing: Marked,
+    /// All others: they are false.
+    pub false_objects: Marked,
+}
+
+/// Objects, and how many of them are marked as doubtful.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Marked {
+    /// Number of objects.
+    pub objects: usize,
+    /// Number of doubtful ones.
+    pub doubtful: usize,
+}
+
+impl Marked {
+    /// Share that is marked.
+    pub fn share(self) -> Option<f64> {
+        (self.objects > 0).then(|| self.doubtful as f64 / self.objects as f64)
+    }
+
+    /// Both together.
+    pub fn and(self, other: Self) -> Self {
+        Self { objects: self.objects + other.objects, doubtful: self.doubtful + other.doubtful }
+    }
+}
+
+impl Case {
+    /// Divides the scene and compares the division with the truth.
+    ///
+    /// # Errors
+    /// [`Error::Associate`], [`Error::Localize`] when options do not fit the scene.
+    pub fn score(&self, options: &AssociateOptions) -> Result<CaseScore, Error> {
+        let association = associate(&self.scene, options, &|_, _| {})?;
+        let (standing, false_objects) = self.marked(&association);
+        let bodies: Vec<Option<Ellipsoid>> = association.objects.iter().map(|object| object.ellipsoid).collect();
+        Ok(CaseScore {
+            division: score_division(&self.true_objects, &association.object_of_detection),
+            found: score_found(&bodies, &self.detected_bodies(), LEAST_IOU),
+            centers_found: self.centers_found(&bodies),
+            o3d: self.o3d(&association.applied_to(&self.scene, None))?,
+            o3d_with_true_ids: self.o3d(&self.with_true_ids())?,
+            standing,
+            false_objects,
+        })
+    }
+
+    /// The scene with the true identities.
+    fn with_true_ids(&self) -> Scene {
+        let mut scene = self.scene.clone();
+        scene.object_ids = (0..self.bodies.len()).map(|index| index.to_string()).collect();
+        for (detection, object) in scene.detections.iter_mut().zip(&self.true_objects) {
+            detection.object_index = *object;
+        }
+        scene
+    }
+
+    /// The true objects that are detected often enough.
+    fn detected_bodies(&self) -> Vec<Ellipsoid> {
+        let mut views = vec![0; self.bodies.len()];
+        self.true_objects.iter().flatten().for_each(|&object| views[object as usize] += 1);
+        let often = self.bodies.iter().zip(&views).filter(|(_, views)| **views >= FEWEST_VIEWS);
+        often.map(|(body, _)| *body).collect()
+    }
+
+    fn centers_found(&self, found: &[Option<Ellipsoid>]) -> Option<f64> {
+        let is_near = |body: &Ellipsoid| {
+            let reach = body.semi_axes.max();
+            found.iter().flatten().any(|estimate| (estimate.center - body.center).norm() <= reach)
+        };
+        mean(&self.detected_bodies().iter().map(|body| if is_near(body) { 1.0 } else { 0.0 }).collect::<Vec<_>>())
+    }
+
+    /// Localises the objects that the detections name: the mean volume IoU of the true objects, 0 for those that are
+    /// not there.
+    fn o3d(&self, scene: &Scene) -> Result<f64, Error> {
+        let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+        let localization = localize(scene, &Options { map, ..Default::default() }, &|_, _| {})?;
+        let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
+        let score = score_found(&estimates, &self.detected_bodies(), 0.0);
+        Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
+    }
+
+    /// The true and the false ones of the objects that were found.
+    fn marked(&self, association: &Association) -> (Marked, Marked) {
+        let mut members = vec![(0usize, 0usize); association.objects.len()];
+        for (object, truth) in association.object_of_detection.iter().zip(&self.true_objects) {
+            if let Some(object) = object {
+                let (all, of_true) = &mut members[*object as usize];
+                *all += 1;
+                *of_true += usize::from(truth.is_some());
+            }
+        }
+        let (mut standing, mut others) = (Marked::default(), Marked::default());
+        for (object, (all, of_true)) in association.objects.iter().zip(members) {
+            let kind = if 2 * of_true >= all { &mut standing } else { &mut others };
+            kind.objects += 1;
+            kind.doubtful += usize::from(object.doubtful.is_some());
+        }
+        (standing, others)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use quadlift::associate::AssociatedObject;
+
+    #[test]
+    fn an_object_is_false_when_most_of_its_detections_are() {
+        let case = Case {
+            scene: Scene::default(),
+            true_objects: vec![Some(0), None, Some(0), None, None, Some(1)],
+            bodies: Vec::new(),
+        };
+        let object = |doubtful| AssociatedObject {
+            id: String::new(),
+            category_index: None,
+            views: 3,
+            expected_views: 3,
+            evidence: None,
+            ellipsoid: None,
+            doubtful,
+        };
+        let association = Association {
+            object_of_detection: vec![Some(0), Some(0), Some(1), Some(1), Some(1), None],
+            objects: vec![object(None), object(Some(quadlift::associate::Doubt::Elongated))],
+            ..Default::default()
+        };
+        let (standing, others) = case.marked(&association);
+        assert_eq!((standing, others), (Marked { objects: 1, doubtful: 0 }, Marked { objects: 1, doubtful: 1 }));
+        assert_eq!(
+            (standing.share(), standing.and(others).share(), Marked::default().share()),
+            (Some(0.0), Some(0.5), None)
+        );
+    }
+}

@@ -1,0 +1,64 @@
+//! Association: objects from detections that name none (ours), beside the figures of our numpy prototype.
+
+mod case;
+mod driving;
+mod synthetic;
+mod without_ids;
+
+use std::path::Path;
+
+use self::case::CaseScore;
+use crate::data::data_folder;
+use crate::error::Error;
+use crate::progress::{Progress, Steps};
+use crate::report::{Headline, Report};
+use crate::scores::{Figure, mean};
+
+/// A figure that is aimed at: the headline, and the least it should be.
+#[derive(Debug, Clone, Copy)]
+struct Aim {
+    id: &'static str,
+    least: f64,
+}
+
+/// Runs the experiment. Without real data the synthetic scenes remain, unless `data` names a folder that has none.
+///
+/// # Errors
+/// [`Error::NoData`], [`Error::Read`], [`Error::Synthetic`], [`Error::Associate`], [`Error::Localize`].
+pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
+    let folder = match data_folder(data) {
+        Ok(folder) => Some(folder),
+        Err(error) if data.is_some() => return Err(error),
+        Err(_) => None,
+    };
+    let real_steps = folder.as_ref().map_or(0, |_| without_ids::steps() + driving::steps());
+    let steps = Steps::new("association", synthetic::steps() + real_steps, progress);
+    let mut report = Report::new("association", "Association: objects from detections without ids");
+    report.text(
+        "The ids of the detections are taken away, or made wrong, and the detections are divided into objects again. F1 \
+         is the harmonic mean of precision and recall over pairs of detections of true objects (were they put together, \
+         do they belong together). An object is found when the volume IoU of the body that association itself fits \
+         with a true one is 0.25 or more; true objects count when they are detected three times at least. O3D is the mean \
+         over them after `localize` (ellipsoids, no priors), 0 for those that are not there. The columns \"prototype\" hold the figures of our numpy \
+         prototype, \"aim\" what was demanded of this program before it was written.",
+    );
+    synthetic::add(&mut report, seed, &steps)?;
+    match &folder {
+        Some(folder) => {
+            without_ids::add(folder, &mut report, &steps)?;
+            driving::add(folder, &mut report, &steps)?;
+        }
+        None => report.text("The real data is not at hand: only synthetic scenes are shown."),
+    }
+    Ok(report)
+}
+
+/// The mean over some scores of what they have.
+fn mean_of(scores: &[CaseScore], of: impl Fn(&CaseScore) -> Option<f64>) -> Option<f64> {
+    mean(&scores.iter().filter_map(of).collect::<Vec<_>>())
+}
+
+fn headline(id: &'static str, what: String, value: Option<f64>, row: &str) -> Option<Headline> {
+    let ours = Figure { value: value?, standard_error: None };
+    Some(Headline { id, what, paper: None, ours, row: row.to_owned(), decimals: 3 })
+}

@@ -1,0 +1,325 @@
+//! Which format a file or folder of another program has, by names in it and by its first line.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::de::IgnoredAny;
+
+use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::read::detections::paths_below;
+
+/// A format of cameras and poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CameraFormat {
+    /// A scene file of quadlift.
+    Scene,
+    /// A COLMAP model.
+    Colmap,
+    /// nerfstudio's or instant-ngp's `transforms.json`.
+    Nerfstudio,
+    /// A TUM trajectory.
+    Tum,
+    /// KITTI's tracking benchmark.
+    Kitti,
+    /// A drive of KITTI's raw data.
+    KittiRaw,
+    /// A scene of a BOP data set.
+    Bop,
+    /// A list of projections.
+    Projections,
+}
+
+/// A format of detections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DetectionFormat {
+    /// COCO.
+    Coco,
+    /// MOTChallenge.
+    Mot,
+    /// Ultralytics YOLO.
+    Yolo,
+    /// KITTI's labels.
+    Kitti,
+    /// A CSV table.
+    Csv,
+    /// supervision's sinks.
+    Supervision,
+    /// LabelMe.
+    LabelMe,
+}
+
+/// The format of cameras and poses, and the path at which its reader finds them.
+///
+/// # Errors
+/// [`ReadError`] when the path cannot be read, or when it is none of the formats; the message lists what was looked for.
+pub fn detect_cameras(path: &Path) -> Result<(CameraFormat, PathBuf), ReadError> {
+    let format = if path.is_dir() { cameras_in_folder(path) } else { cameras_in_file(path)? };
+    let folder = || path.parent().unwrap_or(Path::new("")).to_owned();
+    match format {
+        Some(format @ (CameraFormat::Colmap | CameraFormat::Bop)) if !path.is_dir() => Ok((format, folder())),
+        Some(format) => Ok((format, path.to_owned())),
+        None => Err(ReadError::new(
+            path,
+            "cannot tell what cameras these are: looked for a scene file, a COLMAP model (cameras.bin or cameras.txt), \
+             transforms.json, a TUM trajectory (lines of 8 numbers), KITTI (folders calib and oxts), KITTI raw \
+             (oxts/data), BOP (scene_camera.json) and projections (12 to 16 columns, or JSON); `quadlift import FORMAT` \
+             reads what is named",
+        )),
+    }
+}
+
+fn cameras_in_folder(folder: &Path) -> Option<CameraFormat> {
+    let has = |name: &str| folder.join(name).exists();
+    let is_model = |place: &&str| has(&format!("{place}cameras.bin")) || has(&format!("{place}cameras.txt"));
+    if ["", "sparse/0/", "sparse/", "0/"].iter().any(is_model) {
+        Some(CameraFormat::Colmap)
+    } else if has("transforms.json") {
+        Some(CameraFormat::Nerfstudio)
+    } else if has("scene_camera.json") {
+        Some(CameraFormat::Bop)
+    } else if has("oxts/data") {
+        Some(CameraFormat::KittiRaw)
+    } else if has("oxts") && has("calib") {
+        Some(CameraFormat::Kitti)
+    } else {
+        None
+    }
+}
+
+fn cameras_in_file(path: &Path) -> Result<Option<CameraFormat>, ReadError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if ["cameras.bin", "cameras.txt", "images.bin", "images.txt"].contains(&&*name) {
+        return Ok(Some(CameraFormat::Colmap));
+    }
+    let bytes = read_bytes(path)?;
+    let text = as_utf8(path, &bytes)?;
+    Ok(match Start::of(text) {
+        Start::Object(keys) if keys.contains_key("format") => Some(CameraFormat::Scene),
+        Start::Object(_) if name == "scene_camera.json" => Some(CameraFormat::Bop),
+        Start::Object(_) if text.contains("\"transform_matrix\"") => Some(CameraFormat::Nerfstudio),
+        Start::Object(_) | Start::List(_) => Some(CameraFormat::Projections),
+        Start::Line(fields) if fields.commas && fields.words.len() >= 12 => Some(CameraFormat::Projections),
+        Start::Line(fields) if !fields.commas && fields.words.len() == 8 && fields.all_numbers() => {
+            Some(CameraFormat::Tum)
+        }
+        Start::Line(_) => None,
+    })
+}
+
+/// The format of detections.
+///
+/// # Errors
+/// [`ReadError`] when the path cannot be read, or when it is none of the formats; the message lists what was looked for.
+pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
+    let format = if path.is_dir() { detections_in_folder(path)? } else { detections_in_file(path)? };
+    format.ok_or_else(|| {
+        ReadError::new(
+            path,
+            "cannot tell what detections these are: looked for COCO (annotations, or a list with \"image_id\"), \
+             MOTChallenge (7 to 10 numbers between commas, or gt/gt.txt), YOLO (a folder of .txt with a class and \
+             numbers from 0 to 1), KITTI (15 to 18 fields), CSV (names of columns, or 5 or 6 numbers), supervision (a \
+             column x_min) and LabelMe (\"shapes\"); `quadlift import-detections FORMAT` reads what is named",
+        )
+    })
+}
+
+fn detections_in_folder(folder: &Path) -> Result<Option<DetectionFormat>, ReadError> {
+    if folder.join("gt/gt.txt").is_file() || folder.join("det/det.txt").is_file() {
+        return Ok(Some(DetectionFormat::Mot));
+    }
+    // The first file that holds something tells.
+    for (extension, formats) in
+        [("txt", [DetectionFormat::Yolo, DetectionFormat::Kitti].as_slice()), ("json", &[DetectionFormat::LabelMe])]
+    {
+        for (name, path) in paths_below(folder, extension)? {
+            if name.ends_with("classes.txt") || std::fs::metadata(&path).is_ok_and(|data| data.len() < 2) {
+                continue;
+            }
+            match detections_in_file(&path)? {
+                Some(format) if formats.contains(&format) => return Ok(Some(format)),
+                _ => break,
+            }
+        }
+    }
+    Ok(None)
+}
+
+fn detections_in_file(path: &Path) -> Result<Option<DetectionFormat>, ReadError> {
+    let bytes = read_bytes(path)?;
+    let fields = match Start::of(as_utf8(path, &bytes)?) {
+        Start::Object(keys) | Start::List(keys) => {
+            let has = |key: &str| keys.contains_key(key);
+            return Ok(match () {
+                () if has("shapes") => Some(DetectionFormat::LabelMe),
+                () if has("x_min") => Some(DetectionFormat::Supervision),
+                () if has("annotations") || has("image_id") => Some(DetectionFormat::Coco),
+                () => None,
+            });
+        }
+        Start::Line(fields) => fields,
+    };
+    let (count, numbers) = (fields.words.len(), fields.numbers());
+    let is_number = |index: usize| numbers.get(index).is_some_and(Option::is_some);
+    let named = fields.words.iter().skip(1).all(|word| word.parse::<f64>().is_err());
+    Ok(match count {
+        _ if fields.commas && named && fields.words.iter().any(|word| *word == "x_min") => {
+            Some(DetectionFormat::Supervision)
+        }
+        5.. if fields.commas && named => Some(DetectionFormat::Csv),
+        5 if fields.commas => Some(DetectionFormat::Csv),
+        6 if fields.commas && numbers[5].is_some_and(|score| (0.0..=1.0).contains(&score)) => {
+            Some(DetectionFormat::Csv)
+        }
+        7..=10 if fields.commas && fields.all_numbers() => Some(DetectionFormat::Mot),
+        17 | 18 if !fields.commas && is_number(0) && !is_number(2) => Some(DetectionFormat::Kitti),
+        15 | 16 if !fields.commas && !is_number(0) => Some(DetectionFormat::Kitti),
+        5.. if !fields.commas && fields.all_numbers() => {
+            // Coordinates come before a score or an id.
+            let share = |number: &Option<f64>| number.is_some_and(|x| (-0.5..=1.5).contains(&x));
+            if numbers[1..5].iter().all(share) {
+                Some(DetectionFormat::Yolo)
+            } else {
+                (7..=10).contains(&count).then_some(DetectionFormat::Mot)
+            }
+        }
+        _ => None,
+    })
+}
+
+/// How a text begins.
+enum Start<'a> {
+    /// A JSON object, with its keys.
+    Object(BTreeMap<String, IgnoredAny>),
+    /// A JSON list, with the keys of its first entry.
+    List(BTreeMap<String, IgnoredAny>),
+    /// The first line that is neither empty nor a comment.
+    Line(Fields<'a>),
+}
+
+/// The fields of a line.
+struct Fields<'a> {
+    /// Whether they stand between commas.
+    commas: bool,
+    words: Vec<&'a str>,
+}
+
+impl Fields<'_> {
+    fn numbers(&self) -> Vec<Option<f64>> {
+        self.words.iter().map(|word| word.parse().ok()).collect()
+    }
+
+    fn all_numbers(&self) -> bool {
+        self.numbers().iter().all(Option::is_some)
+    }
+}
+
+impl<'a> Start<'a> {
+    fn of(text: &'a str) -> Self {
+        let text = text.trim_start();
+        if text.starts_with('{') {
+            return Self::Object(serde_json::from_str(text).unwrap_or_default());
+        }
+        if let Some(rest) = text.strip_prefix('[') {
+            let first = serde_json::Deserializer::from_str(rest).into_iter().next();
+            return Self::List(first.and_then(Result::ok).unwrap_or_default());
+        }
+        let line = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
+        let line = line.unwrap_or_default();
+        let commas = line.contains(',');
+        let words = if commas {
+            line.trim_end_matches(',').split(',').map(str::trim).collect()
+        } else {
+            line.split_whitespace().collect()
+        };
+        Self::Line(Fields { commas, words })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_are_told_apart() {
+        let folder = tempfile::tempdir().unwrap();
+        let make = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        for name in ["c/sparse/0/cameras.txt", "n/transforms.json", "b/scene_camera.json", "r/oxts/data/0.txt"] {
+            make(name, "x");
+        }
+        make("k/oxts/0000.txt", "x");
+        make("k/calib/0000.txt", "x");
+        make("t.json", r#"{"frames": [{"transform_matrix": [], "file_path": "a"}]}"#);
+        make("p.json", r#"{"a": [1, 2]}"#);
+        make("p.csv", "# mine\n1,2,3,4,5,6,7,8,9,10,11,12\n");
+        make("t.txt", "# time\n\n1.5 0 0 0 0 0 0 1\n");
+        make("s.json", r#"{"format": "quadlift.scene", "version": 1}"#);
+        for (name, format) in [
+            ("c", CameraFormat::Colmap),
+            ("n", CameraFormat::Nerfstudio),
+            ("b", CameraFormat::Bop),
+            ("r", CameraFormat::KittiRaw),
+            ("k", CameraFormat::Kitti),
+            ("t.json", CameraFormat::Nerfstudio),
+            ("p.json", CameraFormat::Projections),
+            ("p.csv", CameraFormat::Projections),
+            ("t.txt", CameraFormat::Tum),
+            ("s.json", CameraFormat::Scene),
+        ] {
+            assert_eq!(detect_cameras(&folder.path().join(name)).unwrap().0, format, "{name}");
+        }
+        let model = folder.path().join("c/sparse/0");
+        assert_eq!(detect_cameras(&model.join("cameras.txt")).unwrap(), (CameraFormat::Colmap, model));
+        make("u.txt", "hello\n");
+        let error = detect_cameras(&folder.path().join("u.txt")).unwrap_err();
+        assert!(error.problem.contains("looked for a scene file, a COLMAP model"), "{error}");
+        assert!(detect_cameras(&folder.path().join("no")).unwrap_err().problem.contains("no such file"));
+    }
+
+    #[test]
+    fn detections_are_told_apart() {
+        let folder = tempfile::tempdir().unwrap();
+        let cases = [
+            ("a.json", r#"{"images": [], "annotations": []}"#, Some(DetectionFormat::Coco)),
+            ("b.json", r#"[{"image_id": 1, "bbox": [1, 2, 3, 4]}, {"x"#, Some(DetectionFormat::Coco)),
+            ("c.json", r#"[{"x_min": 1, "tracker_id": 4}]"#, Some(DetectionFormat::Supervision)),
+            ("d.json", r#"{"version": "5", "shapes": []}"#, Some(DetectionFormat::LabelMe)),
+            ("e.json", r#"{"format": "quadlift.scene"}"#, None),
+            ("a.csv", "x_min,y_min,x_max,y_max,class_id\n", Some(DetectionFormat::Supervision)),
+            ("b.csv", "image,x0,y0,x1,y1\n", Some(DetectionFormat::Csv)),
+            ("c.csv", "0,296.02,160.17,452.29,288.37,0.529\n", Some(DetectionFormat::Csv)),
+            ("d.csv", "a.png,296.02,160.17,452.29,288.37\n", Some(DetectionFormat::Csv)),
+            ("e.csv", "1,2,296.02,160.17,452.29,288.37\n", None),
+            ("a.txt", "1,-1,794.2,47.5,71.2,174.8,67.5,-1,-1,-1\n", Some(DetectionFormat::Mot)),
+            ("b.txt", "1 3 794.2 47.5 71.2 174.8 0.9 0 -1\n", Some(DetectionFormat::Mot)),
+            ("c.txt", "45 0.479492 0.688771 0.955609 0.5955 0.91 7\n", Some(DetectionFormat::Yolo)),
+            ("d.txt", "0 1 Car 0 0 -1.9 1 2 3 4 1 2 3 4 5 6 1\n", Some(DetectionFormat::Kitti)),
+            ("e.txt", "Car 0 0 -1.9 1 2 3 4 1 2 3 4 5 6 1 0.9\n", Some(DetectionFormat::Kitti)),
+            ("f.txt", "hello world\n", None),
+        ];
+        for (name, text, format) in cases {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            assert_eq!(detect_detections(&path).ok(), format, "{name}");
+        }
+        let make = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, text).unwrap();
+            path.parent().unwrap().to_owned()
+        };
+        make("yolo/labels/a.txt", "");
+        make("yolo/labels/classes.txt", "cup\n");
+        make("yolo/labels/b.txt", "0 0.5 0.5 0.1 0.1\n");
+        assert_eq!(detect_detections(&folder.path().join("yolo")), Ok(DetectionFormat::Yolo));
+        let labelme = make("labelme/a.json", r#"{"shapes": []}"#);
+        assert_eq!(detect_detections(&labelme), Ok(DetectionFormat::LabelMe));
+        make("mot/det/det.txt", "");
+        assert_eq!(detect_detections(&folder.path().join("mot")), Ok(DetectionFormat::Mot));
+        let error = detect_detections(&make("other/a.txt", "hello\n")).unwrap_err();
+        assert!(error.problem.contains("looked for COCO"), "{error}");
+    }
+}

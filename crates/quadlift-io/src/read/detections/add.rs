@@ -1,0 +1,311 @@
+//! Adding detections to a scene, in its frames and in its convention.
+
+use std::collections::{HashMap, HashSet};
+
+use nalgebra::{Matrix2, Vector2};
+use quadlift::geometry::{BoundingBox, Ellipse};
+use quadlift_segment::Rle;
+
+use super::matching::{MatchBy, MatchOptions, match_frames, stem};
+use super::{Detected, DetectionFiles, ImageKey, Outline, extent};
+use crate::error::ReadError;
+use crate::read::PixelCenters;
+use crate::scene_file::{DetectionRecord, EllipseRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
+
+/// Names that a message lists.
+const LISTED: usize = 3;
+
+/// What is done with the detections.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AddOptions<'a> {
+    /// How images are matched with frames.
+    pub match_by: MatchBy,
+    /// The number that the detections give to the frame number 0 of the scene, where it is known.
+    pub frame_offset: Option<i64>,
+    /// Largest difference of the times of an image and a frame, in seconds.
+    pub time_tolerance: f64,
+    /// Width and height in pixels of images of which neither the scene nor the file knows them.
+    pub image_size: Option<[f64; 2]>,
+    /// The source of the new detections.
+    pub source: &'a str,
+    /// Detections with a lower score are left out.
+    pub min_score: Option<f64>,
+    /// Whether the detections that the scene has are removed.
+    pub replace: bool,
+    /// Where the pixel coordinates of the detections have their origin.
+    pub pixel_centers: PixelCenters,
+}
+
+impl Default for AddOptions<'_> {
+    fn default() -> Self {
+        Self {
+            match_by: MatchBy::Auto,
+            frame_offset: None,
+            time_tolerance: 0.02,
+            image_size: None,
+            source: "detector",
+            min_score: None,
+            replace: false,
+            pixel_centers: PixelCenters::Half,
+        }
+    }
+}
+
+/// What was added.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AddedDetections {
+    /// Number of detections that the scene has got.
+    pub added: usize,
+    /// Number of them with a track id.
+    pub with_object: usize,
+    /// How images were matched with frames.
+    pub matched_by: MatchBy,
+    /// Number of images with a frame.
+    pub matched_images: usize,
+    /// Images without a frame.
+    pub images_without_frame: Vec<String>,
+    /// Ids of frames of which the file knows no image.
+    pub frames_without_image: Vec<String>,
+    /// Detections of the images without a frame.
+    pub in_no_frame: usize,
+    /// Detections that were left out for their score.
+    pub low_score: usize,
+    /// Detections that were left out because their box has no width or no height.
+    pub empty: usize,
+    /// Detections of the scene that were removed.
+    pub removed: usize,
+    /// What was assumed, in words.
+    pub notes: Vec<String>,
+}
+
+/// Adds detections to the frames of a scene. Those that it has stay, unless they are replaced.
+///
+/// # Errors
+/// [`ReadError`] when no image is a frame of the scene, when the scene has detections of the source already, when an
+/// image has another size than the frame's camera, when a size is needed and not known, and when a track has two
+/// detections in one image.
+pub fn add_detections(
+    scene: &mut SceneFile,
+    files: DetectionFiles,
+    options: &AddOptions,
+) -> Result<AddedDetections, ReadError> {
+    let error = |problem: String| ReadError::new(&files.path, problem);
+    if !options.replace && scene.detections.iter().any(|d| d.source.as_deref() == Some(options.source)) {
+        return Err(error(format!(
+            "the scene has detections of the source \"{}\" already; give these another name (--source NAME) or replace \
+             all (--replace)",
+            options.source
+        )));
+    }
+    let matching = MatchOptions {
+        by: options.match_by,
+        frame_offset: options.frame_offset,
+        time_tolerance: options.time_tolerance,
+        numbering: files.numbering,
+    };
+    let matching = match_frames(scene, &files.images, &matching).map_err(error)?;
+    if matching.count() == 0 {
+        return Err(error(nothing_matches(scene, &files, options)));
+    }
+    let mut report =
+        AddedDetections { matched_by: matching.by, matched_images: matching.count(), ..Default::default() };
+    report.notes.extend(matching.note);
+    if options.pixel_centers == PixelCenters::Integer {
+        report.notes.push("pixel centres at integers: 0.5 was added to the coordinates".to_owned());
+    }
+    let mut detections = Vec::new();
+    let mut seen = vec![false; scene.frames.len()];
+    let sizes = frame_sizes(scene);
+    for (image, frame) in files.images.iter().zip(&matching.frame_of_image) {
+        let Some(frame) = *frame else {
+            report.images_without_frame.push(image.key.words());
+            report.in_no_frame += image.detections.len();
+            continue;
+        };
+        seen[frame] = true;
+        let size = image_size(sizes[frame], &scene.frames[frame], &image.key, options).map_err(error)?;
+        let scale = match (files.normalized, size) {
+            (false, _) => [1.0, 1.0],
+            (true, Some(size)) => size,
+            (true, None) => {
+                let name = image.key.words();
+                return Err(error(format!(
+                    "the coordinates of {name} are shares of the image's width and height, which are not known: the \
+                     camera has no \"width\" and \"height\" (--image-size WxH)"
+                )));
+            }
+        };
+        let mut tracks = HashSet::new();
+        for detected in &image.detections {
+            if options.min_score.zip(detected.score).is_some_and(|(least, score)| score < least) {
+                report.low_score += 1;
+                continue;
+            }
+            let Some(mut record) = record(detected, scale, options.pixel_centers.shift()) else {
+                report.empty += 1;
+                continue;
+            };
+            if let Some(track) = &detected.track {
+                if !tracks.insert(track) {
+                    let name = image.key.words();
+                    return Err(error(format!("the track {track} has two detections in the image {name}")));
+                }
+                report.with_object += 1;
+            }
+            record.frame = scene.frames[frame].id.as_str().into();
+            record.source = Some(options.source.into());
+            detections.push(record);
+        }
+    }
+    let without = scene.frames.iter().zip(&seen).filter(|(_, seen)| !**seen);
+    report.frames_without_image = without.map(|(frame, _)| frame.id.clone()).collect();
+    report.added = detections.len();
+    if options.replace {
+        report.removed = scene.detections.len();
+        scene.detections.clear();
+    }
+    scene.detections.extend(detections);
+    Ok(report)
+}
+
+/// For each frame, width and height of its image, where the scene knows them.
+fn frame_sizes(scene: &SceneFile) -> Vec<Option<[f64; 2]>> {
+    let size = |width: Option<f64>, height: Option<f64>| width.zip(height).map(|(width, height)| [width, height]);
+    let of_camera: HashMap<&str, Option<[f64; 2]>> =
+        scene.cameras.iter().map(|camera| (camera.id.as_str(), size(camera.width, camera.height))).collect();
+    let of_frame = |frame: &FrameRecord| {
+        let camera = frame.camera.as_deref().and_then(|id| of_camera.get(id).copied().flatten());
+        size(frame.width, frame.height).or(camera)
+    };
+    scene.frames.iter().map(of_frame).collect()
+}
+
+/// The size of the image of a frame, where it is known; what the scene and the file know must agree.
+fn image_size(
+    known: Option<[f64; 2]>,
+    frame: &FrameRecord,
+    key: &ImageKey,
+    options: &AddOptions,
+) -> Result<Option<[f64; 2]>, String> {
+    match (known, key.size) {
+        (Some([w, h]), Some([found_w, found_h])) if [w, h] != [found_w, found_h] => Err(format!(
+            "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the detections must \
+             be those of the images that belong to the camera",
+            key.words(),
+            frame.id
+        )),
+        (known, of_file) => Ok(known.or(of_file).or(options.image_size)),
+    }
+}
+
+/// A detection in pixels from the corner of the image; `None` when its box has no width or no height.
+fn record(detected: &Detected, scale: [f64; 2], shift: f64) -> Option<DetectionRecord> {
+    let place = |[x, y]: [f64; 2]| [x * scale[0] + shift, y * scale[1] + shift];
+    let (mut around, mut ellipse, mut mask) = (None, None, None);
+    match &detected.outline {
+        Outline::Unknown => {}
+        Outline::Polygons(polygons) => {
+            let placed = |p: &Vec<f64>| p.chunks_exact(2).flat_map(|xy| place([xy[0], xy[1]])).collect::<Vec<f64>>();
+            let polygons: Vec<Vec<f64>> = polygons.iter().map(placed).collect();
+            around = Some(extent(polygons.iter().flatten().copied()));
+            mask = Some(MaskRecord { polygons: Some(polygons), ..MaskRecord::default() });
+        }
+        Outline::Rle(rle) => {
+            around = box_of_runs(rle);
+            mask = Some(MaskRecord { rle: Some(rle.clone()), ..MaskRecord::default() });
+        }
+        Outline::TurnedBox(corners) => ellipse = Some(ellipse_in(corners.map(place))?),
+        Outline::Circle([x, y, radius]) => {
+            let radii = Vector2::new(radius * scale[0], radius * scale[1]);
+            ellipse = Some(Ellipse::new(place([*x, *y]).into(), radii, 0.0).ok()?);
+        }
+    }
+    let given = detected.bounding_box.map(|[x0, y0, x1, y1]| {
+        let ([x0, y0], [x1, y1]) = (place([x0, y0]), place([x1, y1]));
+        [x0, y0, x1, y1]
+    });
+    let edges = given.or(around).or_else(|| ellipse.map(|ellipse| ellipse.bounding_box().edges()))?;
+    Some(DetectionRecord {
+        object: detected.track.as_ref().map(|id| object_id(id).into()),
+        category: detected.category.as_deref().map(Into::into),
+        score: detected.score,
+        bounding_box: Some(BoundingBox::new(edges).ok()?.edges()),
+        ellipse: ellipse.map(|ellipse| {
+            Box::new(EllipseRecord {
+                center: ellipse.center.into(),
+                semi_axes: ellipse.semi_axes.into(),
+                angle: ellipse.angle,
+                ..EllipseRecord::default()
+            })
+        }),
+        mask: mask.map(Box::new),
+        occluded: detected.occluded,
+        truncated: detected.truncated,
+        visible_fraction: detected.visible_fraction,
+        ..DetectionRecord::default()
+    })
+}
+
+/// The object of a track: `t` with the number; other ids stay as they are.
+fn object_id(track: &str) -> String {
+    if track.parse::<u64>().is_ok() { format!("t{track}") } else { track.to_owned() }
+}
+
+/// The ellipse that touches the four sides of a turned box (or of any parallelogram) in their middles.
+fn ellipse_in(corners: [[f64; 2]; 4]) -> Option<Ellipse> {
+    let [a, b, c, d] = corners.map(Vector2::from);
+    let half_axes = Matrix2::from_columns(&[(b - a + c - d) * 0.25, (c - b + d - a) * 0.25]);
+    Ellipse::from_shape((a + b + c + d) * 0.25, &(half_axes * half_axes.transpose())).ok()
+}
+
+/// The box of the pixels of a mask in runs; `None` when there are none. Nothing is allocated for the image.
+fn box_of_runs(record: &RleRecord) -> Option<[f64; 4]> {
+    let [height, width] = record.size;
+    let rle = match &record.counts {
+        RleCounts::Runs(runs) => Rle::new(height, width, runs.clone()),
+        RleCounts::Compressed(text) => Rle::from_compressed(height, width, text),
+    };
+    let (rle, height) = (rle.ok()?, u64::from(height));
+    let mut window: Option<[u64; 4]> = None;
+    let mut start = 0;
+    for (index, &run) in rle.counts().iter().enumerate() {
+        let end = start + u64::from(run);
+        if index % 2 == 1 && run > 0 {
+            let (first_column, last_column) = (start / height, (end - 1) / height);
+            // A run that goes on in the next column reaches from the top to the bottom.
+            let (top, bottom) =
+                if first_column == last_column { (start % height, (end - 1) % height + 1) } else { (0, height) };
+            let [x0, y0, x1, y1] = window.unwrap_or([first_column, top, last_column + 1, bottom]);
+            window = Some([x0.min(first_column), y0.min(top), x1.max(last_column + 1), y1.max(bottom)]);
+        }
+        start = end;
+    }
+    window.map(|window| window.map(|x| x as f64))
+}
+
+/// What to say when no image is a frame.
+fn nothing_matches(scene: &SceneFile, files: &DetectionFiles, options: &AddOptions) -> String {
+    if files.images.is_empty() {
+        return "there are no detections".to_owned();
+    }
+    let listed = |names: Vec<String>| {
+        let more = if names.len() > LISTED { ", ..." } else { "" };
+        let names: Vec<String> = names.iter().take(LISTED).map(|name| format!("\"{name}\"")).collect();
+        format!("{}{more}", names.join(", "))
+    };
+    let images = listed(files.images.iter().take(LISTED + 1).map(|image| image.key.words()).collect());
+    let frames = scene.frames.iter().take(LISTED + 1);
+    let frames = listed(frames.map(|frame| frame.image.clone().unwrap_or_else(|| frame.id.clone())).collect());
+    let by = options.match_by;
+    let how = if by == MatchBy::Auto { String::new() } else { format!(" by {}", by.name()) };
+    let numbered = |name: &str| stem(name).ends_with(|c: char| c.is_ascii_digit());
+    let by_names = matches!(by, MatchBy::Auto | MatchBy::Name | MatchBy::Stem);
+    let hint = match files.images.iter().find_map(|image| image.key.name.as_deref()) {
+        Some(name) if by_names && numbered(name) => "; --match index compares the numbers in the names",
+        _ => "",
+    };
+    format!(
+        "no image of the detections is a frame of the scene{how}: the detections have the images {images}, the scene has \
+         the frames {frames}{hint}"
+    )
+}

@@ -1,0 +1,182 @@
+//! COCO: data sets with annotations (`instances_*.json`) and lists of results, with boxes, polygons and masks in runs.
+//!
+//! Boxes are left, top, width, height in pixels from the corner of the image, which are those of scene files. Format:
+//! "Data format" and "Results format" of cocodataset.org; runs as in pycocotools' `maskApi.c`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use quadlift_segment::{Polygons, Rle};
+
+use super::{ByImage, Detected, DetectionFiles, File, ImageKey, Numbering, Outline, edges_of_size};
+use crate::error::{ReadError, read_bytes};
+use crate::read::json::{Node, parse_json};
+use crate::scene_file::{RleCounts, RleRecord};
+
+/// Reads a data set or a list of results. Results name images and categories by numbers only; `annotations` is the data
+/// set that has their names.
+///
+/// # Errors
+/// [`ReadError`] with the entry, what was found and what was expected.
+pub fn read_coco(path: &Path, annotations: Option<&Path>) -> Result<DetectionFiles, ReadError> {
+    let bytes = read_bytes(path)?;
+    match annotations {
+        None => parse_coco((path, &bytes), None),
+        Some(data_set) => parse_coco((path, &bytes), Some((data_set, &read_bytes(data_set)?))),
+    }
+}
+
+/// The detections in the bytes of such files; the paths serve for messages.
+///
+/// # Errors
+/// As [`read_coco`].
+pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFiles, ReadError> {
+    let value = parse_json(file.0, file.1)?;
+    let root = Node::root(file.0, &value);
+    let mut names = Names::default();
+    if let Some((path, bytes)) = annotations {
+        names = Names::read(&Node::root(path, &parse_json(path, bytes)?))?;
+    }
+    let list = if root.is_list() {
+        root
+    } else {
+        let own = Names::read(&root)?;
+        names.images.extend(own.images);
+        names.categories.extend(own.categories);
+        root.member("annotations")?
+    };
+    let mut found = ByImage::default();
+    // Images without annotations are known to be empty.
+    for key in names.images.values() {
+        found.image(key.clone());
+    }
+    let mut crowds = 0;
+    for node in list.items()? {
+        if is_set(&node, "iscrowd")? {
+            crowds += 1;
+            continue;
+        }
+        let key = names.image(&node)?;
+        let detected = detected(&node, &names, key.size)?;
+        found.image(key).detections.push(detected);
+    }
+    let mut notes = Vec::new();
+    if crowds > 0 {
+        notes.push(format!("{crowds} annotations of crowds (\"iscrowd\") were left out"));
+    }
+    if names.categories.is_empty() {
+        notes
+            .push("the file does not name the categories: they are numbers (--annotations FILE names them)".to_owned());
+    }
+    Ok(DetectionFiles {
+        path: file.0.to_owned(),
+        images: found.images,
+        numbering: Numbering::OfNames,
+        notes,
+        ..DetectionFiles::default()
+    })
+}
+
+/// The images and categories of a data set.
+#[derive(Debug, Default)]
+struct Names {
+    images: BTreeMap<String, ImageKey>,
+    categories: BTreeMap<String, String>,
+}
+
+impl Names {
+    fn read(root: &Node) -> Result<Self, ReadError> {
+        let mut names = Self::default();
+        for image in root.member("images")?.items()? {
+            let number = |key: &str| image.optional(key)?.map(|node| node.number()).transpose();
+            let size = number("width")?.zip(number("height")?).map(|(width, height)| [width, height]);
+            let key =
+                ImageKey { name: Some(image.member("file_name")?.text()?.to_owned()), size, ..ImageKey::default() };
+            let id = image.member("id")?;
+            if names.images.insert(id.word()?, key).is_some() {
+                return Err(id.error("the id of the image is used twice"));
+            }
+        }
+        if let Some(categories) = root.optional("categories")? {
+            for category in categories.items()? {
+                names.categories.insert(category.member("id")?.word()?, category.member("name")?.text()?.to_owned());
+            }
+        }
+        Ok(names)
+    }
+
+    /// The image of an annotation. Where images are not named, the number of the image is all that is known; results of
+    /// Ultralytics have its name too.
+    fn image(&self, node: &Node) -> Result<ImageKey, ReadError> {
+        let id = node.member("image_id")?;
+        let word = id.word()?;
+        if let Some(key) = self.images.get(&word) {
+            return Ok(key.clone());
+        }
+        if !self.images.is_empty() {
+            return Err(id.error(format!("there is no image with the id {word} among the images of the data set")));
+        }
+        let name = node.optional("file_name")?.map(|name| name.text()).transpose()?;
+        Ok(match (name, word.parse()) {
+            (Some(name), _) => ImageKey { name: Some(name.to_owned()), ..ImageKey::default() },
+            (None, Ok(number)) => ImageKey { number: Some(number), ..ImageKey::default() },
+            (None, Err(_)) => ImageKey { name: Some(word), ..ImageKey::default() },
+        })
+    }
+}
+
+/// Whether a flag is there and not zero.
+fn is_set(node: &Node, key: &str) -> Result<bool, ReadError> {
+    let Some(flag) = node.optional(key)? else { return Ok(false) };
+    flag.boolean().or_else(|_| flag.number().map(|number| number != 0.0))
+}
+
+fn detected(node: &Node, names: &Names, image_size: Option<[f64; 2]>) -> Result<Detected, ReadError> {
+    let bounding_box = match node.optional("bbox")? {
+        Some(numbers) => Some(edges_of_size(numbers.numbers()?).map_err(|problem| numbers.error(problem))?),
+        None => None,
+    };
+    let category = node.optional("category_id")?.map(|id| id.word()).transpose()?;
+    let outline = match node.optional("segmentation")? {
+        Some(segmentation) => outline(&segmentation, image_size)?,
+        None => Outline::Unknown,
+    };
+    if bounding_box.is_none() && outline == Outline::Unknown {
+        return Err(node.error("there is neither a \"bbox\" nor a \"segmentation\""));
+    }
+    let attributes = node.optional("attributes")?.filter(Node::is_object);
+    let track = match node.optional("track_id")? {
+        Some(track) => Some(track),
+        None => attributes.map(|attributes| attributes.optional("track_id")).transpose()?.flatten(),
+    };
+    Ok(Detected {
+        track: track.map(|track| track.word()).transpose()?,
+        category: category.map(|id| names.categories.get(&id).cloned().unwrap_or(id)),
+        score: node.optional("score")?.map(|score| score.number()).transpose()?,
+        bounding_box,
+        outline,
+        ..Detected::default()
+    })
+}
+
+/// Polygons, or runs as text or numbers. An empty list is none.
+fn outline(node: &Node, image_size: Option<[f64; 2]>) -> Result<Outline, ReadError> {
+    if node.is_list() {
+        let polygons = node.items()?.iter().map(Node::list_of_numbers).collect::<Result<Vec<_>, _>>()?;
+        Polygons::new(&polygons).map_err(|problem| node.error(problem.to_string()))?;
+        return Ok(if polygons.is_empty() { Outline::Unknown } else { Outline::Polygons(polygons) });
+    }
+    let record: RleRecord = node.record()?;
+    let [height, width] = record.size;
+    let checked = match &record.counts {
+        RleCounts::Runs(runs) => Rle::new(height, width, runs.clone()),
+        RleCounts::Compressed(text) => Rle::from_compressed(height, width, text),
+    };
+    checked.map_err(|problem| node.error(problem.to_string()))?;
+    match image_size {
+        Some(size) if size != [f64::from(width), f64::from(height)] => {
+            Err(node.error(format!("the mask has {width} x {height} pixels, its image has {} x {}", size[0], size[1])))
+        }
+        _ => Ok(Outline::Rle(record)),
+    }
+}

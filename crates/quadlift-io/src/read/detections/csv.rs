@@ -1,0 +1,70 @@
+//! Plain CSV tables of boxes, one row each.
+//!
+//! The first row names the columns: which image (`frame`, `image`, `time`, ...), the box (`x0, y0, x1, y1` or `x, y,
+//! width, height`, ...), and `score`, `category`, `track_id` where there are any. Without names the columns are `frame, x0,
+//! y0, x1, y1`, and `score` if there are six.
+
+use std::path::Path;
+
+use super::DetectionFiles;
+pub use super::table::TableOptions;
+use super::table::{Row, Table};
+use crate::error::{ReadError, as_utf8, read_bytes};
+
+/// The columns of a table that does not name them.
+const COLUMNS: [&str; 6] = ["frame", "x0", "y0", "x1", "y1", "score"];
+
+/// Reads a table.
+///
+/// # Errors
+/// [`ReadError`] with the line, what was found and what was expected.
+pub fn read_csv(path: &Path, options: &TableOptions) -> Result<DetectionFiles, ReadError> {
+    parse_csv(path, &read_bytes(path)?, options)
+}
+
+/// The detections in the bytes of a table; the path serves for messages.
+///
+/// # Errors
+/// As [`read_csv`].
+pub fn parse_csv(path: &Path, bytes: &[u8], options: &TableOptions) -> Result<DetectionFiles, ReadError> {
+    table(path, as_utf8(path, bytes)?)?.detections(options)
+}
+
+/// A table by its text.
+pub(super) fn table<'a>(path: &'a Path, text: &str) -> Result<Table<'a>, ReadError> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(text.as_bytes());
+    let mut table = Table { path, columns: Vec::new(), rows: Vec::new() };
+    for record in reader.records() {
+        let record = record.map_err(|error| {
+            let line = error.position().map_or(0, |position| position.line());
+            ReadError::new(path, format!("this is not valid CSV: {error}")).at(line as usize, 0)
+        })?;
+        let line = record.position().map_or(0, |position| position.line()) as usize;
+        let error = |problem: String| ReadError::new(path, problem).at(line, 0);
+        let cells: Vec<String> = record.iter().map(str::to_owned).collect();
+        if table.columns.is_empty() {
+            if cells.iter().skip(1).all(|cell| cell.parse::<f64>().is_err()) {
+                table.columns = cells;
+                continue;
+            }
+            if !(5..=6).contains(&cells.len()) {
+                return Err(error(format!(
+                    "found {} columns without names; expected names in the first line, or 5 or 6 columns: frame, x0, y0, \
+                     x1, y1, score",
+                    cells.len()
+                )));
+            }
+            table.columns = COLUMNS.iter().take(cells.len()).map(|name| (*name).to_owned()).collect();
+        }
+        if cells.len() != table.columns.len() {
+            return Err(error(format!("found {} columns; expected {}", cells.len(), table.columns.len())));
+        }
+        table.rows.push(Row { line: Some(line), entry: None, cells });
+    }
+    Ok(table)
+}

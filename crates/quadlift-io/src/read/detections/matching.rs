@@ -1,0 +1,261 @@
+//! Which frame of a scene an image of another program's file is: by name, number or time.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use super::{DetectedImage, ImageKey, Numbering};
+use crate::scene_file::{FrameRecord, SceneFile};
+
+/// How the images of a file are matched with the frames of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MatchBy {
+    /// The way below that matches most images; of equal ones the first.
+    #[default]
+    Auto,
+    /// The names of the images (or the ids of the frames). Folders count only where a name alone is not unique.
+    Name,
+    /// The same without the extensions of the names.
+    Stem,
+    /// Numbers: those in the names of the frames where each has its own, otherwise their places in the scene, from 0.
+    Index,
+    /// Times in seconds.
+    Time,
+}
+
+impl MatchBy {
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Name => "name",
+            Self::Stem => "stem",
+            Self::Index => "index",
+            Self::Time => "time",
+        }
+    }
+}
+
+/// What the matching may assume.
+#[derive(Debug, Clone, Copy)]
+pub struct MatchOptions {
+    pub by: MatchBy,
+    /// The number that the detections give to the frame number 0 of the scene.
+    pub frame_offset: Option<i64>,
+    /// Largest difference of times in seconds.
+    pub time_tolerance: f64,
+    pub numbering: Numbering,
+}
+
+/// Which image is which frame.
+#[derive(Debug, Clone, Default)]
+pub struct Matching {
+    pub by: MatchBy,
+    /// For each image, the index of its frame; no frame twice.
+    pub frame_of_image: Vec<Option<usize>>,
+    /// What was assumed, in words.
+    pub note: Option<String>,
+}
+
+impl Matching {
+    pub fn count(&self) -> usize {
+        self.frame_of_image.iter().flatten().count()
+    }
+}
+
+/// Matches images with frames. An error, in words, when numbers can be read in two ways.
+pub fn match_frames(scene: &SceneFile, images: &[DetectedImage], options: &MatchOptions) -> Result<Matching, String> {
+    let ways = match options.by {
+        MatchBy::Auto => {
+            let any = |has: fn(&ImageKey) -> bool| images.iter().any(|image| has(&image.key));
+            let (names, numbers) = (any(|key| key.name.is_some()), any(|key| key.number.is_some()));
+            let mut ways = Vec::new();
+            ways.extend(names.then_some([MatchBy::Name, MatchBy::Stem]).into_iter().flatten());
+            ways.extend(numbers.then_some(MatchBy::Index));
+            ways.extend(any(|key| key.time.is_some()).then_some(MatchBy::Time));
+            ways
+        }
+        by => vec![by],
+    };
+    let mut best: Option<Matching> = None;
+    let mut unclear = None;
+    for by in ways {
+        let matching = match by {
+            MatchBy::Name | MatchBy::Stem | MatchBy::Auto => by_name(scene, images, by),
+            MatchBy::Time => by_time(scene, images, options.time_tolerance),
+            MatchBy::Index => match by_number(scene, images, options) {
+                Ok(matching) => matching,
+                Err(problem) => {
+                    unclear = Some(problem);
+                    continue;
+                }
+            },
+        };
+        if best.as_ref().is_none_or(|best| matching.count() > best.count()) {
+            best = Some(matching);
+        }
+    }
+    match (best, unclear) {
+        (Some(best), _) if best.count() > 0 => Ok(best),
+        (_, Some(problem)) => Err(problem),
+        (best, None) => Ok(best.unwrap_or_default()),
+    }
+}
+
+/// A name without its extension. What stands behind the point of "12.5" is none.
+pub fn stem(name: &str) -> &str {
+    match name.rsplit_once('.') {
+        Some((stem, extension))
+            if !stem.is_empty() && extension.len() <= 5 && extension.contains(|c: char| c.is_ascii_alphabetic()) =>
+        {
+            stem
+        }
+        _ => name,
+    }
+}
+
+/// The folders and the name of a path, from behind.
+fn parts(path: &str, by: MatchBy) -> Vec<&str> {
+    let mut parts: Vec<&str> = path.rsplit(['/', '\\']).filter(|part| !part.is_empty() && *part != ".").collect();
+    if let (Some(last), MatchBy::Stem) = (parts.first_mut(), by) {
+        *last = stem(last);
+    }
+    parts
+}
+
+fn by_name(scene: &SceneFile, images: &[DetectedImage], by: MatchBy) -> Matching {
+    let mut frames: HashMap<&str, Vec<(usize, Vec<&str>)>> = HashMap::new();
+    for (index, frame) in scene.frames.iter().enumerate() {
+        for path in [Some(frame.id.as_str()), frame.image.as_deref()].into_iter().flatten() {
+            let parts = parts(path, by);
+            if let Some(last) = parts.first() {
+                frames.entry(last).or_default().push((index, parts));
+            }
+        }
+    }
+    let mut taken = HashSet::new();
+    let frame_of = |image: &DetectedImage| {
+        let wanted = parts(image.key.name.as_deref()?, by);
+        let candidates = frames.get(wanted.first()?)?;
+        let agreement = |found: &[&str]| wanted.iter().zip(found).take_while(|(a, b)| a == b).count();
+        let most = candidates.iter().map(|(_, found)| agreement(found)).max()?;
+        let mut best = candidates.iter().filter(|(_, found)| agreement(found) == most).map(|(index, _)| *index);
+        let frame = best.next()?;
+        (best.all(|other| other == frame) && taken.insert(frame)).then_some(frame)
+    };
+    Matching { by, frame_of_image: images.iter().map(frame_of).collect(), note: None }
+}
+
+/// The number at the end of a name, such as 12 in "left/frame_0012.png".
+fn number_in(name: &str) -> Option<i64> {
+    let stem = parts(name, MatchBy::Stem).first().copied()?;
+    if stem.contains('.') && stem.parse::<f64>().is_ok() {
+        // A time.
+        return None;
+    }
+    let digits = &stem[stem.trim_end_matches(|c: char| c.is_ascii_digit()).len()..];
+    digits.parse().ok()
+}
+
+/// The numbers in the names of the frames, where each has its own.
+fn numbers_of_frames(frames: &[FrameRecord]) -> Option<BTreeMap<i64, usize>> {
+    let number = |frame: &FrameRecord| frame.image.as_deref().and_then(number_in).or_else(|| number_in(&frame.id));
+    let numbers: BTreeMap<i64, usize> =
+        frames.iter().enumerate().map(|(index, frame)| Some((number(frame)?, index))).collect::<Option<_>>()?;
+    (numbers.len() == frames.len()).then_some(numbers)
+}
+
+fn by_number(scene: &SceneFile, images: &[DetectedImage], options: &MatchOptions) -> Result<Matching, String> {
+    let number = |image: &DetectedImage| image.key.number.or_else(|| number_in(image.key.name.as_deref()?));
+    let numbers: Vec<Option<i64>> = images.iter().map(number).collect();
+    let in_names = numbers_of_frames(&scene.frames);
+    let offset = match options.frame_offset {
+        Some(offset) => offset,
+        None => offset(scene, &numbers, in_names.as_ref(), options.numbering)?,
+    };
+    let mut taken = HashSet::new();
+    let frame_of = |number: &Option<i64>| {
+        let number = number.as_ref()?.checked_sub(offset)?;
+        let frame = match &in_names {
+            Some(frames) => *frames.get(&number)?,
+            None => usize::try_from(number).ok().filter(|&index| index < scene.frames.len())?,
+        };
+        taken.insert(frame).then_some(frame)
+    };
+    let frame_of_image: Vec<Option<usize>> = numbers.iter().map(frame_of).collect();
+    let example = numbers.iter().zip(&frame_of_image).find_map(|(number, frame)| Some((number.as_ref()?, (*frame)?)));
+    let note = example.map(|(number, frame)| {
+        let kind = if in_names.is_some() { "the numbers in their names" } else { "their places in the scene" };
+        let id = &scene.frames[frame].id;
+        format!("frames were matched by {kind}: number {number} of the detections is frame \"{id}\" (--frame-offset)")
+    });
+    Ok(Matching { by: MatchBy::Index, frame_of_image, note })
+}
+
+/// The number that the detections give to the frame number 0 of the scene.
+fn offset(
+    scene: &SceneFile,
+    numbers: &[Option<i64>],
+    in_names: Option<&BTreeMap<i64, usize>>,
+    numbering: Numbering,
+) -> Result<i64, String> {
+    let found = || numbers.iter().flatten().copied();
+    let Some(frames) = in_names else {
+        let last = scene.frames.len() as i64;
+        return Ok(match numbering {
+            Numbering::From(first) => first,
+            Numbering::Unknown if found().min() >= Some(1) && found().max() == Some(last) => 1,
+            Numbering::Unknown | Numbering::OfNames => 0,
+        });
+    };
+    let has_zero = found().any(|number| number == 0);
+    let first_frame = frames.keys().next().copied().unwrap_or_default();
+    match (numbering, first_frame) {
+        (Numbering::OfNames, _) => Ok(0),
+        (Numbering::From(first), 0 | 1) => Ok(first - first_frame),
+        // The numbers are those of the names, or they are counted from 0 as both are.
+        (Numbering::From(0), _) => Ok(0),
+        (Numbering::Unknown, first_frame) if first_frame != 1 || !has_zero => Ok(0),
+        (_, first_frame) => {
+            let last_frame = frames.keys().next_back().copied().unwrap_or_default();
+            let (lowest, highest) = (found().min().unwrap_or_default(), found().max().unwrap_or_default());
+            Err(format!(
+                "the detections number their images from {lowest} to {highest}, the names of the frames have the numbers \
+                 {first_frame} to {last_frame}, and it is not clear whether equal numbers mean the same image; \
+                 --frame-offset N says so: N is the number that the detections give to image 0 (0 if the numbers are the same, 1 if the \
+                 detections count from 1 and the images from 0, -1 the other way)"
+            ))
+        }
+    }
+}
+
+fn by_time(scene: &SceneFile, images: &[DetectedImage], tolerance: f64) -> Matching {
+    let seconds = |text: &str| text.parse::<f64>().ok().filter(|x| x.is_finite());
+    let name = |path: &str| parts(path, MatchBy::Stem).first().copied().and_then(seconds);
+    let time_of_frame =
+        |f: &FrameRecord| f.time.or_else(|| seconds(&f.id)).or_else(|| f.image.as_deref().and_then(name));
+    let mut times: Vec<(f64, usize)> =
+        scene.frames.iter().enumerate().filter_map(|(index, frame)| Some((time_of_frame(frame)?, index))).collect();
+    times.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // The nearest frame of each image, then the nearest image of each frame.
+    let mut image_of_frame: HashMap<usize, (f64, usize)> = HashMap::new();
+    for (image_index, image) in images.iter().enumerate() {
+        let Some(time) = image.key.time.or_else(|| image.key.name.as_deref().and_then(name)) else { continue };
+        let after = times.partition_point(|(t, _)| *t < time);
+        let candidates = &times[after.saturating_sub(1)..(after + 1).min(times.len())];
+        let nearest = candidates.iter().map(|(t, frame)| ((t - time).abs(), *frame)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((difference, frame)) = nearest.filter(|(difference, _)| *difference <= tolerance) else { continue };
+        let known = image_of_frame.entry(frame).or_insert((difference, image_index));
+        if difference < known.0 {
+            *known = (difference, image_index);
+        }
+    }
+    let mut frame_of_image = vec![None; images.len()];
+    for (frame, (_, image)) in image_of_frame {
+        frame_of_image[image] = Some(frame);
+    }
+    let note = Some(format!("frames were matched by time, to {tolerance} s (--time-tolerance)"));
+    Matching { by: MatchBy::Time, frame_of_image, note }
+}
+
+#[cfg(test)]
+#[path = "matching_tests.rs"]
+mod tests;

@@ -1,0 +1,190 @@
+//! Names of classes by their numbers: a plain list (`classes.txt`, `obj.names`) or the `names` of a YAML file
+//! (Ultralytics' `data.yaml`).
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use saphyr_parser::{Event, Parser, ScanError, Span};
+
+use crate::error::{ReadError, as_utf8, read_bytes};
+
+/// Names of classes.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct ClassNames(BTreeMap<u64, String>);
+
+impl ClassNames {
+    /// The name of a class.
+    pub fn of(&self, class: u64) -> Option<&str> {
+        self.0.get(&class).map(String::as_str)
+    }
+
+    /// Number of classes with a name.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+}
+
+/// Reads a file of names: YAML by its extension `.yaml` or `.yml`, otherwise one name in each line, from class 0.
+///
+/// # Errors
+/// [`ReadError`] with the line, what was found and what was expected.
+pub fn read_names(path: &Path) -> Result<ClassNames, ReadError> {
+    parse_names(path, &read_bytes(path)?)
+}
+
+/// The names in the bytes of a file; the path serves for messages and tells YAML from a list.
+///
+/// # Errors
+/// As [`read_names`].
+pub fn parse_names(path: &Path, bytes: &[u8]) -> Result<ClassNames, ReadError> {
+    let text = as_utf8(path, bytes)?;
+    let is_yaml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("yaml") || e.eq_ignore_ascii_case("yml"));
+    if is_yaml {
+        return from_yaml(path, text);
+    }
+    let names = (0..).zip(text.trim_end().lines().map(str::trim)).filter(|(_, name)| !name.is_empty());
+    Ok(ClassNames(names.map(|(class, name)| (class, name.to_owned())).collect()))
+}
+
+/// The events of a YAML file with their places.
+struct Events<'a> {
+    path: &'a Path,
+    parser: Parser<'a, saphyr_parser::StrInput<'a>>,
+}
+
+impl<'a> Events<'a> {
+    fn next(&mut self) -> Result<(Event<'a>, Span), ReadError> {
+        let invalid = |error: ScanError| {
+            let place = *error.marker();
+            ReadError::new(self.path, format!("this is not valid YAML: {}", error.info()))
+                .at(place.line(), place.col() + 1)
+        };
+        match self.parser.next() {
+            Some(event) => event.map_err(invalid),
+            None => Err(ReadError::new(self.path, "the file ends too early")),
+        }
+    }
+
+    fn unexpected(&self, span: &Span, problem: &str) -> ReadError {
+        ReadError::new(self.path, problem).at(span.start.line(), span.start.col() + 1)
+    }
+
+    /// Passes over the rest of a value whose first event this is.
+    fn skip(&mut self, first: &Event) -> Result<(), ReadError> {
+        let mut depth = 0_usize;
+        let mut event = first.clone();
+        loop {
+            match event {
+                Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
+                Event::SequenceEnd | Event::MappingEnd => depth = depth.saturating_sub(1),
+                Event::StreamEnd => return Ok(()),
+                _ => {}
+            }
+            if depth == 0 {
+                return Ok(());
+            }
+            event = self.next()?.0;
+        }
+    }
+}
+
+fn from_yaml(path: &Path, text: &str) -> Result<ClassNames, ReadError> {
+    let mut events = Events { path, parser: Parser::new_from_str(text) };
+    let (first, span) = loop {
+        let (event, span) = events.next()?;
+        if !matches!(event, Event::StreamStart | Event::DocumentStart(_) | Event::Nothing) {
+            break (event, span);
+        }
+    };
+    if !matches!(first, Event::MappingStart(..)) {
+        return Err(events.unexpected(&span, "expected keys and values, and among them \"names:\""));
+    }
+    loop {
+        let (key, _) = events.next()?;
+        let is_names = match &key {
+            Event::MappingEnd => return Err(ReadError::new(path, "there is no \"names:\"")),
+            Event::Scalar(text, ..) => text == "names",
+            _ => false,
+        };
+        events.skip(&key)?;
+        let (value, span) = events.next()?;
+        match value {
+            Event::SequenceStart(..) if is_names => return listed_names(&mut events),
+            Event::MappingStart(..) if is_names => return numbered_names(&mut events),
+            _ if is_names => {
+                return Err(
+                    events.unexpected(&span, "expected a list of names, or numbers with names, after \"names:\"")
+                );
+            }
+            value => events.skip(&value)?,
+        }
+    }
+}
+
+/// Names in a list.
+fn listed_names(events: &mut Events) -> Result<ClassNames, ReadError> {
+    let mut names = BTreeMap::new();
+    loop {
+        match events.next()? {
+            (Event::SequenceEnd, _) => return Ok(ClassNames(names)),
+            (Event::Scalar(name, ..), _) => drop(names.insert(names.len() as u64, name.into_owned())),
+            (_, span) => return Err(events.unexpected(&span, "expected the name of a class")),
+        }
+    }
+}
+
+/// Names with their numbers before them.
+fn numbered_names(events: &mut Events) -> Result<ClassNames, ReadError> {
+    let mut names = BTreeMap::new();
+    loop {
+        let (key, span) = events.next()?;
+        let class = match key {
+            Event::MappingEnd => return Ok(ClassNames(names)),
+            Event::Scalar(number, ..) => number.parse().ok(),
+            _ => None,
+        };
+        let class = class.ok_or_else(|| events.unexpected(&span, "expected the number of a class"))?;
+        match events.next()? {
+            (Event::Scalar(name, ..), _) => drop(names.insert(class, name.into_owned())),
+            (_, span) => return Err(events.unexpected(&span, "expected the name of a class")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(file: &str, text: &str) -> Result<Vec<(u64, String)>, String> {
+        let names = parse_names(Path::new(file), text.as_bytes()).map_err(|error| error.to_string())?;
+        Ok(names.0.into_iter().collect())
+    }
+
+    #[test]
+    fn lists_and_both_forms_of_yaml() {
+        let expected = vec![(0, "cup".to_owned()), (1, "traffic light".to_owned())];
+        assert_eq!(names("classes.txt", "cup\r\ntraffic light\n\n").unwrap(), expected);
+        for yaml in [
+            "names: [cup, 'traffic light']",
+            "# data\npath: ../x\ntrain:\n  - a\n  - {b: [c]}\nnames:\n  - cup\n  - traffic light # two\nnc: 2\n",
+            "---\nnc: 2\nnames:\n  0: cup\n  1: \"traffic light\"\n",
+            "download: |\n  names: no\nnames: {1: traffic light, 0: cup}",
+        ] {
+            assert_eq!(names("data.yaml", yaml).unwrap(), expected, "{yaml}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_place() {
+        let message = |yaml: &str| names("data.yaml", yaml).unwrap_err();
+        assert_eq!(message("nc: 2\n"), "data.yaml: there is no \"names:\"");
+        assert_eq!(message("- a\n"), "data.yaml:1:1: expected keys and values, and among them \"names:\"");
+        assert_eq!(
+            message("nc: 1\nnames: cup\n"),
+            "data.yaml:2:8: expected a list of names, or numbers with names, after \"names:\""
+        );
+        assert_eq!(message("names:\n  a: cup\n"), "data.yaml:2:3: expected the number of a class");
+        assert_eq!(message("names:\n  - [cup]\n"), "data.yaml:2:5: expected the name of a class");
+        assert!(message("names: [a, \"b\n").starts_with("data.yaml:"), "{}", message("names: [a, \"b\n"));
+    }
+}

@@ -1,0 +1,59 @@
+//! supervision's `CSVSink` and `JSONSink`: a row for each detection, with the data that the user has added.
+//!
+//! The sinks write no image of their own accord: one of the added columns must tell which it is
+//! (`custom_data={"frame_number": ...}`). Format: `detection/tools/csv_sink.py` and `json_sink.py` of the package
+//! supervision.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::DetectionFiles;
+use super::csv::table;
+use super::table::{Row, Table, TableOptions};
+use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::read::json::{Node, parse_json};
+
+/// Reads the file of a sink: JSON where it begins with a bracket, CSV otherwise.
+///
+/// # Errors
+/// [`ReadError`] with line or entry, what was found and what was expected.
+pub fn read_supervision(path: &Path, options: &TableOptions) -> Result<DetectionFiles, ReadError> {
+    parse_supervision(path, &read_bytes(path)?, options)
+}
+
+/// The detections in the bytes of such a file; the path serves for messages.
+///
+/// # Errors
+/// As [`read_supervision`].
+pub fn parse_supervision(path: &Path, bytes: &[u8], options: &TableOptions) -> Result<DetectionFiles, ReadError> {
+    let text = as_utf8(path, bytes)?;
+    if text.trim_start().starts_with(['[', '{']) {
+        let value = parse_json(path, bytes)?;
+        table_of(path, &Node::root(path, &value))?.detections(options)
+    } else {
+        table(path, text)?.detections(options)
+    }
+}
+
+/// A list of objects as a table, whose columns are the keys of the first one.
+fn table_of<'a>(path: &'a Path, root: &Node) -> Result<Table<'a>, ReadError> {
+    let mut table = Table { path, columns: Vec::new(), rows: Vec::new() };
+    for (index, item) in root.items()?.iter().enumerate() {
+        let members = item.members()?;
+        if index == 0 {
+            table.columns = members.iter().map(|(key, _)| (*key).to_owned()).collect();
+        }
+        let cell = |column: &String| {
+            let value = members.iter().find(|(key, _)| key == column).map(|(_, node)| node.value());
+            match value {
+                None | Some(Value::Null) => String::new(),
+                Some(Value::String(text)) => text.clone(),
+                Some(other) => other.to_string(),
+            }
+        };
+        let cells = table.columns.iter().map(cell).collect();
+        table.rows.push(Row { line: None, entry: Some(format!("[{index}]")), cells });
+    }
+    Ok(table)
+}

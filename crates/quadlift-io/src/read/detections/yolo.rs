@@ -1,0 +1,159 @@
+//! Ultralytics YOLO: a text file for each image, a line `class x y width height` (or a polygon, or the corners of a
+//! turned box) for each object, as `predict` and `track` save them and as data sets have them.
+//!
+//! Coordinates are shares of the image's width and height, from its corner. Format: `Results.save_txt` of the package
+//! ultralytics.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+pub use super::yolo_columns::{ExtraColumns, YoloKind};
+
+use super::names::{ClassNames, read_names};
+use super::yolo_columns::{LabelLine, columns};
+use super::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
+use crate::error::{ReadError, as_utf8};
+use crate::read::text::lines;
+
+/// Files with the names of the classes, which lie beside the labels or in one of two folders above.
+const NAMES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "obj.names"];
+
+/// Coordinates may lie this far outside of the image, as a share of its size.
+const OUTSIDE: f64 = 0.5;
+
+/// What the files do not say.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct YoloOptions<'a> {
+    /// What stands after the class.
+    pub kind: YoloKind,
+    /// What stands after the coordinates.
+    pub extra: ExtraColumns,
+    /// Names of the classes; when absent they are looked for beside the labels.
+    pub names: Option<&'a ClassNames>,
+}
+
+/// Reads a label file, or those of a folder (or of its `labels`) and the folders in it.
+///
+/// # Errors
+/// [`ReadError`] with the line, what was found and what was expected.
+pub fn read_yolo(path: &Path, options: &YoloOptions) -> Result<DetectionFiles, ReadError> {
+    let labels = path.join("labels");
+    let path = if labels.is_dir() { &labels } else { path };
+    let mut files = label_files(path, "txt")?;
+    files.retain(|file| !NAMES.iter().any(|name| file.path.ends_with(name)));
+    let found = match options.names {
+        Some(_) => None,
+        None => {
+            let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
+            let places = folder.ancestors().take(3).flat_map(|folder| NAMES.map(|name| folder.join(name)));
+            places.into_iter().find(|place| place.is_file())
+        }
+    };
+    let names = found.as_deref().map(read_names).transpose()?;
+    let mut labels = parse_yolo(path, &files, &YoloOptions { names: options.names.or(names.as_ref()), ..*options })?;
+    if let Some(found) = found {
+        labels.notes.push(format!("names of the classes: {}", found.display()));
+    }
+    Ok(labels)
+}
+
+/// The detections in label files; the path is that of their folder and serves for messages.
+///
+/// # Errors
+/// As [`read_yolo`].
+pub fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Result<DetectionFiles, ReadError> {
+    let mut all_lines = Vec::new();
+    let mut ends = Vec::new();
+    let mut repeated = 0;
+    for file in files {
+        // A file without text is an image without objects.
+        if !file.bytes.trim_ascii().is_empty() {
+            let mut seen = HashSet::new();
+            let text = as_utf8(&file.path, &file.bytes)?;
+            for line in lines(&file.path, text).filter(|line| !line.is_blank_or_comment()) {
+                if seen.insert(line.text) {
+                    let mut fields = line.fields();
+                    let class = fields.whole("the number of a class")?;
+                    let values = fields.numbers_left("a coordinate")?;
+                    all_lines.push(LabelLine { line, class, values });
+                } else {
+                    repeated += 1;
+                }
+            }
+        }
+        ends.push(all_lines.len());
+    }
+    let columns = columns(&all_lines, options.kind, options.extra)?;
+    let mut images = Vec::new();
+    let mut start = 0;
+    for (file, end) in files.iter().zip(ends) {
+        let mut detections = Vec::new();
+        for line in &all_lines[start..end] {
+            let (coordinates, score, track) = columns.split(line)?;
+            check_coordinates(line, coordinates)?;
+            let (bounding_box, outline) = shape(line, coordinates, columns.kind)?;
+            let name = options.names.and_then(|names| names.of(line.class));
+            detections.push(Detected {
+                track: track.map(|id| id.to_string()),
+                category: Some(name.map_or_else(|| line.class.to_string(), str::to_owned)),
+                score,
+                bounding_box,
+                outline,
+                ..Detected::default()
+            });
+        }
+        start = end;
+        images
+            .push(DetectedImage { key: ImageKey { name: Some(file.name.clone()), ..ImageKey::default() }, detections });
+    }
+    let mut notes = vec![columns.words()];
+    if columns.kind == YoloKind::TurnedBox {
+        notes.push("of a turned box the ellipse in it was taken, and the box around that".to_owned());
+    }
+    if repeated > 0 {
+        notes.push(format!(
+            "{repeated} lines that stand twice in their file were left out: a run may have been repeated"
+        ));
+    }
+    if options.names.is_none() {
+        notes.push("the names of the classes are not known: the categories are numbers (--names FILE)".to_owned());
+    }
+    Ok(DetectionFiles { path: path.to_owned(), images, normalized: true, numbering: Numbering::OfNames, notes })
+}
+
+fn check_coordinates(line: &LabelLine, coordinates: &[f64]) -> Result<(), ReadError> {
+    let outside = |x: &f64| !(-OUTSIDE..=1.0 + OUTSIDE).contains(x);
+    match coordinates.iter().position(outside) {
+        Some(index) => Err(line.line.error(format!(
+            "coordinate {} is {}; expected a share of the image's width or height, from 0 to 1",
+            index + 1,
+            coordinates[index]
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// Box and outline of the coordinates of a line.
+fn shape(line: &LabelLine, coordinates: &[f64], kind: YoloKind) -> Result<(Option<[f64; 4]>, Outline), ReadError> {
+    match *coordinates {
+        [x, y, width, height] => {
+            if width < 0.0 || height < 0.0 {
+                return Err(line
+                    .line
+                    .error(format!("width and height are {width} and {height}; expected positive ones")));
+            }
+            let edges = [x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height];
+            Ok((Some(edges), Outline::Unknown))
+        }
+        [ax, ay, bx, by, cx, cy, dx, dy] if kind == YoloKind::TurnedBox => {
+            Ok((None, Outline::TurnedBox([[ax, ay], [bx, by], [cx, cy], [dx, dy]])))
+        }
+        _ if coordinates.len() >= 6 && coordinates.len() % 2 == 0 => {
+            Ok((None, Outline::Polygons(vec![coordinates.to_vec()])))
+        }
+        _ => {
+            let count = coordinates.len();
+            Err(line.line.error(format!("found {count} coordinates; expected 4 of a box, or at least 3 points")))
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Round trips, and tables that are wrong.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+use serde_json::json;
+
+use super::*;
+use crate::scene_file::{SceneFile, parse_scene_file, read_scene_file};
+
+/// The scene after a way through tables.
+fn round_trip(scene: &SceneFile) -> SceneFile {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tables");
+    write_tables(&path, scene).unwrap();
+    let import = read_tables(&path).unwrap();
+    assert_eq!((import.notes, import.image_folder), (Vec::<String>::new(), None));
+    import.scene
+}
+
+/// A scene with every entry that the format knows, and unknown ones at every level.
+fn full() -> SceneFile {
+    let text = include_str!("full_scene.json");
+    let scene = parse_scene_file(Path::new("full_scene.json"), text.as_bytes()).unwrap();
+    scene.to_scene().unwrap();
+    scene.to_objects().unwrap();
+    scene
+}
+
+#[test]
+fn every_entry_comes_back() {
+    let scene = full();
+    assert_eq!(round_trip(&scene), scene);
+    assert_eq!(round_trip(&SceneFile::default()), SceneFile::default());
+}
+
+#[test]
+fn the_scenes_at_hand_come_back() {
+    let data = std::env::var_os("QUADLIFT_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+    let Ok(entries) = fs::read_dir(data.join("scenes")) else {
+        println!("skipped: there is no real data in {} (set QUADLIFT_DATA)", data.display());
+        return;
+    };
+    let paths = entries.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "json"));
+    let mut count = 0;
+    for path in paths {
+        let scene = read_scene_file(&path).unwrap();
+        assert!(round_trip(&scene) == scene, "{}", path.display());
+        count += 1;
+    }
+    assert!(count > 20, "{count}");
+}
+
+/// More rows than are turned into columns at a time.
+#[test]
+fn large_tables_come_back_in_their_order() {
+    let mut scene = full();
+    let detection = scene.detections[0].clone();
+    scene.detections = (0..120_000)
+        .map(|k| crate::scene_file::DetectionRecord {
+            frame: if k % 2 == 0 { "a".into() } else { "b".into() },
+            object: Some(format!("object {k}").into()),
+            score: (k % 3 > 0).then_some(f64::from(k) / 120_000.0),
+            ..detection.clone()
+        })
+        .collect();
+    assert!(round_trip(&scene) == scene);
+}
+
+/// Texts as they may come, also those that mean something to a program.
+fn text() -> impl Strategy<Value = String> {
+    prop_oneof![Just(String::new()), Just("null".to_owned()), Just("NaN".to_owned()), "[a-zé\"\\\\\n, ]{0,8}"]
+}
+
+fn number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        Just(0.0),
+        Just(-0.0),
+        Just(f64::MIN_POSITIVE / 8.0),
+        any::<f64>().prop_filter("finite", |x| x.is_finite())
+    ]
+}
+
+/// Unknown fields of any shape.
+fn extra() -> impl Strategy<Value = serde_json::Map<String, serde_json::Value>> {
+    let leaf = prop_oneof![
+        Just(json!(null)),
+        Just(json!({})),
+        Just(json!([])),
+        text().prop_map(|t| json!(t)),
+        number().prop_map(|x| json!(x)),
+        any::<u64>().prop_map(|n| json!(n)),
+        any::<bool>().prop_map(|b| json!(b)),
+    ];
+    let value = leaf.prop_recursive(2, 6, 3, |inner| {
+        prop_oneof![
+            proptest::collection::vec(inner.clone(), 0..3).prop_map(|v| json!(v)),
+            proptest::collection::btree_map("[a-c]", inner, 0..3).prop_map(|m| json!(m)),
+        ]
+    });
+    proptest::collection::btree_map("my_[a-z]{0,3}", value, 0..3).prop_map(|map| map.into_iter().collect())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn scenes_come_back(
+        name in proptest::option::of(text()),
+        notes in proptest::option::of(text()),
+        extras in proptest::collection::vec(extra(), 8),
+        numbers in proptest::collection::vec(proptest::option::of(number()), 6),
+        texts in proptest::collection::vec(proptest::option::of(text()), 6),
+        lists in proptest::collection::vec(proptest::collection::vec(text(), 0..3), 2),
+        drop_parts in proptest::collection::vec(any::<bool>(), 6),
+    ) {
+        let mut scene = full();
+        (scene.name, scene.notes, scene.extra) = (name, notes, extras[0].clone());
+        scene.cameras[0].extra = extras[1].clone();
+        scene.frames[0].extra = extras[2].clone();
+        (scene.frames[0].image, scene.frames[0].time) = (texts[0].clone(), numbers[0]);
+        let detection = &mut scene.detections[0];
+        detection.extra = extras[3].clone();
+        (detection.score, detection.visible_fraction, detection.occluded) = (numbers[1], numbers[2], numbers[3]);
+        detection.category = texts[1].clone().map(Into::into);
+        detection.source = texts[2].clone().map(Into::into);
+        if let Some(ellipse) = &mut detection.ellipse {
+            ellipse.extra = extras[4].clone();
+        }
+        if drop_parts[0] {
+            detection.ellipse = None;
+        }
+        if drop_parts[1] {
+            detection.mask = None;
+        }
+        if drop_parts[2] {
+            detection.segmentation = None;
+        }
+        let object = &mut scene.objects[0];
+        object.extra = extras[5].clone();
+        (object.center_sd, object.residual_px, object.category) = (numbers[4], numbers[5], texts[3].clone());
+        (object.views_rejected, object.warnings) = (lists[0].clone(), lists[1].clone());
+        object.view_residuals_px[0].extra = extras[6].clone();
+        if let Some(covariance) = &mut object.covariance {
+            covariance.extra = extras[7].clone();
+        }
+        if drop_parts[3] {
+            object.covariance = None;
+        }
+        if drop_parts[4] {
+            object.ellipsoid = None;
+        }
+        if drop_parts[5] {
+            object.view_residuals_px.clear();
+        }
+        prop_assert_eq!(round_trip(&scene), scene);
+    }
+}
+
+#[test]
+fn what_cannot_be_written_is_refused_and_nothing_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tables");
+    let problem = |scene: &SceneFile| write_tables(&path, scene).unwrap_err().problem;
+    let mut scene = full();
+    scene.detections[1].score = Some(f64::NAN);
+    assert_eq!(problem(&scene), "row 1: \"score\" holds a number that is not finite");
+    let mut scene = full();
+    scene.up = Some([0.0, f64::INFINITY, 0.0]);
+    assert_eq!(problem(&scene), "row 0: \"up\" holds a number that is not finite");
+    let mut scene = full();
+    scene.objects.push(scene.objects[0].clone());
+    assert!(problem(&scene).contains("is used twice"));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn wrong_folders_and_tables_are_refused_in_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let problem = |path: &Path| read_tables(path).unwrap_err();
+    assert!(problem(folder.path()).problem.starts_with("there are no tables; expected a folder with scene.parquet"));
+    let path = folder.path().join("tables");
+    write_tables(&path, &full()).unwrap();
+    // Tables under wrong names: the columns do not make records.
+    fs::copy(path.join("frames.parquet"), path.join("cameras.parquet")).unwrap();
+    let error = problem(&path);
+    assert_eq!(
+        error.to_string().replace(&path.display().to_string(), ""),
+        "/cameras.parquet: row 0: missing field `model`"
+    );
+    fs::remove_file(path.join("cameras.parquet")).unwrap();
+    // Without cameras the frames point nowhere.
+    let error = problem(&path);
+    assert!(error.problem.contains("frames[0].camera: unknown camera \"cam\""), "{error}");
+    fs::write(path.join("cameras.parquet"), "PAR1 no table PAR1").unwrap();
+    assert!(problem(&path).problem.starts_with("cannot read the table: "));
+}
+
+/// Every table, cut off and with changed bytes: errors or a scene, no crash.
+#[test]
+fn damaged_tables_do_not_crash() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tables");
+    write_tables(&path, &full()).unwrap();
+    for name in ["scene", "frames", "objects"].map(|name| format!("{name}.parquet")) {
+        let bytes = fs::read(path.join(&name)).unwrap();
+        for cut in (0..bytes.len()).step_by(bytes.len() / 20 + 1) {
+            fs::write(path.join(&name), &bytes[..cut]).unwrap();
+            read_tables(&path).unwrap_err();
+        }
+        for at in (0..bytes.len()).step_by(bytes.len() / 100 + 1) {
+            let mut changed = bytes.clone();
+            changed[at] ^= 1 << (at % 8);
+            fs::write(path.join(&name), &changed).unwrap();
+            let _ = read_tables(&path);
+        }
+        fs::write(path.join(&name), &bytes).unwrap();
+    }
+}

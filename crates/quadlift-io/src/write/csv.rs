@@ -1,0 +1,156 @@
+//! CSV tables: the objects, one row each, and the residuals of their views. World units; fields without a value are
+//! empty.
+
+use csv::Writer;
+use quadlift::geometry::{Body, quaternion_from_rotation};
+
+use super::{Document, Placement};
+use crate::error::EntryError;
+use crate::scene_file::{ObjectBodies, ObjectRecord, SceneFile};
+
+/// The columns of [`objects_csv`].
+pub const OBJECT_COLUMNS: [&str; 24] = [
+    "object",
+    "category",
+    "status",
+    "length_unit",
+    "center_x",
+    "center_y",
+    "center_z",
+    "center_sd",
+    "body",
+    "half_extent_1",
+    "half_extent_2",
+    "half_extent_3",
+    "rotation_w",
+    "rotation_x",
+    "rotation_y",
+    "rotation_z",
+    "support_exponent",
+    "enclosing_half_extent_1",
+    "enclosing_half_extent_2",
+    "enclosing_half_extent_3",
+    "views_used",
+    "views_rejected",
+    "residual_px",
+    "warnings",
+];
+
+/// The columns of [`views_csv`].
+pub const VIEW_COLUMNS: [&str; 4] = ["object", "frame", "residual_px", "inlier"];
+
+/// The objects, with or without a body. Half extents are the semi-axes of an ellipsoid, and half the extents of a cuboid,
+/// along the columns of the rotation, which is a unit quaternion.
+///
+/// # Errors
+/// [`EntryError`] as [`SceneFile::to_objects`].
+pub fn objects_csv(file: &SceneFile) -> Result<Document, EntryError> {
+    let bodies = file.to_objects()?;
+    let unit = file.length_unit.as_deref().unwrap_or_default();
+    let rows = file.objects.iter().zip(&bodies).map(|(record, bodies)| object_row(record, bodies, unit));
+    let content = table(OBJECT_COLUMNS, rows);
+    Ok(Document { content, counts: vec![("object", bodies.len())], notes: Vec::new() })
+}
+
+/// The residual of each view of each object, in pixels, and whether the view was used.
+pub fn views_csv(file: &SceneFile) -> Document {
+    let views = || file.objects.iter().flat_map(|o| o.view_residuals_px.iter().map(move |view| (&o.id, view)));
+    let rows = views()
+        .map(|(object, view)| [object.clone(), view.frame.clone(), text(&view.residual_px), view.inlier.to_string()]);
+    Document { content: table(VIEW_COLUMNS, rows), counts: vec![("view", views().count())], notes: Vec::new() }
+}
+
+fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [String; 24] {
+    let placement = bodies.body().map(|body| Placement::from(&body));
+    let enclosing = bodies.enclosing_body().map(|body| Placement::from(&body));
+    let [x, y, z] = three(bodies.center.map(|center| center.coords.into()));
+    let [a, b, c] = three(placement.map(|p| p.half_extents.into()));
+    let [p, q, r] = three(enclosing.map(|p| p.half_extents.into()));
+    let [qw, qx, qy, qz] = placement
+        .map_or_else(Default::default, |p| quaternion_from_rotation(&p.rotation).map(|number| number.to_string()));
+    let (kind, exponent) = match bodies.body() {
+        Some(Body::Ellipsoid(_)) => ("ellipsoid", None),
+        Some(Body::Cuboid(_)) => ("cuboid", None),
+        Some(Body::Superellipsoid(body)) => ("superellipsoid", Some(body.support_exponent)),
+        None => ("", None),
+    };
+    let estimated = record.views_used.is_some();
+    [
+        record.id.clone(),
+        record.category.clone().unwrap_or_default(),
+        record.status.clone().unwrap_or_default(),
+        unit.to_owned(),
+        x,
+        y,
+        z,
+        text(&record.center_sd),
+        kind.to_owned(),
+        a,
+        b,
+        c,
+        qw,
+        qx,
+        qy,
+        qz,
+        text(&exponent),
+        p,
+        q,
+        r,
+        text(&record.views_used),
+        text(&estimated.then_some(record.views_rejected.len())),
+        text(&record.residual_px),
+        record.warnings.join("; "),
+    ]
+}
+
+fn three(numbers: Option<[f64; 3]>) -> [String; 3] {
+    numbers.map_or_else(Default::default, |numbers| numbers.map(|x| x.to_string()))
+}
+
+fn text<T: ToString>(value: &Option<T>) -> String {
+    value.as_ref().map(T::to_string).unwrap_or_default()
+}
+
+/// A table with a header; fields are put in quotes where they need them.
+fn table<const N: usize>(header: [&str; N], rows: impl Iterator<Item = [String; N]>) -> Vec<u8> {
+    let mut writer = Writer::from_writer(Vec::new());
+    // Writing rows of one length to memory cannot fail.
+    let _ = writer.write_record(header);
+    for row in rows {
+        let _ = writer.write_record(row);
+    }
+    writer.into_inner().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scene;
+    use super::*;
+
+    #[test]
+    fn one_row_per_object() {
+        let mut file = test_scene::three_bodies();
+        file.objects[0].views_used = Some(1);
+        file.objects[0].views_rejected = vec!["000091".into()];
+        file.objects[0].warnings = vec!["a, b".into(), "c".into()];
+        file.objects.push(ObjectRecord {
+            id: "lost".into(),
+            status: Some("not_an_ellipsoid".into()),
+            center: Some([1.0, 2.0, 1e-7]),
+            ..ObjectRecord::default()
+        });
+        let document = objects_csv(&file).unwrap();
+        insta::assert_snapshot!(String::from_utf8(document.content).unwrap());
+        assert_eq!(document.counts, [("object", 4)]);
+    }
+
+    #[test]
+    fn one_row_per_view() {
+        let document = views_csv(&test_scene::three_bodies());
+        insta::assert_snapshot!(String::from_utf8(document.content).unwrap(), @"
+        object,frame,residual_px,inlier
+        1,000090,0.5,true
+        1,000091,,false
+        ");
+    }
+}

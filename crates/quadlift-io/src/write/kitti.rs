@@ -1,0 +1,176 @@
+//! KITTI's labels of the tracking benchmark: a line for each object in each frame, 17 fields. Metres, in the axes of each
+//! frame's camera.
+//!
+//! The format knows a turn about the camera's y axis only: tilt is lost. Each body becomes the smallest upright box that
+//! holds it and whose length lies along the longer one of its two flatter axes; which end is the front is not known.
+//! Format: the development kit of the benchmark (`readme.txt`), as [`crate::read::kitti`] reads it.
+
+use std::f64::consts::PI;
+use std::fmt::Write;
+
+use nalgebra::{Matrix4, Vector3};
+use quadlift::geometry::{CamFromWorld, ConvexBody};
+
+use super::views::SeenObject;
+use super::{CheckedScene, Document, Object, Placement, numbers_for};
+
+/// What a scene does not say itself.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct KittiLabelOptions {
+    /// Only where the object was detected; otherwise wherever it lies in the image.
+    pub only_detected: bool,
+    /// From the rectified axes of KITTI's camera 0 to those of the scene's camera, in metres
+    /// ([`crate::read::kitti::read_cam_from_rect`]); labels are written in the former. The identity where absent.
+    pub cam_from_rect: Option<Matrix4<f64>>,
+}
+
+/// The labels of all frames, in their order. Frames and tracks have their ids as numbers, where all of these are whole
+/// numbers (tracks also `t5`, as [`crate::read::kitti`] names them), or their positions.
+pub fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Document {
+    let (frames, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()), "");
+    let (tracks, tracks_by_position) = numbers_for(scene.objects.iter().map(|object| object.id.as_str()), "t");
+    let (metres, unit_note) = scene.metres();
+    let rect_from_cam = options.cam_from_rect.and_then(|pose| pose.try_inverse()).unwrap_or_else(Matrix4::identity);
+    let mut text = String::new();
+    let mut labels = 0;
+    for SeenObject { frame_index, object_index, bounding_box } in scene.seen_objects(options.only_detected) {
+        let object = &scene.objects[object_index];
+        let Some(pose) = scene.scene.frames[frame_index].projection.camera_pose() else { continue };
+        let upright = UprightBox::around(object, &pose, metres, &rect_from_cam);
+        let kind = object.category_name().replace(char::is_whitespace, "_");
+        let kind = if object.category.is_some() { kind.as_str() } else { "Misc" };
+        let [l, t, r, b] = bounding_box.edges();
+        let UprightBox { size: [h, w, length], bottom: [x, y, z], rotation_y } = upright;
+        let alpha = wrapped(rotation_y - x.atan2(z));
+        // Truncation and occlusion are not estimated: -1, as the development kit has it. Writing to text cannot fail.
+        let _ = write!(text, "{} {} {kind} -1 -1", frames[frame_index], tracks[object_index]);
+        for number in [alpha, l, t, r, b, h, w, length, x, y, z, rotation_y] {
+            // Zero is added to have no "-0".
+            let _ = write!(text, " {:.6}", (number * 1e6).round() / 1e6 + 0.0);
+        }
+        text.push('\n');
+        labels += 1;
+    }
+    let mut notes = vec!["tilt is lost: KITTI's boxes turn about the camera's y axis only".to_owned()];
+    if options.cam_from_rect.is_none() {
+        notes.push("locations are in the axes of each frame's camera: with them belongs P2 = K [I | 0]".to_owned());
+    }
+    if by_position {
+        notes.push("frames have no numbers: they were numbered from 0 in the order of the scene".to_owned());
+    }
+    if tracks_by_position {
+        notes.push("objects have no numbers: tracks were numbered from 0 in the order of the scene".to_owned());
+    }
+    notes.extend(unit_note);
+    Document { content: text.into_bytes(), counts: vec![("label", labels)], notes }
+}
+
+/// A box of KITTI.
+#[derive(Debug, Clone, Copy)]
+struct UprightBox {
+    /// Height, width, length.
+    size: [f64; 3],
+    /// Middle of the bottom face.
+    bottom: [f64; 3],
+    /// Turn about the y axis: of the x axis to the length.
+    rotation_y: f64,
+}
+
+impl UprightBox {
+    fn around(object: &Object, pose: &CamFromWorld, metres: f64, rect_from_cam: &Matrix4<f64>) -> Self {
+        let rotation = pose.matrix().fixed_columns::<3>(0).into_owned();
+        let placement = Placement::from(&object.body);
+        let axes = rotation * placement.rotation.matrix();
+        // The two axes that are flatter in the camera, the longer one of them first.
+        let mut flat = [0, 1, 2];
+        flat.sort_by(|&a, &b| axes[(1, a)].abs().total_cmp(&axes[(1, b)].abs()));
+        let along = if placement.half_extents[flat[0]] >= placement.half_extents[flat[1]] { flat[0] } else { flat[1] };
+        let length = Vector3::new(axes[(0, along)], 0.0, axes[(2, along)]).normalize();
+        let (height, width) = (Vector3::y(), length.cross(&Vector3::y()));
+        let reach = |direction: &Vector3<f64>| metres * object.body.support(&(rotation.transpose() * direction));
+        let center = (rotation * placement.center.coords + pose.matrix().column(3)) * metres;
+        let bottom = rect_from_cam.transform_point(&(center + height * reach(&height)).into());
+        Self {
+            size: [height, width, length].map(|direction| 2.0 * reach(&direction)),
+            bottom: bottom.coords.into(),
+            rotation_y: (-length.z).atan2(length.x),
+        }
+    }
+}
+
+/// An angle in [-pi, pi].
+fn wrapped(angle: f64) -> f64 {
+    angle - 2.0 * PI * (angle / (2.0 * PI)).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BodyChoice, test_scene};
+    use super::*;
+    use crate::read::kitti_labels::parse_labels;
+    use crate::scene_file::SceneFile;
+    use nalgebra::{Point3, Rotation3};
+    use quadlift::geometry::{Body, Cuboid};
+
+    fn labels(file: &SceneFile, options: &KittiLabelOptions) -> (String, Vec<String>) {
+        let document = kitti_labels(&CheckedScene::new(file, BodyChoice::Tangent).unwrap(), options);
+        (String::from_utf8(document.content).unwrap(), document.notes)
+    }
+
+    #[test]
+    fn labels_have_their_seventeen_fields() {
+        let (text, notes) = labels(&test_scene::three_bodies(), &KittiLabelOptions::default());
+        insta::assert_snapshot!(text);
+        assert_eq!(notes.len(), 3, "{notes:?}");
+    }
+
+    #[test]
+    fn our_reader_finds_an_upright_cuboid_again() {
+        let mut file = test_scene::three_bodies();
+        // Lengths are millimetres; the world is that of the second camera, turned about its y axis.
+        file.length_unit = Some("mm".into());
+        let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.7)
+            * Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+        let cuboid = Cuboid { center: Point3::new(1.0, 2.0, 3.0), half_extents: Vector3::new(1.0, 0.4, 0.3), rotation };
+        file.objects[1].set_body(&Body::Cuboid(cuboid));
+        let mut shift = Matrix4::identity();
+        shift[(0, 3)] = 0.06;
+        let options = KittiLabelOptions { cam_from_rect: Some(shift), ..KittiLabelOptions::default() };
+        let (text, _) = labels(&file, &options);
+        let labels = parse_labels("labels.txt".as_ref(), text.as_bytes()).unwrap();
+        let scene = file.to_scene().unwrap();
+        for (label, frame) in labels.iter().filter(|label| label.track == 1).zip(&scene.frames) {
+            let pose = frame.projection.camera_pose().unwrap();
+            // The corners are the same, whichever end is the front.
+            let cam = label.rect_from_object();
+            let half = label.half_extents();
+            for corner in cuboid.corners() {
+                let in_camera = pose.matrix() * corner.to_homogeneous() * 0.001;
+                let local = cam.try_inverse().unwrap().transform_point(&(in_camera - Vector3::x() * 0.06).into());
+                assert!((local.coords.abs() - half).amax() < 2e-6, "{local} {half}");
+            }
+            let seen = quadlift::geometry::project_bounding_box(&frame.projection, &cuboid).unwrap();
+            for (a, b) in label.bounding_box.iter().zip(seen.edges()) {
+                assert!((a - b).abs() < 1e-6);
+            }
+        }
+        assert_eq!(labels.iter().map(|label| label.frame).collect::<Vec<_>>(), [90, 90, 90, 91, 91, 91]);
+    }
+
+    #[test]
+    fn a_tilted_body_is_held_by_its_box() {
+        let mut file = test_scene::three_bodies();
+        let rotation = Rotation3::from_euler_angles(0.4, -0.3, 1.0);
+        let cuboid = Cuboid { center: Point3::origin(), half_extents: Vector3::new(0.3, 1.0, 0.4), rotation };
+        file.objects[1].set_body(&Body::Cuboid(cuboid));
+        let (text, _) = labels(&file, &KittiLabelOptions::default());
+        let labels = parse_labels("labels.txt".as_ref(), text.as_bytes()).unwrap();
+        let pose = file.to_scene().unwrap().frames[0].projection.camera_pose().unwrap();
+        let object_from_cam = labels[1].rect_from_object().try_inverse().unwrap();
+        let corners = cuboid.corners().map(|corner| {
+            object_from_cam.transform_point(&(pose.matrix() * corner.to_homogeneous()).into()).coords.abs()
+        });
+        let reach = corners.into_iter().reduce(|a, b| a.sup(&b)).unwrap();
+        assert!((reach - labels[1].half_extents()).amax() < 2e-6, "it touches all faces: {reach}");
+    }
+}

@@ -1,0 +1,191 @@
+//! Writers of other programs' formats, one file each. They take a [`CheckedScene`] and give a [`Document`]: the bytes of
+//! a file, and what is to be said about it.
+//!
+//! A size has several meanings in these formats: half extents (scene files), full extents (ROS, KITTI), scale factors of
+//! a body of radius one (glTF). Every file says which one it writes.
+
+pub mod bop;
+pub mod coco;
+mod colors;
+pub mod csv;
+mod frusta;
+pub mod glb;
+pub mod kitti;
+mod mesh;
+pub mod ply;
+pub mod ros;
+mod units;
+mod views;
+
+#[cfg(test)]
+mod test_scene;
+
+use std::collections::{BTreeMap, HashSet};
+
+use nalgebra::{Point3, Rotation3, Vector3};
+use quadlift::geometry::{Body, ConvexBody};
+use quadlift::scene::Scene;
+use quadlift::solve::Covariance;
+
+use crate::error::EntryError;
+use crate::scene_file::SceneFile;
+
+/// A file in another program's format.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Document {
+    /// The bytes of the file.
+    pub content: Vec<u8>,
+    /// How many things of each kind it holds, by their names in the singular.
+    pub counts: Vec<(&'static str, usize)>,
+    /// In words: what was converted, assumed or lost.
+    pub notes: Vec<String>,
+}
+
+/// Which of an object's bodies is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BodyChoice {
+    /// The one that touches the measurements; of a true object, its body.
+    #[default]
+    Tangent,
+    /// The larger one that holds the real object; where there is none, as [`BodyChoice::Tangent`].
+    Enclosing,
+}
+
+/// A scene whose numbers and ids are known to be right, and the bodies of its objects.
+#[derive(Debug, Clone)]
+pub struct CheckedScene<'a> {
+    file: &'a SceneFile,
+    scene: Scene,
+    objects: Vec<Object>,
+    without_body: Vec<String>,
+}
+
+/// An object with a body.
+#[derive(Debug, Clone, PartialEq)]
+struct Object {
+    id: String,
+    category: Option<String>,
+    body: Body,
+    /// Of the tangent body.
+    covariance: Option<Covariance>,
+}
+
+impl<'a> CheckedScene<'a> {
+    /// Checks a scene and takes one body of each object.
+    ///
+    /// # Errors
+    /// [`EntryError`] as [`SceneFile::to_scene`] and [`SceneFile::to_objects`].
+    pub fn new(file: &'a SceneFile, choice: BodyChoice) -> Result<Self, EntryError> {
+        let scene = file.to_scene()?;
+        let (mut objects, mut without_body) = (Vec::new(), Vec::new());
+        for object in file.to_objects()? {
+            let enclosing = if choice == BodyChoice::Enclosing { object.enclosing_body() } else { None };
+            match enclosing.or(object.body()) {
+                Some(body) => {
+                    objects.push(Object {
+                        id: object.id,
+                        category: object.category,
+                        body,
+                        covariance: object.covariance,
+                    });
+                }
+                None => without_body.push(object.id),
+            }
+        }
+        Ok(Self { file, scene, objects, without_body })
+    }
+
+    /// Number of objects with a body.
+    pub fn bodies(&self) -> usize {
+        self.objects.len()
+    }
+
+    /// Ids of the objects that have none: only the CSV table holds them.
+    pub fn without_body(&self) -> &[String] {
+        &self.without_body
+    }
+
+    /// The categories of the objects by their first appearance; objects without one have the category "object".
+    fn categories(&self) -> Vec<&str> {
+        let mut known = HashSet::new();
+        self.objects.iter().map(Object::category_name).filter(|name| known.insert(*name)).collect()
+    }
+
+    /// Index of each category in [`Self::categories`].
+    fn category_indices(&self) -> BTreeMap<&str, usize> {
+        self.categories().into_iter().enumerate().map(|(index, name)| (name, index)).collect()
+    }
+}
+
+impl Object {
+    fn category_name(&self) -> &str {
+        self.category.as_deref().unwrap_or("object")
+    }
+}
+
+/// A body as a stretched, turned and moved body of half extents one.
+#[derive(Debug, Clone, Copy)]
+struct Placement {
+    center: Point3<f64>,
+    /// Semi-axes, or half the extents of a cuboid, along the columns of the rotation.
+    half_extents: Vector3<f64>,
+    rotation: Rotation3<f64>,
+    /// Exponent of the support function: 1 cuboid, 2 ellipsoid.
+    support_exponent: f64,
+}
+
+impl From<&Body> for Placement {
+    fn from(body: &Body) -> Self {
+        let (half_extents, rotation, support_exponent) = match body {
+            Body::Ellipsoid(body) => (body.semi_axes, body.rotation, 2.0),
+            Body::Cuboid(body) => (body.half_extents, body.rotation, 1.0),
+            Body::Superellipsoid(body) => (body.semi_axes, body.rotation, body.support_exponent),
+        };
+        Self { center: body.center(), half_extents, rotation, support_exponent }
+    }
+}
+
+/// Whole numbers for names: those in the names (after a prefix that they may have) where all of them are different
+/// numbers, their positions otherwise. Also whether it is the latter.
+fn numbers_for<'a>(names: impl Iterator<Item = &'a str> + Clone, prefix: &str) -> (Vec<u64>, bool) {
+    let number = |name: &str| name.strip_prefix(prefix).unwrap_or(name).parse().ok();
+    let parsed: Option<Vec<u64>> = names.clone().map(number).collect();
+    match parsed {
+        Some(numbers) if numbers.iter().collect::<HashSet<_>>().len() == numbers.len() => (numbers, false),
+        _ => ((0..).take(names.count()).collect(), true),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file::ObjectRecord;
+
+    #[test]
+    fn names_that_are_numbers_stay() {
+        assert_eq!(numbers_for(["000090", "000091"].into_iter(), ""), (vec![90, 91], false));
+        assert_eq!(numbers_for(["a", "7"].into_iter(), ""), (vec![0, 1], true));
+        assert_eq!(numbers_for(["07", "7"].into_iter(), ""), (vec![0, 1], true), "one number twice");
+        assert_eq!(numbers_for(["t12", "7"].into_iter(), "t"), (vec![12, 7], false));
+    }
+
+    #[test]
+    fn bodies_are_those_of_the_estimate_and_their_absence_is_told() {
+        let mut file = test_scene::three_bodies();
+        file.objects.push(ObjectRecord { id: "lost".into(), ..ObjectRecord::default() });
+        let checked = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
+        let exponents: Vec<f64> = checked.objects.iter().map(|o| Placement::from(&o.body).support_exponent).collect();
+        assert_eq!(exponents, [2.0, 1.0, 1.5]);
+        assert_eq!((checked.bodies(), checked.without_body()), (3, &["lost".to_owned()][..]));
+        assert_eq!(checked.categories(), ["cup", "box"]);
+        let enclosing = CheckedScene::new(&file, BodyChoice::Enclosing).unwrap();
+        let factor = |k: usize| {
+            let half = |scene: &CheckedScene| Placement::from(&scene.objects[k].body).half_extents.x;
+            half(&enclosing) / half(&checked)
+        };
+        // The last one has no enclosing body.
+        assert_eq!([factor(0), factor(1), factor(2)], [1.25, 1.25, 1.0]);
+        file.objects[0].ellipsoid.as_mut().unwrap().semi_axes[1] = -1.0;
+        assert_eq!(CheckedScene::new(&file, BodyChoice::Tangent).unwrap_err().entry, "objects[0].ellipsoid.semi_axes");
+    }
+}

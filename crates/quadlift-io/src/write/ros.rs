@@ -1,0 +1,163 @@
+//! JSON of the shape of ROS 2's `vision_msgs/Detection3DArray`: one detection per object, in the world. Metres.
+//!
+//! `bbox.size` are full extents and the pose is at the centre. The covariance is that of `geometry_msgs`: 6x6 by rows,
+//! position and then turns about the fixed axes of the world.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use quadlift::geometry::quaternion_from_rotation;
+use quadlift::solve::{Covariance, CovarianceCoordinates};
+use serde_json::{Value, json};
+
+use super::{CheckedScene, Document, Object, Placement};
+
+type Matrix6 = SMatrix<f64, 6, 6>;
+
+/// Variance of an angle of which nothing is known: uniform between -pi and pi.
+const UNKNOWN_ANGLE: f64 = PI * PI / 3.0;
+
+/// A turn with a greater variance (squared radians) than this is not known: the linear law of errors ends there.
+const LARGEST_VARIANCE: f64 = 1.0;
+
+/// The objects as a message whose header names `frame_id`, the name of the world.
+pub fn ros(scene: &CheckedScene, frame_id: &str) -> Document {
+    let (metres, unit_note) = scene.metres();
+    let header = json!({ "stamp": { "sec": 0, "nanosec": 0 }, "frame_id": frame_id });
+    let detections: Vec<Value> = scene.objects.iter().map(|object| detection(object, metres, &header)).collect();
+    let counts = vec![("detection", detections.len())];
+    let document = json!({ "header": header, "detections": detections });
+    let notes = ["the axes are those of the scene's world".to_owned()].into_iter().chain(unit_note).collect();
+    Document { content: format!("{document:#}\n").into_bytes(), counts, notes }
+}
+
+fn detection(object: &Object, metres: f64, header: &Value) -> Value {
+    let placement = Placement::from(&object.body);
+    let [w, x, y, z] = quaternion_from_rotation(&placement.rotation);
+    let pose = json!({
+        "position": xyz(&(placement.center.coords * metres)),
+        "orientation": { "x": x, "y": y, "z": z, "w": w },
+    });
+    // All zero stands for "not known" in ROS.
+    let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, metres)).unwrap_or_default();
+    json!({
+        "header": header,
+        "results": [{
+            "hypothesis": { "class_id": object.category_name(), "score": 1.0 },
+            "pose": { "pose": pose, "covariance": covariance.transpose().as_slice() },
+        }],
+        "bbox": { "center": pose, "size": xyz(&(placement.half_extents * (2.0 * metres))) },
+        "id": object.id,
+    })
+}
+
+fn xyz(v: &Vector3<f64>) -> Value {
+    json!({ "x": v.x, "y": v.y, "z": v.z })
+}
+
+/// Covariance of position (metres) and turns about the world's axes (radians).
+fn pose_covariance(covariance: &Covariance, placement: &Placement, metres: f64) -> Matrix6 {
+    let r = placement.rotation.matrix();
+    // The turn in the object's frame as a linear function of the six coordinates after the centre.
+    let turn = match covariance.coordinates {
+        CovarianceCoordinates::CenterRotationLogAxes => {
+            let mut turn = SMatrix::<f64, 3, 6>::zeros();
+            turn.fixed_columns_mut::<3>(0).copy_from(&Matrix3::identity());
+            turn
+        }
+        CovarianceCoordinates::CenterVechShape => turn_from_shape(placement),
+    };
+    let mut map = SMatrix::<f64, 6, 9>::zeros();
+    map.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(metres);
+    map.fixed_view_mut::<3, 6>(3, 3).copy_from(&(r * turn));
+    let mut result = map * covariance.matrix * map.transpose();
+    let turns = result.fixed_view::<3, 3>(3, 3);
+    if !result.iter().all(|x| x.is_finite()) || turns.diagonal().max() > LARGEST_VARIANCE {
+        let center = covariance.matrix.fixed_view::<3, 3>(0, 0) * (metres * metres);
+        result = Matrix6::from_diagonal_element(UNKNOWN_ANGLE);
+        result.fixed_view_mut::<3, 3>(0, 0).copy_from(&center);
+    }
+    result
+}
+
+/// How an ellipsoid turns in its own frame when `vech A` changes, to first order: `A = R D R^T` gives
+/// `(R^T dA R)_ij = w_ij (D_j - D_i)`, with `w` the antisymmetric matrix of the turn. Infinite for equal axes.
+fn turn_from_shape(placement: &Placement) -> SMatrix<f64, 3, 6> {
+    let (r, a) = (placement.rotation.matrix(), placement.half_extents);
+    let mut turn = SMatrix::zeros();
+    for (column, (k, l)) in [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)].into_iter().enumerate() {
+        let mut change = Matrix3::zeros();
+        change[(k, l)] = 1.0;
+        change[(l, k)] = 1.0;
+        let local = r.transpose() * change * r;
+        for (axis, (i, j)) in [(2, 1), (0, 2), (1, 0)].into_iter().enumerate() {
+            turn[(axis, column)] = local[(i, j)] / (a[j] * a[j] - a[i] * a[i]);
+        }
+    }
+    turn
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BodyChoice, test_scene};
+    use super::*;
+    use crate::scene_file::CovarianceRecord;
+    use nalgebra::{Point3, Rotation3};
+    use quadlift::geometry::{Ellipsoid, vech3};
+    use quadlift::solve::Matrix9;
+
+    #[test]
+    fn messages_have_the_shape_of_detection3darray() {
+        let mut file = test_scene::three_bodies();
+        file.objects.truncate(1);
+        let mut matrix = [[0.0; 9]; 9];
+        for k in 0..9 {
+            matrix[k][k] = if k < 3 { 0.01 } else { 1e-6 };
+        }
+        matrix[0][1] = 0.002;
+        matrix[1][0] = 0.002;
+        let coordinates = "center_vech_shape".into();
+        file.objects[0].covariance =
+            Some(Box::new(CovarianceRecord { coordinates, matrix, ..CovarianceRecord::default() }));
+        let document = ros(&CheckedScene::new(&file, BodyChoice::Tangent).unwrap(), "map");
+        insta::assert_snapshot!(String::from_utf8(document.content).unwrap());
+        assert_eq!(document.counts, [("detection", 1)]);
+    }
+
+    #[test]
+    fn turns_follow_the_shape_matrix() {
+        let rotation = Rotation3::from_euler_angles(0.3, -0.8, 1.1);
+        let body = Ellipsoid { center: Point3::origin(), semi_axes: Vector3::new(3.0, 1.0, 2.0), rotation };
+        let placement = Placement::from(&quadlift::geometry::Body::Ellipsoid(body));
+        let jacobian = turn_from_shape(&placement);
+        // A small turn about the object's axes, there and back, and what the shape matrix makes of it.
+        let turn = Vector3::new(1e-6, -2e-6, 3e-6);
+        let turned = |turn| Ellipsoid { rotation: rotation * Rotation3::new(turn), ..body };
+        let change = (vech3(&turned(turn).shape()) - vech3(&turned(-turn).shape())) * 0.5;
+        assert!((jacobian * change - turn).norm() < 1e-13, "{}", jacobian * change);
+    }
+
+    #[test]
+    fn covariances_are_in_metres_about_the_axes_of_the_world() {
+        let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+        let body = Ellipsoid { center: Point3::origin(), semi_axes: Vector3::new(3.0, 1.0, 2.0), rotation };
+        let placement = Placement::from(&quadlift::geometry::Body::Ellipsoid(body));
+        let mut matrix = Matrix9::identity() * 4.0;
+        for k in 3..6 {
+            matrix[(k, k)] = 0.01 * k as f64;
+        }
+        let coordinates = CovarianceCoordinates::CenterRotationLogAxes;
+        let found = pose_covariance(&Covariance { coordinates, matrix }, &placement, 0.001);
+        // The object's x axis is the world's y axis.
+        let expected = [4e-6, 4e-6, 4e-6, 0.04, 0.03, 0.05];
+        assert!((found.diagonal() - SMatrix::<f64, 6, 1>::from(expected)).amax() < 1e-12, "{found}");
+        // A turn that is hardly known, and a ball.
+        matrix[(3, 3)] = 2.0;
+        let vague = pose_covariance(&Covariance { coordinates, matrix }, &placement, 1.0);
+        assert_eq!(vague.diagonal().as_slice()[3..], [UNKNOWN_ANGLE; 3]);
+        let ball = Placement { half_extents: Vector3::repeat(1.0), ..placement };
+        let coordinates = CovarianceCoordinates::CenterVechShape;
+        let found = pose_covariance(&Covariance { coordinates, matrix: Matrix9::identity() }, &ball, 1.0);
+        assert_eq!(found.diagonal().as_slice(), [1.0, 1.0, 1.0, UNKNOWN_ANGLE, UNKNOWN_ANGLE, UNKNOWN_ANGLE]);
+    }
+}

@@ -1,0 +1,47 @@
+//! Lengths in metres, for formats that have no other unit.
+
+use super::CheckedScene;
+
+/// Units with their names in scene files.
+const METRES: [(&[&str], f64); 7] = [
+    (&["m", "metre", "metres", "meter", "meters"], 1.0),
+    (&["dm"], 0.1),
+    (&["cm", "centimetres", "centimeters"], 0.01),
+    (&["mm", "millimetres", "millimeters"], 0.001),
+    (&["km", "kilometres", "kilometers"], 1000.0),
+    (&["in", "inch", "inches"], 0.0254),
+    (&["ft", "foot", "feet"], 0.3048),
+];
+
+impl CheckedScene<'_> {
+    /// Metres in the world unit, and what was converted or assumed.
+    pub(super) fn metres(&self) -> (f64, Option<String>) {
+        let Some(unit) = &self.scene.length_unit else {
+            return (1.0, Some("the scene does not name its length_unit: lengths were taken as metres".to_owned()));
+        };
+        match METRES.iter().find(|(names, _)| names.contains(&unit.as_str())) {
+            Some((_, metres)) if *metres == 1.0 => (1.0, None),
+            Some((_, metres)) => (*metres, Some(format!("lengths were converted from {unit} to metres"))),
+            None => (1.0, Some(format!("the length_unit \"{unit}\" is not known: lengths were taken as metres"))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene_file::SceneFile;
+    use crate::write::{BodyChoice, CheckedScene};
+
+    #[test]
+    fn units_are_converted_or_told() {
+        let metres = |unit: Option<&str>| {
+            let file = SceneFile { length_unit: unit.map(str::to_owned), ..SceneFile::default() };
+            CheckedScene::new(&file, BodyChoice::Tangent).unwrap().metres()
+        };
+        assert_eq!(metres(Some("m")), (1.0, None));
+        assert_eq!(metres(Some("mm")), (0.001, Some("lengths were converted from mm to metres".to_owned())));
+        assert!(metres(None).1.unwrap().contains("does not name"));
+        let (factor, note) = metres(Some("parsec"));
+        assert!(factor == 1.0 && note.unwrap().contains("\"parsec\" is not known"));
+    }
+}

@@ -1,0 +1,201 @@
+"""Exports the demo in every format and reads the files with the packages that people use for them.
+
+    python scripts/check_exports.py path/to/quadlift
+
+Needs check_exports_requirements.txt. With --parquet the program must have been built with it.
+"""
+
+import csv
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from pycocotools.coco import COCO
+
+ROUNDED_VERTICES = 6 * 12 * 12 + 2
+
+
+def run(*arguments):
+    return subprocess.run(arguments, check=True, capture_output=True, text=True).stdout
+
+
+def rotation(wxyz):
+    w, x, y, z = wxyz
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])
+
+
+def bounds(ellipsoid, turn=np.eye(3)):
+    """The box around an ellipsoid after a turn of the world, by its shape matrix."""
+    axes = turn @ rotation(ellipsoid["rotation"]) * ellipsoid["semi_axes"]
+    reach = np.linalg.norm(axes, axis=1)
+    center = turn @ np.array(ellipsoid["center"])
+    return np.array([center - reach, center + reach])
+
+
+def close_to(found, expected, sizes):
+    """Meshes lie inside of the bodies, by at most 2 percent of their size."""
+    assert np.all(np.abs(found - expected) <= 0.02 * np.max(sizes)), (found, expected)
+
+
+def check_ply(path, objects):
+    mesh = trimesh.load(path, process=False)
+    assert isinstance(mesh, trimesh.Trimesh), type(mesh)
+    assert mesh.vertices.shape == (ROUNDED_VERTICES * len(objects), 3), mesh.vertices.shape
+    assert mesh.visual.vertex_colors.shape == (len(mesh.vertices), 4)
+    all_bounds = np.array([bounds(o["ellipsoid"]) for o in objects])
+    expected = np.array([all_bounds[:, 0].min(axis=0), all_bounds[:, 1].max(axis=0)])
+    close_to(mesh.bounds, expected, all_bounds[:, 1] - all_bounds[:, 0])
+    # Closed bodies whose faces look outwards.
+    volume = sum(4 / 3 * np.pi * np.prod(o["ellipsoid"]["semi_axes"]) for o in objects)
+    assert mesh.is_watertight and 0.97 * volume < mesh.volume < volume, (mesh.volume, volume)
+    print(f"PLY: {len(mesh.vertices)} vertices, bounds {mesh.bounds.tolist()}")
+
+
+def check_glb(path, objects, turn):
+    scene = trimesh.load(path)
+    for o in objects:
+        transform, name = scene.graph.get(o["id"])
+        mesh = scene.geometry[name]
+        points = trimesh.transform_points(mesh.vertices, transform)
+        assert len(points) == ROUNDED_VERTICES, len(points)
+        expected = bounds(o["ellipsoid"], turn)
+        close_to(np.array([points.min(axis=0), points.max(axis=0)]), expected, expected[1] - expected[0])
+        assert mesh.visual.material.alphaMode == "BLEND"
+    print(f"glTF: {len(scene.geometry)} meshes, bounds {scene.bounds.tolist()}")
+
+
+def check_coco(path, scene, estimate):
+    coco = COCO(path)
+    assert len(coco.getImgIds()) == len(scene["frames"])
+    annotations = coco.loadAnns(coco.getAnnIds())
+    assert len(annotations) == len(scene["frames"]) * len(estimate["objects"])
+    frame_of = {image["id"]: image["frame"] for image in coco.loadImgs(coco.getImgIds())}
+    measured = {(d["frame"], d["object"]): d["box"] for d in scene["detections"]}
+    differences = []
+    for annotation in annotations:
+        x, y, w, h = annotation["bbox"]
+        x0, y0, x1, y1 = measured[frame_of[annotation["image_id"]], annotation["object"]]
+        differences.append(np.abs([x - x0, y - y0, x + w - x1, y + h - y1]).max() / (w + h))
+    # The noise of the demo's boxes is 5 percent of their half size, and some are quite wrong.
+    assert np.median(differences) < 0.05, np.median(differences)
+    print(f"COCO: {len(annotations)} boxes, median difference to the measured ones {np.median(differences):.3f} of w + h")
+
+
+def check_kitti(path, scene, estimate):
+    lines = [line.split(" ") for line in path.read_text().splitlines()]
+    assert len(lines) == len(scene["frames"]) * len(estimate["objects"])
+    for fields in lines:
+        assert len(fields) == 17, fields
+        int(fields[0]), int(fields[1])
+        left, top, right, bottom, h, w, length, x, y, z, turn = map(float, fields[6:])
+        # The middle of the upright box is seen in the middle of its outline, as far as perspective allows.
+        fx, fy, cx, cy = scene["cameras"][0]["params"]
+        u, v = fx * x / z + cx, fy * (y - h / 2) / z + cy
+        assert left < u < right and top < v < bottom and min(h, w, length) > 0 and abs(turn) <= np.pi, fields
+    print(f"KITTI: {len(lines)} labels")
+
+
+def check_bop(path, scene, estimate):
+    # As load_bop_results of the bop_toolkit.
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == "scene_id,im_id,obj_id,score,R,t,time".split(",")
+    assert len(rows) == len(scene["frames"]) * len(estimate["objects"])
+    for row, (frame, o) in zip(rows, ((f, o) for f in scene["frames"] for o in estimate["objects"])):
+        r = np.array([float(x) for x in row["R"].split()]).reshape(3, 3)
+        t = np.array([float(x) for x in row["t"].split()])
+        pose = np.array(frame["cam_from_world"])
+        assert np.allclose(r, pose[:, :3] @ rotation(o["ellipsoid"]["rotation"]), atol=1e-9)
+        assert np.allclose(t, 1000 * (pose @ [*o["ellipsoid"]["center"], 1]), atol=1e-6)
+    print(f"BOP: {len(rows)} poses")
+
+
+def check_ros(path, estimate):
+    message = json.loads(path.read_text())
+    for detection, o in zip(message["detections"], estimate["objects"], strict=True):
+        size = detection["bbox"]["size"]
+        assert np.allclose([size["x"], size["y"], size["z"]], 2 * np.array(o["ellipsoid"]["semi_axes"]))
+        covariance = np.array(detection["results"][0]["pose"]["covariance"]).reshape(6, 6)
+        assert np.allclose(covariance, covariance.T) and np.linalg.eigvalsh(covariance).min() > 0
+        expected = np.array(o["covariance"]["matrix"])[:3, :3]
+        assert np.allclose(covariance[:3, :3], expected)
+    print(f"ROS: {len(message['detections'])} detections")
+
+
+def check_parquet(quadlift, folder, estimate):
+    import pandas
+
+    run(quadlift, "export", "parquet", folder / "demo/estimate.json", "-o", folder / "tables")
+    objects = pandas.read_parquet(folder / "tables/objects.parquet")
+    assert objects["id"].tolist() == [o["id"] for o in estimate["objects"]]
+    semi_axes = np.stack(objects["ellipsoid_semi_axes"])
+    assert np.array_equal(semi_axes, [o["ellipsoid"]["semi_axes"] for o in estimate["objects"]])
+    covariance = np.stack(objects["covariance"]).reshape(-1, 9, 9)
+    assert np.array_equal(covariance, [o["covariance"]["matrix"] for o in estimate["objects"]])
+    poses = np.stack(pandas.read_parquet(folder / "tables/frames.parquet")["cam_from_world"]).reshape(-1, 3, 4)
+    assert np.array_equal(poses, [f["cam_from_world"] for f in estimate["frames"]])
+    views = pandas.read_parquet(folder / "tables/views.parquet")
+    assert len(views) == sum(len(o["view_residuals_px"]) for o in estimate["objects"])
+    run(quadlift, "import", "parquet", folder / "tables", "-o", folder / "again.json")
+    assert json.loads((folder / "again.json").read_text()) == estimate, "scene -> tables -> scene"
+    # What pandas writes is read again.
+    for path in (folder / "tables").iterdir():
+        pandas.read_parquet(path).to_parquet(path)
+    run(quadlift, "import", "parquet", folder / "tables", "-o", folder / "pandas.json")
+    assert json.loads((folder / "pandas.json").read_text()) == estimate, "scene -> tables -> pandas -> scene"
+    print(f"Parquet: {len(objects)} objects, {len(views)} views, and back")
+
+
+def main():
+    quadlift = Path(sys.argv[1]).resolve()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        run(quadlift, "demo", "--out", folder / "demo")
+        estimate_path = folder / "demo/estimate.json"
+        estimate = json.loads(estimate_path.read_text())
+        scene = json.loads((folder / "demo/scene.json").read_text())
+        objects = estimate["objects"]
+        # The demo chooses ellipsoids; the numbers of vertices below rest on it.
+        assert len(objects) == 8 and not any("cuboid" in o or "superellipsoid" in o for o in objects)
+
+        def export(kind, *options):
+            path = folder / f"out.{kind}"
+            run(quadlift, "export", kind, estimate_path, "-o", path, *options)
+            return path
+
+        check_ply(export("ply", "--frusta", "0"), objects)
+        with_cameras = trimesh.load(export("ply"), process=False)
+        assert len(with_cameras.vertices) == ROUNDED_VERTICES * len(objects) + 5 * len(scene["frames"])
+        # y up: a world with z up is turned by a quarter about x, one without "up" by its cameras.
+        estimate["up"] = [0, 0, 1]
+        upright = folder / "upright.json"
+        upright.write_text(json.dumps(estimate))
+        del estimate["up"]
+        glb = folder / "upright.glb"
+        run(quadlift, "export", "glb", upright, "-o", glb)
+        check_glb(glb, objects, np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]))
+        check_coco(export("coco"), scene, estimate)
+        check_kitti(export("kitti"), scene, estimate)
+        check_bop(export("bop"), scene, estimate)
+        check_ros(export("ros"), estimate)
+        with export("csv").open() as file:
+            rows = list(csv.DictReader(file))
+        for row, o in zip(rows, objects, strict=True):
+            half = [float(row[f"half_extent_{k}"]) for k in (1, 2, 3)]
+            assert half == o["ellipsoid"]["semi_axes"] and row["object"] == o["id"], row
+        print(f"CSV: {len(rows)} objects")
+        estimate = json.loads(estimate_path.read_text())
+        if "--parquet" in sys.argv:
+            check_parquet(quadlift, folder, estimate)
+
+
+if __name__ == "__main__":
+    main()
