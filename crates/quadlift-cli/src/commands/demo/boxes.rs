@@ -48,7 +48,9 @@ pub fn run(folder: &Path, out: &Output) -> anyhow::Result<Value> {
 
     let (scene, association) = find_identities(&mut file, out)?;
     name_as_found(&mut truth, &synthetic.true_objects, &association);
-    let result = localize_and_compare((&file, &scene), &truth, &Settings::default(), out)?;
+    let mut result = localize_and_compare((&file, &scene), &truth, &Settings::default(), out)?;
+    // As `localize` does where it finds the identities itself.
+    association::add_to_result(&mut result.file, file.detections, &scene, None, &association);
     write_scene_file(estimate_path, &result.file)?;
     write_scene_file(truth_path, &truth)?;
 
