@@ -98,7 +98,7 @@ impl Columns {
             ExtraColumns::Score | ExtraColumns::Track => 1,
             ExtraColumns::ScoreAndTrack => 2,
         };
-        let Some(extras) = extras.filter(|&extras| extras <= most) else {
+        let Some(extras) = extras.filter(|&extras| extras <= most.min(count)) else {
             return Err(line.line.error(format!("found {count} numbers after the class; but {}", self.words())));
         };
         let (coordinates, rest) = line.values.split_at(count - extras);
