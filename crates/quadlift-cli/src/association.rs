@@ -94,18 +94,18 @@ pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, associ
 /// the counts.
 pub fn add_to_result(
     result: &mut SceneFile,
-    mut detections: Vec<DetectionRecord>,
+    detections: Vec<DetectionRecord>,
     associated: &Scene,
     source: Option<&str>,
     association: &Association,
 ) {
-    for (record, detection) in detections.iter_mut().zip(&associated.detections) {
-        record.object = detection.object_index.map(|index| associated.object_ids[index as usize].as_str().into());
+    result.detections = detections;
+    write_objects(result, associated);
+    result.detections.retain(|record| source.is_none() || record.source.as_deref() == source);
+    for record in &mut result.detections {
         // Masks are the bulk of a segmented scene, and stay there.
         (record.mask, record.segmentation) = (None, None);
     }
-    detections.retain(|record| source.is_none() || record.source.as_deref() == source);
-    result.detections = detections;
     let doubts: HashMap<&str, &str> =
         association.objects.iter().filter_map(|o| Some((o.id.as_str(), o.doubtful?.text()))).collect();
     for object in &mut result.objects {
@@ -113,6 +113,8 @@ pub fn add_to_result(
     }
     if let Some(about) = &mut result.localization {
         about["association"] = to_json(associated, association);
+        // They show no object, which is told with the identities.
+        about["left_out"]["without_object"] = json!(0);
     }
 }
 

@@ -69,7 +69,7 @@ enum Command {
     Demo(demo::Args),
     Segment(segment::Args),
     Associate(associate::Args),
-    Localize(localize::Args),
+    Localize(Box<localize::Args>),
     Evaluate(evaluate::Args),
     View(view::Args),
     Render(render::Args),

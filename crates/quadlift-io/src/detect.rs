@@ -162,9 +162,7 @@ fn detections_in_file(path: &Path) -> Result<Option<DetectionFormat>, ReadError>
     let is_number = |index: usize| numbers.get(index).is_some_and(Option::is_some);
     let named = fields.words.iter().skip(1).all(|word| word.parse::<f64>().is_err());
     Ok(match count {
-        _ if fields.commas && named && fields.words.iter().any(|word| *word == "x_min") => {
-            Some(DetectionFormat::Supervision)
-        }
+        _ if fields.commas && named && fields.words.contains(&"x_min") => Some(DetectionFormat::Supervision),
         5.. if fields.commas && named => Some(DetectionFormat::Csv),
         5 if fields.commas => Some(DetectionFormat::Csv),
         6 if fields.commas && numbers[5].is_some_and(|score| (0.0..=1.0).contains(&score)) => {

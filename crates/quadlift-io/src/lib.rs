@@ -1,5 +1,5 @@
 //! Files in and out of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
-//! formats in ([`read`]) and out ([`write`]), and scenes as Parquet tables (`tables`, feature `parquet`).
+//! formats in ([`read`]) and out ([`mod@write`]), and scenes as Parquet tables (`tables`, feature `parquet`).
 //!
 //! Readers refuse what is wrong with a [`ReadError`] that names the file, the place in it, what was found and what
 //! was expected; writers leave the earlier file as it was when they fail.

@@ -318,3 +318,92 @@ fn thin_out(detections: &mut [ReportDetections], frames: &[usize]) -> Option<Str
     let kept: usize = frames.iter().map(|&frame| detections[frame].object.len()).sum();
     Some(format!("the report has the detections of one in {step} frames only ({kept} of {total}), to keep it small"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3x4;
+    use quadlift::geometry::{BoundingBox, Projection};
+    use quadlift::scene::{DetectionInput, SceneBuilder};
+    use serde_json::json;
+
+    /// Frames of unknown size with one box of each source.
+    fn scene(frames: usize) -> Scene {
+        let mut builder = SceneBuilder::new("test");
+        let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
+        for frame in 0..frames {
+            let frame = frame.to_string();
+            builder.add_frame(&frame, projection, None).unwrap();
+            for source in ["yolo", "label"] {
+                let input = DetectionInput {
+                    frame: &frame,
+                    object: Some("cup"),
+                    category: Some("cup"),
+                    source: Some(source),
+                    bounding_box: BoundingBox::new([10.04, 20.0, 110.0, 60.0]).ok(),
+                    ..Default::default()
+                };
+                builder.add_detection(&input).unwrap();
+            }
+        }
+        builder.build()
+    }
+
+    fn estimate(fields: serde_json::Value) -> SceneFile {
+        let file = json!({ "format": "quadlift.scene", "version": 1, "objects": [fields],
+            "localization": { "settings": { "source": "yolo", "seed": 0, "priors": null }, "noise": { "edge": 0.0123 },
+                              "left_out": { "without_object": 3, "beyond_lens": 0 } } });
+        serde_json::from_value(file).unwrap()
+    }
+
+    fn content<'a>(scene: &'a Scene, estimate: &'a SceneFile) -> Content<'a> {
+        Content { title: "t", scene, images: None, estimate: Some(estimate), truth: None, scores: None }
+    }
+
+    #[test]
+    fn detections_of_the_source_are_joined_with_what_the_estimate_says_of_them() {
+        let views = json!([{ "frame": "0", "inlier": false, "residual_px": 7.0 }, { "frame": "2", "inlier": true }]);
+        let file = estimate(json!({ "id": "cup", "status": "degenerate", "view_residuals_px": views }));
+        let report = report(&content(&scene(3), &file)).unwrap();
+        let states: Vec<&[u8]> = report.frames.iter().map(|frame| &*frame.detections.state).collect();
+        assert_eq!(states, [[2], [0], [1]]);
+        assert_eq!(report.frames[0].detections.residual, [Some(7.0)]);
+        assert_eq!(report.frames[0].detections.boxes, [Some(10.0), Some(20.0), Some(110.0), Some(60.0)]);
+        // The size of a frame that nobody knows holds its boxes.
+        assert!(report.frames[0].size[0] > 110.0 && report.frames[0].size[0] < 120.0);
+        assert_eq!((report.objects.len(), report.objects[0].category), (1, 0));
+        let setting = |name: &str, value: &str| (name.to_owned(), value.to_owned());
+        assert_eq!(
+            report.settings,
+            [setting("seed", "0"), setting("source", "yolo"), setting("noise, edge", "0.0123")]
+        );
+        assert_eq!(report.notes, ["3 detections took no part: they name no object"]);
+    }
+
+    #[test]
+    fn views_of_other_detections_have_a_row_without_a_box() {
+        let views = json!([{ "frame": "1", "inlier": true, "residual_px": 0.5 }]);
+        let file = estimate(json!({ "id": "o1", "status": "ok", "view_residuals_px": views }));
+        let report = report(&content(&scene(2), &file)).unwrap();
+        let detections = &report.frames[1].detections;
+        assert_eq!((&*detections.object, &*detections.state), (&[1, 0][..], &[0, 1][..]));
+        assert_eq!(detections.boxes[4..], [None; 4]);
+    }
+
+    #[test]
+    fn what_is_too_much_is_left_out_evenly_and_told() {
+        let scene = scene(MOST_FRAMES + 5);
+        let file = estimate(json!({ "id": "cup", "status": "degenerate" }));
+        let report = report(&content(&scene, &file)).unwrap();
+        assert_eq!((report.frames.len(), &*report.frames[0].id), (MOST_FRAMES, "0"));
+        assert!(report.notes.iter().any(|note| note.contains("10000 of 10005 frames")), "{:?}", report.notes);
+
+        let full = ReportDetections { object: vec![-1; MOST_DETECTIONS / 4], ..Default::default() };
+        let mut detections = vec![full; 6];
+        let note = thin_out(&mut detections, &[0, 1, 2, 3, 4, 5]).unwrap();
+        let kept: Vec<bool> = detections.iter().map(|frame| !frame.object.is_empty()).collect();
+        assert_eq!(kept, [true, false, true, false, true, false]);
+        assert!(note.contains("one in 2 frames only (375000 of 750000)"), "{note}");
+        assert!(thin_out(&mut detections, &[0, 1, 2, 3, 4, 5]).is_none());
+    }
+}

@@ -293,7 +293,7 @@ fn one_scene(
     }
     let mut localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
     if identities.is_some() {
-        // They show no object, which is told with the identities.
+        // Told with the identities.
         localization.left_out.without_object = 0;
     }
     let solved = start.elapsed();

@@ -143,9 +143,9 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
         "centres found",
         "false, prototype",
         "false objects",
-        "doubtful",
+        "doubtful ones",
         "true objects",
-        "doubtful ",
+        "doubtful true ones",
         "O3D",
         "O3D, true ids",
     ];

@@ -97,7 +97,13 @@ fn read_records<T: DeserializeOwned>(
     table: &Table,
     unknown: &mut BTreeSet<String>,
 ) -> Result<Vec<T>, ReadError> {
-    let failed = |error: &dyn std::fmt::Display| ReadError::new(path, format!("cannot read the table: {error}"));
+    let failed = |error: &dyn std::fmt::Display| {
+        let mut problem = format!("cannot read the table: {error}");
+        if problem.contains("Disabled feature") {
+            problem.push_str(" (expected a table without compression, or compressed with Snappy)");
+        }
+        ReadError::new(path, problem)
+    };
     let file = File::open(path).map_err(|error| failed(&error))?;
     let reader = SerializedFileReader::new(file).map_err(|error| failed(&error))?;
     let mut records = Vec::new();

@@ -74,8 +74,14 @@ mod tests {
     use super::super::{BodyChoice, test_scene};
     use super::*;
 
-    /// Vertices with colours and faces, read as the header says.
-    fn parse(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<[u8; 4]>, Vec<[u32; 3]>) {
+    struct Parsed {
+        points: Vec<[f64; 3]>,
+        colors: Vec<[u8; 4]>,
+        faces: Vec<[u32; 3]>,
+    }
+
+    /// Reads as the header says.
+    fn parse(bytes: &[u8]) -> Parsed {
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         let header = std::str::from_utf8(&bytes[..end]).unwrap();
         let count = |name: &str| -> usize {
@@ -92,7 +98,7 @@ mod tests {
             assert_eq!(f[0], 3);
             [index(&f[1..5]), index(&f[5..9]), index(&f[9..])]
         });
-        (points, colors, faces.collect())
+        Parsed { points, colors, faces: faces.collect() }
     }
 
     #[test]
@@ -101,7 +107,7 @@ mod tests {
         let document = ply(&CheckedScene::new(&file, BodyChoice::Tangent).unwrap(), Some(1.0));
         assert!(document.content.starts_with(b"ply\nformat binary_little_endian 1.0\ncomment "));
         assert_eq!(document.counts, [("object", 3), ("camera", 2)]);
-        let (points, colors, faces) = parse(&document.content);
+        let Parsed { points, colors, faces } = parse(&document.content);
         // A rounded body has 12 x 12 cells on six sides; a cuboid 8 corners; a frustum 5 points.
         let rounded = 6 * 12 * 12 + 2;
         assert_eq!(points.len(), 2 * rounded + 8 + 2 * 5);

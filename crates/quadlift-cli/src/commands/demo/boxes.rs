@@ -49,7 +49,7 @@ pub fn run(folder: &Path, out: &Output) -> anyhow::Result<Value> {
 
     let (scene, association) = find_identities(&mut file, out)?;
     name_as_found(&mut truth, &synthetic.true_objects, &association);
-    let result = localize_and_compare((&file, &scene), &truth, &Settings::default(), out)?;
+    let result = localize_and_compare((&file, &scene), Some(&association), &truth, &Settings::default(), out)?;
     write_scene_file(estimate_path, &result.file)?;
     write_scene_file(truth_path, &truth)?;
 

@@ -58,10 +58,10 @@ pub fn run(folder: &Path, out: &Output) -> anyhow::Result<Value> {
     write_scene_file(&segmented_path, &file)?;
 
     let scene = file.to_scene().context("cannot use the scene")?;
-    let result = localize_and_compare((&file, &scene), &truth, &Settings::default(), out)?;
+    let result = localize_and_compare((&file, &scene), None, &truth, &Settings::default(), out)?;
     let boxes = Options { measurements: UsedMeasurements::Box, ..Default::default() };
     let boxes = Settings { options: boxes, ..Default::default() };
-    let from_boxes = localize_and_compare((&file, &scene), &truth, &boxes, out)?;
+    let from_boxes = localize_and_compare((&file, &scene), None, &truth, &boxes, out)?;
     write_scene_file(&estimate_path, &result.file)?;
     write_scene_file(&truth_path, &truth)?;
 

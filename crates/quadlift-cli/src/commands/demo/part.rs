@@ -12,7 +12,7 @@ use quadlift::scene::Scene;
 use quadlift::solve::Estimate;
 use quadlift_io::SceneFile;
 
-use crate::association::{associate_scene, associated_scene, write_objects};
+use crate::association::{add_to_result, associate_scene, associated_scene, write_objects};
 use crate::evaluation::evaluate_files;
 use crate::localization::{Settings, localize_scene, result_file};
 use crate::output::{HEADING, Output};
@@ -75,15 +75,24 @@ pub struct Result {
     pub evaluation: Evaluation,
 }
 
-/// Localises the objects of a scene and compares them with the truth.
+/// Localises the objects of a scene and compares them with the truth. With an association the result has what
+/// `quadlift localize` writes of identities that it has found itself.
 pub fn localize_and_compare(
     (file, scene): (&SceneFile, &Scene),
+    association: Option<&Association>,
     truth: &SceneFile,
     settings: &Settings,
     out: &Output,
 ) -> anyhow::Result<Result> {
-    let localization = localize_scene("demo", scene, settings, out)?;
-    let result = result_file(file, scene, &localization, settings);
+    let mut localization = localize_scene("demo", scene, settings, out)?;
+    if association.is_some() {
+        // They show no object, which is told with the identities.
+        localization.left_out.without_object = 0;
+    }
+    let mut result = result_file(file, scene, &localization, settings);
+    if let Some(association) = association {
+        add_to_result(&mut result, file.detections.clone(), scene, None, association);
+    }
     let evaluation = evaluate_files((Path::new("estimate.json"), &result), (Path::new("truth.json"), truth))?;
     Ok(Result { localization, file: result, evaluation })
 }

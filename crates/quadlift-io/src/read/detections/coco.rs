@@ -41,6 +41,7 @@ pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFile
         root
     } else {
         let own = Names::read(&root)?;
+        names.are_known = true;
         names.images.extend(own.images);
         names.categories.extend(own.categories);
         root.member("annotations")?
@@ -80,13 +81,15 @@ pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFile
 /// The images and categories of a data set.
 #[derive(Debug, Default)]
 struct Names {
+    /// Whether there is a data set.
+    are_known: bool,
     images: BTreeMap<String, ImageKey>,
     categories: BTreeMap<String, String>,
 }
 
 impl Names {
     fn read(root: &Node) -> Result<Self, ReadError> {
-        let mut names = Self::default();
+        let mut names = Self { are_known: true, ..Self::default() };
         for image in root.member("images")?.items()? {
             let number = |key: &str| image.optional(key)?.map(|node| node.number()).transpose();
             let size = number("width")?.zip(number("height")?).map(|(width, height)| [width, height]);
@@ -113,7 +116,7 @@ impl Names {
         if let Some(key) = self.images.get(&word) {
             return Ok(key.clone());
         }
-        if !self.images.is_empty() {
+        if self.are_known {
             return Err(id.error(format!("there is no image with the id {word} among the images of the data set")));
         }
         let name = node.optional("file_name")?.map(|name| name.text()).transpose()?;

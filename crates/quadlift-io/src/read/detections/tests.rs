@@ -205,6 +205,11 @@ fn what_is_wrong_with_yolo_files_is_named() {
     insta::assert_snapshot!(message(&["cup 0.5 0.5 0.2 0.2\n"]), @r#"0.txt:1: field 1 is "cup"; expected the number of a class"#);
     insta::assert_snapshot!(message(&["0 0.5 0.5 0.2 0.2\n1 0.5 0.5\n"]), @"0.txt:2: found 2 numbers after the class; but each line has a class, a box (--kind, --columns)");
     insta::assert_snapshot!(message(&["0 0.5 0.5 0.2 0.2 3.5\n"]), @"0.txt:1: the track id is 3.5; expected a whole number");
+    let with_both = "45 0.1 0.2 0.5 0.4 0.45 0.1 0.4 0.45 0 0.6 0.4 0.5 0.8 4\n2\n";
+    insta::assert_snapshot!(message(&[with_both]), @"0.txt:2: found 0 numbers after the class; but each line has a class, a polygon, a score and a track id (--kind, --columns)");
+    // Three keypoints with visibility after each box.
+    let pose = "0 0.5 0.5 0.2 0.2 0.4 0.4 1 0.5 0.5 1 0.6 0.6 0.5\n";
+    insta::assert_snapshot!(message(&[pose, pose, pose]), @"0.txt:1: every line has 13 numbers after the class, which looks like a box and keypoints, and these are not read; --kind polygon if they are polygons");
     let files = yolo(&["0 0.5 0.5 0.2 0.2"], YoloKind::Auto, ExtraColumns::Auto).unwrap();
     let mut scene = scene(&["0.png"]);
     (scene.cameras[0].width, scene.cameras[0].height) = (None, None);

@@ -10,7 +10,7 @@ use std::path::Path;
 pub use super::yolo_columns::{ExtraColumns, YoloKind};
 
 use super::names::{ClassNames, read_names};
-use super::yolo_columns::{LabelLine, columns};
+use super::yolo_columns::{Fields, LabelLine, columns};
 use super::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
 use crate::error::{ReadError, as_utf8};
 use crate::read::text::lines;
@@ -89,7 +89,7 @@ pub fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Re
     for (file, end) in files.iter().zip(ends) {
         let mut detections = Vec::new();
         for line in &all_lines[start..end] {
-            let (coordinates, score, track) = columns.split(line)?;
+            let Fields { coordinates, score, track } = columns.split(line)?;
             check_coordinates(line, coordinates)?;
             let (bounding_box, outline) = shape(line, coordinates, columns.kind)?;
             let name = options.names.and_then(|names| names.of(line.class));
@@ -148,7 +148,7 @@ fn shape(line: &LabelLine, coordinates: &[f64], kind: YoloKind) -> Result<(Optio
         [ax, ay, bx, by, cx, cy, dx, dy] if kind == YoloKind::TurnedBox => {
             Ok((None, Outline::TurnedBox([[ax, ay], [bx, by], [cx, cy], [dx, dy]])))
         }
-        _ if coordinates.len() >= 6 && coordinates.len() % 2 == 0 => {
+        _ if coordinates.len() >= 6 && coordinates.len().is_multiple_of(2) => {
             Ok((None, Outline::Polygons(vec![coordinates.to_vec()])))
         }
         _ => {

@@ -49,6 +49,13 @@ pub struct LabelLine<'a> {
     pub values: Vec<f64>,
 }
 
+/// The parts of a line.
+pub struct Fields<'v> {
+    pub coordinates: &'v [f64],
+    pub score: Option<f64>,
+    pub track: Option<u64>,
+}
+
 /// What the lines of all files hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Columns {
@@ -74,14 +81,16 @@ impl Columns {
     }
 
     /// The coordinates, the score and the track id of a line.
-    pub fn split<'v>(self, line: &'v LabelLine) -> Result<(&'v [f64], Option<f64>, Option<u64>), ReadError> {
+    pub fn split<'v>(self, line: &'v LabelLine) -> Result<Fields<'v>, ReadError> {
         let count = line.values.len();
         let extras = match self.kind {
             YoloKind::Box | YoloKind::Auto => count.checked_sub(4),
             YoloKind::TurnedBox => count.checked_sub(8),
             // Some files have boxes among their polygons.
             YoloKind::Polygon if count == 4 => Some(0),
-            YoloKind::Polygon if count % 2 == 0 => Some(if self.extra == ExtraColumns::ScoreAndTrack { 2 } else { 0 }),
+            YoloKind::Polygon if count.is_multiple_of(2) => {
+                Some(if self.extra == ExtraColumns::ScoreAndTrack { 2 } else { 0 })
+            }
             YoloKind::Polygon => Some(1),
         };
         let most = match self.extra {
@@ -89,7 +98,7 @@ impl Columns {
             ExtraColumns::Score | ExtraColumns::Track => 1,
             ExtraColumns::ScoreAndTrack => 2,
         };
-        let Some(extras) = extras.filter(|&extras| extras <= most) else {
+        let Some(extras) = extras.filter(|&extras| extras <= most.min(count)) else {
             return Err(line.line.error(format!("found {count} numbers after the class; but {}", self.words())));
         };
         let (coordinates, rest) = line.values.split_at(count - extras);
@@ -107,13 +116,25 @@ impl Columns {
             Some(track) => return Err(line.line.error(format!("the track id is {track}; expected a whole number"))),
             None => None,
         };
-        Ok((coordinates, score.copied(), track))
+        Ok(Fields { coordinates, score: score.copied(), track })
     }
 }
 
 /// What the columns of these lines mean. What is not [`YoloKind::Auto`] or [`ExtraColumns::Auto`] is taken as it is.
 pub fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) -> Result<Columns, ReadError> {
     let counts = || lines.iter().map(|line| line.values.len());
+    if kind == YoloKind::Auto
+        && let [first, _, _, ..] = lines
+        && first.values.len() > 10
+        && counts().all(|n| n == first.values.len())
+    {
+        let count = first.values.len();
+        let problem = format!(
+            "every line has {count} numbers after the class, which looks like a box and keypoints, and these are not read; \
+             --kind polygon if they are polygons"
+        );
+        return Err(first.line.error(problem));
+    }
     let kind = match kind {
         YoloKind::Auto if counts().all(|n| n <= 6) => YoloKind::Box,
         YoloKind::Auto if are_turned_boxes(lines) => YoloKind::TurnedBox,
@@ -146,7 +167,7 @@ fn extra_columns(lines: &[LabelLine], kind: YoloKind) -> Result<ExtraColumns, Re
     let base = if kind == YoloKind::TurnedBox { 8 } else { 4 };
     // No coordinate is 2 or more.
     let has_both = |line: &LabelLine| match is_polygon {
-        true => line.values.len() % 2 == 0 && last(line) >= 2.0,
+        true => line.values.len().is_multiple_of(2) && last(line) >= 2.0,
         false => line.values.len() == base + 2,
     };
     if lines.iter().any(has_both) {
