@@ -85,6 +85,9 @@ impl FrameArrays<'_> {
     }
 }
 
+/// Height and width, and runs of a mask, as in COCO.
+type Runs = ([u32; 2], Vec<u32>);
+
 /// Detections: M rows.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -95,8 +98,8 @@ pub struct DetectionArrays<'py> {
     boxes: Option<PyReadonlyArray2<'py, f64>>,
     /// (M, 5): centre, semi-axes, angle; a row of NaN is no ellipse.
     ellipses: Option<PyReadonlyArray2<'py, f64>>,
-    /// Height, width and runs of each mask, as in COCO.
-    masks: Option<Vec<Option<([u32; 2], Vec<u32>)>>>,
+    /// The masks, of detections that have one.
+    masks: Option<Vec<Option<Runs>>>,
     object: Names<'py>,
     category: Names<'py>,
     /// (M,); NaN where there is none.

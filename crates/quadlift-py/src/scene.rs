@@ -40,6 +40,9 @@ pub struct Loaded {
     pub path: PathBuf,
 }
 
+/// An associated object: its id, its evidence, and why it is doubtful.
+type Found = (String, Option<f64>, Option<&'static str>);
+
 /// A scene; it never changes.
 #[pyclass(name = "Scene", module = "quadlift._core", frozen)]
 pub struct PyScene {
@@ -168,7 +171,7 @@ impl PyScene {
         in_background(py, threads, progress, move |ticker| localized(loaded, &choices, ticker))
     }
 
-    /// Finds out which detections show the same object; the scene with these objects, and the association as JSON.
+    /// Finds out which detections show the same object; the scene with these objects, and them.
     #[pyo3(signature = (ids, source, min_views, threads, progress))]
     fn associate(
         &self,
@@ -178,7 +181,7 @@ impl PyScene {
         min_views: usize,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<(Self, Vec<(String, Option<f64>, Option<&'static str>)>)> {
+    ) -> PyResult<(Self, Vec<Found>)> {
         let options = AssociateOptions { ids: use_of_ids(ids)?, source, min_views, ..Default::default() };
         let loaded = Arc::clone(&self.loaded);
         let (scene, association) = in_background(py, threads, progress, move |ticker| {
