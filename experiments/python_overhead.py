@@ -1,10 +1,11 @@
 """What Python costs, and quadlift beside a plain NumPy port of the closed form LfD.
 
-    python experiments/python_overhead.py
+    OPENBLAS_NUM_THREADS=1 python experiments/python_overhead.py
 
 Needs the package (a release build) and NumPy. The first table compares the time of `quadlift.localize` with that of the
 library in it, on 10,000 objects in 10 views. The second one has 1,000 objects in 20 views, with exact and noisy boxes:
-milliseconds per object, and the mean volume IoU with the truth (O3D), in which a failure counts as 0.
+milliseconds per object with one thread (OPENBLAS_NUM_THREADS=1), and the mean volume IoU with the truth (O3D), in
+which a failure counts as 0.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ def solve(projections: Floats, conics: Floats, target_from_world: Floats) -> Flo
         c = np.diag([(conic[2] / scale) ** 2, (conic[3] / scale) ** 2, -1.0])
         system[6 * view : 6 * view + 6, :10] = g
         system[6 * view : 6 * view + 6, 10 + view] = -c[UPPER3]
-    solution = np.linalg.svd(system)[2][-1, :10]
+    solution = np.linalg.svd(system, full_matrices=False)[2][-1, :10]
     dual = np.zeros((4, 4))
     dual[UPPER4] = solution
     dual = dual + dual.T - np.diag(np.diag(dual))

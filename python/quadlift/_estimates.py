@@ -126,13 +126,14 @@ class Estimates:
             if ids == "numbers":
                 object_ids = np.array([int(name) for name in names], dtype=np.int64)
             order = np.argsort(object_ids, kind="stable")
+        in_order = bool((order[1:] > order[:-1]).all())
         places = np.empty(len(names) + 1, dtype=np.int64)
         places[order], places[-1] = np.arange(len(names)), -1
 
         def rows(name: str) -> NDArray[Any]:
             values: NDArray[Any] = found[name]
             shaped = values.reshape(len(names), *_WIDTHS.get(name, ()))
-            return shaped if ids == "found" else shaped[order]
+            return shaped if in_order else shaped[order]
 
         def items(name: str) -> list[Any]:
             return [found[name][k] for k in order]

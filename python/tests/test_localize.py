@@ -207,3 +207,15 @@ def test_threads_do_not_change_the_result(made: Arrays) -> None:
     one, two = (quadlift.localize(**made.arguments(), threads=n) for n in (1, 2))
     np.testing.assert_array_equal(one.covariances, two.covariances)
     assert not math.isnan(one.seconds)
+
+
+def test_the_order_of_the_detections_makes_no_difference() -> None:
+    made = made_scene(objects=3, views=12)
+    made.boxes[5] += [150.0, 100.0, 180.0, 120.0]
+    expected = quadlift.localize(**made.arguments())
+    order = np.random.default_rng(3).permutation(len(made.frame))
+    rows = {name: getattr(made, name)[order] for name in ("frame", "boxes", "object")}
+    found = quadlift.localize(**{**made.arguments(), **rows})
+    np.testing.assert_array_equal(found.inliers, expected.inliers[order])
+    np.testing.assert_allclose(found.residuals, expected.residuals[order], rtol=1e-3)
+    assert not expected.inliers.all()

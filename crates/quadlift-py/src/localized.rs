@@ -1,6 +1,5 @@
 //! The result of a localisation: estimates as arrays, and as a scene.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use nalgebra::Rotation3;
@@ -110,7 +109,9 @@ impl PyLocalized {
                 to.extend(rotation(body).matrix().transpose().iter());
             }
         })?;
-        rows("covariances", 81, &|e, to| to.extend(e.covariance.iter().flat_map(|c| c.matrix.iter().copied())))?;
+        rows("covariances", 81, &|e, to| {
+            to.extend_from_slice(e.covariance.as_ref().map_or(&[], |c| c.matrix.as_slice()))
+        })?;
         rows("center_sd", 1, &|e, to| to.extend(e.center_sd()))?;
         rows("residuals_px", 1, &|e, to| to.extend(e.rms_residual_px()))?;
         let views: Vec<i64> = estimates.iter().map(|e| e.views_used() as i64).collect();
@@ -174,10 +175,8 @@ impl PyLocalized {
     /// For each detection its object's place among the estimates, whether it was used, and its residual.
     fn set_detections(&self, py: Python, dict: &Bound<PyDict>) -> PyResult<()> {
         let mut place = vec![-1i64; self.scene().object_ids.len()];
-        let mut views = HashMap::new();
         for (index, estimate) in self.localization.estimates.iter().enumerate() {
             place[estimate.object_index] = index as i64;
-            views.extend(estimate.views.iter().map(|view| ((estimate.object_index, view.frame_index), view)));
         }
         let detections = &self.scene().detections;
         let mut objects = Vec::with_capacity(detections.len());
@@ -186,8 +185,13 @@ impl PyLocalized {
         for detection in detections {
             let is_of_source = self.source.is_none() || detection.source_index == self.source;
             let object = detection.object_index.filter(|_| is_of_source).map(|index| index as usize);
-            let view = object.and_then(|object| views.get(&(object, detection.frame_index as usize)));
-            objects.push(object.map_or(-1, |object| place[object]));
+            let row = object.map_or(-1, |object| place[object]);
+            let estimate = usize::try_from(row).ok().and_then(|row| self.localization.estimates.get(row));
+            // Views are in the order of their frames.
+            let frame = detection.frame_index as usize;
+            let view =
+                estimate.and_then(|e| e.views.get(e.views.binary_search_by_key(&frame, |v| v.frame_index).ok()?));
+            objects.push(row);
             // The views of objects without a body are listed, but no estimate rests on them.
             inliers.push(view.is_some_and(|view| view.inlier));
             residuals.push(view.and_then(|view| view.residual_px).unwrap_or(f64::NAN));
