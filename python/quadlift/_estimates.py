@@ -74,7 +74,7 @@ class Estimates:
     object_indices : ndarray of int, shape (M,)
         For each detection the row of its object, -1 where it shows none.
     inliers : ndarray of bool, shape (M,)
-        Which detections were used; the others are outliers or took no part.
+        Which detections count for their object; the others are outliers or took no part.
     residuals : ndarray, shape (M,)
         Root mean square distances between measured and predicted edges, pixels.
     body : str

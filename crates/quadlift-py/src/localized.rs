@@ -192,7 +192,6 @@ impl PyLocalized {
             let view =
                 estimate.and_then(|e| e.views.get(e.views.binary_search_by_key(&frame, |v| v.frame_index).ok()?));
             objects.push(row);
-            // The views of objects without a body are listed, but no estimate rests on them.
             inliers.push(view.is_some_and(|view| view.inlier));
             residuals.push(view.and_then(|view| view.residual_px).unwrap_or(f64::NAN));
         }
