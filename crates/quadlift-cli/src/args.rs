@@ -42,15 +42,6 @@ pub fn pose_noise(text: &str) -> Result<PoseNoise, String> {
     }
 }
 
-/// The text that [`body`] reads.
-pub fn body_name(body: BodyKind) -> String {
-    match body {
-        BodyKind::Ellipsoid => "ellipsoid".to_owned(),
-        BodyKind::Cuboid => "cuboid".to_owned(),
-        BodyKind::Superellipsoid(q) => format!("superellipsoid:{q}"),
-    }
-}
-
 /// Reads a number that is neither NaN nor infinite.
 pub fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
@@ -93,6 +84,7 @@ pub fn frame_range(text: &str) -> Result<RangeInclusive<usize>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use quadlift_io::scene_file::body_name;
 
     #[test]
     fn bodies_are_read_as_they_are_written() {

@@ -7,9 +7,10 @@ use quadlift::Localization;
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Method, Status};
+use quadlift_io::scene_file::method_name;
 use serde::Serialize;
 
-use crate::localization::{Settings, method_name};
+use crate::localization::Settings;
 use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
 use crate::table::{Cell, Table, decimals, number};
 use crate::words::{count, some_of, with_unit};

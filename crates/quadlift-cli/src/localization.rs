@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use quadlift::scene::{Scene, SourceError};
-use quadlift::solve::{BodyKind, CategoryPriors, Estimate, Method, Status};
+use quadlift::solve::{BodyKind, CategoryPriors, Method};
 use quadlift::{Localization, LocalizeError, Options, UsedMeasurements, localize};
-use quadlift_io::{SceneFile, builtin_priors, estimates_to_objects, read_priors};
-use serde_json::{Map, Value, json};
+use quadlift_io::scene_file::{body_name, method_name, settings_record};
+use quadlift_io::{SceneFile, builtin_priors, read_priors};
+use serde_json::Value;
 
-use crate::args::body_name;
 use crate::error::usage;
 use crate::output::Output;
 use crate::progress::{counting_bar, object_bar};
@@ -52,33 +52,14 @@ impl Settings {
         Ok(Self { options, priors })
     }
 
-    /// The settings as they are written to the result. The number of threads is not among them: it changes nothing.
+    /// The settings as they are written to the result.
     fn to_json(&self) -> Value {
-        let o = &self.options;
-        let mut json = json!({
-            "method": method_name(o.method),
-            "source": o.source,
-            "observations": observations_name(o.measurements),
-            "min_views": o.min_views.max(o.method.fewest_views()),
-            "max_occluded": o.max_occluded,
-            "max_truncated": o.max_truncated,
-            "seed": o.seed,
-        });
-        if o.method == Method::Map {
-            json["body"] = o.map.body.map_or_else(|| "auto".to_owned(), body_name).into();
-            json["ground_plane"] = o.map.ground_plane.into();
-            json["camera_height"] = o.map.camera_height.into();
-            json["pose_noise"] = o.map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
-            json["priors"] = match &self.priors {
-                PriorSource::None => Value::Null,
-                PriorSource::Builtin => "builtin".into(),
-                PriorSource::File(path) => path.display().to_string().into(),
-            };
-        }
-        if o.method == Method::Reg {
-            json["lambda"] = o.reg.lambda.into();
-        }
-        json
+        let priors = match &self.priors {
+            PriorSource::None => None,
+            PriorSource::Builtin => Some("builtin".to_owned()),
+            PriorSource::File(path) => Some(path.display().to_string()),
+        };
+        settings_record(&self.options, priors.as_deref())
     }
 
     /// The settings in a few words, with the kind of body that was fitted.
@@ -98,28 +79,6 @@ impl Settings {
         let none = matches!(self.priors, PriorSource::None);
         let unknown = |name: &&str| !none && self.options.map.priors.of(name).is_none();
         scene.categories.iter().map(String::as_str).filter(unknown).collect()
-    }
-}
-
-/// The name of the used measurements on the command line and in files.
-fn observations_name(measurements: UsedMeasurements) -> &'static str {
-    match measurements {
-        UsedMeasurements::Auto => "auto",
-        UsedMeasurements::Box => "box",
-        UsedMeasurements::Ellipse => "ellipse",
-        UsedMeasurements::BoxAndEllipse => "box+ellipse",
-        UsedMeasurements::Mask => "mask",
-    }
-}
-
-/// The name of a method on the command line and in files.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Map => "map",
-        Method::Planes => "planes",
-        Method::Lfd => "lfd",
-        Method::Pfd => "pfd",
-        Method::Reg => "reg",
     }
 }
 
@@ -160,17 +119,7 @@ pub fn read_masks(
 
 /// Refuses a scene that is not in metres, as the built-in priors are.
 pub fn check_metres(scene: &Scene) -> anyhow::Result<()> {
-    if scene.length_unit.as_deref() == Some("m") {
-        return Ok(());
-    }
-    let unit = match &scene.length_unit {
-        Some(unit) => format!("\"{unit}\""),
-        None => "not given".to_owned(),
-    };
-    bail!(
-        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \"m\" if \
-         it is in metres, or give a file of priors in its unit"
-    )
+    quadlift_io::priors::check_metres(scene.length_unit.as_deref()).map_err(anyhow::Error::msg)
 }
 
 /// Localises the objects of a scene; `title` stands before the progress bar.
@@ -200,48 +149,7 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
     Ok(localization)
 }
 
-/// Number of objects of which a body was found.
-pub fn count_localised(estimates: &[Estimate]) -> usize {
-    estimates.iter().filter(|estimate| estimate.status == Status::Ok).count()
-}
-
-/// The noise levels by name.
-pub fn noise_json(localization: &Localization) -> Map<String, Value> {
-    localization.noise.iter().map(|(name, level)| ((*name).to_owned(), Value::from(*level))).collect()
-}
-
-/// Number of estimates with each status.
-pub fn status_counts(estimates: &[Estimate]) -> Map<String, Value> {
-    let mut counts = Map::new();
-    for estimate in estimates {
-        let count = counts.entry(estimate.status.name()).or_insert(json!(0));
-        *count = json!(count.as_u64().unwrap_or(0) + 1);
-    }
-    counts
-}
-
 /// The result as a scene file: the scene's cameras and frames, the estimates, and how they were obtained.
 pub fn result_file(file: &SceneFile, scene: &Scene, localization: &Localization, settings: &Settings) -> SceneFile {
-    let about = json!({
-        "program": "quadlift",
-        "version": env!("CARGO_PKG_VERSION"),
-        "settings": settings.to_json(),
-        "body": body_name(localization.body),
-        "objects": localization.estimates.len(),
-        "localised": count_localised(&localization.estimates),
-        "status": status_counts(&localization.estimates),
-        "left_out": left_out_json(localization),
-        "noise": noise_json(localization),
-    });
-    file.with_results(estimates_to_objects(scene, localization), about)
-}
-
-/// The detections that took no part, by reason.
-pub fn left_out_json(localization: &Localization) -> Value {
-    let left_out = localization.left_out;
-    json!({
-        "without_object": left_out.without_object,
-        "occluded_or_truncated": left_out.occluded_or_truncated,
-        "beyond_lens": left_out.beyond_lens,
-    })
+    file.localized(scene, localization, settings.to_json())
 }

@@ -107,6 +107,22 @@ pub fn builtin_priors() -> CategoryPriors {
     parse_priors(Path::new("builtin.toml"), BUILTIN).unwrap_or_default()
 }
 
+/// Refuses a length unit that is not the built-in priors'.
+///
+/// # Errors
+/// What the unit is and what to do, in words.
+pub fn check_metres(length_unit: Option<&str>) -> Result<(), String> {
+    let unit = match length_unit {
+        Some("m") => return Ok(()),
+        Some(unit) => format!("\"{unit}\""),
+        None => "not given".to_owned(),
+    };
+    Err(format!(
+        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \"m\" if \
+         it is in metres, or give a file of priors in its unit"
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

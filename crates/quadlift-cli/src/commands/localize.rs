@@ -11,6 +11,7 @@ use quadlift::associate::AssociateOptions;
 use quadlift::scene::Scene;
 use quadlift::solve::{Method, PoseNoise};
 use quadlift::{Options, UsedMeasurements};
+use quadlift_io::scene_file::{count_localised, left_out_record, noise_record};
 use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
@@ -19,9 +20,7 @@ use crate::association::{IdsName, When, add_to_result, associate_scene, associat
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
 use crate::files::{check_file, expand, outputs, read_scene};
-use crate::localization::{
-    PriorSource, Settings, count_localised, left_out_json, localize_scene, noise_json, read_masks, result_file,
-};
+use crate::localization::{PriorSource, Settings, localize_scene, read_masks, result_file};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::{check_report, report_paths, write_localized};
 use crate::words::count;
@@ -337,8 +336,8 @@ fn one_scene(
     if out.json {
         document["objects"] = serde_json::to_value(summaries(&scene, &localization))?;
         document["localised"] = localised.into();
-        document["noise"] = noise_json(&localization).into();
-        document["left_out"] = left_out_json(&localization);
+        document["noise"] = noise_record(&localization).into();
+        document["left_out"] = left_out_record(&localization);
     }
     out.errors(&problems);
     if !problems.is_empty() {

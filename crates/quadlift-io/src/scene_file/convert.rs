@@ -30,6 +30,7 @@ impl SceneFile {
     /// singular cameras, poses that are no rotations, empty boxes, ellipses without positive axes.
     pub fn to_scene(&self) -> Result<Scene, EntryError> {
         let mut builder = SceneBuilder::new(self.name.as_deref().unwrap_or_default());
+        builder.reserve(self.frames.len(), self.detections.len());
         if let Some(unit) = &self.length_unit {
             builder.length_unit(unit);
         }

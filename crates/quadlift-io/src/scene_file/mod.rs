@@ -13,6 +13,7 @@ mod object_records;
 mod read;
 mod records;
 mod results;
+mod run;
 mod suggest;
 mod support_lines;
 mod write;
@@ -31,4 +32,8 @@ pub use records::{
     SegmentationRecord, VERSION,
 };
 pub use results::estimates_to_objects;
+pub use run::{
+    body_name, count_localised, left_out_record, method_name, noise_record, observations_name, settings_record,
+    status_counts,
+};
 pub use write::{write_scene, write_scene_file};

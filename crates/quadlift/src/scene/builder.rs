@@ -92,6 +92,14 @@ impl SceneBuilder {
         builder
     }
 
+    /// Makes room for so many frames and detections; without it a large scene takes longer.
+    pub fn reserve(&mut self, frames: usize, detections: usize) {
+        self.scene.frames.reserve(frames);
+        self.frames.reserve(frames);
+        self.scene.detections.reserve(detections);
+        self.seen.reserve(detections);
+    }
+
     /// Names the world unit ("m" for metres).
     pub fn length_unit(&mut self, unit: &str) {
         self.scene.length_unit = Some(unit.to_owned());

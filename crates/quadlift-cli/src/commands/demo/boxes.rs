@@ -7,6 +7,7 @@ use quadlift::Localization;
 use quadlift::associate::Association;
 use quadlift::solve::Estimate;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
+use quadlift_io::scene_file::count_localised;
 use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
@@ -15,7 +16,7 @@ use crate::association;
 use crate::estimate_table::summaries;
 use crate::evaluation;
 use crate::files::make_folder;
-use crate::localization::{Settings, count_localised};
+use crate::localization::Settings;
 use crate::output::{HEADING, Output};
 use crate::synthetic_file::scene_file;
 use crate::words::count;

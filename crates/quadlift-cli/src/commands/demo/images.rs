@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use quadlift::{Options, UsedMeasurements};
+use quadlift_io::scene_file::count_localised;
 use quadlift_io::{SceneFile, write_scene_file};
 use quadlift_segment::SegmentMethod;
 use quadlift_segment::render::{RenderOptions, RenderedScene, render};
@@ -15,7 +16,7 @@ use crate::contact_sheet::write_sheets;
 use crate::estimate_table::summaries;
 use crate::evaluation;
 use crate::files::make_folder;
-use crate::localization::{Settings, count_localised};
+use crate::localization::Settings;
 use crate::output::{HEADING, Output};
 use crate::rendered_scene::{check_folders, write_images};
 use crate::segmentation::{self, Method, Segmentation, segment_scene};

@@ -1,0 +1,115 @@
+//! What a result says about its run: the settings, the counts and the noise levels (`localization` in the file).
+
+use quadlift::scene::Scene;
+use quadlift::solve::{BodyKind, Estimate, Method, Status};
+use quadlift::{Localization, Options, UsedMeasurements};
+use serde_json::{Map, Value, json};
+
+use super::records::SceneFile;
+use super::results::estimates_to_objects;
+
+/// The name of the used measurements on the command line and in files.
+pub fn observations_name(measurements: UsedMeasurements) -> &'static str {
+    match measurements {
+        UsedMeasurements::Auto => "auto",
+        UsedMeasurements::Box => "box",
+        UsedMeasurements::Ellipse => "ellipse",
+        UsedMeasurements::BoxAndEllipse => "box+ellipse",
+        UsedMeasurements::Mask => "mask",
+    }
+}
+
+/// The name of a method on the command line and in files.
+pub fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::Map => "map",
+        Method::Planes => "planes",
+        Method::Lfd => "lfd",
+        Method::Pfd => "pfd",
+        Method::Reg => "reg",
+    }
+}
+
+/// The name of a kind of body on the command line and in files.
+pub fn body_name(body: BodyKind) -> String {
+    match body {
+        BodyKind::Ellipsoid => "ellipsoid".to_owned(),
+        BodyKind::Cuboid => "cuboid".to_owned(),
+        BodyKind::Superellipsoid(q) => format!("superellipsoid:{q}"),
+    }
+}
+
+/// The settings as they are written to the result; `priors` says where those in the options come from. The number of
+/// threads is not among them: it changes nothing.
+pub fn settings_record(options: &Options, priors: Option<&str>) -> Value {
+    let mut json = json!({
+        "method": method_name(options.method),
+        "source": options.source,
+        "observations": observations_name(options.measurements),
+        "min_views": options.min_views.max(options.method.fewest_views()),
+        "max_occluded": options.max_occluded,
+        "max_truncated": options.max_truncated,
+        "seed": options.seed,
+    });
+    if options.method == Method::Map {
+        let map = &options.map;
+        json["body"] = map.body.map_or_else(|| "auto".to_owned(), body_name).into();
+        json["ground_plane"] = map.ground_plane.into();
+        json["camera_height"] = map.camera_height.into();
+        json["pose_noise"] = map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
+        json["priors"] = priors.into();
+    }
+    if options.method == Method::Reg {
+        json["lambda"] = options.reg.lambda.into();
+    }
+    json
+}
+
+/// Number of objects of which a body was found.
+pub fn count_localised(estimates: &[Estimate]) -> usize {
+    estimates.iter().filter(|estimate| estimate.status == Status::Ok).count()
+}
+
+/// The noise levels by name.
+pub fn noise_record(localization: &Localization) -> Map<String, Value> {
+    localization.noise.iter().map(|(name, level)| ((*name).to_owned(), Value::from(*level))).collect()
+}
+
+/// Number of estimates with each status.
+pub fn status_counts(estimates: &[Estimate]) -> Map<String, Value> {
+    let mut counts = Map::new();
+    for estimate in estimates {
+        let count = counts.entry(estimate.status.name()).or_insert(json!(0));
+        *count = json!(count.as_u64().unwrap_or(0) + 1);
+    }
+    counts
+}
+
+/// The detections that took no part, by reason.
+pub fn left_out_record(localization: &Localization) -> Value {
+    let left_out = localization.left_out;
+    json!({
+        "without_object": left_out.without_object,
+        "occluded_or_truncated": left_out.occluded_or_truncated,
+        "beyond_lens": left_out.beyond_lens,
+    })
+}
+
+impl SceneFile {
+    /// The result of a localisation of this file's scene, with what [`settings_record`] gives.
+    #[must_use]
+    pub fn localized(&self, scene: &Scene, localization: &Localization, settings: Value) -> Self {
+        let about = json!({
+            "program": "quadlift",
+            "version": env!("CARGO_PKG_VERSION"),
+            "settings": settings,
+            "body": body_name(localization.body),
+            "objects": localization.estimates.len(),
+            "localised": count_localised(&localization.estimates),
+            "status": status_counts(&localization.estimates),
+            "left_out": left_out_record(localization),
+            "noise": noise_record(localization),
+        });
+        self.with_results(estimates_to_objects(scene, localization), about)
+    }
+}

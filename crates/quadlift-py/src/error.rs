@@ -1,0 +1,13 @@
+//! Every error of the library and of the files is a `quadlift.QuadliftError`, with the words of the program.
+
+use std::fmt::Display;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::{PyErr, create_exception};
+
+create_exception!(quadlift, QuadliftError, PyValueError, "What quadlift refuses, and why.");
+
+/// The Python exception with the words of an error.
+pub fn refuse(error: impl Display) -> PyErr {
+    QuadliftError::new_err(error.to_string())
+}

@@ -1,0 +1,220 @@
+//! The result of a localisation: estimates as arrays, and as a scene.
+
+use std::sync::Arc;
+
+use nalgebra::Rotation3;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use quadlift::Localization;
+use quadlift::geometry::{Body, quaternion_from_rotation};
+use quadlift::scene::Scene;
+use quadlift::solve::{CovarianceCoordinates, Estimate};
+use quadlift_io::SceneFile;
+use quadlift_io::scene_file::{body_name, noise_record};
+use quadlift_report::{Content, page, report};
+
+use crate::error::refuse;
+use crate::scene::{Loaded, PyScene};
+
+/// A localisation and what it was made from.
+#[pyclass(name = "Localized", module = "quadlift._core", frozen)]
+pub struct PyLocalized {
+    /// The file that was localised.
+    pub loaded: Arc<Loaded>,
+    /// The scene where it is not as it was loaded: its objects were found, or its masks read.
+    pub changed: Option<Scene>,
+    /// Whether they were found.
+    pub associated: bool,
+    /// The estimates.
+    pub localization: Localization,
+    /// The settings as in a file.
+    pub settings: serde_json::Value,
+    /// Index of the source whose detections were taken.
+    pub source: Option<u32>,
+    /// What could not be read, in words.
+    pub problems: Vec<String>,
+    /// Time that the library took, seconds.
+    pub seconds: f64,
+}
+
+impl PyLocalized {
+    /// The scene that was localised.
+    fn scene(&self) -> &Scene {
+        self.changed.as_ref().unwrap_or(&self.loaded.scene)
+    }
+
+    /// The result as a file: as the program writes it.
+    fn file(&self) -> SceneFile {
+        let mut file = self.loaded.file.localized(self.scene(), &self.localization, self.settings.clone());
+        if self.associated {
+            file.detections = self.loaded.file.detections.clone();
+            for (record, detection) in file.detections.iter_mut().zip(&self.scene().detections) {
+                record.object =
+                    detection.object_index.map(|index| self.scene().object_ids[index as usize].as_str().into());
+                // Masks are the bulk of a segmented scene, and stay there.
+                (record.mask, record.segmentation) = (None, None);
+            }
+            let source = self.source.map(|index| self.scene().sources[index as usize].as_str());
+            file.detections.retain(|record| source.is_none() || record.source.as_deref() == source);
+        }
+        file
+    }
+}
+
+#[pymethods]
+impl PyLocalized {
+    /// The figures of the objects and of the detections by name.
+    fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let estimates = &self.localization.estimates;
+        let dict = PyDict::new(py);
+        let name = |e: &Estimate| self.scene().object_ids[e.object_index].as_str();
+        let category = |e: &Estimate| e.category_index.map(|index| self.scene().categories[index].as_str());
+        dict.set_item("object_ids", estimates.iter().map(name).collect::<Vec<_>>())?;
+        dict.set_item("categories", estimates.iter().map(category).collect::<Vec<_>>())?;
+        dict.set_item("status", estimates.iter().map(|e| e.status.name()).collect::<Vec<_>>())?;
+        let warnings = |e: &Estimate| e.warnings.iter().map(ToString::to_string).collect::<Vec<_>>();
+        dict.set_item("warnings", estimates.iter().map(warnings).collect::<Vec<_>>())?;
+        let coordinates = |e: &Estimate| {
+            e.covariance.map(|covariance| match covariance.coordinates {
+                CovarianceCoordinates::CenterVechShape => "center_vech_shape",
+                CovarianceCoordinates::CenterRotationLogAxes => "center_rotation_log_axes",
+            })
+        };
+        dict.set_item("covariance_coordinates", estimates.iter().map(coordinates).collect::<Vec<_>>())?;
+        let rows = |name: &str, width: usize, of: &dyn Fn(&Estimate, &mut Vec<f64>)| {
+            let mut values = Vec::with_capacity(width * estimates.len());
+            for (index, estimate) in estimates.iter().enumerate() {
+                of(estimate, &mut values);
+                // What there is not is NaN.
+                values.resize(width * (index + 1), f64::NAN);
+            }
+            dict.set_item(name, PyArray1::from_vec(py, values))
+        };
+        rows("centers", 3, &|e, to| to.extend(e.center.iter().flat_map(|c| c.iter().copied())))?;
+        rows("semi_axes", 3, &|e, to| to.extend(e.ellipsoid().iter().flat_map(|b| b.semi_axes.iter().copied())))?;
+        rows("enclosing_semi_axes", 3, &|e, to| {
+            to.extend(e.enclosing_ellipsoid().iter().flat_map(|b| b.semi_axes.iter().copied()));
+        })?;
+        rows("body_axes", 3, &|e, to| to.extend(e.body.iter().flat_map(axes)))?;
+        rows("enclosing_body_axes", 3, &|e, to| {
+            to.extend(e.enclosing_body().as_ref().map(axes).into_iter().flatten());
+        })?;
+        rows("quaternions", 4, &|e, to| {
+            to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(rotation(b))));
+        })?;
+        rows("rotations", 9, &|e, to| {
+            if let Some(body) = &e.body {
+                // By rows; the library's matrices are by columns.
+                to.extend(rotation(body).matrix().transpose().iter());
+            }
+        })?;
+        rows("covariances", 81, &|e, to| {
+            to.extend_from_slice(e.covariance.as_ref().map_or(&[], |c| c.matrix.as_slice()))
+        })?;
+        rows("center_sd", 1, &|e, to| to.extend(e.center_sd()))?;
+        rows("residuals_px", 1, &|e, to| to.extend(e.rms_residual_px()))?;
+        let views: Vec<i64> = estimates.iter().map(|e| e.views_used() as i64).collect();
+        dict.set_item("views_used", PyArray1::from_vec(py, views))?;
+        self.set_detections(py, &dict)?;
+        Ok(dict)
+    }
+
+    /// The scene with the estimates as its objects: what the program writes.
+    fn to_scene(&self) -> PyResult<PyScene> {
+        PyScene::new(self.file(), self.loaded.path.clone())
+    }
+
+    /// The page that shows the result.
+    fn report(&self, title: &str, truth: Option<&PyScene>) -> PyResult<String> {
+        let images = self.loaded.file.to_images(&self.loaded.path).map_err(refuse)?;
+        let estimate = self.file();
+        let truth = truth.map(|scene| &scene.loaded.file);
+        let scene = self.scene();
+        let content = Content { title, scene, images: Some(&images), estimate: Some(&estimate), truth, scores: None };
+        report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    /// The kind of body that was fitted.
+    #[getter]
+    fn body(&self) -> String {
+        body_name(self.localization.body)
+    }
+
+    /// Noise levels as JSON.
+    #[getter]
+    fn noise_json(&self) -> String {
+        serde_json::Value::from(noise_record(&self.localization)).to_string()
+    }
+
+    /// Detections that took no part: without object, occluded or truncated, beyond the lens.
+    #[getter]
+    fn left_out(&self) -> (usize, usize, usize) {
+        let left_out = self.localization.left_out;
+        (left_out.without_object, left_out.occluded_or_truncated, left_out.beyond_lens)
+    }
+
+    /// Whether identities were found.
+    #[getter]
+    fn associated(&self) -> bool {
+        self.associated
+    }
+
+    #[getter]
+    fn problems(&self) -> Vec<String> {
+        self.problems.clone()
+    }
+
+    #[getter]
+    fn seconds(&self) -> f64 {
+        self.seconds
+    }
+}
+
+impl PyLocalized {
+    /// For each detection its object's place among the estimates, whether it was used, and its residual.
+    fn set_detections(&self, py: Python, dict: &Bound<PyDict>) -> PyResult<()> {
+        let mut place = vec![-1i64; self.scene().object_ids.len()];
+        for (index, estimate) in self.localization.estimates.iter().enumerate() {
+            place[estimate.object_index] = index as i64;
+        }
+        let detections = &self.scene().detections;
+        let mut objects = Vec::with_capacity(detections.len());
+        let mut inliers = Vec::with_capacity(detections.len());
+        let mut residuals = Vec::with_capacity(detections.len());
+        for detection in detections {
+            let is_of_source = self.source.is_none() || detection.source_index == self.source;
+            let object = detection.object_index.filter(|_| is_of_source).map(|index| index as usize);
+            let row = object.map_or(-1, |object| place[object]);
+            let estimate = usize::try_from(row).ok().and_then(|row| self.localization.estimates.get(row));
+            // Views are in the order of their frames.
+            let frame = detection.frame_index as usize;
+            let view =
+                estimate.and_then(|e| e.views.get(e.views.binary_search_by_key(&frame, |v| v.frame_index).ok()?));
+            objects.push(row);
+            // The views of objects without a body are listed, but no estimate rests on them.
+            inliers.push(view.is_some_and(|view| view.inlier));
+            residuals.push(view.and_then(|view| view.residual_px).unwrap_or(f64::NAN));
+        }
+        dict.set_item("object_indices", PyArray1::from_vec(py, objects))?;
+        dict.set_item("inliers", PyArray1::from_vec(py, inliers))?;
+        dict.set_item("detection_residuals_px", PyArray1::from_vec(py, residuals))
+    }
+}
+
+/// Semi-axes, or half extents of a cuboid.
+fn axes(body: &Body) -> [f64; 3] {
+    match body {
+        Body::Ellipsoid(body) => body.semi_axes.into(),
+        Body::Cuboid(body) => body.half_extents.into(),
+        Body::Superellipsoid(body) => body.semi_axes.into(),
+    }
+}
+
+fn rotation(body: &Body) -> &Rotation3<f64> {
+    match body {
+        Body::Ellipsoid(body) => &body.rotation,
+        Body::Cuboid(body) => &body.rotation,
+        Body::Superellipsoid(body) => &body.rotation,
+    }
+}

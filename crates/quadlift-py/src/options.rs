@@ -1,0 +1,190 @@
+//! Options of the localisation, from Python's keywords.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use quadlift::associate::{AssociateOptions, IdUse};
+use quadlift::scene::Scene;
+use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise};
+use quadlift::{Options, UsedMeasurements, localize};
+use quadlift_io::priors::{check_metres, parse_priors};
+use quadlift_io::{builtin_priors, read_priors};
+
+use crate::error::refuse;
+
+/// The keywords of `localize`, as Python hands them over. Names are those of the program.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Keywords {
+    method: String,
+    body: String,
+    source: Option<String>,
+    observations: String,
+    associate: String,
+    ids: Option<String>,
+    /// "builtin" or a path.
+    priors: Option<String>,
+    /// The text of a file of priors, in the place of a path.
+    priors_text: Option<String>,
+    min_views: usize,
+    max_occluded: Option<f64>,
+    max_truncated: Option<f64>,
+    ground_plane: bool,
+    camera_height: Option<f64>,
+    pose_noise: Option<[f64; 2]>,
+    reg_lambda: Option<f64>,
+    seed: u64,
+}
+
+/// What the keywords say.
+pub struct Choices {
+    /// Options of the library.
+    pub options: Options,
+    /// Where the priors come from, in words.
+    pub priors: Option<String>,
+    /// What ids are worth where the scene is associated first; `None` where it is not.
+    pub ids: Option<IdUse>,
+}
+
+impl Keywords {
+    /// Checks the keywords for a scene.
+    pub fn for_scene(&self, scene: &Scene) -> PyResult<Choices> {
+        let method = choice("method", &self.method, &METHODS)?;
+        if method != Method::Map {
+            let given = [
+                ("priors", self.priors.is_some() || self.priors_text.is_some()),
+                ("ground_plane", self.ground_plane),
+                ("camera_height", self.camera_height.is_some()),
+                ("pose_noise", self.pose_noise.is_some()),
+            ];
+            if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
+                return Err(refuse(format!("{name} is an argument of method=\"map\" only")));
+            }
+        }
+        if method != Method::Reg && self.reg_lambda.is_some() {
+            return Err(refuse("reg_lambda is an argument of method=\"reg\" only"));
+        }
+        let mut options = Options {
+            method,
+            min_views: self.min_views,
+            max_occluded: self.max_occluded,
+            max_truncated: self.max_truncated,
+            measurements: choice("observations", &self.observations, &OBSERVATIONS)?,
+            seed: self.seed,
+            ..Default::default()
+        };
+        let map = &mut options.map;
+        map.body = body(&self.body)?;
+        map.ground_plane = self.ground_plane;
+        map.camera_height = self.camera_height;
+        map.pose_noise = self.pose_noise.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
+        if let Some(lambda) = self.reg_lambda {
+            options.reg.lambda = lambda;
+        }
+        // An empty scene has nothing that the options could fail on.
+        localize(&Scene::default(), &options, &|_, _| {}).map_err(refuse)?;
+        let (priors, name) = self.read_priors(scene)?;
+        options.map.priors = priors;
+        options.source = self.source.clone();
+        Ok(Choices { options, priors: name, ids: self.ids(scene)? })
+    }
+
+    fn read_priors(&self, scene: &Scene) -> PyResult<(CategoryPriors, Option<String>)> {
+        match (&self.priors, &self.priors_text) {
+            (_, Some(text)) => {
+                let priors = parse_priors("priors".as_ref(), text).map_err(refuse)?;
+                Ok((priors, Some("given".to_owned())))
+            }
+            (Some(name), None) if name == "builtin" => {
+                check_metres(scene.length_unit.as_deref()).map_err(refuse)?;
+                Ok((builtin_priors(), Some(name.clone())))
+            }
+            (Some(path), None) => Ok((read_priors(&PathBuf::from(path)).map_err(refuse)?, Some(path.clone()))),
+            (None, None) => Ok((CategoryPriors::default(), None)),
+        }
+    }
+
+    /// As `--associate` and `--ids` of the program.
+    fn ids(&self, scene: &Scene) -> PyResult<Option<IdUse>> {
+        let chosen = self.ids.as_deref().map(|ids| choice("ids", ids, &IDS)).transpose()?;
+        let when = choice("associate", &self.associate, &WHEN)?;
+        let source = scene.source_index(self.source.as_deref()).unwrap_or_default();
+        let of_source = |index: Option<u32>| source.is_none() || index == source;
+        let unnamed = scene.detections.iter().any(|d| of_source(d.source_index) && d.object_index.is_none());
+        Ok(match when {
+            When::Never => None,
+            When::Auto if !unnamed => None,
+            When::Auto => Some(chosen.unwrap_or(IdUse::Trust)),
+            When::Always => Some(chosen.unwrap_or(IdUse::Evidence)),
+        })
+    }
+}
+
+impl Choices {
+    /// Options of the association that goes before the localisation.
+    pub fn of_association(&self, ids: IdUse) -> AssociateOptions {
+        AssociateOptions {
+            source: self.options.source.clone(),
+            ids,
+            priors: self.options.map.priors.clone(),
+            ..Default::default()
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum When {
+    Auto,
+    Never,
+    Always,
+}
+
+const METHODS: [(&str, Method); 5] = [
+    ("map", Method::Map),
+    ("planes", Method::Planes),
+    ("lfd", Method::Lfd),
+    ("pfd", Method::Pfd),
+    ("reg", Method::Reg),
+];
+
+const OBSERVATIONS: [(&str, UsedMeasurements); 5] = [
+    ("auto", UsedMeasurements::Auto),
+    ("box", UsedMeasurements::Box),
+    ("ellipse", UsedMeasurements::Ellipse),
+    ("box+ellipse", UsedMeasurements::BoxAndEllipse),
+    ("mask", UsedMeasurements::Mask),
+];
+
+const IDS: [(&str, IdUse); 3] = [("trust", IdUse::Trust), ("evidence", IdUse::Evidence), ("ignore", IdUse::Ignore)];
+
+const WHEN: [(&str, When); 3] = [("auto", When::Auto), ("never", When::Never), ("always", When::Always)];
+
+/// The value of this name; the error names the argument, what was found and what there is.
+pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyResult<T> {
+    if let Some((_, value)) = values.iter().find(|(known, _)| *known == name) {
+        return Ok(*value);
+    }
+    let known: Vec<String> = values.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+    Err(refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", "))))
+}
+
+/// What ids are worth.
+pub fn use_of_ids(name: &str) -> PyResult<IdUse> {
+    choice("ids", name, &IDS)
+}
+
+/// `auto`, or a kind of body.
+fn body(name: &str) -> PyResult<Option<BodyKind>> {
+    let exponent = name.strip_prefix("superellipsoid:").and_then(|q| q.parse::<f64>().ok());
+    match (name, exponent) {
+        ("auto", _) => Ok(None),
+        ("ellipsoid", _) => Ok(Some(BodyKind::Ellipsoid)),
+        ("cuboid", _) => Ok(Some(BodyKind::Cuboid)),
+        // Its range is checked with the other options.
+        (_, Some(q)) => Ok(Some(BodyKind::Superellipsoid(q))),
+        _ => Err(refuse(format!(
+            "body is \"{name}\"; expected \"auto\", \"ellipsoid\", \"cuboid\" or \"superellipsoid:Q\" with Q from 1 \
+             (cuboid) to 2 (ellipsoid)"
+        ))),
+    }
+}

@@ -1,0 +1,113 @@
+//! Long work without Python's lock, with progress, and with Ctrl-C.
+
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::Duration;
+
+use pyo3::prelude::*;
+
+use crate::error::refuse;
+
+/// How often progress is told and signals are looked at.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// The solvers need more than the two megabytes that a thread has by default only in debug builds.
+const STACK: usize = 8 << 20;
+
+/// What the working thread tells, and is told.
+#[derive(Default)]
+pub struct Ticker {
+    done: AtomicUsize,
+    total: AtomicUsize,
+    cancelled: AtomicBool,
+}
+
+/// The payload with which cancelled work unwinds.
+struct Cancelled;
+
+impl Ticker {
+    /// Notes the progress; unwinds (without a message) where the work was cancelled, which is the only way to leave the
+    /// library early.
+    pub fn tick(&self, done: usize, total: usize) {
+        // Several threads come here, not always in order.
+        self.done.fetch_max(done, Ordering::Relaxed);
+        self.total.store(total, Ordering::Relaxed);
+        if self.cancelled.load(Ordering::Relaxed) {
+            resume_unwind(Box::new(Cancelled));
+        }
+    }
+
+    /// Begins a new piece of work, whose counts start from 0.
+    pub fn restart(&self) {
+        self.done.store(0, Ordering::Relaxed);
+    }
+
+    fn tell(&self, py: Python, progress: Option<&Py<PyAny>>, last: &mut (usize, usize)) -> PyResult<()> {
+        let now = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
+        if let Some(progress) = progress
+            && now != *last
+        {
+            *last = now;
+            progress.call1(py, now)?;
+        }
+        Ok(())
+    }
+}
+
+/// Does `work` on another thread, on `threads` threads of its own where that is given. Meanwhile this thread calls
+/// `progress(done, total)` and looks for signals: an exception in either cancels the work and is raised.
+pub fn in_background<T: Send + 'static>(
+    py: Python,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&Ticker) -> Result<T, String> + Send + 'static,
+) -> PyResult<T> {
+    let ticker = Arc::new(Ticker::default());
+    let of_worker = Arc::clone(&ticker);
+    let (sender, mut receiver) = channel();
+    let body = move || {
+        let result = catch_unwind(AssertUnwindSafe(|| match threads {
+            None => work(&of_worker),
+            Some(count) => {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(count).stack_size(STACK).build();
+                let pool = pool.map_err(|error| format!("cannot start {count} threads: {error}"))?;
+                pool.install(|| work(&of_worker))
+            }
+        }));
+        // The receiver is gone only where the work was cancelled.
+        let _ = sender.send(result);
+    };
+    thread::Builder::new()
+        .stack_size(STACK)
+        .spawn(body)
+        .map_err(|error| refuse(format!("cannot start a thread: {error}")))?;
+    let mut last = (0, 0);
+    loop {
+        let waiting = &mut receiver;
+        let received = py.detach(move || waiting.recv_timeout(INTERVAL));
+        let cancel = |error| {
+            ticker.cancelled.store(true, Ordering::Relaxed);
+            error
+        };
+        match received {
+            Ok(result) => {
+                ticker.tell(py, progress.as_ref(), &mut last)?;
+                return match result {
+                    Ok(result) => result.map_err(refuse),
+                    Err(_) => Err(refuse(INTERNAL)),
+                };
+            }
+            Err(RecvTimeoutError::Disconnected) => return Err(refuse(INTERNAL)),
+            Err(RecvTimeoutError::Timeout) => {
+                py.check_signals().map_err(cancel)?;
+                ticker.tell(py, progress.as_ref(), &mut last).map_err(cancel)?;
+            }
+        }
+    }
+}
+
+/// What is said where the library fails in a way that it never should.
+const INTERNAL: &str = "quadlift failed inside; please report it with the input that leads here";

@@ -1,0 +1,324 @@
+//! Scenes: from files and arrays, to files, localisation, association, scores and pages.
+
+use std::path::{Path, PathBuf, absolute};
+use std::sync::Arc;
+use std::time::Instant;
+
+use pyo3::prelude::*;
+use quadlift::associate::{AssociateOptions, Outcome, associate};
+use quadlift::scene::Scene;
+use quadlift::{Localization, UsedMeasurements, localize};
+use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
+use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::detections::coco::read_coco;
+use quadlift_io::read::detections::csv::{TableOptions, read_csv};
+use quadlift_io::read::detections::kitti::read_kitti_labels;
+use quadlift_io::read::detections::labelme::read_labelme;
+use quadlift_io::read::detections::mot::{MotOptions, read_mot};
+use quadlift_io::read::detections::names::read_names;
+use quadlift_io::read::detections::supervision::read_supervision;
+use quadlift_io::read::detections::yolo::{YoloOptions, read_yolo};
+use quadlift_io::read::detections::{AddOptions, add_detections};
+use quadlift_io::scene_file::{parse_scene_file, settings_record, write_scene};
+use quadlift_io::{SceneFile, read_scene_file, write_file, write_scene_file};
+use quadlift_report::{Content, page, report};
+
+use crate::arrays::{DetectionArrays, FrameArrays};
+use crate::error::refuse;
+use crate::evaluation::scores;
+use crate::localized::PyLocalized;
+use crate::options::{Choices, Keywords, use_of_ids};
+use crate::run::{Ticker, in_background};
+
+/// A scene file and the checked scene that it gives.
+pub struct Loaded {
+    /// The file.
+    pub file: SceneFile,
+    /// Frames and detections.
+    pub scene: Scene,
+    /// The path to which those in the file are relative, as that of the file is.
+    pub path: PathBuf,
+}
+
+/// An associated object: its id, its evidence, and why it is doubtful.
+type Found = (String, Option<f64>, Option<&'static str>);
+
+/// A scene; it never changes.
+#[pyclass(name = "Scene", module = "quadlift._core", frozen)]
+pub struct PyScene {
+    /// What it holds; shared with the results.
+    pub loaded: Arc<Loaded>,
+}
+
+impl PyScene {
+    /// A checked scene.
+    pub fn new(file: SceneFile, path: PathBuf) -> PyResult<Self> {
+        let scene = file.to_scene().map_err(|error| match path.as_os_str().is_empty() {
+            true => refuse(format!("{}: {}", error.entry, error.problem)),
+            false => refuse(error.in_file(&path)),
+        })?;
+        Ok(Self { loaded: Arc::new(Loaded { file, scene, path }) })
+    }
+}
+
+#[pymethods]
+impl PyScene {
+    /// Reads a scene file.
+    #[staticmethod]
+    fn read(path: PathBuf) -> PyResult<Self> {
+        Self::new(read_scene_file(&path).map_err(refuse)?, path)
+    }
+
+    /// The scene in the bytes of a scene file.
+    #[staticmethod]
+    fn parse(bytes: &[u8]) -> PyResult<Self> {
+        Self::new(parse_scene_file("scene.json".as_ref(), bytes).map_err(refuse)?, PathBuf::new())
+    }
+
+    /// Posed frames without detections.
+    #[staticmethod]
+    fn from_frames(frames: FrameArrays) -> PyResult<Self> {
+        Self::new(frames.to_file()?, PathBuf::new())
+    }
+
+    /// The cameras of a COLMAP model or of a scene file.
+    #[staticmethod]
+    fn read_colmap(path: PathBuf) -> PyResult<(Self, Vec<String>)> {
+        match detect_cameras(&path).map_err(refuse)? {
+            (CameraFormat::Colmap, path) => {
+                let import = read_colmap(&path).map_err(refuse)?;
+                // A name beside the images, to whose folder theirs are relative.
+                let place = import.image_folder.map_or_else(PathBuf::new, |folder| folder.join("scene.json"));
+                Ok((Self::new(import.scene, place)?, import.notes))
+            }
+            (_, path) => Err(refuse(format!("{}: this is no COLMAP model", path.display()))),
+        }
+    }
+
+    /// The scene with these detections too.
+    fn with_detections(&self, detections: DetectionArrays) -> PyResult<Self> {
+        let mut file = self.loaded.file.clone();
+        detections.add_to(&mut file)?;
+        Self::new(file, self.loaded.path.clone())
+    }
+
+    /// The scene with the detections of another program's file too, whose format is recognised; and notes.
+    #[pyo3(signature = (path, *, names, frame_column, source, min_score, image_size))]
+    fn with_detections_of(
+        &self,
+        path: PathBuf,
+        names: Option<PathBuf>,
+        frame_column: Option<&str>,
+        source: Option<&str>,
+        min_score: Option<f64>,
+        image_size: Option<[f64; 2]>,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let class_names = names.as_deref().map(read_names).transpose().map_err(refuse)?;
+        let names = class_names.as_ref();
+        let table = TableOptions { frame_column, names };
+        let path = path.as_path();
+        let (name, files) = match detect_detections(path).map_err(refuse)? {
+            DetectionFormat::Coco => ("coco", read_coco(path, None)),
+            DetectionFormat::Mot => ("mot", read_mot(path, &MotOptions { names, ..Default::default() })),
+            DetectionFormat::Yolo => ("yolo", read_yolo(path, &YoloOptions { names, ..Default::default() })),
+            DetectionFormat::Kitti => ("kitti", read_kitti_labels(path)),
+            DetectionFormat::Csv => ("csv", read_csv(path, &table)),
+            DetectionFormat::Supervision => ("supervision", read_supervision(path, &table)),
+            DetectionFormat::LabelMe => ("labelme", read_labelme(path)),
+        };
+        let files = files.map_err(refuse)?;
+        let mut notes = files.notes.clone();
+        let mut file = self.loaded.file.clone();
+        let options = AddOptions { source: source.unwrap_or(name), min_score, image_size, ..Default::default() };
+        let added = add_detections(&mut file, files, &options).map_err(refuse)?;
+        notes.extend(added.notes);
+        Ok((Self::new(file, self.loaded.path.clone())?, notes))
+    }
+
+    /// Writes a scene file. Paths of images and masks become absolute where the file goes to another folder.
+    fn write(&self, path: PathBuf) -> PyResult<()> {
+        let here = folder(&self.loaded.path);
+        let is_same = matches!((absolute(here), absolute(folder(&path))), (Ok(a), Ok(b)) if a == b);
+        if is_same {
+            return write_scene_file(&path, &self.loaded.file).map_err(refuse);
+        }
+        let mut file = self.loaded.file.clone();
+        let images = file.frames.iter_mut().filter_map(|frame| frame.image.as_mut());
+        let masks = file.detections.iter_mut().filter_map(|d| d.mask.as_mut()?.path.as_mut());
+        for place in images.chain(masks) {
+            *place = absolute(here.join(&*place)).map_err(refuse)?.display().to_string();
+        }
+        write_scene_file(&path, &file).map_err(refuse)
+    }
+
+    /// The scene file as JSON.
+    fn to_json(&self) -> PyResult<String> {
+        let mut bytes = Vec::new();
+        write_scene(&self.loaded.file, &mut bytes).map_err(refuse)?;
+        String::from_utf8(bytes).map_err(refuse)
+    }
+
+    /// Localises the objects.
+    fn localize(
+        &self,
+        py: Python,
+        keywords: Keywords,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyLocalized> {
+        let choices = keywords.for_scene(&self.loaded.scene)?;
+        let loaded = Arc::clone(&self.loaded);
+        in_background(py, threads, progress, move |ticker| localized(loaded, &choices, ticker))
+    }
+
+    /// Finds out which detections show the same object; the scene with these objects, and them.
+    #[pyo3(signature = (ids, source, min_views, threads, progress))]
+    fn associate(
+        &self,
+        py: Python,
+        ids: &str,
+        source: Option<String>,
+        min_views: usize,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Self, Vec<Found>)> {
+        let options = AssociateOptions { ids: use_of_ids(ids)?, source, min_views, ..Default::default() };
+        let loaded = Arc::clone(&self.loaded);
+        let (scene, association) = in_background(py, threads, progress, move |ticker| {
+            let association = found(&loaded.scene, &options, ticker)?;
+            let source = loaded.scene.source_index(options.source.as_deref()).map_err(|e| e.to_string())?;
+            Ok((association.applied_to(&loaded.scene, source), association))
+        })?;
+        let mut file = self.loaded.file.clone();
+        for (record, detection) in file.detections.iter_mut().zip(&scene.detections) {
+            record.object = detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into());
+        }
+        let objects = association.objects.into_iter();
+        let objects = objects.map(|o| (o.id, o.evidence, o.doubtful.map(|doubt| doubt.text()))).collect();
+        Ok((Self::new(file, self.loaded.path.clone())?, objects))
+    }
+
+    /// Scores of the objects against the truth, as JSON.
+    fn evaluate(&self, py: Python, truth: &Self) -> PyResult<String> {
+        let (estimate, truth) = (&self.loaded, &truth.loaded);
+        let frames = if truth.scene.frames.is_empty() { &estimate.scene } else { &truth.scene };
+        py.detach(|| scores(&estimate.file, &truth.file, frames)).map(|scores| scores.to_string()).map_err(refuse)
+    }
+
+    /// The page that shows the scene.
+    fn report(&self, title: &str) -> PyResult<String> {
+        let Loaded { file, scene, path } = &*self.loaded;
+        let images = file.to_images(path).map_err(refuse)?;
+        let content = Content { title, scene, images: Some(&images), estimate: Some(file), truth: None, scores: None };
+        report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    #[getter]
+    fn name(&self) -> Option<&str> {
+        self.loaded.file.name.as_deref()
+    }
+
+    #[getter]
+    fn length_unit(&self) -> Option<&str> {
+        self.loaded.file.length_unit.as_deref()
+    }
+
+    #[getter]
+    fn frame_ids(&self) -> Vec<&str> {
+        self.loaded.scene.frames.iter().map(|frame| frame.id.as_str()).collect()
+    }
+
+    /// Ids of the objects that the detections name.
+    #[getter]
+    fn object_ids(&self) -> Vec<&str> {
+        self.loaded.scene.object_ids.iter().map(String::as_str).collect()
+    }
+
+    #[getter]
+    fn sources(&self) -> Vec<&str> {
+        self.loaded.scene.sources.iter().map(String::as_str).collect()
+    }
+
+    /// Number of detections.
+    fn __len__(&self) -> usize {
+        self.loaded.scene.detections.len()
+    }
+
+    /// Number of objects in the file: true ones or estimates.
+    #[getter]
+    fn objects(&self) -> usize {
+        self.loaded.file.objects.len()
+    }
+}
+
+/// Writes a text.
+#[pyfunction]
+pub fn write_text(path: PathBuf, text: &str) -> PyResult<()> {
+    write_file(&path, |file| file.write_all(text.as_bytes())).map_err(refuse)
+}
+
+fn folder(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Associates; that nothing is found is an error that says why.
+fn found(
+    scene: &Scene,
+    options: &AssociateOptions,
+    ticker: &Ticker,
+) -> Result<quadlift::associate::Association, String> {
+    let association =
+        associate(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
+    match association.outcome {
+        Outcome::Found => Ok(association),
+        outcome => Err(format!("no object was found: {}", outcome.text())),
+    }
+}
+
+/// Reads masks where they are wanted, associates where detections name no object, and localises, as the program does.
+fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<PyLocalized, String> {
+    let start = Instant::now();
+    let options = &choices.options;
+    let source =
+        loaded.scene.source_index(options.source.as_deref()).map_err(|error| format!("{error} (source=...)"))?;
+    let mut problems = Vec::new();
+    let mut changed = None;
+    if options.measurements == UsedMeasurements::Mask {
+        if loaded.file.detections.iter().all(|detection| detection.mask.is_none()) {
+            return Err("no detection has a mask".to_owned());
+        }
+        let mut scene = loaded.scene.clone();
+        let unread =
+            loaded.file.add_support_lines(&loaded.path, &mut scene, source, &|done, total| ticker.tick(done, total));
+        let unread = unread.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
+        problems.extend(unread.into_iter().map(|(_, error)| error.to_string()));
+        problems.dedup();
+        changed = Some(scene);
+        ticker.restart();
+    }
+    if let Some(ids) = choices.ids {
+        let scene = changed.as_ref().unwrap_or(&loaded.scene);
+        let association = found(scene, &choices.of_association(ids), ticker)?;
+        changed = Some(association.applied_to(scene, source));
+        ticker.restart();
+    }
+    let scene = changed.as_ref().unwrap_or(&loaded.scene);
+    let mut localization: Localization =
+        localize(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
+    if localization.estimates.is_empty() {
+        return Err(match scene.detections.len() {
+            0 => "there is nothing to localise: the scene has no detections".to_owned(),
+            n => format!("there is nothing to localise: {n} detections name no object"),
+        });
+    }
+    if choices.ids.is_some() {
+        // They show no object, which is told with the identities.
+        localization.left_out.without_object = 0;
+    }
+    let settings = settings_record(options, choices.priors.as_deref());
+    let (associated, seconds) = (choices.ids.is_some(), start.elapsed().as_secs_f64());
+    Ok(PyLocalized { loaded, changed, associated, localization, settings, source, problems, seconds })
+}

@@ -1,0 +1,27 @@
+"""quadlift lifts 2D detections from posed images to 3D objects.
+
+`localize` takes arrays and gives arrays; `Scene` holds posed frames and detections, reads and writes files and adapts
+what other packages give. Camera axes are OpenCV's (x right, y down, z forward), pixels are measured from the corner of
+the image (the first pixel's centre is at 0.5, 0.5), angles are radians, quaternions have w first, and the world unit is
+yours.
+"""
+
+from __future__ import annotations
+
+from ._core import QuadliftError, __version__
+from ._estimates import Estimates, Evaluation
+from ._localize import localize
+from ._options import Options, Prior
+from ._scene import AssociatedObject, Scene
+
+__all__ = [
+    "AssociatedObject",
+    "Estimates",
+    "Evaluation",
+    "Options",
+    "Prior",
+    "QuadliftError",
+    "Scene",
+    "__version__",
+    "localize",
+]

@@ -1,0 +1,145 @@
+"""Checks of arguments: every message names the argument, what was found and what was expected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._core import QuadliftError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def array(name: str, value: Any, shape: tuple[int | str, ...], *, nan: bool = False) -> NDArray[np.float64]:
+    """Numbers of a shape, without a copy where they are float64 already.
+
+    Parameters
+    ----------
+    name : str
+        The argument, for messages.
+    value : array_like
+        What was given.
+    shape : tuple
+        The shape; letters stand for any length.
+    nan : bool
+        Whether NaN is allowed.
+    """
+    found = _as_array(name, value)
+    if found.dtype.kind not in "fiu":
+        raise QuadliftError(f"{name} has the dtype {found.dtype}; expected real numbers")
+    fits = found.ndim == len(shape) and all(
+        isinstance(wanted, str) or size == wanted for size, wanted in zip(found.shape, shape, strict=True)
+    )
+    if not fits:
+        raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected {_words(shape)}")
+    numbers = np.asarray(found, dtype=np.float64)
+    wrong = np.isinf(numbers) if nan else ~np.isfinite(numbers)
+    if wrong.any():
+        place = [int(i) for i in np.argwhere(wrong)[0]]
+        raise QuadliftError(f"{name}{place} is {numbers[tuple(place)]}; expected a finite number")
+    return numbers
+
+
+def indices(name: str, value: Any) -> NDArray[np.int64]:
+    """Whole numbers of the shape (M,)."""
+    found = _as_array(name, value)
+    if found.ndim != 1:
+        raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected (M,)")
+    if found.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    if found.dtype.kind not in "iu":
+        raise QuadliftError(f"{name} has the dtype {found.dtype}; expected whole numbers")
+    if found.dtype.kind == "u" and found.max() > np.iinfo(np.int64).max:
+        raise QuadliftError(f"{name} holds {found.max()}; expected numbers below 2^63")
+    return found.astype(np.int64, copy=False)
+
+
+def rows(name: str, found: int, like: str, expected: int) -> None:
+    """Refuses two arguments with different numbers of rows."""
+    if found != expected:
+        raise QuadliftError(f"{name} has {found} rows; expected {expected}, as many as {like}")
+
+
+def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int64] | None, list[str]]:
+    """Whole numbers or texts of the shape (M,) as indices into a list of texts; -1 where there is none.
+
+    None, NaN, negative numbers and the empty text stand for none.
+    """
+    if value is None:
+        return None, []
+    found = _as_array(name, value)
+    if found.ndim != 1:
+        raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected (M,)")
+    rows(name, found.shape[0], like, count)
+    if found.size == 0:
+        return np.zeros(0, dtype=np.int64), []
+    if found.dtype.kind == "f":
+        none = np.isnan(found)
+        if not np.all(none | (found == np.floor(found))) or np.isinf(found).any():
+            raise QuadliftError(f"{name} has the dtype {found.dtype}; expected whole numbers or texts")
+        found = np.where(none, -1.0, found).astype(np.int64)
+    if found.dtype.kind in "iu":
+        values, codes = np.unique(found, return_inverse=True)
+        codes = codes.reshape(-1).astype(np.int64)
+        codes[found < 0] = -1
+        return codes, [str(v) for v in values]
+    if found.dtype.kind not in "UO":
+        raise QuadliftError(f"{name} has the dtype {found.dtype}; expected whole numbers or texts")
+    index: dict[str, int] = {}
+    codes = np.full(found.shape[0], -1, dtype=np.int64)
+    for row, item in enumerate(found):
+        if item is None or (isinstance(item, float) and math.isnan(item)) or item == "":
+            continue
+        if not isinstance(item, str | int | np.integer) or isinstance(item, bool):
+            raise QuadliftError(f"{name}[{row}] is {item!r}; expected a whole number, a text or None")
+        codes[row] = index.setdefault(str(item), len(index))
+    return codes, list(index)
+
+
+def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
+    """A whole number in a range."""
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_whole or value < least or (most is not None and value > most):
+        words = f"from {least} to {most}" if most is not None else f"of at least {least}"
+        raise QuadliftError(f"{name} is {value!r}; expected a whole number {words}")
+    return int(value)
+
+
+def number(name: str, value: Any) -> float:
+    """A finite number."""
+    is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):
+        raise QuadliftError(f"{name} is {value!r}; expected a finite number")
+    return float(value)
+
+
+def text(name: str, value: Any) -> str:
+    """A text."""
+    if not isinstance(value, str):
+        raise QuadliftError(f"{name} is {value!r}; expected a text")
+    return value
+
+
+def texts(name: str, value: Sequence[Any], count: int) -> list[str]:
+    """As many texts."""
+    if isinstance(value, str) or len(value) != count:
+        found = "a text" if isinstance(value, str) else f"{len(value)} of them"
+        raise QuadliftError(f"{name}: found {found}; expected {count} texts, one for each frame")
+    return [text(f"{name}[{k}]", item) for k, item in enumerate(value)]
+
+
+def _as_array(name: str, value: Any) -> NDArray[Any]:
+    try:
+        return np.asarray(value)
+    except (ValueError, TypeError) as error:
+        # Lists of different lengths, tensors that are not in the memory of the CPU.
+        raise QuadliftError(f"{name} is no array: {error}") from error
+
+
+def _words(shape: Sequence[int | str]) -> str:
+    inner = ", ".join(str(size) for size in shape)
+    return f"({inner},)" if len(shape) == 1 else f"({inner})"

@@ -1,0 +1,307 @@
+"""What a localisation and an evaluation give."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _core
+
+if TYPE_CHECKING:
+    import pandas
+    import pyarrow
+    from numpy.typing import NDArray
+
+    from ._scene import Scene
+
+_WIDTHS = {
+    "centers": (3,),
+    "semi_axes": (3,),
+    "enclosing_semi_axes": (3,),
+    "body_axes": (3,),
+    "enclosing_body_axes": (3,),
+    "quaternions": (4,),
+    "rotations": (3, 3),
+    "covariances": (9, 9),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates:
+    """Estimates of N objects from M detections.
+
+    What an object does not have (a body, where its status is not ``"ok"``) is NaN.
+
+    Attributes
+    ----------
+    object_ids : ndarray, shape (N,)
+        The objects: whole numbers or texts, as they were given. In ascending order where they were given as an array;
+        in the order of their first detections otherwise.
+    categories : list of str or None, length N
+        The category of most of the object's detections.
+    status : ndarray of str, shape (N,)
+        ``"ok"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
+    centers : ndarray, shape (N, 3)
+        Centres in the world, whenever there is one.
+    semi_axes : ndarray, shape (N, 3)
+        Semi-axes of the ellipsoid that is tangent to the measurements, world units.
+    quaternions : ndarray, shape (N, 4)
+        Rotations of the objects, world from object: unit quaternions, w first.
+    rotations : ndarray, shape (N, 3, 3)
+        The same as matrices, whose columns are the axes in the order of ``semi_axes``.
+    enclosing_semi_axes : ndarray, shape (N, 3)
+        Semi-axes of the larger ellipsoid that holds the real object; centre and rotation are the same.
+    body_axes, enclosing_body_axes : ndarray, shape (N, 3)
+        Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a superellipsoid.
+    covariances : ndarray, shape (N, 9, 9)
+        Covariances, in ``covariance_coordinates``.
+    covariance_coordinates : list of str or None, length N
+        ``"center_vech_shape"`` (centre, and vech of the shape matrix) for ellipsoids, else
+        ``"center_rotation_log_axes"``.
+    center_sd : ndarray, shape (N,)
+        Standard deviations of the centres per coordinate, world units.
+    views_used : ndarray of int, shape (N,)
+        Numbers of views that the estimates rest on.
+    rms_residuals : ndarray, shape (N,)
+        Root mean square residuals of the used views, pixels.
+    warnings : list of list of str, length N
+        What makes an estimate weak.
+    object_indices : ndarray of int, shape (M,)
+        For each detection the row of its object, -1 where it shows none.
+    inliers : ndarray of bool, shape (M,)
+        Which detections were used; the others are outliers or took no part.
+    residuals : ndarray, shape (M,)
+        Root mean square distances between measured and predicted edges, pixels.
+    body : str
+        The kind of body that was fitted.
+    noise : dict
+        Noise levels that the residuals show, by name.
+    left_out : dict
+        Numbers of detections that took no part, by reason.
+    problems : list of str
+        Masks that could not be read.
+    seconds : float
+        The time that the library took, without the conversion of arrays.
+    """
+
+    object_ids: NDArray[Any]
+    categories: list[str | None]
+    status: NDArray[np.str_]
+    centers: NDArray[np.float64]
+    semi_axes: NDArray[np.float64]
+    quaternions: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    enclosing_semi_axes: NDArray[np.float64]
+    body_axes: NDArray[np.float64]
+    enclosing_body_axes: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    covariance_coordinates: list[str | None]
+    center_sd: NDArray[np.float64]
+    views_used: NDArray[np.int64]
+    rms_residuals: NDArray[np.float64]
+    warnings: list[list[str]]
+    object_indices: NDArray[np.int64]
+    inliers: NDArray[np.bool_]
+    residuals: NDArray[np.float64]
+    body: str
+    noise: dict[str, float]
+    left_out: dict[str, int]
+    problems: list[str]
+    seconds: float
+    _localized: _core.Localized = field()
+
+    @classmethod
+    def _of(cls, localized: _core.Localized, ids: str = "found") -> Estimates:
+        """The arrays of a result; `ids` tells whether they are "numbers", "texts" (sorted both) or as "found"."""
+        found = localized.arrays()
+        names: list[str] = found["object_ids"]
+        object_ids: NDArray[Any] = np.array(names, dtype=np.str_)
+        order = np.arange(len(names))
+        if ids != "found":
+            if ids == "numbers":
+                object_ids = np.array([int(name) for name in names], dtype=np.int64)
+            order = np.argsort(object_ids, kind="stable")
+        in_order = bool((order[1:] > order[:-1]).all())
+        places = np.empty(len(names) + 1, dtype=np.int64)
+        places[order], places[-1] = np.arange(len(names)), -1
+
+        def rows(name: str) -> NDArray[Any]:
+            values: NDArray[Any] = found[name]
+            shaped = values.reshape(len(names), *_WIDTHS.get(name, ()))
+            return shaped if in_order else shaped[order]
+
+        def items(name: str) -> list[Any]:
+            return [found[name][k] for k in order]
+
+        left_out = zip(("without_object", "occluded_or_truncated", "beyond_lens"), localized.left_out, strict=True)
+        return cls(
+            object_ids=object_ids[order],
+            categories=items("categories"),
+            status=np.array(items("status"), dtype=np.str_),
+            centers=rows("centers"),
+            semi_axes=rows("semi_axes"),
+            quaternions=rows("quaternions"),
+            rotations=rows("rotations"),
+            enclosing_semi_axes=rows("enclosing_semi_axes"),
+            body_axes=rows("body_axes"),
+            enclosing_body_axes=rows("enclosing_body_axes"),
+            covariances=rows("covariances"),
+            covariance_coordinates=items("covariance_coordinates"),
+            center_sd=rows("center_sd"),
+            views_used=rows("views_used"),
+            rms_residuals=rows("residuals_px"),
+            warnings=items("warnings"),
+            object_indices=places[found["object_indices"]],
+            inliers=found["inliers"],
+            residuals=found["detection_residuals_px"],
+            body=localized.body,
+            noise=json.loads(localized.noise_json),
+            left_out=dict(left_out),
+            problems=localized.problems,
+            seconds=localized.seconds,
+            _localized=localized,
+        )
+
+    def __len__(self) -> int:
+        """Number of objects."""
+        return len(self.object_ids)
+
+    def __repr__(self) -> str:
+        return f"<quadlift.Estimates: {int(self.ok.sum())} of {len(self)} objects localised, {self.body}>"
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Which objects have a body, shape (N,)."""
+        ok: NDArray[np.bool_] = self.status == "ok"
+        return ok
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A table with a row for each object; needs pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns `object`, `category`, `status`, `x`, `y`, `z`, `semi_axis_0` to `_2`, `qw`, `qx`, `qy`, `qz`,
+            `enclosing_semi_axis_0` to `_2`, `center_sd`, `views_used`, `rms_residual_px`.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {"object": self.object_ids, "category": self.categories, "status": self.status}
+        columns |= {name: self.centers[:, k] for k, name in enumerate("xyz")}
+        columns |= {f"semi_axis_{k}": self.semi_axes[:, k] for k in range(3)}
+        columns |= {name: self.quaternions[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
+        columns |= {f"enclosing_semi_axis_{k}": self.enclosing_semi_axes[:, k] for k in range(3)}
+        columns |= {
+            "center_sd": self.center_sd,
+            "views_used": self.views_used,
+            "rms_residual_px": self.rms_residuals,
+        }
+        return pd.DataFrame(columns)
+
+    def to_arrow(self) -> pyarrow.Table:
+        """A table with a row for each object; needs pyarrow.
+
+        Returns
+        -------
+        pyarrow.Table
+            Columns `object`, `category`, `status`, `center`, `semi_axes`, `quaternion`, `enclosing_semi_axes` and
+            `covariance` (lists of fixed sizes 3, 3, 4, 3 and 81; null where there is none), `center_sd`, `views_used`,
+            `rms_residual_px`.
+        """
+        import pyarrow as pa
+
+        def lists(values: NDArray[np.float64]) -> Any:
+            flat = values.reshape(len(self), int(np.prod(values.shape[1:])))
+            none = pa.array(np.isnan(flat).all(axis=1))
+            return pa.FixedSizeListArray.from_arrays(pa.array(flat.reshape(-1)), flat.shape[1], mask=none)
+
+        def numbers(values: NDArray[np.float64]) -> Any:
+            return pa.array(values, from_pandas=True)
+
+        return pa.table(
+            {
+                "object": pa.array(self.object_ids),
+                "category": pa.array(self.categories, pa.string()),
+                "status": pa.array(self.status, pa.string()),
+                "center": lists(self.centers),
+                "semi_axes": lists(self.semi_axes),
+                "quaternion": lists(self.quaternions),
+                "enclosing_semi_axes": lists(self.enclosing_semi_axes),
+                "covariance": lists(self.covariances),
+                "center_sd": numbers(self.center_sd),
+                "views_used": pa.array(self.views_used),
+                "rms_residual_px": numbers(self.rms_residuals),
+            }
+        )
+
+    def to_scene(self) -> Scene:
+        """The cameras and frames with the estimates as objects, as the program writes it.
+
+        Returns
+        -------
+        Scene
+            Without detections, unless their identities were found.
+        """
+        from ._scene import Scene
+
+        return Scene(self._localized.to_scene())
+
+    def report(self, path: str | os.PathLike[str], truth: Scene | None = None, *, title: str = "quadlift") -> None:
+        """Writes a page that shows the result in any browser.
+
+        Parameters
+        ----------
+        path : path-like
+            The page, an HTML file.
+        truth : Scene, optional
+            A scene whose objects are the truth, shown beside the estimates.
+        title : str
+            Title of the page.
+        """
+        page = self._localized.report(title, None if truth is None else truth._core)
+        _core.write_text(path, page)
+
+    def _repr_html_(self) -> str:
+        return frame(self._localized.report("quadlift", None))
+
+
+def frame(page: str) -> str:
+    """A page as it stands in a notebook."""
+    return (
+        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" loading="lazy" '
+        'style="width: 100%; height: 640px; border: 0"></iframe>'
+    )
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Scores of estimates against the truth.
+
+    Angles are radians, lengths world units, shares from 0 to 1. A failed estimation has an overlap of 0.
+
+    Attributes
+    ----------
+    objects : list of dict
+        Of each true object: `id`, `estimate`, `status`, `has_body`, and the scores `iou3d`, `iou3d_enclosing`,
+        `cuboid_iou3d`, `cuboid_iou3d_enclosing`, `theta_err`, `rotation_error`, `center_error`, `size_error`,
+        `ellipse_reprojection_iou`, `box_reprojection_iou`; None where there is nothing to compare.
+    mean : dict
+        Means of these scores over the objects that have them.
+    failures : int
+        Number of true objects without an estimated body.
+    unmatched : list of str
+        Estimates that are paired with no true object.
+    matched_by : str
+        ``"ids"`` or ``"overlap"``.
+    """
+
+    objects: list[dict[str, Any]]
+    mean: dict[str, float | None]
+    failures: int
+    unmatched: list[str]
+    matched_by: str

@@ -1,0 +1,109 @@
+"""The one call: arrays in, arrays out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _options
+from ._estimates import Estimates
+from ._scene import Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+    from typing_extensions import Unpack
+
+
+def localize(
+    *,
+    projections: ArrayLike | None = None,
+    intrinsics: ArrayLike | None = None,
+    cam_from_world: ArrayLike | None = None,
+    image_sizes: ArrayLike | None = None,
+    frame: ArrayLike,
+    boxes: ArrayLike | None = None,
+    ellipses: ArrayLike | None = None,
+    masks: Sequence[Any] | None = None,
+    object: ArrayLike | None = None,
+    scores: ArrayLike | None = None,
+    categories: ArrayLike | None = None,
+    up: ArrayLike | None = None,
+    length_unit: str | None = None,
+    **options: Unpack[_options.Options],
+) -> Estimates:
+    """Localises all objects that M detections in F posed images show.
+
+    Parameters
+    ----------
+    projections : array_like, shape (F, 3, 4)
+        World to pixels. Either these, or `intrinsics` and `cam_from_world`.
+    intrinsics : array_like, shape (3, 3) or (F, 3, 3)
+        Pinhole cameras ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels: one for all frames or one for each.
+    cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
+        Poses ``[R | t]``, world to camera, OpenCV's axes.
+    image_sizes : array_like, shape (2,) or (F, 2), optional
+        Width and height in pixels. Without them no box edge counts as cut off by the border of the image.
+    frame : array_like of int, shape (M,)
+        Indices of the detections' frames, 0 to F - 1.
+    boxes : array_like, shape (M, 4), optional
+        ``[x0, y0, x1, y1]`` in pixels; a row of NaN stands for none.
+    ellipses : array_like, shape (M, 5), optional
+        Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
+        stands for none. Each detection needs a box or an ellipse.
+    masks : sequence of (H, W) arrays or None, length M, optional
+        Non-zero where the object is; for ``observations="mask"``.
+    object : array_like of int or str, shape (M,), optional
+        The objects that the detections show; negative numbers, None and "" stand for unknown. Where any is unknown, or
+        without this argument, quadlift finds out which detections show the same object.
+    scores : array_like, shape (M,), optional
+        Scores of the detector; NaN stands for none.
+    categories : array_like of int or str, shape (M,), optional
+        Categories.
+    up : array_like, shape (3,), optional
+        World direction against gravity.
+    length_unit : str, optional
+        World unit; ``"m"`` is needed for ``priors="builtin"``.
+    **options : Options
+        The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `associate`, `ids`,
+        `min_views`, `ground_plane`, `camera_height`, `pose_noise`, `reg_lambda`, `seed`, `threads`, `progress`.
+
+    Returns
+    -------
+    Estimates
+        In ascending order of the objects where all were given.
+
+    Raises
+    ------
+    QuadliftError
+        Names the argument, what was found and what was expected. A single object that cannot be solved is no error but
+        has a status.
+
+    Notes
+    -----
+    Other threads of Python go on meanwhile, and Ctrl-C works.
+    """
+    scene = Scene.from_arrays(
+        projections=projections,
+        intrinsics=intrinsics,
+        cam_from_world=cam_from_world,
+        image_sizes=image_sizes,
+        up=up,
+        length_unit=length_unit,
+    ).with_detections(
+        frame=frame,
+        boxes=boxes,
+        ellipses=ellipses,
+        masks=masks,
+        object=object,
+        scores=scores,
+        categories=categories,
+    )
+    keywords, threads, progress = _options.split(options, "localize")
+    localized = scene._core.localize(keywords, threads, progress)
+    ids = "found"
+    if object is not None and not localized.associated:
+        ids = "numbers" if np.asarray(object).dtype.kind in "iuf" else "texts"
+    return Estimates._of(localized, ids)

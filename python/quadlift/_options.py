@@ -1,0 +1,149 @@
+"""The options of a localisation: those of the program, with its defaults."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, TypedDict
+
+import numpy as np
+
+from . import _checks
+from ._core import QuadliftError
+
+Progress = Callable[[int, int], object]
+Ids = Literal["trust", "evidence", "ignore"]
+
+
+class Prior(TypedDict, total=False):
+    """What is known beforehand about the objects of a category."""
+
+    size: tuple[float, float, float]
+    """Length, width, height: full extents in world units; with `size_sd`."""
+    size_sd: tuple[float, float, float]
+    """Their standard deviations."""
+    upright_sd: float
+    """Standard deviation of the angle between the vertical axis and the scene's `up`, radians."""
+    on_ground: bool
+    """Whether the objects stand on a common ground."""
+
+
+class Options(TypedDict, total=False):
+    """Options of `localize` and `Scene.localize`; those that are left out have the program's defaults."""
+
+    method: Literal["map", "planes", "lfd", "pfd", "reg"]
+    """Estimator: `map` (refinement, the best; the default), `planes`, `lfd` and `pfd` (closed forms), `reg`."""
+    body: str
+    """`ellipsoid`, `cuboid`, `superellipsoid:Q` (Q from 1, cuboid, to 2, ellipsoid) or `auto` (the default)."""
+    source: str | None
+    """Take the detections of this source only; needed when the scene has several."""
+    observations: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
+    """Which measurements of a detection are used (`auto`: what it has)."""
+    associate: Literal["auto", "never", "always"]
+    """Find out first which detections show the same object: where some name none (`auto`), not at all or always."""
+    ids: Ids | None
+    """What ids that detections have are worth then (`trust`; with `associate="always"`: `evidence`)."""
+    priors: str | os.PathLike[str] | Mapping[str, Prior] | None
+    """What is known about categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
+    min_views: int
+    """Objects with fewer views are not localised."""
+    max_occluded: float | None
+    """Leave out detections that are more occluded (KITTI's levels)."""
+    max_truncated: float | None
+    """Leave out detections that are more truncated."""
+    ground_plane: bool
+    """All objects stand on a common ground plane; needs the scene's `up`."""
+    camera_height: float | None
+    """Height of the cameras above the ground plane, world units."""
+    pose_noise: tuple[float, float] | None
+    """The poses may be wrong: standard deviations of each frame's turn (radians) and shift (world units)."""
+    reg_lambda: float | None
+    """Weight of the regulariser of `method="reg"` (default 1e16)."""
+    seed: int
+    """Seed of everything that is drawn at random."""
+    threads: int | None
+    """Number of threads (default: one per core); the result does not depend on it."""
+    progress: Progress | None
+    """Called with the number of objects done and their total, a few times a second."""
+
+
+DEFAULTS: dict[str, Any] = {
+    "method": "map",
+    "body": "auto",
+    "source": None,
+    "observations": "auto",
+    "associate": "auto",
+    "ids": None,
+    "priors": None,
+    "min_views": 0,
+    "max_occluded": None,
+    "max_truncated": None,
+    "ground_plane": False,
+    "camera_height": None,
+    "pose_noise": None,
+    "reg_lambda": None,
+    "seed": 0,
+}
+
+
+def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, Progress | None]:
+    """The keywords of the core, the number of threads and the progress callback."""
+    given: dict[str, Any] = dict(options)
+    threads, progress = threads_and_progress(given.pop("threads", None), given.pop("progress", None))
+    for name in given:
+        if name not in DEFAULTS:
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
+    keywords = {**DEFAULTS, **given}
+    for name in ("method", "body", "observations", "associate"):
+        _checks.text(name, keywords[name])
+    for name in ("source", "ids"):
+        if keywords[name] is not None:
+            _checks.text(name, keywords[name])
+    for name in ("max_occluded", "max_truncated", "camera_height", "reg_lambda"):
+        if keywords[name] is not None:
+            keywords[name] = _checks.number(name, keywords[name])
+    if keywords["pose_noise"] is not None:
+        keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
+    if not isinstance(keywords["ground_plane"], bool | np.bool_):
+        raise QuadliftError(f"ground_plane is {keywords['ground_plane']!r}; expected True or False")
+    keywords["ground_plane"] = bool(keywords["ground_plane"])
+    keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
+    keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
+    keywords["priors"], keywords["priors_text"] = _priors(keywords["priors"])
+    return keywords, threads, progress
+
+
+def threads_and_progress(threads: Any, progress: Any) -> tuple[int | None, Progress | None]:
+    """Checks both."""
+    if threads is not None:
+        threads = _checks.whole("threads", threads, 1, 1024)
+    if progress is not None and not callable(progress):
+        raise QuadliftError(f"progress is {progress!r}; expected a function of two numbers")
+    return threads, progress
+
+
+def _priors(priors: Any) -> tuple[str | None, str | None]:
+    """A path or "builtin", and the text of a TOML file."""
+    if priors is None:
+        return None, None
+    if isinstance(priors, str | os.PathLike):
+        return os.fspath(priors), None
+    if not isinstance(priors, Mapping):
+        raise QuadliftError(f'priors is a {type(priors).__name__}; expected "builtin", a path or a mapping')
+    lines = []
+    for category, prior in priors.items():
+        # A list and a text of JSON are ones of TOML too.
+        lines.append(f"[{json.dumps(_checks.text('a category of priors', category))}]")
+        if not isinstance(prior, Mapping):
+            raise QuadliftError(f"priors[{category!r}] is a {type(prior).__name__}; expected a mapping")
+        for key, value in prior.items():
+            place = f"priors[{category!r}][{key!r}]"
+            if isinstance(value, bool):
+                value = json.dumps(value)
+            elif np.ndim(value) == 1:
+                value = json.dumps(_checks.array(place, value, ("3",)).tolist())
+            else:
+                value = repr(_checks.number(place, value))
+            lines.append(f"{json.dumps(key)} = {value}")
+    return None, "\n".join(lines)

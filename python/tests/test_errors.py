@@ -1,0 +1,127 @@
+"""Messages name the argument, what was found and what was expected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import quadlift
+from conftest import Arrays, made_scene
+
+NAN = float("nan")
+
+
+def changed(values: Any, place: Any, value: float) -> Any:
+    copy = np.array(values, dtype=np.float64)
+    copy[place] = value
+    return copy
+
+
+MADE = made_scene(objects=2, views=5)
+# Arguments that replace the right ones, and the message.
+CASES: dict[str, tuple[dict[str, Any], str]] = {
+    "shape of boxes": ({"boxes": np.zeros((10, 3))}, "boxes has the shape (10, 3); expected (M, 4)"),
+    "rows of boxes": ({"boxes": MADE.boxes[:7]}, "boxes has 7 rows; expected 10, as many as frame"),
+    "dtype of boxes": ({"boxes": np.full((10, 4), "a")}, "boxes has the dtype <U1; expected real numbers"),
+    "complex": ({"boxes": np.zeros((10, 4), complex)}, "boxes has the dtype complex128; expected real numbers"),
+    "ragged": ({"boxes": [[1, 2], [3]]}, "boxes is no array:"),
+    "nan in projections": (
+        {"projections": changed(MADE.projections, (1, 2, 3), NAN)},
+        "projections[1, 2, 3] is nan; expected a finite number",
+    ),
+    "part of a box": ({"boxes": changed(MADE.boxes, (3, 0), NAN)}, "boxes[3]: the box"),
+    "infinite box": (
+        {"boxes": changed(MADE.boxes, (3, 0), np.inf)},
+        "boxes[3, 0] is inf; expected a finite number",
+    ),
+    "reversed box": ({"boxes": MADE.boxes[:, [2, 1, 0, 3]]}, "boxes[0]: the box"),
+    "no box": ({"boxes": changed(MADE.boxes, 4, NAN)}, "row 4 has neither a box nor an ellipse"),
+    "nothing measured": ({"boxes": None}, "expected boxes or ellipses; found none of them"),
+    "frame": ({"frame": np.arange(10)}, "frame[5] is 5; expected 0 to 4: there are 5 frames"),
+    "negative frame": ({"frame": -np.ones(10, int)}, "frame[0] is -1; expected 0 to 4: there are 5 frames"),
+    "dtype of frame": ({"frame": MADE.frame * 1.0}, "frame has the dtype float64; expected whole numbers"),
+    "no frames": (
+        {"projections": np.zeros((0, 3, 4)), "image_sizes": None},
+        "frame[0] is 0; there are no frames",
+    ),
+    "twice": ({"object": np.zeros(10, int)}, "is detected twice in frame"),
+    "object": ({"object": np.linspace(0, 1, 10)}, "object has the dtype float64; expected whole numbers or texts"),
+    "rows of object": ({"object": [1]}, "object has 1 rows; expected 10, as many as frame"),
+    "objects": ({"object": [()] * 10}, "object has the shape (10, 0); expected (M,)"),
+    "singular": ({"projections": np.zeros((5, 3, 4))}, "projections[0]: the left 3x3 block"),
+    "no cameras": ({"projections": None}, "expected projections, or intrinsics and cam_from_world; found none of them"),
+    "half a camera": (
+        {"projections": None, "intrinsics": np.eye(3)},
+        "expected projections, or intrinsics and cam_from_world; found intrinsics",
+    ),
+    "two cameras": ({"intrinsics": np.eye(3)}, "expected either projections, or intrinsics and cam_from_world"),
+    "skew": (
+        {"projections": None, "intrinsics": np.ones((3, 3)), "cam_from_world": np.zeros((5, 3, 4))},
+        "intrinsics[0]: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
+    ),
+    "no rotation": (
+        {"projections": None, "intrinsics": np.eye(3), "cam_from_world": np.ones((5, 3, 4))},
+        "the 3x3 part of cam_from_world is not a rotation",
+    ),
+    "last row": (
+        {"projections": None, "intrinsics": np.eye(3), "cam_from_world": np.ones((5, 4, 4))},
+        "the last row of cam_from_world[0] is no [0, 0, 0, 1]",
+    ),
+    "image sizes": ({"image_sizes": (0, 480)}, "image_sizes holds a number that is not positive"),
+    "ellipses": ({"ellipses": np.zeros((10, 5))}, "ellipses[0]: the conic is not an ellipse"),
+    "masks": ({"masks": [np.zeros(3)] * 10}, "masks[0] has the shape (3,)"),
+    "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
+    "empty": ({"frame": [], "boxes": np.zeros((0, 4)), "object": []}, "there is nothing to localise"),
+    "no objects": ({"object": -np.ones(10, int), "associate": "never"}, "10 detections name no object"),
+    "method": ({"method": "magic"}, 'method is "magic"; expected one of "map", "planes"'),
+    "body": ({"body": "ball"}, 'body is "ball"; expected "auto", "ellipsoid"'),
+    "exponent": ({"body": "superellipsoid:3"}, "the support exponent of a superellipsoid is 3"),
+    "method of a body": ({"method": "lfd", "body": "cuboid"}, "only the method map fits bodies other than ellipsoids"),
+    "method of priors": ({"method": "lfd", "priors": "builtin"}, 'priors is an argument of method="map" only'),
+    "lambda": ({"reg_lambda": 1.0}, 'reg_lambda is an argument of method="reg" only'),
+    "seed": ({"seed": -1}, "seed is -1; expected a whole number from 0"),
+    "threads": ({"threads": 0}, "threads is 0; expected a whole number from 1 to 1024"),
+    "min_views": ({"min_views": 2.5}, "min_views is 2.5; expected a whole number from 0 to"),
+    "pose_noise": ({"pose_noise": (0.0, 1.0)}, "standard deviations of the pose noise"),
+    "pose_noise, shape": ({"pose_noise": 1.0}, "pose_noise has the shape ()"),
+    "ground": ({"ground_plane": True}, 'the ground plane needs to know where up is; give the scene an "up"'),
+    "priors without unit": ({"priors": "builtin"}, "the length unit of the scene is not given"),
+    "priors": ({"priors": {"cup": {"size": (1, 2, 3)}}}, "size without size_sd"),
+    "priors, key": ({"priors": {"cup": {"sizes": (1, 2, 3)}}}, "sizes"),
+    "progress": ({"progress": 3}, "progress is 3; expected a function of two numbers"),
+    "source": ({"source": "yolo"}, 'there are no detections of the source "yolo"'),
+}
+
+
+@pytest.mark.parametrize("name", list(CASES))
+def test_wrong_arguments(name: str) -> None:
+    arguments, message = CASES[name]
+    with pytest.raises(quadlift.QuadliftError) as caught:
+        quadlift.localize(**{**MADE.arguments(), **arguments})
+    text = str(caught.value)
+    assert message in text
+    assert "panic" not in text
+    assert isinstance(caught.value, ValueError)
+
+
+def test_unknown_keywords(made: Arrays) -> None:
+    wrong: dict[str, Any] = {"lamda": 3}
+    with pytest.raises(TypeError, match=r"localize\(\) got an unexpected keyword argument 'lamda'"):
+        quadlift.localize(**made.arguments(), **wrong)
+
+
+def test_files(tmp_path: Path) -> None:
+    with pytest.raises(quadlift.QuadliftError, match="no such file"):
+        quadlift.Scene.read(tmp_path / "missing.json")
+    path = tmp_path / "scene.json"
+    path.write_text('{"format": "quadlift.scene", "version": 1,\n "frames": [{"id": 3}]}')
+    with pytest.raises(quadlift.QuadliftError, match=r"scene\.json:2:.*frames\[0\]\.id"):
+        quadlift.Scene.read(path)
+    with pytest.raises(quadlift.QuadliftError, match="cannot write"):
+        quadlift.Scene.from_arrays(projections=MADE.projections).write(tmp_path / "no" / "scene.json")
+    scene = quadlift.Scene.from_arrays(projections=MADE.projections)
+    with pytest.raises(quadlift.QuadliftError, match="the truth holds no objects"):
+        scene.evaluate(scene)

@@ -1,0 +1,221 @@
+"""Arrays in, arrays out: what comes out, and that shapes and types make no difference."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import quadlift
+from conftest import Arrays, made_scene, made_truth
+
+
+def test_exact_boxes_give_the_true_bodies(made: Arrays) -> None:
+    estimates = quadlift.localize(**made.arguments(), body="ellipsoid")
+    centers, semi_axes = made_truth()
+    assert len(estimates) == 4
+    assert estimates.ok.all()
+    np.testing.assert_allclose(estimates.centers, centers, atol=0.02)
+    np.testing.assert_allclose(np.sort(estimates.semi_axes), semi_axes, atol=0.05)
+    for quaternion, rotation in zip(estimates.quaternions, estimates.rotations, strict=True):
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        w, x, y, z = quaternion
+        assert rotation[1, 0] == pytest.approx(2.0 * (x * y + w * z), abs=1e-12)
+    assert estimates.covariances.shape == (4, 9, 9)
+    np.testing.assert_array_equal(estimates.covariances, np.swapaxes(estimates.covariances, 1, 2))
+    assert (estimates.enclosing_semi_axes >= estimates.semi_axes).all()
+    assert estimates.views_used.tolist() == [6] * 4
+    assert estimates.object_indices.tolist() == made.object.tolist()
+    assert estimates.inliers.all()
+    assert (estimates.residuals < 1.0).all()
+
+
+def test_a_wrong_box_is_an_outlier() -> None:
+    made = made_scene(objects=3, views=12)
+    made.boxes[5] += [150.0, 100.0, 180.0, 120.0]
+    estimates = quadlift.localize(**made.arguments())
+    assert np.flatnonzero(~estimates.inliers).tolist() == [5]
+
+
+def test_objects_come_in_ascending_order(made: Arrays) -> None:
+    arguments = made.arguments()
+    expected = quadlift.localize(**arguments)
+    relabelled = np.array([30, 10, 20, 5])[made.object]
+    found = quadlift.localize(**{**arguments, "object": relabelled})
+    assert found.object_ids.tolist() == [5, 10, 20, 30]
+    np.testing.assert_array_equal(found.centers, expected.centers[[3, 1, 2, 0]])
+    np.testing.assert_array_equal(found.object_ids[found.object_indices], relabelled)
+    words = quadlift.localize(**{**arguments, "object": np.array(["d", "b", "c", "a"])[made.object]})
+    assert words.object_ids.tolist() == ["a", "b", "c", "d"]
+    np.testing.assert_array_equal(words.centers, found.centers)
+
+
+def test_without_objects_they_are_found(made: Arrays) -> None:
+    estimates = quadlift.localize(**{**made.arguments(), "object": None})
+    assert len(estimates) == 4
+    nearest = [np.linalg.norm(made_truth()[0] - c, axis=1).min() for c in estimates.centers]
+    assert max(nearest) < 0.1
+    # Ids that some detections have are kept.
+    partly = made.object.copy()
+    partly[::5] = -1
+    kept = quadlift.localize(**{**made.arguments(), "object": partly})
+    assert sorted(kept.object_ids.tolist()) == ["0", "1", "2", "3"]
+    never = quadlift.localize(**{**made.arguments(), "object": partly}, associate="never")
+    assert never.object_ids.tolist() == [0, 1, 2, 3]
+    assert never.left_out["without_object"] == 5
+    assert (never.object_indices[::5] == -1).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    dtype=st.sampled_from([np.float64, np.float32, ">f8", np.float16]),
+    index=st.sampled_from([np.int64, np.int32, np.uint8, np.uint64, np.int16]),
+    layout=st.sampled_from(["C", "F", "strided", "reversed", "list"]),
+)
+def test_types_and_layouts_make_no_difference(dtype: Any, index: Any, layout: str) -> None:
+    made = made_scene(objects=2, views=4)
+    # Numbers that every type holds exactly.
+    boxes = np.round(made.boxes).astype(np.float16).astype(np.float64)
+
+    def laid_out(values: Any) -> Any:
+        if layout == "list":
+            return values.tolist()
+        if layout == "strided":
+            wide = np.zeros((2 * values.shape[0], *values.shape[1:]), values.dtype)
+            wide[::2] = values
+            return wide[::2]
+        if layout == "reversed":
+            return np.ascontiguousarray(values[::-1])[::-1]
+        return np.array(values, order="F" if layout == "F" else "C")
+
+    expected = quadlift.localize(**{**made.arguments(), "boxes": boxes}, method="planes")
+    found = quadlift.localize(
+        projections=laid_out(made.projections),
+        image_sizes=laid_out(made.image_sizes),
+        frame=laid_out(made.frame.astype(index)),
+        boxes=laid_out(boxes.astype(dtype)),
+        object=laid_out(made.object.astype(index)),
+        method="planes",
+    )
+    np.testing.assert_array_equal(found.centers, expected.centers)
+    np.testing.assert_array_equal(found.semi_axes, expected.semi_axes)
+
+
+@settings(max_examples=60, deadline=None)
+@given(shape=st.lists(st.integers(0, 6), max_size=4), name=st.sampled_from(["boxes", "projections", "scores", "frame"]))
+def test_wrong_shapes_are_named(shape: list[int], name: str) -> None:
+    made = made_scene(objects=2, views=5)
+    right = {"boxes": (10, 4), "projections": (5, 3, 4), "scores": (10,), "frame": (10,)}[name]
+    value = np.zeros(shape, dtype=np.int64)
+    if tuple(shape) == right:
+        return
+    with pytest.raises(quadlift.QuadliftError, match=name):
+        quadlift.localize(**{**made.arguments(), name: value})
+
+
+def test_intrinsics_and_poses_are_projections(made: Arrays) -> None:
+    k = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+    poses = np.linalg.inv(k) @ made.projections
+    arguments = made.arguments()
+    del arguments["projections"]
+    expected = quadlift.localize(**made.arguments())
+    below = np.tile([0.0, 0.0, 0.0, 1.0], (6, 1, 1))
+    for intrinsics, rows in ((k, poses), (np.tile(k, (6, 1, 1)), poses), (k, np.concatenate([poses, below], axis=1))):
+        found = quadlift.localize(**arguments, intrinsics=intrinsics, cam_from_world=rows)
+        np.testing.assert_allclose(found.centers, expected.centers, atol=1e-6)
+
+
+def test_ellipses_and_masks(made: Arrays) -> None:
+    x0, y0, x1, y1 = made.boxes.T
+    center, half = np.column_stack([x0 + x1, y0 + y1]) / 2, np.column_stack([x1 - x0, y1 - y0]) / 2
+    arguments = made.arguments()
+    ellipses = np.column_stack([center, half, np.zeros(len(half))])
+    found = quadlift.localize(**{**arguments, "boxes": None}, ellipses=ellipses)
+    assert found.ok.all()
+    rows, columns = np.mgrid[:480, :640] + 0.5
+    masks = [
+        ((columns - c[0]) / h[0]) ** 2 + ((rows - c[1]) / h[1]) ** 2 <= 1.0 for c, h in zip(center, half, strict=True)
+    ]
+    masked = quadlift.localize(**arguments, masks=masks, observations="mask")
+    np.testing.assert_allclose(masked.centers, found.centers, atol=0.1)
+
+
+def test_tables(made: Arrays) -> None:
+    pytest.importorskip("pandas")
+    pa = pytest.importorskip("pyarrow")
+    # The last object has a single view, and no body.
+    keep = (made.object < 3) | (made.frame == 0)
+    arguments = {**made.arguments(), "frame": made.frame[keep], "boxes": made.boxes[keep], "object": made.object[keep]}
+    estimates = quadlift.localize(**arguments, categories=["cup"] * int(keep.sum()))
+    assert estimates.status.tolist() == ["ok", "ok", "ok", "too_few_views"]
+    frame = estimates.to_pandas()
+    assert frame["object"].tolist() == [0, 1, 2, 3]
+    assert frame["category"].tolist() == ["cup"] * 4
+    np.testing.assert_array_equal(frame[["x", "y", "z"]].to_numpy(), estimates.centers)
+    table = estimates.to_arrow()
+    assert table["semi_axes"].to_pylist() == [*estimates.semi_axes[:3].tolist(), None]
+    assert table["covariance"].type == pa.list_(pa.float64(), 81)
+    assert table["rms_residual_px"].null_count == 1
+
+
+def test_progress_is_told_and_other_threads_go_on(made: Arrays) -> None:
+    told: list[tuple[int, int]] = []
+    quadlift.localize(**made.arguments(), progress=lambda done, total: told.append((done, total)))
+    assert told[-1] == (4, 4)
+    assert told == sorted(told)
+
+
+class _StopError(Exception):
+    pass
+
+
+def _large() -> dict[str, Any]:
+    """Some seconds of work."""
+    made = made_scene(objects=40, views=200)
+    return made.arguments()
+
+
+def test_an_exception_in_the_callback_ends_the_work() -> None:
+    def stop(done: int, total: int) -> None:
+        raise _StopError
+
+    with pytest.raises(_StopError):
+        quadlift.localize(**_large(), progress=stop, threads=1)
+
+
+def test_ctrl_c_ends_the_work() -> None:
+    arguments = _large()
+
+    def work() -> None:
+        for _ in range(100):
+            quadlift.localize(**arguments, threads=1)
+
+    timer = threading.Timer(0.02, lambda: signal.raise_signal(signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    timer.join()
+
+
+def test_threads_do_not_change_the_result(made: Arrays) -> None:
+    one, two = (quadlift.localize(**made.arguments(), threads=n) for n in (1, 2))
+    np.testing.assert_array_equal(one.covariances, two.covariances)
+    assert not math.isnan(one.seconds)
+
+
+def test_the_order_of_the_detections_makes_no_difference() -> None:
+    made = made_scene(objects=3, views=12)
+    made.boxes[5] += [150.0, 100.0, 180.0, 120.0]
+    expected = quadlift.localize(**made.arguments())
+    order = np.random.default_rng(3).permutation(len(made.frame))
+    rows = {name: getattr(made, name)[order] for name in ("frame", "boxes", "object")}
+    found = quadlift.localize(**{**made.arguments(), **rows})
+    np.testing.assert_array_equal(found.inliers, expected.inliers[order])
+    np.testing.assert_allclose(found.residuals, expected.residuals[order], rtol=1e-3)
+    assert not expected.inliers.all()

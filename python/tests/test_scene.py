@@ -1,0 +1,166 @@
+"""Files, and what other packages give."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import quadlift
+from conftest import ROOT, Arrays, made_scene
+
+COLMAP = ROOT / "docs/data/tutorial-colmap-yolo"
+
+
+@pytest.fixture
+def cameras(made: Arrays) -> quadlift.Scene:
+    return quadlift.Scene.from_arrays(
+        projections=made.projections, image_sizes=(640, 480), frame_ids=[f"images/{k:03}.jpg" for k in range(6)]
+    )
+
+
+def test_arrays_survive_the_file(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
+    names = np.array(["a", "b", "", "d"], dtype=object)[made.object]
+    scene = cameras.with_detections(
+        frame=made.frame,
+        boxes=made.boxes,
+        object=names,
+        scores=np.linspace(0, 1, 24),
+        categories=["cup"] * 24,
+        source="y",
+    )
+    scene.write(tmp_path / "scene.json")
+    back = quadlift.Scene.read(tmp_path / "scene.json")
+    assert back.to_dict() == scene.to_dict()
+    assert quadlift.Scene.from_dict(scene.to_dict()).to_dict() == scene.to_dict()
+    assert (len(back), back.object_ids, back.frame_ids[1]) == (24, ["a", "b", "d"], "images/001.jpg")
+    first, third = scene.to_dict()["detections"][0], scene.to_dict()["detections"][2]
+    assert first == {
+        "frame": "images/000.jpg",
+        "object": "a",
+        "category": "cup",
+        "source": "y",
+        "score": 0.0,
+        "box": made.boxes[0].tolist(),
+    }
+    assert "object" not in third
+    # The scene that was extended is as it was.
+    assert len(cameras) == 0
+    assert repr(back) == "<quadlift.Scene: 6 frames, 24 detections, 0 objects>"
+
+
+def test_pages(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
+    scene = cameras.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    estimates = scene.localize()
+    scene.report(tmp_path / "scene.html")
+    estimates.report(tmp_path / "estimates.html", title="Cups <&>")
+    for name in ("scene.html", "estimates.html"):
+        assert "report-data" in (tmp_path / name).read_text()
+    cell = estimates._repr_html_()
+    assert cell.startswith("<iframe srcdoc=")
+    assert cell.count('"') == 8 + cell.split("srcdoc=")[0].count('"')
+    assert "<script" not in cell
+
+
+def detections_of(made: Arrays, frame: int, **more: Any) -> Any:
+    rows = made.frame == frame
+    count = int(rows.sum())
+    fields = {
+        "xyxy": made.boxes[rows],
+        "mask": None,
+        "confidence": np.full(count, 0.5, np.float32),
+        "class_id": np.zeros(count, int),
+        "tracker_id": made.object[rows],
+        "data": {"class_name": np.array(["cup"] * count)},
+    }
+    return SimpleNamespace(**{**fields, **more})
+
+
+def test_supervision(made: Arrays, cameras: quadlift.Scene) -> None:
+    detections = [detections_of(made, k) for k in range(6)]
+    scene = quadlift.Scene.from_supervision(detections, cameras)
+    assert scene.object_ids == ["t0", "t1", "t2", "t3"]
+    assert {d["category"] for d in scene.to_dict()["detections"]} == {"cup"}
+    expected = quadlift.localize(**made.arguments())
+    np.testing.assert_array_equal(scene.localize().centers, expected.centers)
+    by_name = dict(zip(cameras.frame_ids[:4], detections, strict=False))
+    assert len(quadlift.Scene.from_supervision(by_name, cameras)) == 16
+    # Empty frames, no tracks, no classes, masks.
+    empty = detections_of(made, 99, tracker_id=None, class_id=None, data={}, confidence=None)
+    assert len(quadlift.Scene.from_supervision([empty] * 6, cameras)) == 0
+    plain = detections_of(made, 0, tracker_id=None, data={}, mask=np.ones((4, 480, 640), bool))
+    found = quadlift.Scene.from_supervision({cameras.frame_ids[0]: plain}, cameras).to_dict()["detections"]
+    assert found[0]["category"] == "0"
+    assert found[0]["mask"]["rle"] == {"size": [480, 640], "counts": [0, 480 * 640]}
+    with pytest.raises(quadlift.QuadliftError, match="there are 2 detections; expected 6"):
+        quadlift.Scene.from_supervision(detections[:2], cameras)
+    with pytest.raises(quadlift.QuadliftError, match='unknown frame "x"'):
+        quadlift.Scene.from_supervision({"x": plain}, cameras)
+
+
+def test_ultralytics(made: Arrays, cameras: quadlift.Scene) -> None:
+    def result(frame: int, path: str) -> Any:
+        rows = made.frame == frame
+        boxes = SimpleNamespace(
+            xyxy=made.boxes[rows], conf=np.full(4, 0.9), cls=np.zeros(4), id=made.object[rows].astype(float)
+        )
+        return SimpleNamespace(path=path, names={0: "cup"}, boxes=boxes)
+
+    # In any order: the names of the files tell which frame it is.
+    results = [result(k, f"/data/{k:03}.png") for k in reversed(range(6))]
+    scene = quadlift.Scene.from_ultralytics(results, cameras)
+    assert sorted(scene.object_ids) == ["t0", "t1", "t2", "t3"]
+    assert scene.to_dict()["detections"][0]["frame"] == "images/005.jpg"
+    with pytest.raises(quadlift.QuadliftError, match=r"no single frame has the name of the image 9\.jpg"):
+        quadlift.Scene.from_ultralytics([result(0, "9.jpg")], cameras)
+
+
+def test_colmap_and_files_of_detectors() -> None:
+    models = list(COLMAP.rglob("cameras.txt")) + list(COLMAP.rglob("cameras.bin"))
+    assert models
+    model = models[0].parent
+    cameras = quadlift.Scene.from_colmap(model)
+    assert cameras.frame_ids
+    labels = next(COLMAP.rglob("labels"))
+    scene = quadlift.Scene.from_detections(labels, cameras)
+    assert len(scene) > 0
+    assert scene.localize().ok.any()
+
+    # A reconstruction that can write itself.
+    class Reconstruction:
+        def write(self, folder: str) -> None:
+            for name in ("cameras", "images"):
+                for source in model.glob(f"{name}.*"):
+                    (Path(folder) / source.name).write_bytes(source.read_bytes())
+
+    assert quadlift.Scene.from_colmap(Reconstruction()).to_dict() == cameras.to_dict()
+    with pytest.raises(quadlift.QuadliftError, match=r"expected a path or a pycolmap\.Reconstruction"):
+        quadlift.Scene.from_colmap(3)
+
+
+def test_coco(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
+    images = [{"id": k, "file_name": f"{k:03}.jpg", "width": 640, "height": 480} for k in range(6)]
+    annotations = [
+        {"id": k, "image_id": int(f), "category_id": 1, "bbox": [b[0], b[1], b[2] - b[0], b[3] - b[1]]}
+        for k, (f, b) in enumerate(zip(made.frame, made.boxes.tolist(), strict=True))
+    ]
+    document = {"images": images, "annotations": annotations, "categories": [{"id": 1, "name": "cup"}]}
+    path = tmp_path / "coco.json"
+    path.write_text(json.dumps(document))
+    scene = quadlift.Scene.from_coco(path, cameras)
+    assert len(scene) == 24
+    assert len(scene.localize()) == 4
+
+
+def test_priors(made: Arrays) -> None:
+    arguments = {**made_scene(objects=2, views=3).arguments(), "categories": ["my cup"] * 6, "up": (0, 0, 1)}
+    plain = quadlift.localize(**arguments)
+    prior: quadlift.Prior = {"size": (4.0, 4.0, 4.0), "size_sd": (0.01, 0.01, 0.01), "upright_sd": 0.1}
+    pulled = quadlift.localize(**arguments, priors={"my cup": prior})
+    assert (pulled.semi_axes.mean(axis=1) > 1.05 * plain.semi_axes.mean(axis=1)).all()
+    builtin = quadlift.localize(**{**arguments, "categories": ["cup"] * 6}, length_unit="m", priors="builtin")
+    assert not np.array_equal(builtin.semi_axes, plain.semi_axes)
