@@ -1,6 +1,7 @@
-"""Makes recordings with to_rerun.py and reads them back. Run by scripts/test_rerun.sh, which names the program in
-QUADLIFT. Every check is against the scene files, not against what to_rerun.py has computed."""
+"""Makes recordings with `quadlift export rerun` and to_rerun.py and reads them back. Run by scripts/test_rerun.sh,
+which names the program in QUADLIFT. Every check is against the scene files, not against the folder between the two."""
 
+import io
 import json
 import os
 import subprocess
@@ -10,10 +11,8 @@ import unittest
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from rerun.chunk import RrdReader
-
-sys.path.insert(0, str(Path(__file__).parent))
-import to_rerun  # noqa: E402
 
 QUADLIFT = os.environ["QUADLIFT"]
 
@@ -23,8 +22,9 @@ class Recording:
 
     def __init__(self, folder, *files):
         path = folder / "recording.rrd"
-        script = Path(to_rerun.__file__)
-        subprocess.run([sys.executable, script, *files, "-o", path], cwd=folder, check=True)
+        script = Path(__file__).with_name("to_rerun.py")
+        quadlift(folder, "export", "rerun", *files, "-o", "folder")
+        subprocess.run([sys.executable, script, "folder", "-o", path], cwd=folder, check=True)
         subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True)
         self.chunks = RrdReader(str(path)).stream().to_chunks()
 
@@ -49,6 +49,13 @@ def quadlift(folder, *args):
     subprocess.run([QUADLIFT, "-q", *args], cwd=folder, check=True)
 
 
+def block_means(image):
+    """Mean colours of the image's blocks of 8 x 8 pixels."""
+    height, width = image.height // 8, image.width // 8
+    pixels = np.asarray(image.convert("RGB"), dtype=float)[:8 * height, :8 * width]
+    return pixels.reshape(height, 8, width, 8, 3).mean(axis=(1, 3))
+
+
 def read(path):
     return json.loads(path.read_text())
 
@@ -66,7 +73,7 @@ class ToRerun(unittest.TestCase):
         recording = Recording(folder, "scene.json", "estimate.json")
         scene, estimate = read(folder / "scene.json"), read(folder / "estimate.json")
         for entity in ["estimate/ellipsoids", "truth/ellipsoids", "path", "camera", "camera/image",
-                       "camera/image/boxes", "camera/image/outlines"]:
+                       "camera/image/boxes", "camera/image/outlines", "camera/image/true_outlines"]:
             self.assertIn(f"/world/{entity}", recording.entities())
 
         objects = estimate["objects"]
@@ -79,16 +86,32 @@ class ToRerun(unittest.TestCase):
 
         images = recording.values("/world/camera/image", "EncodedImage:blob")
         self.assertEqual([frame for frame, _ in images], [0, 1, 2, 3, 4])
-        first = (folder / scene["frames"][0]["image"]).read_bytes()
-        self.assertEqual(bytes(images[0][1][0]), first)
+        for (_, [blob]), frame in zip(images, scene["frames"]):
+            shown, source = Image.open(io.BytesIO(bytes(blob))), Image.open(folder / frame["image"])
+            self.assertEqual(shown.size, source.size)
+            # JPEG of this quality loses the rendered noise, five levels of each pixel, but not the means of its blocks.
+            np.testing.assert_allclose(block_means(shown), block_means(source), atol=3)
         [fx, fy, cx, cy] = scene["cameras"][0]["params"]
         (_, [pinhole]) = recording.values("/world/camera/image", "Pinhole:image_from_camera")[0]
         # Columns one after another.
         np.testing.assert_allclose(pinhole, [fx, 0, 0, 0, fy, 0, cx, cy, 1], rtol=1e-6)
-        centers = recording.values("/world/camera", "Transform3D:translation")
-        for index, [center] in centers:
-            pose = np.array(scene["frames"][index]["cam_from_world"])
-            np.testing.assert_allclose(pose[:, :3] @ center + pose[:, 3], 0, atol=1e-4)
+        # The camera as the child of the world: [R | t], columns one after another.
+        for index, [translation] in recording.values("/world/camera", "Transform3D:translation"):
+            np.testing.assert_allclose(translation, np.array(scene["frames"][index]["cam_from_world"])[:, 3], rtol=1e-5)
+        for index, [matrix] in recording.values("/world/camera", "Transform3D:mat3x3"):
+            rotation = np.array(scene["frames"][index]["cam_from_world"])[:, :3]
+            np.testing.assert_allclose(np.reshape(matrix, (3, 3)).T, rotation, atol=1e-6)
+        for _, relation in recording.values("/world/camera", "Transform3D:relation"):
+            self.assertEqual(relation, [2])  # ChildFromParent
+
+        edges = {(d["frame"], d["object"]): d["box"] for d in scene["detections"]}
+        names = dict(recording.values("/world/camera/image/boxes", "Boxes2D:labels"))
+        half_sizes = dict(recording.values("/world/camera/image/boxes", "Boxes2D:half_sizes"))
+        for index, centers in recording.values("/world/camera/image/boxes", "Boxes2D:centers"):
+            for name, center, half in zip(names[index], np.array(centers), np.array(half_sizes[index])):
+                expected = edges.pop((scene["frames"][index]["id"], name))
+                np.testing.assert_allclose(np.concatenate([center - half, center + half]), expected, atol=1e-3)
+        self.assertEqual(edges, {})
 
         # The boxes of the outlines give the residuals that the program has computed.
         residuals = {(o["id"], v["frame"]): v["residual_px"] for o in objects for v in o["view_residuals_px"]}
@@ -116,22 +139,40 @@ class ToRerun(unittest.TestCase):
         quadlift(folder, "synth", "-o", "scene.json", "--objects", "3", "--views", "6", "--body", "cuboid")
         quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "cuboid")
         scene = read(folder / "scene.json")
-        cameras = {camera["id"]: camera for camera in scene["cameras"]}
-        frames = [to_rerun.Frame(record, cameras) for record in scene["frames"]]
-        for record, frame in zip(scene["frames"], frames):
+        [camera] = scene["cameras"]
+        fx, fy, cx, cy = camera["params"]
+        k = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+        poses = [np.array(record["cam_from_world"]) for record in scene["frames"]]
+        for index, (record, pose) in enumerate(zip(scene["frames"], poses)):
             # Any scale, also a negative one.
-            record["projection"] = (-0.01 * frame.projection).tolist()
+            record["projection"] = (-0.01 * k @ pose).tolist()
+            record["time"] = 0.5 * index
             del record["camera"], record["cam_from_world"]
-            again = to_rerun.Frame(record, {})
-            np.testing.assert_allclose(again.k, frame.k, rtol=1e-9, atol=1e-6)
-            np.testing.assert_allclose(again.r, frame.r, atol=1e-9)
-            np.testing.assert_allclose(again.t, frame.t, atol=1e-9)
         (folder / "projections.json").write_text(json.dumps(scene))
-        recording = Recording(folder, "projections.json", "estimate.json")
+        recording = Recording(folder, "estimate.json", "projections.json")
+        for _, [matrix] in recording.values("/world/camera/image", "Pinhole:image_from_camera"):
+            np.testing.assert_allclose(np.reshape(matrix, (3, 3)).T, k, rtol=1e-5, atol=1e-3)
+        for index, [translation] in recording.values("/world/camera", "Transform3D:translation"):
+            np.testing.assert_allclose(translation, poses[index][:, 3], rtol=1e-5, atol=1e-5)
         [(_, sizes)] = recording.values("/world/estimate/cuboids", "Boxes3D:half_sizes")
         objects = read(folder / "estimate.json")["objects"]
         np.testing.assert_allclose(sizes, [o["cuboid"]["half_extents"] for o in objects], rtol=1e-6)
         self.assertIn("/world/truth/cuboids", recording.entities())
+        # The twelve edges of each cuboid.
+        strips = recording.values("/world/camera/image/outlines", "LineStrips2D:strips")
+        self.assertEqual([len(lines) for _, lines in strips], [36] * 6)
+        times = [chunk.to_record_batch() for chunk in recording.chunks if chunk.entity_path == "/world/camera"]
+        times = [t.total_seconds() for batch in times for t in batch.column("time").to_pylist()]
+        self.assertEqual(sorted(set(times)), [0, 0.5, 1, 1.5, 2, 2.5])
+
+    def test_a_superellipsoid_is_logged_as_its_ellipsoid(self):
+        folder = self.folder
+        quadlift(folder, "synth", "-o", "scene.json", "--objects", "2", "--views", "6")
+        quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "superellipsoid:1.5")
+        recording = Recording(folder, "scene.json", "estimate.json")
+        [(_, axes)] = recording.values("/world/estimate/ellipsoids", "Ellipsoids3D:half_sizes")
+        objects = read(folder / "estimate.json")["objects"]
+        np.testing.assert_allclose(axes, [o["ellipsoid"]["semi_axes"] for o in objects], rtol=1e-6)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tests examples/to_rerun.py: makes recordings, checks them with `rerun rrd verify` and reads them back. rerun-sdk is
+# Tests `quadlift export rerun` and examples/to_rerun.py: makes recordings, checks them with `rerun rrd verify` and reads them back. rerun-sdk is
 # installed into target/rerun-venv (790 MB) if it is not there; QUADLIFT_SKIP_RERUN=1 skips the test.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -64,6 +64,8 @@ pub struct Gathered {
     pub scene: Scene,
     /// Their images.
     pub images: SceneImages,
+    /// Times of the frames in seconds, where they are known.
+    pub times: Vec<Option<f64>>,
     /// The file that holds estimates.
     pub estimate: Option<(PathBuf, SceneFile)>,
     /// The file that holds the truth.
@@ -98,7 +100,8 @@ impl Gathered {
         }
         let scene = file.to_scene().map_err(|error| error.in_file(path))?;
         let images = file.to_images(path).map_err(|error| error.in_file(path))?;
-        Ok(Self { title: title(path, file), scene, images, estimate, truth })
+        let times = file.frames.iter().map(|frame| frame.time).collect();
+        Ok(Self { title: title(path, file), scene, images, times, estimate, truth })
     }
 
     /// What is shown.

@@ -634,6 +634,14 @@ fn exports() -> Vec<Case> {
         of_truth("frusta of a negative depth", 2, "export ply truth.json -o out.ply --frusta=-1"),
         of_truth("an unknown format", 2, "export obj truth.json -o out.obj"),
         of_truth("Parquet, which the program was built without", 2, "export parquet truth.json -o new"),
+        of_truth("a recording in a folder with files", 1, "export rerun truth.json -o tables"),
+        of_truth("a recording in place of a file", 1, "export rerun truth.json -o calib.txt"),
+        of_truth("a recording in a folder that does not exist", 1, "export rerun truth.json -o no/out"),
+        of_truth("a recording of a file that does not exist", 1, "export rerun truth.json estimate.json -o new"),
+        Case {
+            make: Box::new(|folder| folder.write("scene.json", r#"{"format": "quadlift.scene", "version": 1}"#)),
+            ..called("a recording of nothing", 1, "export rerun scene.json -o new")
+        },
     ]
 }
 

@@ -63,8 +63,7 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<
 /// # Errors
 /// [`WriteError`] when the folder above does not exist, when there is a file or a folder with files of this name, or when
 /// the system or `fill` fails; then nothing is left behind.
-#[cfg(feature = "parquet")]
-pub(crate) fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> Result<(), WriteError>) -> Result<(), WriteError> {
+pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> Result<(), WriteError>) -> Result<(), WriteError> {
     let fail = |error: io::Error| WriteError::new(path, error);
     if path.exists() {
         if !path.is_dir() {
@@ -165,7 +164,6 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "one");
     }
 
-    #[cfg(feature = "parquet")]
     #[test]
     fn folders_appear_as_a_whole() {
         let folder = tempfile::tempdir().unwrap();

@@ -18,7 +18,7 @@ pub mod tables;
 mod wording;
 pub mod write;
 
-pub use atomic::write_file;
+pub use atomic::{write_file, write_folder};
 pub use error::{EntryError, ReadError, WriteError};
 pub use images::{read_image, read_image_size, read_label_image, write_label_image, write_png};
 pub use priors::{builtin_priors, read_priors};

@@ -2,7 +2,8 @@
 //!
 //! Lengths are world units. Pixels are those of the frames' pinhole cameras: lens distortion has been taken out.
 
-use quadlift::geometry::{Cuboid, Ellipsoid, Superellipsoid, quaternion_from_rotation};
+use nalgebra::Point3;
+use quadlift::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid, quaternion_from_rotation, rotation_from_quaternion};
 use serde::Serialize;
 
 /// A report.
@@ -51,6 +52,10 @@ pub struct ReportFrame {
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct ReportDetections {
+    /// Index into [`quadlift::scene::Scene::detections`]; nothing where only the estimate knows of the view. Not in the
+    /// page.
+    #[serde(skip)]
+    pub detection_index: Vec<Option<usize>>,
     /// Index into [`Report::objects`], -1 where the object is not known.
     pub object: Vec<i64>,
     /// 0: not used or not known, 1: used, 2: rejected as an outlier.
@@ -143,6 +148,24 @@ pub struct ScoreRow {
     pub status: Option<String>,
     /// One value for each column.
     pub values: Vec<Option<f64>>,
+}
+
+impl ReportBody {
+    /// The body as one of the library; `None` when the rotation is none.
+    pub fn body(&self) -> Option<Body> {
+        let (center, half) = (Point3::from(self.center), self.half.into());
+        let rotation = rotation_from_quaternion(self.rotation)?;
+        Some(match self.kind {
+            "cuboid" => Body::Cuboid(Cuboid { center, half_extents: half, rotation }),
+            "ellipsoid" => Body::Ellipsoid(Ellipsoid { center, semi_axes: half, rotation }),
+            _ => Body::Superellipsoid(Superellipsoid {
+                center,
+                semi_axes: half,
+                rotation,
+                support_exponent: self.exponent,
+            }),
+        })
+    }
 }
 
 impl From<&Ellipsoid> for ReportBody {

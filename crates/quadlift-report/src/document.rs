@@ -272,7 +272,7 @@ fn detections_by_frame(
     }
     let mut detections = vec![ReportDetections::default(); scene.frames.len()];
     let tenths = |x: f64| (10.0 * x).round() / 10.0;
-    for detection in scene.detections.iter().filter(is_shown) {
+    for (detection_index, detection) in scene.detections.iter().enumerate().filter(|(_, d)| is_shown(d)) {
         let frame = detection.frame_index as usize;
         let id = detection.object_index.map(|index| &scene.object_ids[index as usize]);
         let object = id.and_then(|id| objects.by_id.get(id).copied()).filter(|&index| index < MOST_OBJECTS);
@@ -282,20 +282,32 @@ fn detections_by_frame(
             let (center, axes) = (e.center.map(tenths), e.semi_axes.map(tenths));
             list.ellipses.push((list.object.len(), center.x, center.y, axes.x, axes.y, (1e4 * e.angle).round() / 1e4));
         }
-        list.push(object, view, detection.bounding_box.map(|b| b.edges().map(|x| Some(tenths(x)))));
+        list.push(
+            Some(detection_index),
+            object,
+            view,
+            detection.bounding_box.map(|b| b.edges().map(|x| Some(tenths(x)))),
+        );
     }
     // Views whose detections are not here, or do not say which object they show: the outline is known all the same.
     let mut others: Vec<((usize, usize), &ViewRecord)> = views.into_iter().collect();
     others.sort_by_key(|(place, _)| *place);
     for ((object, frame), view) in others {
-        detections[frame].push(Some(object), Some(view), None);
+        detections[frame].push(None, Some(object), Some(view), None);
     }
     detections
 }
 
 impl ReportDetections {
     /// Adds a row.
-    fn push(&mut self, object: Option<usize>, view: Option<&ViewRecord>, edges: Option<[Option<f64>; 4]>) {
+    fn push(
+        &mut self,
+        detection_index: Option<usize>,
+        object: Option<usize>,
+        view: Option<&ViewRecord>,
+        edges: Option<[Option<f64>; 4]>,
+    ) {
+        self.detection_index.push(detection_index);
         self.object.push(object.map_or(-1, |index| index as i64));
         self.state.push(view.map_or(0, |view| if view.inlier { 1 } else { 2 }));
         self.residual.push(view.and_then(|view| view.residual_px).map(|x| (100.0 * x).round() / 100.0));

@@ -2,6 +2,7 @@
 //! are in pinhole pixels.
 
 use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
 use image::imageops::thumbnail;
 use nalgebra::Vector2;
 use quadlift::geometry::Camera;
@@ -44,6 +45,26 @@ pub fn frame_image(
         Some(lens) => undistorted(&small, full_size, lens),
     };
     Ok(FrameImage { image, full_size })
+}
+
+/// The bytes of a JPEG file of [`frame_image`] with this quality (1 to 100), and width and height of the file's image.
+///
+/// # Errors
+/// [`ReadError`] as [`frame_image`], or when the image cannot be encoded.
+pub fn frame_jpeg(
+    scene: &Scene,
+    images: &SceneImages,
+    frame_index: usize,
+    long_side: u32,
+    quality: u8,
+) -> Result<(Vec<u8>, [u32; 2]), ReadError> {
+    let FrameImage { image, full_size } = frame_image(scene, images, frame_index, long_side)?;
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, quality).encode_image(&image).map_err(|error| {
+        ReadError::new(&images.scene_file, format!("cannot make a JPEG image: {error}"))
+            .in_entry(format!("frames[{frame_index}].image"))
+    })?;
+    Ok((jpeg, full_size))
 }
 
 /// The image of the lens's pinhole camera, of the same size; black where the lens shows nothing.

@@ -1,22 +1,25 @@
 //! Looking at scenes and results: pages that can be opened in any browser ([`report()`], [`page()`]) and pictures of
-//! single frames ([`Picture`]).
+//! single frames ([`Picture`]), and what a recording for Rerun holds ([`recording()`]).
 //!
 //! A page is one HTML file. What draws it is a small TypeScript program (`viewer/` in the repository), whose built form
 //! is part of this crate.
 #![forbid(unsafe_code)]
 
+mod colors;
 mod data;
 mod document;
 mod frame_image;
 mod outline;
 mod page;
 mod picture;
+mod recording;
 mod run;
 mod thumbnails;
 
 pub use data::{Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow};
 pub use document::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS, Scores, report, report_of_frames};
-pub use frame_image::{FrameImage, frame_image};
+pub use frame_image::{FrameImage, frame_image, frame_jpeg};
 pub use page::page;
 pub use picture::Picture;
+pub use recording::{Recording, RecordingFrame, recording};
 pub use thumbnails::LONG_SIDE;

@@ -2,13 +2,12 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use image::codecs::jpeg::JpegEncoder;
 use quadlift::scene::Scene;
 use quadlift_io::ReadError;
 use quadlift_io::scene_file::SceneImages;
 use rayon::prelude::*;
 
-use crate::frame_image::frame_image;
+use crate::frame_image::frame_jpeg;
 
 /// Long side of the images in a report, pixels.
 pub const LONG_SIDE: u32 = 320;
@@ -88,13 +87,8 @@ pub fn evenly_spread(total: usize, most: usize) -> impl Iterator<Item = usize> {
 
 /// The image of a frame as a data URL, and the size of the file's image.
 fn data_url(scene: &Scene, images: &SceneImages, frame_index: usize) -> Result<(String, [u32; 2]), ReadError> {
-    let small = frame_image(scene, images, frame_index, LONG_SIDE)?;
-    let mut jpeg = Vec::new();
-    JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&small.image).map_err(|error| {
-        ReadError::new(&images.scene_file, format!("cannot make a small image: {error}"))
-            .in_entry(format!("frames[{frame_index}].image"))
-    })?;
-    Ok((format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg)), small.full_size))
+    let (jpeg, full_size) = frame_jpeg(scene, images, frame_index, LONG_SIDE, QUALITY)?;
+    Ok((format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg)), full_size))
 }
 
 #[cfg(test)]

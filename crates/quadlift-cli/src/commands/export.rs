@@ -1,6 +1,7 @@
 //! `quadlift export`: objects and cameras of a scene file in the formats of other programs.
 
 mod formats;
+mod rerun;
 mod tables;
 
 use std::path::{Path, PathBuf};
@@ -34,6 +35,7 @@ Examples:
   quadlift export bop objects.json -o results.csv --scene-id 5
   quadlift export coco objects.json -o annotations.json
   quadlift export ros objects.json -o detections.json --frame-id map
+  quadlift export rerun scene.json objects.json -o recording/
 
 Exit codes: 0 the file was written; 1 a file could not be read or written, or there was nothing to write; 2 wrong usage."
 )]
@@ -57,6 +59,7 @@ pub struct Common {
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     match &args.format {
         Format::Parquet { common } => tables::run(common, out),
+        Format::Rerun(args) => rerun::run(args, out),
         Format::Csv { common, views } => {
             let paths: Vec<&Path> =
                 [Some(&common.output), views.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
@@ -96,13 +99,25 @@ fn read(common: &Common, outputs: &[&Path]) -> anyhow::Result<SceneFile> {
 
 /// Writes the documents that have a path, and reports them.
 fn finish(out: &Output, documents: &[Document], paths: &[&Path], without_body: &[String]) -> anyhow::Result<Outcome> {
-    let mut text = String::new();
-    let mut files = Vec::new();
     for (document, path) in documents.iter().zip(paths) {
         write_file(path, |out| out.write_all(&document.content))?;
-        text.push_str(&wrote(path, &document.counts));
-        document.notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
-        files.push(entry(path, &document.counts, &document.notes));
+    }
+    let written = documents.iter().zip(paths).map(|(d, path)| (*path, d.counts.as_slice(), d.notes.as_slice()));
+    tell(out, written, without_body)
+}
+
+/// Reports what was written: path, counts and notes of each.
+fn tell<'a>(
+    out: &Output,
+    written: impl Iterator<Item = (&'a Path, &'a [(&'a str, usize)], &'a [String])>,
+    without_body: &[String],
+) -> anyhow::Result<Outcome> {
+    let mut text = String::new();
+    let mut files = Vec::new();
+    for (path, counts, notes) in written {
+        text.push_str(&wrote(path, counts));
+        notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
+        files.push(entry(path, counts, notes));
     }
     if !without_body.is_empty() {
         let objects = count(without_body.len(), "object");

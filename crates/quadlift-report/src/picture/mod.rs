@@ -4,27 +4,14 @@ mod bitmap;
 mod svg;
 
 use image::RgbImage;
-use nalgebra::{Matrix3x4, Point3, Vector2};
-use quadlift::geometry::{Body, Cuboid, Ellipse, Ellipsoid, Projection, Superellipsoid, rotation_from_quaternion};
+use nalgebra::{Matrix3x4, Vector2};
+use quadlift::geometry::{Body, Ellipse, Projection};
 
+pub use crate::colors::Color;
+use crate::colors::UNKNOWN;
 use crate::data::{Report, ReportBody, ReportFrame};
 use crate::outline::{ellipse_points, outline};
 
-/// A colour: red, green, blue.
-pub type Color = [u8; 3];
-
-/// Paul Tol's bright scheme with two more, as in the page (`viewer/src/colors.ts`).
-const PALETTE: [Color; 8] = [
-    [0x44, 0x77, 0xaa],
-    [0xee, 0x66, 0x77],
-    [0x22, 0x88, 0x33],
-    [0xcc, 0xbb, 0x44],
-    [0x66, 0xcc, 0xee],
-    [0xaa, 0x33, 0x77],
-    [0xee, 0x88, 0x66],
-    [0x88, 0x88, 0x88],
-];
-const UNKNOWN: Color = [0x88; 3];
 const REJECTED: Color = [0xe0, 0x10, 0x10];
 const BLACK: Color = [0; 3];
 const WHITE: Color = [0xff; 3];
@@ -121,7 +108,7 @@ impl Picture<'_> {
             let Some(shape) = self.body(index, |o| &o.body).and_then(|body| outline(&projection, &body)) else {
                 continue;
             };
-            let color = self.color(index);
+            let color = self.report.color(index);
             shape.faces.iter().for_each(|face| canvas.fill(face, color, 0.3));
             shape.lines.iter().for_each(|line| canvas.line(line, &stroke(color, 1.4)));
         }
@@ -140,7 +127,7 @@ impl Picture<'_> {
     fn measurements(&self, canvas: &mut dyn Canvas, frame: &ReportFrame, pen: f64) {
         let detections = &frame.detections;
         let style = |row: usize| {
-            let color = usize::try_from(detections.object[row]).map_or(UNKNOWN, |index| self.color(index));
+            let color = usize::try_from(detections.object[row]).map_or(UNKNOWN, |index| self.report.color(index));
             let base = Stroke { color, opacity: 1.0, width: 1.5 * pen, dash: None };
             if detections.state[row] == 2 {
                 return Stroke { color: REJECTED, dash: Some([6.0 * pen, 4.0 * pen]), ..base };
@@ -169,34 +156,12 @@ impl Picture<'_> {
             for (row, line) in &lines {
                 let Ok(index) = usize::try_from(detections.object[*row]) else { continue };
                 let corner = line.iter().fold(line[0], |a, b| a.inf(b)) - Vector2::new(0.0, 3.0 * pen);
-                canvas.text(corner, 11.0 * pen, &self.report.objects[index].id, self.color(index));
+                canvas.text(corner, 11.0 * pen, &self.report.objects[index].id, self.report.color(index));
             }
         }
     }
 
     fn body(&self, index: usize, of: impl Fn(&crate::data::ReportObject) -> &Option<ReportBody>) -> Option<Body> {
-        of(self.report.objects.get(index)?).as_ref().and_then(library_body)
+        of(self.report.objects.get(index)?).as_ref().and_then(ReportBody::body)
     }
-
-    /// By category where there are several, else by object, as in the page.
-    fn color(&self, index: usize) -> Color {
-        let category = self.report.objects.get(index).map_or(-1, |object| object.category);
-        match self.report.categories.len() {
-            0 | 1 => PALETTE[index % PALETTE.len()],
-            _ => usize::try_from(category).map_or(UNKNOWN, |category| PALETTE[category % PALETTE.len()]),
-        }
-    }
-}
-
-/// The body as one of the library.
-fn library_body(body: &ReportBody) -> Option<Body> {
-    let (center, half) = (Point3::from(body.center), body.half.into());
-    let rotation = rotation_from_quaternion(body.rotation)?;
-    Some(match body.kind {
-        "cuboid" => Body::Cuboid(Cuboid { center, half_extents: half, rotation }),
-        "ellipsoid" => Body::Ellipsoid(Ellipsoid { center, semi_axes: half, rotation }),
-        _ => {
-            Body::Superellipsoid(Superellipsoid { center, semi_axes: half, rotation, support_exponent: body.exponent })
-        }
-    })
 }

@@ -12,7 +12,7 @@ use quadlift_io::write::ply::ply;
 use quadlift_io::write::ros::ros;
 use quadlift_io::write::{BodyChoice, CheckedScene, Document};
 
-use super::Common;
+use super::{Common, rerun};
 use crate::args;
 
 /// A format and what is written of a scene.
@@ -33,6 +33,8 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
+    /// Rerun: a folder with what examples/to_rerun.py logs as a recording
+    Rerun(rerun::Args),
 }
 
 /// A format that holds nothing but objects with bodies.

@@ -13,9 +13,7 @@ pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
     let (file, _) = crate::files::read_scene(scene)?;
     file.to_objects().map_err(|error| error.in_file(scene))?;
     let counts = write_tables(output, &file)?;
-    out.report(&super::wrote(output, &counts))?;
-    out.document(&serde_json::json!({ "files": [super::entry(output, &counts, &[])], "without_body": [] }))?;
-    Ok(Outcome::Fine)
+    super::tell(out, std::iter::once((output.as_path(), counts.as_slice(), &[][..])), &[])
 }
 
 #[cfg(not(feature = "parquet"))]

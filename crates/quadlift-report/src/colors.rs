@@ -1,0 +1,31 @@
+//! The colours of objects, as in the page (`viewer/src/colors.ts`).
+
+use crate::data::Report;
+
+/// A colour: red, green, blue.
+pub type Color = [u8; 3];
+
+/// Paul Tol's bright scheme with two more.
+const PALETTE: [Color; 8] = [
+    [0x44, 0x77, 0xaa],
+    [0xee, 0x66, 0x77],
+    [0x22, 0x88, 0x33],
+    [0xcc, 0xbb, 0x44],
+    [0x66, 0xcc, 0xee],
+    [0xaa, 0x33, 0x77],
+    [0xee, 0x88, 0x66],
+    [0x88, 0x88, 0x88],
+];
+/// What belongs to no object.
+pub const UNKNOWN: Color = [0x88; 3];
+
+impl Report {
+    /// The colour of an object: by category where there are several, else by object.
+    pub fn color(&self, index: usize) -> Color {
+        let category = self.objects.get(index).map_or(-1, |object| object.category);
+        match self.categories.len() {
+            0 | 1 => PALETTE[index % PALETTE.len()],
+            _ => usize::try_from(category).map_or(UNKNOWN, |category| PALETTE[category % PALETTE.len()]),
+        }
+    }
+}
