@@ -272,7 +272,110 @@ fn camera(projection: &Projection) -> Option<RecordingCamera> {
     // The scale of a projection is free.
     let k = k / k[(2, 2)];
     Some(RecordingCamera {
-        intrinsics: std::array::from_fn(|i| std::array::from_fn(|j| k[(i, j)])),
+        // Below the diagonal there are zeros, but for rounding.
+        intrinsics: std::array::from_fn(|i| std::array::from_fn(|j| if j < i { 0.0 } else { k[(i, j)] })),
         cam_from_world: std::array::from_fn(|i| std::array::from_fn(|j| pose[(i, j)])),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+    use quadlift::geometry::{BoundingBox, CamFromWorld, Ellipse, Intrinsics};
+    use quadlift::scene::{DetectionInput, SceneBuilder};
+    use quadlift_io::SceneFile;
+    use serde_json::json;
+
+    fn turned_camera() -> Projection {
+        let mut pose = Matrix3x4::zeros();
+        pose.fixed_columns_mut::<3>(0).copy_from(Rotation3::from_euler_angles(0.3, -0.8, 0.2).matrix());
+        pose.set_column(3, &nalgebra::Vector3::new(0.5, -1.0, 6.0));
+        let intrinsics = Intrinsics::new(700.0, 650.0, 320.0, 240.0).unwrap();
+        Projection::from_camera(&intrinsics, &CamFromWorld::new(pose).unwrap())
+    }
+
+    #[test]
+    fn a_projection_of_any_scale_is_its_camera_and_pose() {
+        let matrix = *turned_camera().matrix();
+        for scale in [1.0, -0.02] {
+            let found = camera(&Projection::from_matrix(matrix * scale).unwrap()).unwrap();
+            let k = nalgebra::Matrix3::from_fn(|i, j| found.intrinsics[i][j]);
+            let pose = Matrix3x4::from_fn(|i, j| found.cam_from_world[i][j]);
+            assert!((k * pose - matrix).norm() < 1e-9, "{k} {pose}");
+            assert_eq!((k[(1, 0)], k[(2, 0)], k[(2, 1)], k[(2, 2)]), (0.0, 0.0, 0.0, 1.0));
+        }
+    }
+
+    /// A frame with a box, a box of the same object by another detector and an ellipse of nobody.
+    fn scene() -> Scene {
+        let mut builder = SceneBuilder::new("test");
+        builder.add_frame("a", turned_camera(), None).unwrap();
+        let bounding_box = BoundingBox::new([10.04, 20.0, 110.0, 60.0]).ok();
+        let ellipse = Ellipse::new(Vector2::new(50.0, 40.0), Vector2::new(20.0, 10.0), 0.5).ok();
+        for (object, category, source, bounding_box, ellipse) in [
+            (Some("cup"), Some("cup"), Some("yolo"), bounding_box, None),
+            (Some("cup"), Some("cup"), Some("label"), bounding_box, None),
+            (None, Some("car"), None, None, ellipse),
+        ] {
+            let input = DetectionInput {
+                frame: "a",
+                object,
+                category,
+                source,
+                bounding_box,
+                ellipse,
+                ..DetectionInput::default()
+            };
+            builder.add_detection(&input).unwrap();
+        }
+        builder.build()
+    }
+
+    fn recorded(body: &str, fields: serde_json::Value) -> Recording {
+        let file: SceneFile = serde_json::from_value(json!({ "format": "quadlift.scene", "version": 1, "objects": [
+            { "id": "cup", "category": "cup", "status": "ok", body: fields,
+              "view_residuals_px": [{ "frame": "a", "inlier": false, "residual_px": 7.0 }] }, { "id": "lost" }] }))
+        .unwrap();
+        let (scene, title) = (scene(), "t");
+        let content = Content { title, scene: &scene, images: None, estimate: Some(&file), truth: None, scores: None };
+        recording(&content, &[Some(1.5)]).unwrap()
+    }
+
+    #[test]
+    fn detections_are_exact_and_an_object_has_one_outline_per_frame() {
+        let body = json!({ "center": [0, 0, 0], "semi_axes": [1, 2, 0.5], "rotation": [1, 0, 0, 0] });
+        let recording = recorded("ellipsoid", body);
+        let frame = &recording.frames[0];
+        assert_eq!((recording.objects.len(), frame.time), (1, Some(1.5)), "what has no body is left out");
+        assert_eq!(frame.boxes[0].edges, [10.04, 20.0, 110.0, 60.0]);
+        let owner = |owner: &Owner| (owner.object.clone(), owner.category.clone(), owner.inlier);
+        let cup = || Some("cup".to_owned());
+        assert_eq!(owner(&frame.boxes[0].owner), (cup(), cup(), Some(false)));
+        assert_eq!(owner(&frame.boxes[1].owner), (cup(), cup(), None));
+        assert_eq!(owner(&frame.ellipses[0].owner), (None, Some("car".to_owned()), None));
+        assert_eq!((frame.boxes.len(), frame.ellipses.len(), frame.outlines.len()), (2, 1, 1));
+        let line = &frame.ellipses[0].lines[0];
+        assert_eq!(line.first(), line.last());
+        assert!(line.iter().all(|[x, y]| {
+            let (u, v) = (x - 50.0, y - 40.0);
+            let (sin, cos) = 0.5f64.sin_cos();
+            (((u * cos + v * sin) / 20.0).hypot((v * cos - u * sin) / 10.0) - 1.0).abs() < 2e-3
+        }));
+    }
+
+    #[test]
+    fn a_superellipsoid_is_drawn_as_the_ellipsoid_that_stands_for_it() {
+        let body = json!({ "center": [0, 0, 0], "semi_axes": [1, 2, 0.5], "rotation": [0.6, 0, 0.8, 0],
+                           "support_exponent": 1.5 });
+        let recording = recorded("superellipsoid", body);
+        let found = recording.objects[0].estimate.as_ref().unwrap();
+        assert_eq!((found.kind, found.shape), ("superellipsoid", "ellipsoid"));
+        // Between the inscribed ellipsoid and the one about the cuboid.
+        let ratio = found.half_sizes[0];
+        assert!(ratio > 1.01 && ratio < 3f64.sqrt(), "{ratio}");
+        assert!((found.half_sizes[1] - 2.0 * ratio).abs() < 1e-9);
+        let expected = [0.0, 0.8, 0.0, 0.6];
+        assert!(found.quaternion_xyzw.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    }
 }

@@ -13,7 +13,8 @@ pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
     let (file, _) = crate::files::read_scene(scene)?;
     file.to_objects().map_err(|error| error.in_file(scene))?;
     let counts = write_tables(output, &file)?;
-    super::tell(out, std::iter::once((output.as_path(), counts.as_slice(), &[][..])), &[])
+    let notes: &[String] = &[];
+    super::tell(out, std::iter::once((output.as_path(), counts.as_slice(), notes)), &[])
 }
 
 #[cfg(not(feature = "parquet"))]
