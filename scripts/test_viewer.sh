@@ -5,6 +5,12 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+enough='const [a, b] = process.versions.node.split(".").map(Number); process.exit(a > 20 || (a === 20 && b >= 19) ? 0 : 1)'
+if ! node -e "$enough" 2>/dev/null; then
+    echo "skipped: Node 20.19 or newer is not installed"
+    exit 0
+fi
+
 if [ -z "${CHROMIUM:-}" ] && [ ! -x /usr/bin/chromium ]; then
     apt-get update -qq && apt-get install -y --no-install-recommends chromium
 fi

@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# Exported files are read by the packages that people use for them, whose versions are pinned; they are installed into
+# target/exports-venv.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+target="${CARGO_TARGET_DIR:-$PWD/target}"
+python3 -m venv "$target/exports-venv"
+python="$target/exports-venv/bin/python"
+"$python" -m pip install --quiet --disable-pip-version-check -r scripts/check_exports_requirements.txt
+cargo build -p quadlift-io -p quadlift-cli --features quadlift-cli/parquet --locked
+"$python" scripts/check_exports.py "$target/debug/quadlift" --parquet
