@@ -113,8 +113,6 @@ pub fn add_to_result(
     }
     if let Some(about) = &mut result.localization {
         about["association"] = to_json(associated, association);
-        // They show no object, which is told with the identities.
-        about["left_out"]["without_object"] = json!(0);
     }
 }
 

@@ -128,8 +128,13 @@ fn check_parent(path: &Path) -> anyhow::Result<()> {
 
 /// Refuses an output that is the scene itself.
 pub fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
-    match (input.canonicalize(), output.canonicalize()) {
-        (Ok(a), Ok(b)) if a == b => usage(format!("the result would overwrite the scene {}", input.display())),
-        _ => Ok(()),
+    if same_file(input, output) {
+        return usage(format!("the result would overwrite the scene {}", input.display()));
     }
+    Ok(())
+}
+
+/// Whether two paths lead to one file, which exists.
+pub fn same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }

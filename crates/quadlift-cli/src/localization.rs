@@ -12,8 +12,8 @@ use serde_json::Value;
 
 use crate::error::usage;
 use crate::output::Output;
+use crate::problems::Problems;
 use crate::progress::{counting_bar, object_bar};
-use crate::segmentation::Problem;
 
 /// Where the priors on categories come from.
 #[derive(Debug, Clone, Default)]
@@ -106,15 +106,11 @@ pub fn read_masks(
     });
     bar.finish_and_clear();
     // Detections of one label image share its problem.
-    let mut told: Vec<Problem> = Vec::new();
+    let mut told = Problems::default();
     for (index, error) in problems.map_err(|error| error.in_file(path))? {
-        let message = error.to_string();
-        match told.iter_mut().find(|problem| problem.message == message) {
-            Some(problem) => problem.detections.push(index),
-            None => told.push(Problem { message, detections: vec![index] }),
-        }
+        told.add(error.to_string(), &[index]);
     }
-    Ok(told.iter().map(|problem| problem.in_words(scene)).collect())
+    Ok(told.in_words(scene))
 }
 
 /// Refuses a scene that is not in metres, as the built-in priors are.

@@ -14,6 +14,7 @@ mod files;
 mod localization;
 mod output;
 mod pose_check;
+mod problems;
 mod progress;
 mod rendered_scene;
 mod report;

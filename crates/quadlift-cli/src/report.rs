@@ -11,7 +11,7 @@ use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::usage;
 use crate::evaluation::{evaluate_files, report_scores};
-use crate::files::{Inputs, check_file, outputs};
+use crate::files::{Inputs, check_file, outputs, same_file};
 
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
 pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
@@ -26,10 +26,7 @@ pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> an
 pub fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow::Result<()> {
     let Some(path) = report else { return Ok(()) };
     check_file(path)?;
-    let same = |other: &&&Path| {
-        **other == path || other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|path| path == other))
-    };
-    match others.iter().find(same) {
+    match others.iter().find(|other| **other == path || same_file(other, path)) {
         Some(other) => usage(format!("the report would overwrite {}; give it another name", other.display())),
         None => Ok(()),
     }

@@ -1,7 +1,7 @@
 //! Segmenting one scene: what was chosen, the images one after another, the calls of the library, and for every
 //! detection what was found or why not.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use anyhow::bail;
 use nalgebra::Vector2;
@@ -15,8 +15,8 @@ use quadlift_segment::{
 };
 
 use crate::output::Output;
+use crate::problems::{Problem, Problems};
 use crate::progress::{counting_bar, object_bar};
-use crate::words::some_of;
 
 /// Where masks come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,27 +74,6 @@ pub struct Group {
     pub detections: Vec<usize>,
 }
 
-/// Something that went wrong, and the detections that it befell.
-#[derive(Debug, Clone)]
-pub struct Problem {
-    /// File, entry, what was found and what was expected.
-    pub message: String,
-    /// Indices of the detections.
-    pub detections: Vec<usize>,
-}
-
-impl Problem {
-    /// The problem in one line, with the detections and their objects.
-    pub fn in_words(&self, scene: &Scene) -> String {
-        let name = |&index: &usize| match scene.detections[index].object_index {
-            Some(object) => format!("detections[{index}] ({})", scene.object_ids[object as usize]),
-            None => format!("detections[{index}]"),
-        };
-        let names: Vec<String> = self.detections.iter().map(name).collect();
-        format!("{}; concerns {}", self.message, some_of(&names))
-    }
-}
-
 /// The result for a scene. The lists over detections run parallel to those of the scene.
 #[derive(Debug, Clone)]
 pub struct Segmentation {
@@ -106,12 +85,10 @@ pub struct Segmentation {
     pub crops: Vec<Option<Crop>>,
     /// Detections of the source that have no box and so no crop.
     pub without_box: Vec<usize>,
-    /// What went wrong, in the order in which it was met.
-    pub problems: Vec<Problem>,
+    /// What went wrong.
+    pub problems: Problems,
     /// For each detection, the index of its first problem.
     problem_of: Vec<Option<usize>>,
-    /// The index of each problem, by its message.
-    by_message: HashMap<String, usize>,
 }
 
 impl Segmentation {
@@ -121,24 +98,18 @@ impl Segmentation {
             found: vec![None; detections],
             crops: vec![None; detections],
             without_box: Vec::new(),
-            problems: Vec::new(),
+            problems: Problems::default(),
             problem_of: vec![None; detections],
-            by_message: HashMap::new(),
         }
     }
 
     /// The problem of a detection.
     pub fn problem_of(&self, detection: usize) -> Option<&Problem> {
-        self.problems.get(self.problem_of[detection]?)
+        self.problems.list().get(self.problem_of[detection]?)
     }
 
     fn failed(&mut self, message: impl ToString, detections: &[usize]) {
-        let message = message.to_string();
-        let problem = *self.by_message.entry(message.clone()).or_insert_with(|| {
-            self.problems.push(Problem { message, detections: Vec::new() });
-            self.problems.len() - 1
-        });
-        self.problems[problem].detections.extend(detections);
+        let problem = self.problems.add(message.to_string(), detections);
         for &index in detections {
             self.problem_of[index].get_or_insert(problem);
         }
@@ -328,12 +299,6 @@ fn find_contacts(scene: &Scene, frame: usize, detections: &[usize], segmentation
             found.contacts = all.contacts(&found.mask, image);
         }
     }
-}
-
-/// Width and height of the smallest window at the image's origin that holds the masks of these detections.
-pub fn reach_of_masks(detections: &[usize], segmentation: &Segmentation) -> [u32; 2] {
-    let masks = detections.iter().filter_map(|&index| segmentation.found[index].as_ref()?.mask.extent());
-    masks.fold([0, 0], |[width, height], [.., x, y]| [width.max(x), height.max(y)])
 }
 
 /// Width and height of a frame's image in pixels, where they are known.

@@ -7,10 +7,10 @@ use anyhow::{Context, bail};
 use quadlift::scene::Scene;
 use quadlift_io::scene_file::{DetectionRecord, EllipseRecord, MaskRecord, RleCounts, RleRecord, SegmentationRecord};
 use quadlift_io::{SceneFile, write_label_image};
-use quadlift_segment::{LabelImage, Mask, Rle, SegmentMethod};
+use quadlift_segment::{LabelImage, Mask, Rle, SegmentMethod, reach};
 
 use crate::file_names::FileNames;
-use crate::segmentation::{Found, Method, Segmentation, image_size, reach_of_masks};
+use crate::segmentation::{Found, Method, Segmentation, image_size};
 
 /// Label images with more pixels than this are not written.
 const MOST_PIXELS: u64 = 1 << 28;
@@ -51,7 +51,9 @@ pub fn add_to_scene(
     let names = FileNames::new(frames.keys().map(|&frame| scene.frames[frame].id.as_str()));
     for ((&frame, detections), name) in frames.iter().zip(names.iter()) {
         let size = image_size(scene, frame, detections, segmentation);
-        let size = size.unwrap_or_else(|| reach_of_masks(detections, segmentation));
+        let size = size.unwrap_or_else(|| {
+            reach(detections.iter().filter_map(|&index| Some(&segmentation.found[index].as_ref()?.mask)))
+        });
         let masks = detections.iter().filter_map(|&index| Some((index, &segmentation.found[index].as_ref()?.mask)));
         let masks: Vec<(usize, &Mask)> = masks.collect();
         match out_masks {

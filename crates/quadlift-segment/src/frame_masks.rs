@@ -9,7 +9,7 @@ use crate::mask::Mask;
 
 /// Pixels between two masks, or between a mask and the border of the image, that still count as touching: masks often
 /// keep a gap of a pixel.
-const REACH: u32 = 2;
+const TOUCHING: u32 = 2;
 
 /// How many masks of an image cover each of its pixels.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -18,11 +18,15 @@ pub struct FrameMasks {
     counts: Vec<u32>,
 }
 
+/// Width and height of the smallest window at the image's origin that holds these masks.
+pub fn reach<'a>(masks: impl Iterator<Item = &'a Mask>) -> [u32; 2] {
+    masks.filter_map(Mask::extent).fold([0, 0], |[width, height], [.., x, y]| [width.max(x), height.max(y)])
+}
+
 impl FrameMasks {
     /// The masks of one image.
     pub fn new<'a>(masks: impl Iterator<Item = &'a Mask> + Clone) -> Self {
-        let extents = masks.clone().filter_map(Mask::extent);
-        let [width, height] = extents.fold([0, 0], |[w, h], [.., x, y]| [w.max(x), h.max(y)]);
+        let [width, height] = reach(masks.clone());
         let mut counts = vec![0; width as usize * height as usize];
         for [x, y] in masks.flat_map(Mask::pixels) {
             counts[y as usize * width as usize + x as usize] += 1;
@@ -39,7 +43,7 @@ impl FrameMasks {
     /// Where the outline of one of the masks touches the others and the border of the image, whose size is width and
     /// height in pixels.
     pub fn contacts(&self, mask: &Mask, image_size: [u32; 2]) -> Contacts {
-        Contacts::of(mask, image_size, |x, y| self.others_cover(mask, x, y), REACH)
+        Contacts::of(mask, image_size, |x, y| self.others_cover(mask, x, y), TOUCHING)
     }
 
     /// The supporting lines of one of the masks, undistorted where there is a lens: cut off at the border of the image
@@ -52,12 +56,13 @@ impl FrameMasks {
         lens: Option<&Camera>,
     ) -> Option<SupportLines> {
         let hull = ConvexHull::of_mask(mask)?;
-        let reach = f64::from(REACH);
-        let at_border =
-            |point: &Vector2<f64>| image_size.is_some_and(|size| point.min() <= reach || (size - point).min() <= reach);
+        let touching = f64::from(TOUCHING);
+        let at_border = |point: &Vector2<f64>| {
+            image_size.is_some_and(|size| point.min() <= touching || (size - point).min() <= touching)
+        };
         let others_near = |point: &Vector2<f64>| {
             // Casts saturate: what lies above or to the left of the image is at its border.
-            let near = |x: f64| (x - reach).floor() as u32..(x + reach).ceil() as u32;
+            let near = |x: f64| (x - touching).floor() as u32..(x + touching).ceil() as u32;
             near(point.y).any(|y| near(point.x).any(|x| self.others_cover(mask, x, y)))
         };
         let end = |point: &Vector2<f64>| OutlineEnd { cut_off: at_border(point), hidden: others_near(point) };

@@ -57,7 +57,7 @@ pub use color::scaled_lab;
 pub use confidence::Failure;
 pub use contacts::Contacts;
 pub use crop::{Crop, CropError, CropOptions};
-pub use frame_masks::FrameMasks;
+pub use frame_masks::{FrameMasks, reach};
 pub use hull::ConvexHull;
 pub use label_image::LabelImage;
 pub use mask::{Mask, MaskError};

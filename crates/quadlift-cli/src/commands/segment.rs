@@ -116,7 +116,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     };
     let title = args.scene.display().to_string();
     let segmentation = segment_scene(&title, &scene, &images, &settings, out).with_context(|| title.clone())?;
-    let problems: Vec<String> = segmentation.problems.iter().map(|problem| problem.in_words(&scene)).collect();
+    let problems: Vec<String> = segmentation.problems.in_words(&scene);
     out.errors(&problems);
     let done = segmentation.found.iter().flatten().count();
     if done == 0 {

@@ -2,12 +2,12 @@
 
 use nalgebra::Vector2;
 
-use super::BoundingBox;
+use super::{BoundingBox, Ellipse};
 
 /// Number of directions.
 pub const SUPPORT_DIRECTIONS: usize = 8;
 
-/// Half of the side of a unit square's diagonal: the exact cosine of 45 degrees, so that opposite directions are exact.
+/// Cosine of 45 degrees; a constant, so that opposite directions are opposite to the last bit.
 const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The supporting lines of an outline's convex hull in eight directions, every 45 degrees (ours). The lines to the
@@ -67,6 +67,15 @@ impl SupportLines {
         lines.bounding_box().map(|_| lines)
     }
 
+    /// The tangent lines of an ellipse that is seen as a whole.
+    pub fn of_ellipse(ellipse: &Ellipse) -> Self {
+        let reach = |k| {
+            let [.., offset] = ellipse.tangent_line(&Self::normal(k));
+            -offset
+        };
+        Self { reach: std::array::from_fn(reach), cut_off: [false; 8], hidden: [false; 8] }
+    }
+
     /// The tight box, from the lines along x and y; `None` when it is empty.
     pub fn bounding_box(&self) -> Option<BoundingBox> {
         BoundingBox::new([-self.reach[4], -self.reach[6], self.reach[0], self.reach[2]]).ok()
@@ -76,7 +85,6 @@ impl SupportLines {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Ellipse;
     use proptest::prelude::*;
 
     fn free(points: &[[f64; 2]]) -> Vec<(Vector2<f64>, OutlineEnd)> {
@@ -128,9 +136,11 @@ mod tests {
                 })
                 .collect();
             let lines = SupportLines::of_outline(&points).unwrap();
+            let exact = SupportLines::of_ellipse(&ellipse);
             for k in 0..SUPPORT_DIRECTIONS {
                 let [.., d] = ellipse.tangent_line(&SupportLines::normal(k));
                 prop_assert!((lines.reach[k] + d).abs() < 2e-5 * a.max(b), "{} {}", lines.reach[k], d);
+                prop_assert_eq!((exact.reach[k], exact.cut_off[k], exact.hidden[k]), (-d, false, false));
             }
         }
     }

@@ -1,12 +1,12 @@
 //! What every estimate carries besides its body, whatever the method: residuals in pixels, how much larger the real
 //! object is, and what makes the geometry weak.
 
-use nalgebra::{Matrix3x4, Point3, Vector2, Vector3};
+use nalgebra::{Matrix3x4, Point3, Vector3};
 
 use super::conditioning::ObjectFrame;
 use super::estimate::{Estimate, Status, ViewReport, Warning};
 use super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border, support_plane};
-use crate::geometry::{Body, BoundingBox, ConvexBody, SUPPORT_DIRECTIONS, project_bounding_box};
+use crate::geometry::{Body, BoundingBox, ConvexBody, SUPPORT_DIRECTIONS, SupportLines, project_bounding_box};
 use crate::scene::View;
 
 /// Below this largest angle between viewing rays the depth is called uncertain (radians; 5 degrees).
@@ -81,16 +81,10 @@ pub(super) fn enclosing_scale(views: &[View], body: &Body, quantile: f64) -> Opt
     };
     for view in views {
         let p: Matrix3x4<f64> = frame.local_projection(&view.projection);
-        if let (None, Some(ellipse)) = (&view.bounding_box, &view.ellipse) {
-            for k in 0..8 {
-                let (sin, cos) = (std::f64::consts::FRAC_PI_4 * f64::from(k)).sin_cos();
-                let line = Vector3::from(ellipse.tangent_line(&Vector2::new(cos, sin)));
-                let plane = -(p.transpose() * line);
-                push(plane.xyz(), plane.w);
-            }
-        } else if let Some(lines) = &view.support_lines {
+        let ellipse = view.ellipse.filter(|_| view.bounding_box.is_none());
+        if let Some(lines) = ellipse.as_ref().map(SupportLines::of_ellipse).or(view.support_lines) {
             for k in (0..SUPPORT_DIRECTIONS).filter(|&k| !lines.cut_off[k]) {
-                let plane = support_plane(&p, lines, k);
+                let plane = support_plane(&p, &lines, k);
                 push(plane.xyz(), plane.w);
             }
         } else if let Some(bounding_box) = &view.bounding_box {

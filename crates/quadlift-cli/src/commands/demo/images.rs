@@ -48,7 +48,7 @@ pub fn run(folder: &Path, out: &Output) -> anyhow::Result<Value> {
     let settings = segmentation::Settings { method, source: None, seed: 0, with_crops: true };
     let images = file.to_images(&scene_path).context("cannot use the scene")?;
     let segmentation = segment_scene("demo", &scene, &images, &settings, out)?;
-    if let Some(problem) = segmentation.problems.first() {
+    if let Some(problem) = segmentation.problems.list().first() {
         bail!(problem.in_words(&scene));
     }
     make_folder(&masks)?;

@@ -3,14 +3,14 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use nalgebra::{Matrix3x4, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix3x4, Vector3, Vector4};
 
 use super::super::conditioning::ObjectFrame;
 use super::super::options::MapOptions;
 use super::super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border, support_plane};
 use super::ellipse_residual::EllipseMeasurement;
 use super::noise::NoiseGroup;
-use crate::geometry::{Ellipse, SUPPORT_DIRECTIONS, SupportLines};
+use crate::geometry::{SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
 
 /// A tangent plane `n.x + d = 0`, positive on the side of the body, divided by the detection's half size in pixels:
@@ -58,11 +58,8 @@ pub(super) struct Measurements {
     pub edges: Vec<Edge>,
 }
 
-/// Directions in which the tangent lines of an ellipse are taken for bodies whose outline is no ellipse.
-const TANGENT_DIRECTIONS: usize = 4;
-
 impl Measurements {
-    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by tangent lines in four directions.
+    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by its supporting lines.
     pub(super) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool, options: &MapOptions) -> Self {
         let mut all =
             Self { frame, views: Vec::with_capacity(views.len()), edges: Vec::with_capacity(4 * views.len()) };
@@ -88,7 +85,9 @@ impl Measurements {
             match view.bounding_box {
                 // The box's edges stand for it.
                 Some(_) if ellipses_as_planes => {}
-                None if ellipses_as_planes => self.push_tangents(&p, observed),
+                None if ellipses_as_planes => {
+                    self.push_support_lines(&p, &SupportLines::of_ellipse(observed), observed.semi_axes.mean());
+                }
                 beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some(), view.partial)),
             }
         }
@@ -123,18 +122,6 @@ impl Measurements {
             let plane = Plane::new(support_plane(p, lines, k) / half_size);
             let group = if lines.hidden[k] { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
             self.edges.push(Edge { plane, one_sided: lines.cut_off[k], group });
-        }
-    }
-
-    fn push_tangents(&mut self, p: &Matrix3x4<f64>, ellipse: &Ellipse) {
-        let half_size = ellipse.semi_axes.mean();
-        for k in 0..TANGENT_DIRECTIONS {
-            let (sin, cos) = (std::f64::consts::PI * k as f64 / TANGENT_DIRECTIONS as f64).sin_cos();
-            for normal in [Vector2::new(-cos, -sin), Vector2::new(cos, sin)] {
-                let line = Vector3::from(ellipse.tangent_line(&normal));
-                let plane = Plane::new(-(p.transpose() * line) / half_size);
-                self.edges.push(Edge { plane, one_sided: false, group: NoiseGroup::Edge });
-            }
         }
     }
 }
