@@ -169,7 +169,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
     };
     let (mut estimates, noise, body) = if options.method == Method::Map {
         let cameras = scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect();
-        let context = MapContext::new(&scene.categories, scene.up, cameras, options.seed, &options.map);
+        let context = MapContext::new(&scene.object_ids, &scene.categories, scene.up, cameras, options.seed, &options.map);
         let solution = map(objects.len(), &views_of, &context, &report);
         (solution.estimates, solution.noise, solution.body)
     } else {
@@ -206,6 +206,9 @@ fn check(options: &Options) -> Result<(), LocalizeError> {
     }
     if options.method != Method::Map && map.body.is_some_and(|body| body != BodyKind::Ellipsoid) {
         return refuse("only the method map fits bodies other than ellipsoids".to_owned());
+    }
+    if options.method != Method::Map && map.sigmas.is_some() {
+        return refuse("only the method map takes sigmas".to_owned());
     }
     if options.measurements == UsedMeasurements::Mask && !matches!(options.method, Method::Map | Method::Planes) {
         return refuse("only the methods map and planes take masks; the others take their ellipses".to_owned());

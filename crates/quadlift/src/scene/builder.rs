@@ -208,6 +208,7 @@ impl SceneBuilder {
             support_lines: None,
             partial: input.partial,
             box_in_image,
+            hidden_edges: None,
             occluded: input.occluded,
             truncated: input.truncated,
         });

@@ -8,6 +8,7 @@ mod sources;
 mod views;
 
 pub use builder::{DetectionInput, SceneBuilder, SceneError};
+pub use hidden::edges_hidden_in_frame;
 pub use sources::SourceError;
 pub use views::{ObjectViews, View};
 
@@ -76,6 +77,9 @@ pub struct Detection {
     /// Where a lens bends the image: the measured box, or the box around the measured ellipse, in the image itself,
     /// whose border may cut it.
     pub box_in_image: Option<BoundingBox>,
+    /// Which edges of the box another detection of the frame hides, where it was found before: what hides them need not be
+    /// in the scene. Without it the scene's own boxes tell ([`Scene::hidden_edges`]).
+    pub hidden_edges: Option<[bool; 4]>,
     /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
     pub occluded: Option<f64>,
     /// Truncation level (KITTI: 0 wholly inside the image).

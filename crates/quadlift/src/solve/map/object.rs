@@ -72,9 +72,9 @@ impl Prepared {
         Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
     }
 
-    /// Seed of what is drawn for this object: the same whatever the other objects are.
+    /// Seed of what is drawn for this object: it comes from its id, so that it is the same whatever the other objects are.
     pub(super) fn seed(&self, context: &MapContext) -> u64 {
-        context.seed ^ (self.views.object_index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        context.seed ^ hash(context.object_ids.get(self.views.object_index).map_or("", String::as_str))
     }
 
     /// The objective of the object, not on any ground plane.
@@ -106,6 +106,11 @@ impl Prepared {
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
             .map(|(body, _)| body)
     }
+}
+
+/// A hash that will never change (FNV-1a): the same seed gives the same results in every version.
+fn hash(text: &str) -> u64 {
+    text.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3))
 }
 
 /// The priors of an object in its frame.
