@@ -15,7 +15,8 @@ use quadlift_io::scene_file::{body_name, noise_record};
 use quadlift_report::{Content, page, report};
 
 use crate::error::refuse;
-use crate::scene::{Loaded, PyScene};
+use crate::loaded::Loaded;
+use crate::scene::PyScene;
 
 /// A localisation and what it was made from.
 #[pyclass(name = "Localized", module = "quadlift._core", frozen)]
@@ -46,9 +47,9 @@ impl PyLocalized {
 
     /// The result as a file: as the program writes it.
     fn file(&self) -> SceneFile {
-        let mut file = self.loaded.file.localized(self.scene(), &self.localization, self.settings.clone());
+        let mut file = self.loaded.file().localized(self.scene(), &self.localization, self.settings.clone());
         if self.associated {
-            file.detections = self.loaded.file.detections.clone();
+            file.detections = self.loaded.file().detections.clone();
             for (record, detection) in file.detections.iter_mut().zip(&self.scene().detections) {
                 record.object =
                     detection.object_index.map(|index| self.scene().object_ids[index as usize].as_str().into());
@@ -127,9 +128,9 @@ impl PyLocalized {
 
     /// The page that shows the result.
     fn report(&self, title: &str, truth: Option<&PyScene>) -> PyResult<String> {
-        let images = self.loaded.file.to_images(&self.loaded.path).map_err(refuse)?;
+        let images = self.loaded.file().to_images(&self.loaded.path).map_err(refuse)?;
         let estimate = self.file();
-        let truth = truth.map(|scene| &scene.loaded.file);
+        let truth = truth.map(|scene| scene.loaded.file());
         let scene = self.scene();
         let content = Content { title, scene, images: Some(&images), estimate: Some(&estimate), truth, scores: None };
         report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))

@@ -169,7 +169,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
     };
     let (mut estimates, noise, body) = if options.method == Method::Map {
         let cameras = scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect();
-        let context = MapContext::new(&scene.object_ids, &scene.categories, scene.up, cameras, options.seed, &options.map);
+        let context = MapContext::new(&scene.categories, scene.up, cameras, options.seed, &options.map);
         let solution = map(objects.len(), &views_of, &context, &report);
         (solution.estimates, solution.noise, solution.body)
     } else {

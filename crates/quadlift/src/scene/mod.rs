@@ -51,9 +51,34 @@ pub struct Frame {
     pub lens: Option<Camera>,
 }
 
+/// What was measured in an image, in the pixels of [`Frame::projection`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Undistorted {
+    /// The box.
+    pub bounding_box: Option<BoundingBox>,
+    /// The ellipse.
+    pub ellipse: Option<Ellipse>,
+    /// Where they are in the image, see [`Detection::box_in_image`].
+    pub box_in_image: Option<BoundingBox>,
+}
+
+impl Frame {
+    /// A box and an ellipse that were measured in the image as it is, without the distortion of its lens. What the lens
+    /// has no pinhole pixels for (see [`Camera::undistort_point`]) is left out.
+    pub fn undistorted(&self, bounding_box: Option<BoundingBox>, ellipse: Option<Ellipse>) -> Undistorted {
+        let Some(lens) = &self.lens else { return Undistorted { bounding_box, ellipse, box_in_image: None } };
+        Undistorted {
+            bounding_box: bounding_box.and_then(|b| lens.undistort_box(&b)),
+            ellipse: ellipse.and_then(|e| lens.undistort_ellipse(&e)),
+            // The solvers prefer ellipses.
+            box_in_image: ellipse.map(|e| e.bounding_box()).or(bounding_box),
+        }
+    }
+}
+
 /// One detection of one object in one frame: a box, an ellipse or both, in the pixels of [`Frame::projection`]. Neither
 /// where the lens has no pinhole pixels for it; [`crate::localize()`] leaves such detections out.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Detection {
     /// Index into [`Scene::frames`].
     pub frame_index: u32,

@@ -24,7 +24,7 @@ const OF_POSES: [&str; 2] = ["pose_rotation", "pose_translation"];
 /// half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis ratio),
 /// and correlations between neighbouring views.
 ///
-/// With them the estimate of an object depends on its own views, its id and the options only, not on which other objects
+/// With them the estimate of an object depends on its own views and the options only, not on which other objects
 /// are in the scene, so that objects can be localised apart from each other: on several machines, or one by one as they
 /// are seen. Ground planes and errors of poses are still shared by the objects of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -106,7 +106,10 @@ mod tests {
         assert!(error("edge", 0.1).starts_with("\"edge\" is no noise level; expected one of edge_relative, edge_px"));
         assert_eq!(error("shape", 0.0), "shape is 0; expected a finite number above 0");
         assert_eq!(error("edge_relative", f64::NAN), "edge_relative is NaN; expected a finite number above 0");
-        assert_eq!(error("edge_correlation", 1.0), "edge_correlation is 1; expected a number of at least 0 and below 1");
+        assert_eq!(
+            error("edge_correlation", 1.0),
+            "edge_correlation is 1; expected a number of at least 0 and below 1"
+        );
         assert_eq!(error("edge_px", 1.0), "edge_px is given without edge_relative; expected both");
     }
 }

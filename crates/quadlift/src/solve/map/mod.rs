@@ -45,8 +45,6 @@ const NOISE_SAMPLE: usize = 2000;
 /// What the objects of a scene share.
 #[derive(Debug, Clone)]
 pub struct MapContext<'a> {
-    /// Ids of the objects, by index; what is drawn at random for an object depends on its own.
-    pub object_ids: &'a [String],
     /// Names of the categories, by index.
     pub categories: &'a [String],
     /// World direction against gravity.
@@ -64,14 +62,13 @@ pub struct MapContext<'a> {
 impl<'a> MapContext<'a> {
     /// What the objects of a scene share.
     pub fn new(
-        object_ids: &'a [String],
         categories: &'a [String],
         up: Option<Unit<Vector3<f64>>>,
         cameras: Vec<Point3<f64>>,
         seed: u64,
         options: &'a MapOptions,
     ) -> Self {
-        Self { object_ids, categories, up, cameras, seed, options, body: options.body.unwrap_or_default() }
+        Self { categories, up, cameras, seed, options, body: options.body.unwrap_or_default() }
     }
 }
 
@@ -110,9 +107,8 @@ pub fn map(
         return finish_oriented(body);
     }
     let context = fitted(body);
-    let scene_of = |objects: &[usize]| {
-        SceneFit::<EllipsoidModel>::new(objects.len(), &|k| views_of(objects[k]), &context)
-    };
+    let scene_of =
+        |objects: &[usize]| SceneFit::<EllipsoidModel>::new(objects.len(), &|k| views_of(objects[k]), &context);
     let scene = scene_of(if options.body.is_some() { together } else { &sample });
     let exponent = options.body.map_or_else(|| exponent::clearly_better(&scene, &context), |_| None);
     match exponent {
