@@ -136,7 +136,8 @@ class Estimates:
             return shaped if in_order else shaped[order]
 
         def items(name: str) -> list[Any]:
-            return [found[name][k] for k in order]
+            values: list[Any] = found[name]
+            return values if in_order else [values[k] for k in order]
 
         left_out = zip(("without_object", "occluded_or_truncated", "beyond_lens"), localized.left_out, strict=True)
         return cls(
