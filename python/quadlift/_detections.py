@@ -80,6 +80,8 @@ _PROBE: dict[str, Any] = {
     "frame_ids": ["0"],
     "images": None,
     "name": None,
+    "length_unit": None,
+    "up": None,
 }
 
 
@@ -252,34 +254,20 @@ def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Dete
     problems.add_detections(order[1:][twice], 6, "the object is in it twice")
     problems.spread(detections.row)
     order = order[~np.isin(rows, list(problems.of_row))]
-    kept = check_boxes(cameras, detections, order, problems)
+    kept = check_boxes(detections, order, problems)
     problems.spread(detections.row)
     return cameras, kept.take(~np.isin(kept.row, list(problems.of_row))), problems.of_row
 
 
-def check_boxes(cameras: Cameras, detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
+def check_boxes(detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
     """Those of the detections in this order whose boxes are good."""
     absent = np.isnan(detections.boxes[order]).all(axis=1)
     problems.add_detections(order[absent], 7, "there is no box")
     order = order[~absent]
     kept = detections.take(order)
-    scene, of_core = in_core(cameras, kept, None, NOWHERE)
-    found = scene.detection_problems(of_core)
+    # Their frames are good already: any will do.
+    of_core = kept.dictionary(np.zeros(len(order), dtype=np.int64), None, None)
+    found = _core.Scene.from_frames(_PROBE).detection_problems(of_core)
     for place, text in found:
         problems.add_detections(order[[place]], 7, _tables.without_place(text))
     return kept.take(np.delete(np.arange(len(order)), [place for place, _ in found]))
-
-
-NOWHERE = Settings({}, None, None)
-
-
-def in_core(
-    cameras: Cameras, detections: Detections, names: list[str] | None, settings: Settings
-) -> tuple[_core.Scene, dict[str, Any]]:
-    """A scene of the cameras of objects' detections, and these as the core takes them."""
-    used, frame = np.unique(detections.camera, return_inverse=True)
-    scene = settings.scene(cameras.frames(used))
-    hidden = np.zeros_like(detections.boxes, dtype=np.bool_)
-    if detections.hidden is not None:
-        hidden = (detections.hidden[:, np.newaxis] & EDGES) != 0
-    return scene, detections.dictionary(frame.astype(np.int64), names, hidden)

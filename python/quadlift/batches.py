@@ -27,7 +27,6 @@ from ._detections import (
     Detections,
     Settings,
     check_boxes,
-    in_core,
     no_object,
     objects_of,
     read,
@@ -317,7 +316,13 @@ def _sparse(texts: Mapping[int, str], count: int) -> Any:
 
 def _localized(cameras: Cameras, detections: Detections, names: list[str], settings: Settings) -> Estimates:
     """The estimates of objects, whose names may repeat, in their order."""
-    scene, of_core = in_core(cameras, detections, names, settings)
+    used, frame = np.unique(detections.camera, return_inverse=True)
+    # What is not known to be hidden is not: other boxes of the frame may be in other batches.
+    hidden = np.zeros_like(detections.boxes, dtype=np.bool_)
+    if detections.hidden is not None:
+        hidden = (detections.hidden[:, np.newaxis] & EDGES) != 0
+    scene = settings.scene(cameras.frames(used))
+    of_core = detections.dictionary(frame.astype(np.int64), names, hidden)
     return Estimates._of(scene.with_detections(of_core).localize(settings.keywords, 1, None))
 
 
@@ -393,7 +398,7 @@ def localize_scenes(
     codes = detections.category[0]
     ties = [x for x in (codes, detections.scores) if x is not None]
     order = np.lexsort((*ties, *detections.boxes.T[::-1], detections.camera, detections.row))
-    kept = check_boxes(cameras, detections, order[~np.isin(order, list(problems.of_detection))], problems)
+    kept = check_boxes(detections, order[~np.isin(order, list(problems.of_detection))], problems)
     scenes = _tables.column(table, "scene") if "scene" in table.column_names else None
     keys = pa.array(np.arange(len(table)))
     if not has_own:

@@ -39,6 +39,7 @@ def localize(
     hidden_edges: bool = True,
     broadcast_cameras: int = 100_000,
     sample_objects: int = 2000,
+    partitions: int | None = None,
     **options: Any,
 ) -> DataFrame:
     """Localises all objects of a table of detections.
@@ -71,6 +72,9 @@ def localize(
         joined to the detections. The answers are the same.
     sample_objects : int
         Number of objects in the sample, 2000 at most.
+    partitions : int, optional
+        Number of tasks that localise. Without it Spark chooses it by the size of the tables, which are small for the
+        work that they make: on a large cluster give a few for each core.
     **options
         `method`, `priors`, `min_views`, `reg_lambda`, `seed` as in `quadlift.localize`, and without the column `object`
         also `associate`, `ids`, `ground_plane`, `camera_height`, `pose_noise`.
@@ -99,17 +103,19 @@ def localize(
     settings = Settings.of(given, OF_OBJECTS if has_objects else OF_SCENES, up, length_unit)
     limit = _checks.whole("broadcast_cameras", broadcast_cameras, 0)
     count = _checks.whole("sample_objects", sample_objects, 1, 2000)
+    if partitions is not None:
+        partitions = _checks.whole("partitions", partitions, 1)
     few = cameras.limit(limit + 1).toArrow()
     shared = batches.Cameras(few) if len(few) <= limit else None
     joined = None if shared is not None else cameras
     if not has_objects:
         work = partial(batches.localize_scenes, cameras=shared, **world, **given)
-        return _map(_scenes(flat, joined), work, _estimates(flat, T.StringType()))
+        return _map(_scenes(flat, joined, partitions), work, _estimates(flat, T.StringType()))
     hide = hidden_edges and settings.keywords["method"] == "map"
     if not settings.is_complete():
         sample = batches.sample(_objects(_sample(flat, count, hide), joined).toArrow(), count)
         given["sigmas"], given["body"] = batches.noise(sample, shared, **world, **given)
-    rows = _objects(_with_hidden_edges(flat) if hide else flat, joined)
+    rows = _objects(_with_hidden_edges(flat) if hide else flat, joined, partitions)
     work = partial(batches.localize_objects, cameras=shared, **world, **given)
     return _map(rows, work, _estimates(flat, flat.schema["object"].dataType))
 
@@ -236,7 +242,7 @@ def _hide(batch: pa.RecordBatch) -> pa.Table:
     return batches.ungroup(batches.with_hidden_edges(batch))
 
 
-def _objects(flat: DataFrame, cameras: DataFrame | None) -> DataFrame:
+def _objects(flat: DataFrame, cameras: DataFrame | None, partitions: int | None = None) -> DataFrame:
     """One row for each object, with its cameras where they are given. Detections of none are not listed."""
     keys = _keys(flat, "object")
     names = [name for name in flat.columns if name not in keys]
@@ -247,20 +253,26 @@ def _objects(flat: DataFrame, cameras: DataFrame | None) -> DataFrame:
         of_frame = cameras.groupBy(*on).agg(_structs(cameras))
         flat = flat.join(of_frame, on, "left")
         views.append(F.flatten(F.collect_list(F.when(_is_known(flat), F.col("cameras")))).alias("cameras"))
-    return _lists(flat.groupBy(*keys).agg(*views), keys, names)
+    return _lists(_spread(flat, keys, partitions).groupBy(*keys).agg(*views), keys, names)
 
 
-def _scenes(flat: DataFrame, cameras: DataFrame | None) -> DataFrame:
+def _scenes(flat: DataFrame, cameras: DataFrame | None, partitions: int | None) -> DataFrame:
     """One row for each scene, with its cameras where they are given."""
     keys = _keys(flat)
     names = [name for name in flat.columns if name not in keys]
-    rows = _lists(flat.groupBy(*keys).agg(F.collect_list(F.struct(*names)).alias("views")), keys, names)
+    views = F.collect_list(F.struct(*names)).alias("views")
+    rows = _lists(_spread(flat, keys, partitions).groupBy(*keys).agg(views), keys, names)
     # Without scenes there is one row, also where there are no detections.
     rows = rows.filter(F.size("frame") > 0)
     if cameras is None:
         return rows
     of_scene = cameras.groupBy(*keys).agg(_structs(cameras))
     return rows.join(of_scene, keys, "left") if keys else rows.crossJoin(of_scene)
+
+
+def _spread(flat: DataFrame, keys: Sequence[str], partitions: int | None) -> DataFrame:
+    """The detections in so many partitions by the keys, which the grouping then keeps."""
+    return flat.repartition(partitions, *keys) if keys and partitions is not None else flat
 
 
 def _structs(cameras: DataFrame) -> Column:

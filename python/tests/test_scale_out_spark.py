@@ -78,6 +78,12 @@ def test_same_as_localize(fleet: Fleet, detections: DataFrame, cameras: DataFram
     assert kinds["object_005"] == "bus"
 
 
+def test_partitions_can_be_chosen(fleet: Fleet, detections: DataFrame, cameras: DataFrame) -> None:
+    found = quadlift.spark.localize(detections, cameras, partitions=5, **GIVEN)
+    assert found.rdd.getNumPartitions() == 5
+    assert_same(found.toArrow(), fleet.expected(**GIVEN))
+
+
 def test_same_as_the_program(
     program: Program, fleet: Fleet, detections: DataFrame, cameras: DataFrame, tmp_path: Path
 ) -> None:
@@ -260,6 +266,7 @@ def test_refusals(detections: DataFrame, cameras: DataFrame) -> None:
         "there is no option 'threads' here": localize(threads=3),
         'body is "sphere"': localize(body="sphere"),
         "broadcast_cameras is -1": localize(broadcast_cameras=-1),
+        "partitions is 0": localize(partitions=0),
     }
     for text, call in texts.items():
         with pytest.raises(quadlift.QuadliftError) as refused:
