@@ -24,4 +24,4 @@ if [ -z "${QUADLIFT:-}" ]; then
 fi
 # Everything stays on this machine, and nobody is told.
 export RAY_USAGE_STATS_ENABLED=0 DAFT_ANALYTICS_ENABLED=0 SPARK_LOCAL_IP=127.0.0.1
-"$python" -m pytest --quiet -p no:cacheprovider -m scale_out "$@"
+"$python" -m pytest --quiet -p no:cacheprovider -m scale_out python/tests/test_scale_out_*.py "$@"
