@@ -295,7 +295,8 @@ def _sample(flat: DataFrame, count: int, hide: bool) -> DataFrame:
     is_chosen = _hash(flat) <= F.lit(last).cast("string")
     if not hide:
         return flat.filter(is_chosen)
-    # Only the frames in which they are need to be looked at.
+    # Only the frames in which they are need to be looked at. Null is joined to nothing, but what is chosen stays.
     keys = _keys(flat, "frame")
-    frames = flat.filter(is_chosen).select(*keys).distinct()
-    return _with_hidden_edges(flat.join(frames, keys, "left_semi")).filter(is_chosen)
+    frames = flat.filter(is_chosen).select(*keys).distinct().withColumn("near", F.lit(True))
+    near = flat.join(frames, keys, "left").filter(is_chosen | F.col("near")).select(*flat.columns)
+    return _with_hidden_edges(near).filter(is_chosen)

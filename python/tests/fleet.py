@@ -47,6 +47,8 @@ def made_fleet(program: Program, folder: Path, count: int = 3) -> Fleet:
         # Without the truth, and with fewer views of some objects than of others.
         del document["objects"]
         document["detections"] = [d for k, d in enumerate(document["detections"]) if (k * 7) % 23 > 3]
+        for d in document["detections"]:
+            d["category"] = "car" if d["object"] < "object_003" else "bus"
         quadlift.Scene.from_dict(document).write(path)
         files[name], up = path, document["up"]
         of_id = {camera["id"]: camera for camera in document["cameras"]}
@@ -64,15 +66,14 @@ def made_fleet(program: Program, folder: Path, count: int = 3) -> Fleet:
             )
         for d in document["detections"]:
             box = dict(zip(("x0", "y0", "x1", "y1"), d["box"], strict=True))
-            kind = "car" if d["object"] < "object_003" else "bus"
-            detections.append({"scene": name, "frame": d["frame"], "object": d["object"], **box, "category": kind})
+            detections.append({"scene": name, **{k: d[k] for k in ("frame", "object", "category")}, **box})
     return Fleet(files, pa.Table.from_pylist(detections), pa.Table.from_pylist(cameras), up)
 
 
 def comparable(table: pa.Table) -> pa.Table:
-    """Sorted by scene and object, without what only one of the tables has, lists of any size."""
+    """Sorted by scene and object, without the column that `Estimates` do not have, lists of any size."""
     keys = [name for name in ("scene", "object") if name in table.column_names]
-    table = table.drop_columns([name for name in ("problem", "category") if name in table.column_names])
+    table = table.drop_columns([name for name in ("problem",) if name in table.column_names])
     fields = []
     for field in table.schema:
         is_fixed = pa.types.is_fixed_size_list(field.type)

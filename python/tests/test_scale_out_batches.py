@@ -59,6 +59,18 @@ def test_same_as_scenes(fleet: Fleet, body: str) -> None:
     assert pa.concat_tables(single).equals(found)
 
 
+def test_priors(fleet: Fleet) -> None:
+    """Sizes of categories and upright stance, which each object has for itself."""
+    prior: dict[str, Any] = {"size": (3.0, 3.0, 3.0), "size_sd": (0.5, 0.5, 0.5), "upright_sd": 0.1}
+    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid", "priors": {"car": prior}}
+    rows = of_objects(fleet.shuffled())
+    found = batches.localize_objects(rows, fleet.cameras, up=fleet.up, **options)
+    assert_same(found, fleet.expected(**options))
+    without = batches.localize_objects(rows, fleet.cameras, up=fleet.up, sigmas=SIGMAS, body="ellipsoid")
+    changed = [a != b for a, b in zip(found["center"].to_pylist(), without["center"].to_pylist(), strict=True)]
+    assert changed == [kind == "car" for kind in found["category"].to_pylist()]
+
+
 def test_hidden_edges_count(fleet: Fleet) -> None:
     rows = of_objects(fleet.detections)
     masks = np.concatenate(rows["hidden_edges"].to_pylist())
@@ -112,6 +124,28 @@ def test_ids_may_be_numbers() -> None:
     assert batches.localize_objects(texts, cameras.set_column(0, "frame", names), **options).equals(found)
     views = quadlift.localize(**made.arguments(), **options)
     np.testing.assert_array_equal(found["center"].to_pylist(), views.centers)
+
+
+def test_texts_are_in_the_order_of_texts() -> None:
+    made = made_scene(objects=3, views=12)
+    rows, cameras = tables(made)
+    options: dict[str, Any] = {"sigmas": {**SIGMAS, "edge_correlation": 0.8}, "body": "ellipsoid"}
+    named = [[str(frame) for frame in frames] for frames in rows["frame"].to_pylist()]
+    names = [str(frame) for frame in cameras["frame"].to_pylist()]
+    found = batches.localize_objects(
+        rows.set_column(1, "frame", pa.array(named)), cameras.set_column(0, "frame", pa.array(names)), **options
+    )
+    order = sorted(range(12), key=str)
+    expected = quadlift.localize(
+        projections=made.projections[order],
+        image_sizes=made.image_sizes,
+        frame=[order.index(frame) for frame in made.frame],
+        boxes=made.boxes,
+        object=made.object,
+        **options,
+    )
+    np.testing.assert_array_equal(found["covariance"].to_pylist(), expected.covariances.reshape(-1, 81))
+    assert not found.equals(batches.localize_objects(rows, cameras, **options))
 
 
 # What is wrong with rows
@@ -250,23 +284,15 @@ def test_scenes(fleet: Fleet, tmp_path: Path) -> None:
     expected = []
     for name, path in fleet.files.items():
         document = quadlift.Scene.read(path).to_dict()
-        kinds = {tuple(d["box"]): d["category"] for d in map_boxes(fleet, name)}
         document["detections"].sort(key=lambda d: (d["frame"], d["box"]))
         for d in document["detections"]:
             del d["object"]
-            d["category"] = kinds[tuple(d["box"])]
         table = quadlift.Scene.from_dict(document).localize().to_arrow()
         expected.append(table.add_column(0, "scene", pa.array([name] * len(table))))
     assert_same(found, pa.concat_tables(expected))
     assert count_ok(found) >= 15
     single = [batches.localize_scenes(rows.slice(k, 1), fleet.cameras, up=fleet.up) for k in range(3)]
     assert pa.concat_tables(single).equals(found)
-
-
-def map_boxes(fleet: Fleet, scene: str) -> list[dict[str, Any]]:
-    """Boxes and categories of a scene."""
-    rows = [row for row in fleet.detections.to_pylist() if row["scene"] == scene]
-    return [{"box": [row[n] for n in ("x0", "y0", "x1", "y1")], "category": row["category"]} for row in rows]
 
 
 def test_poisoned_scene(made: Arrays) -> None:

@@ -238,7 +238,11 @@ def test_poison(fleet: Fleet, spark: SparkSession, cameras: DataFrame, limit: in
         assert text in problem
     # The first pass does not mind either.
     again = quadlift.spark.localize(detections, cameras, broadcast_cameras=limit).toArrow()
-    assert statuses(again.filter(pa.compute.invert(is_good))) == told
+    frames = batches.with_hidden_edges(batches.group(poisoned, ["scene", "frame"]))
+    objects = batches.group(batches.ungroup(frames), ["scene", "object"])
+    of_all = batches.Cameras(cameras.toArrow())
+    sigmas, body = batches.noise(batches.sample(objects), of_all)
+    assert_same(again, batches.localize_objects(objects, of_all, sigmas=sigmas, body=body))
 
 
 def test_empty(detections: DataFrame, cameras: DataFrame) -> None:
