@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tests quadlift on Spark, Ray Data and Daft: builds the wheel and installs it with them, 1.5 GB, into target/scale-out.
+# Tests quadlift on Spark, Ray Data and Daft: builds the wheel and installs it with them, 1.3 GB, into target/scale-out.
 # Needs Rust, Python 3.10 or later with venv, PyPI and Java 17 or 21, without which the test is skipped. Arguments go to
 # pytest.
 set -euo pipefail

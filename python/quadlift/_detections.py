@@ -96,7 +96,7 @@ def _may_share_ground(priors: Any) -> bool:
 
 @dataclass(frozen=True)
 class Detections:
-    """M detections of rows that are objects or scenes, and what is wrong."""
+    """M detections of rows that are objects or scenes."""
 
     row: NDArray[np.int64]
     camera: NDArray[np.int64]
@@ -139,6 +139,7 @@ class Problem:
     """What is wrong with a row; the least one is told, which does not depend on the order of its detections."""
 
     rank: int
+    """0 lists, 1 object, 2 no detections, 3 to 5 frame and camera, 6 twice in a frame, 7 box."""
     frame: Any
     text: str
 

@@ -186,6 +186,8 @@ def _flat(detections: DataFrame) -> DataFrame:
 def _cameras(cameras: DataFrame, flat: DataFrame) -> DataFrame:
     """The columns of the cameras, checked."""
     names = cameras.columns
+    if "scene" in names and "scene" not in flat.columns:
+        raise QuadliftError("cameras has a column 'scene', detections has none")
     wanted = [*_keys(flat, "frame"), *(["projection"] if "projection" in names else ["intrinsics", "cam_from_world"])]
     _tables.require(names, wanted, "cameras")
     for name in _keys(flat, "frame"):

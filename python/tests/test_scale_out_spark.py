@@ -261,6 +261,7 @@ def test_refusals(detections: DataFrame, cameras: DataFrame) -> None:
         "detections has no column 'frame'": localize(detections.drop("frame")),
         "detections, without a column 'box', has no column 'x0'": localize(detections.drop("x0")),
         "cameras has no column 'scene'": localize(c=cameras.drop("scene")),
+        "cameras has a column 'scene', detections has none": localize(detections.drop("scene")),
         "cameras has no column 'intrinsics'": localize(c=cameras.drop("intrinsics")),
         "the column 'object' of detections is double": localize(detections.withColumn("object", F.lit(1.0))),
         "the column 'x1' of detections is string": localize(detections.withColumn("x1", F.lit("9"))),
