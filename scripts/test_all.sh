@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # All tests: those of the library and the program, and those that need more than Rust. Each part installs what it needs
 # below target/ (Chromium with apt); needs a Rust toolchain, Python 3.10 or later with venv, Node 20.19 or newer (without it
-# the reports in a browser are skipped), crates.io, PyPI and npm's registry.
+# the reports in a browser are skipped), crates.io, PyPI and npm's registry. Without Java, Spark, Ray and Daft are
+# skipped.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 source scripts/sections.sh
@@ -10,6 +11,7 @@ section "Rust tests" scripts/test.sh
 section "Parquet" scripts/test_parquet.sh
 section "exports" scripts/test_exports.sh
 section "Python" scripts/test_python.sh
+section "Spark, Ray and Daft" scripts/test_scale_out.sh
 section "reports in a browser" scripts/test_viewer.sh
 section "recordings for Rerun" scripts/test_rerun.sh
 sections_end

@@ -1,0 +1,11 @@
+"""pyarrow, for modules that are of no use without it."""
+
+from __future__ import annotations
+
+try:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+except ImportError as error:
+    raise ImportError('tables need pyarrow: pip install "quadlift[arrow]"') from error
+
+__all__ = ["pa", "pc"]

@@ -1,0 +1,274 @@
+"""Detections in tables whose rows are objects or scenes: options, reading, what is wrong with them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from . import _checks, _core, _options, _tables
+from ._arrow import pa, pc
+from ._cameras import Cameras
+from ._core import QuadliftError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_lambda", "seed"})
+"""Options that tables of objects take."""
+OF_SCENES = OF_OBJECTS | {"associate", "ids", "ground_plane", "camera_height", "pose_noise"}
+"""Options that tables of scenes take."""
+EDGES = np.array([1, 2, 4, 8])
+"""What left, top, right and bottom count in a column `hidden_edges`."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Checked options."""
+
+    keywords: dict[str, Any]
+    up: list[float] | None
+    length_unit: str | None
+
+    @classmethod
+    def of(
+        cls, options: Mapping[str, Any], known: frozenset[str], up: ArrayLike | None, length_unit: str | None
+    ) -> Settings:
+        for name in options:
+            if name in OF_SCENES - known:
+                raise QuadliftError(
+                    f"{name} is an option of whole scenes, whose objects share it; tables of objects, which are solved "
+                    "one by one, do not take it"
+                )
+            if name not in known:
+                raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
+        given = cast("_options.Options", {"associate": "never" if known == OF_OBJECTS else "auto", **options})
+        settings = cls(
+            _options.split(given, "localize")[0],
+            None if up is None else _checks.array("up", up, (3,)).tolist(),
+            None if length_unit is None else _checks.text("length_unit", length_unit),
+        )
+        if known == OF_OBJECTS and _may_share_ground(options.get("priors")):
+            raise QuadliftError(
+                "priors: those with on_ground=True let objects share a ground; tables of objects, which are solved one "
+                "by one, take a mapping of priors without on_ground"
+            )
+        # One good detection: all that can be wrong is the options.
+        probe = Detections(np.array([0]), np.array([0]), np.array([[0.0, 0.0, 1.0, 1.0]]), None, (None, []), None)
+        of_core = probe.dictionary(np.array([0]), ["probe"], None)
+        settings.scene(_PROBE).with_detections(of_core).localize(settings.keywords, 1, None)
+        return settings
+
+    def scene(self, frames: dict[str, Any]) -> _core.Scene:
+        """Frames with what the options say of the world."""
+        return _core.Scene.from_frames({**frames, "up": self.up, "length_unit": self.length_unit})
+
+    def is_complete(self) -> bool:
+        """Whether nothing is left to find out from all objects together."""
+        is_given = self.keywords["sigmas"] is not None and self.keywords["body"] != "auto"
+        return bool(is_given or self.keywords["method"] != "map")
+
+
+_PROBE: dict[str, Any] = {
+    "projections": np.eye(3, 4)[np.newaxis],
+    "intrinsics": None,
+    "cam_from_world": None,
+    "image_sizes": None,
+    "frame_ids": ["0"],
+    "images": None,
+    "name": None,
+    "length_unit": None,
+    "up": None,
+}
+
+
+def _may_share_ground(priors: Any) -> bool:
+    if isinstance(priors, Mapping):
+        return any(isinstance(prior, Mapping) and prior.get("on_ground") for prior in priors.values())
+    return priors is not None
+
+
+# Detections
+
+
+@dataclass(frozen=True)
+class Detections:
+    """M detections of rows that are objects or scenes."""
+
+    row: NDArray[np.int64]
+    camera: NDArray[np.int64]
+    boxes: NDArray[np.float64]
+    scores: NDArray[np.float64] | None
+    category: tuple[NDArray[np.int64] | None, list[str]]
+    hidden: NDArray[np.int64] | None
+
+    def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Detections:
+        codes, names = self.category
+        return replace(
+            self,
+            row=self.row[places],
+            camera=self.camera[places],
+            boxes=self.boxes[places],
+            scores=None if self.scores is None else self.scores[places],
+            category=(None if codes is None else codes[places], names),
+            hidden=None if self.hidden is None else self.hidden[places],
+        )
+
+    def dictionary(
+        self, frame: NDArray[np.int64], names: list[str] | None, hidden_edges: NDArray[np.bool_] | None
+    ) -> dict[str, Any]:
+        """Detections as the core takes them; with names, those of the rows are the objects."""
+        return {
+            "frame": frame,
+            "boxes": np.ascontiguousarray(self.boxes),
+            "ellipses": None,
+            "masks": None,
+            "object": (None, []) if names is None else (self.row, names),
+            "category": self.category,
+            "scores": self.scores,
+            "source": None,
+            "hidden_edges": hidden_edges,
+        }
+
+
+@dataclass(frozen=True, order=True)
+class Problem:
+    """What is wrong with a row; the least one is told, which does not depend on the order of its detections."""
+
+    rank: int
+    """0 lists, 1 object, 2 no detections, 3 to 5 frame and camera, 6 twice in a frame, 7 box."""
+    frame: Any
+    text: str
+
+
+class Problems:
+    """What is wrong with single detections and with rows."""
+
+    def __init__(self, frame: Any) -> None:
+        self._frame = frame
+        self.of_row: dict[int, Problem] = {}
+        self.of_detection: dict[int, Problem] = {}
+
+    def add_row(self, row: int, rank: int, text: str) -> None:
+        self.of_row[row] = min(Problem(rank, -1, text), self.of_row.get(row, _LAST))
+
+    def add_detections(self, places: NDArray[np.int64], rank: int, text: str | Sequence[str]) -> None:
+        """`text` goes on from the name of the frame."""
+        names = self._frame.take(pa.array(places)).to_pylist()
+        for k, (place, name) in enumerate(zip(places.tolist(), names, strict=True)):
+            words = text if isinstance(text, str) else text[k]
+            words = words if name is None else f"frame {json.dumps(name, ensure_ascii=False)}: {words}"
+            # One table has frames of one type.
+            found = Problem(rank, -1 if name is None else name, words)
+            self.of_detection[place] = min(found, self.of_detection.get(place, _LAST))
+
+    def spread(self, row: NDArray[np.int64]) -> None:
+        """What is wrong with a detection is wrong with its row."""
+        for place, problem in self.of_detection.items():
+            k = int(row[place])
+            self.of_row[k] = min(problem, self.of_row.get(k, _LAST))
+
+    def by_row(self, row: NDArray[np.int64]) -> dict[int, list[str]]:
+        """What is wrong with each scene, in words."""
+        texts = {k: [problem.text] for k, problem in self.of_row.items()}
+        by_row: dict[int, list[Problem]] = {}
+        for place, problem in self.of_detection.items():
+            by_row.setdefault(int(row[place]), []).append(problem)
+        for k, found in by_row.items():
+            count = "1 detection takes" if len(found) == 1 else f"{len(found)} detections take"
+            texts.setdefault(k, []).append(f"{count} no part: {min(found).text}")
+        return texts
+
+
+_LAST = Problem(100, "", "")
+
+
+def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections, Problems]:
+    """The detections of a table; those whose frames are of no use are among the problems."""
+    names = rows.column_names
+    _tables.require(names, ["frame", *_tables.BOX], "rows")
+    views = _tables.Views(
+        rows, ["frame", *_tables.BOX, *(n for n in ("category", "score", "hidden_edges") if n in names)]
+    )
+    frame = _tables.ids(views["frame"], "frame")
+    scene = _tables.column(rows, "scene") if "scene" in names else None
+    if cameras is None:
+        cameras, scene = _own_cameras(rows), pa.array(np.arange(len(rows)))
+    elif not isinstance(cameras, Cameras):
+        cameras = Cameras(cameras)
+    camera = cameras.find(scene, views.row, frame)
+    found = Problems(frame)
+    for row, text in views.ragged.items():
+        found.add_row(row, 0, text)
+    is_null = frame.is_null().to_numpy(zero_copy_only=False)
+    found.add_detections(np.flatnonzero(is_null), 3, "a detection has no frame")
+    found.add_detections(np.flatnonzero((camera < 0) & ~is_null), 4, "there is no such camera")
+    if cameras.broken:
+        broken = np.flatnonzero(np.isin(camera, list(cameras.broken)))
+        found.add_detections(broken, 5, [cameras.broken[int(camera[place])] for place in broken])
+    hidden = _tables.numbers(views["hidden_edges"], "hidden_edges") if "hidden_edges" in views else None
+    detections = Detections(
+        row=views.row,
+        camera=camera,
+        boxes=views.boxes(),
+        scores=_tables.numbers(views["score"], "score") if "score" in views else None,
+        category=views.codes("category"),
+        hidden=None if hidden is None else np.nan_to_num(hidden).astype(np.int64),
+    )
+    return cameras, detections, found
+
+
+def _own_cameras(rows: Any) -> Cameras:
+    """The cameras that the rows bring; their scenes are the numbers of the rows."""
+    _tables.require(rows.column_names, ["cameras"], "rows, without an argument cameras,")
+    values = _tables.lists(rows, "cameras")
+    of_row = np.repeat(np.arange(len(rows)), _tables.lengths(values))
+    structs = pc.list_flatten(values)
+    if not pa.types.is_struct(structs.type):
+        raise QuadliftError(f"the column cameras has lists of {structs.type}; expected lists of structs")
+    fields = {structs.type.field(k).name: values for k, values in enumerate(structs.flatten())}
+    return Cameras(pa.table({**fields, "scene": of_row}))
+
+
+def no_object(objects: Any) -> Any:
+    """Which ids stand for no object: null, "" and negative numbers, as in `quadlift.localize`."""
+    unknown = pc.equal(objects, "") if pa.types.is_string(objects.type) else pc.less(objects, 0)
+    return unknown.fill_null(True)
+
+
+def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections, dict[int, Problem]]:
+    """The detections of objects without problems, in the order of the rows and of the frames; the problems of rows."""
+    _tables.require(table.column_names, ["object"], "rows")
+    cameras, detections, problems = read(table, cameras)
+    objects = _tables.ids(_tables.column(table, "object"), "object")
+    for row in np.flatnonzero(no_object(objects).to_numpy(zero_copy_only=False)):
+        problems.add_row(int(row), 1, "these detections name no object")
+    counts = np.bincount(detections.row, minlength=len(table))
+    for row in np.flatnonzero(counts == 0):
+        problems.add_row(int(row), 2, "there are no detections")
+    order = np.lexsort((detections.camera, detections.row))
+    rows, camera = detections.row[order], detections.camera[order]
+    twice = (np.diff(rows) == 0) & (np.diff(camera) == 0) & (camera[1:] >= 0)
+    problems.add_detections(order[1:][twice], 6, "the object is in it twice")
+    problems.spread(detections.row)
+    order = order[~np.isin(rows, list(problems.of_row))]
+    kept = check_boxes(detections, order, problems)
+    problems.spread(detections.row)
+    return cameras, kept.take(~np.isin(kept.row, list(problems.of_row))), problems.of_row
+
+
+def check_boxes(detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
+    """Those of the detections in this order whose boxes are good."""
+    absent = np.isnan(detections.boxes[order]).all(axis=1)
+    problems.add_detections(order[absent], 7, "there is no box")
+    order = order[~absent]
+    kept = detections.take(order)
+    # Their frames are good already: any will do.
+    of_core = kept.dictionary(np.zeros(len(order), dtype=np.int64), None, None)
+    found = _core.Scene.from_frames(_PROBE).detection_problems(of_core)
+    for place, text in found:
+        problems.add_detections(order[[place]], 7, _tables.without_place(text))
+    return kept.take(np.delete(np.arange(len(order)), [place for place, _ in found]))

@@ -1,0 +1,90 @@
+"""From detections to one row for each object, scene or frame, and back; what the boxes of a frame hide."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _core, _tables
+from ._arrow import pa
+from ._core import QuadliftError
+from ._detections import EDGES
+
+
+def group(table: Any, by: Sequence[str]) -> Any:
+    """One row for each different value of some columns, the other columns as lists.
+
+    Parameters
+    ----------
+    table : pyarrow.Table or pyarrow.RecordBatch
+        Such as detections.
+    by : sequence of str
+        Columns of whole numbers or texts; null counts as a value.
+
+    Returns
+    -------
+    pyarrow.Table
+        In ascending order of these columns.
+    """
+    table = _tables.table(table, "table")
+    _tables.require(table.column_names, by, "table")
+    codes = []
+    for name in by:
+        values = _tables.ids(_tables.column(table, name), name)
+        codes.append(_tables.index_in(values, _tables.different(values)))
+    order = np.lexsort(codes[::-1])
+    changed = np.zeros(len(order), dtype=np.bool_)
+    changed[:1] = True
+    for code in codes:
+        changed[1:] |= np.diff(code[order]) != 0
+    first = np.flatnonzero(changed)
+    offsets = pa.array(np.append(first, len(order)).astype(np.int32))
+    columns = {}
+    for name in table.column_names:
+        values = _tables.column(table, name).take(pa.array(order[first] if name in by else order))
+        columns[name] = values if name in by else pa.ListArray.from_arrays(offsets, values)
+    return pa.table(columns)
+
+
+def ungroup(rows: Any) -> Any:
+    """One row for each entry of the columns that are lists: what undoes `group`.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table or pyarrow.RecordBatch
+        With at least one column of lists, which are equally long in each row.
+    """
+    rows = _tables.table(rows, "rows")
+    of_lists = [name for name in rows.column_names if pa.types.is_nested(rows.schema.field(name).type)]
+    views = _tables.Views(rows, of_lists)
+    for row, text in views.ragged.items():
+        raise QuadliftError(f"row {row} has {text}")
+    parents = pa.array(views.row)
+    return pa.table({n: views[n] if n in views else _tables.column(rows, n).take(parents) for n in rows.column_names})
+
+
+def with_hidden_edges(rows: Any) -> Any:
+    """Finds box edges that another box of the frame probably hides; they have a noise level of their own.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table or pyarrow.RecordBatch
+        One row for each frame (see `group`), with lists `x0`, `y0`, `x1`, `y1` of all boxes that it has, whichever
+        objects they show. Boxes that are none neither hide nor are hidden.
+
+    Returns
+    -------
+    pyarrow.Table
+        The rows with one more column, `hidden_edges`: lists of int8, 1 for a hidden left edge plus 4 for a right one.
+    """
+    rows = _tables.table(rows, "rows")
+    _tables.require(rows.column_names, _tables.BOX, "rows")
+    views = _tables.Views(rows, _tables.BOX)
+    for row, text in views.ragged.items():
+        raise QuadliftError(f"row {row} has {text}")
+    hidden = _core.hidden_edges(views.row, np.ascontiguousarray(views.boxes()))
+    offsets = np.searchsorted(views.row, np.arange(len(rows) + 1)).astype(np.int32)
+    masks = pa.array((hidden @ EDGES).astype(np.int8))
+    return rows.append_column("hidden_edges", pa.ListArray.from_arrays(pa.array(offsets), masks))

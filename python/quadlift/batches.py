@@ -1,0 +1,354 @@
+"""Tables of objects in, tables of estimates out: what runs inside of Spark, Ray Data, Daft and the like.
+
+An engine that spreads tables over machines groups detections to one row for each object (or, where nobody knows which
+detections show the same object, to one row for each scene), and calls these functions on batches of rows. Columns that
+have an entry for each view are lists. What they give does not depend on how the rows are cut into batches.
+
+Needs pyarrow: ``pip install "quadlift[arrow]"``. `quadlift.spark` does all of it on Spark.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _tables
+from ._arrow import pa, pc
+from ._cameras import Cameras
+from ._core import QuadliftError
+from ._detections import (
+    EDGES,
+    OF_OBJECTS,
+    OF_SCENES,
+    Detections,
+    Settings,
+    check_boxes,
+    no_object,
+    objects_of,
+    read,
+)
+from ._estimates import Estimates
+from ._grouping import group, ungroup, with_hidden_edges
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "Cameras",
+    "group",
+    "localize_objects",
+    "localize_scenes",
+    "noise",
+    "sample",
+    "schema",
+    "ungroup",
+    "with_hidden_edges",
+]
+
+_log = logging.getLogger("quadlift")
+
+
+def schema(object_type: Any = None, scene_type: Any = None) -> Any:
+    """The columns of the estimates.
+
+    Parameters
+    ----------
+    object_type : pyarrow.DataType, optional
+        The type of `object`; string without it.
+    scene_type : pyarrow.DataType, optional
+        The type of `scene`; without it there is no such column.
+
+    Returns
+    -------
+    pyarrow.Schema
+        `scene`, then the columns of `Estimates.to_arrow`, then `problem` (string): what is wrong with the row where
+        `status` is ``"invalid"`` or ``"failed"``.
+    """
+
+    def vector(width: int) -> Any:
+        return pa.list_(pa.float64(), width)
+
+    fields = [] if scene_type is None else [("scene", scene_type)]
+    fields += [
+        ("object", object_type or pa.string()),
+        ("category", pa.string()),
+        ("status", pa.string()),
+        ("center", vector(3)),
+        ("semi_axes", vector(3)),
+        ("quaternion", vector(4)),
+        ("enclosing_semi_axes", vector(3)),
+        ("covariance", vector(81)),
+        ("center_sd", pa.float64()),
+        ("views_used", pa.int64()),
+        ("rms_residual_px", pa.float64()),
+        ("problem", pa.string()),
+    ]
+    return pa.schema(fields)
+
+
+# Objects
+
+
+def localize_objects(
+    rows: Any,
+    cameras: Cameras | Any | None = None,
+    *,
+    up: ArrayLike | None = None,
+    length_unit: str | None = None,
+    **options: Any,
+) -> Any:
+    """Localises objects, one in each row.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table or pyarrow.RecordBatch
+        One row for each object, with the columns
+
+        - `scene` (optional) and `object`: whole numbers or texts; null, "" and negative numbers name no object,
+        - `frame`, `x0`, `y0`, `x1`, `y1`: equally long lists, with an entry for each view: its frame (whole numbers or
+          texts) and the box in pixels,
+        - `category` (texts) and `hidden_edges` (see `with_hidden_edges`), optional: such lists too,
+        - `cameras`, where they are not given as an argument: lists of structs with the columns of `Cameras`.
+
+        The order of the views has no meaning: see `Cameras`.
+    cameras : Cameras or pyarrow.Table, optional
+        The cameras of all frames.
+    up : array_like, shape (3,), optional
+        World direction against gravity.
+    length_unit : str, optional
+        World unit.
+    **options
+        `sigmas` and `body` (both are needed with `method="map"`, see `noise`), `method`, `priors`, `min_views`,
+        `reg_lambda`, `seed`, as in `quadlift.localize`.
+
+    Returns
+    -------
+    pyarrow.Table
+        One row for each row, in their order, with the columns of `schema`. The status is ``"invalid"`` where something
+        is wrong with an object's detections or cameras, which `problem` tells, and ``"failed"`` where quadlift itself
+        failed; both leave the other objects as they are.
+
+    Raises
+    ------
+    QuadliftError
+        Where something is wrong with the options or with a column as a whole.
+    """
+    settings = Settings.of(options, OF_OBJECTS, up, length_unit)
+    if not settings.is_complete():
+        raise QuadliftError(
+            'sigmas and a body other than "auto" are needed, because what a batch tells of them depends on how the '
+            "rows are cut into batches; take both from quadlift.batches.noise"
+        )
+    table = _tables.table(rows, "rows")
+    cameras, detections, problems = objects_of(table, cameras)
+    names = _names(table)
+    found, numbers, failed = _estimates(cameras, detections, names, settings)
+    place = np.full(len(table), -1)
+    place[numbers] = np.arange(len(numbers))
+    texts = {row: problem.text for row, problem in problems.items()} | failed
+    status = {row: "invalid" for row in problems} | dict.fromkeys(failed, "failed")
+    columns = {name: _tables.column(table, name) for name in ("scene", "object") if name in table.column_names}
+    estimates = found.take(pa.array(place, mask=place < 0))
+    for name in estimates.column_names:
+        columns.setdefault(name, estimates.column(name))
+    columns["status"] = pc.coalesce(_sparse(status, len(table)), estimates.column("status"))
+    columns["problem"] = _sparse(texts, len(table))
+    types = {name: values.type for name, values in columns.items()}
+    return pa.table(columns, schema=schema(types["object"], types.get("scene")))
+
+
+def noise(
+    rows: Any,
+    cameras: Cameras | Any | None = None,
+    *,
+    up: ArrayLike | None = None,
+    length_unit: str | None = None,
+    **options: Any,
+) -> tuple[dict[str, float], str]:
+    """The noise levels and the kind of body that a sample of objects shows, for `localize_objects`.
+
+    Parameters
+    ----------
+    rows, cameras, up, length_unit, **options
+        As in `localize_objects`; `sigmas` or `body` are kept where they are given. Some hundred objects are enough;
+        beyond 2000 only every second, third, ... is looked at. Objects with which something is wrong are left out.
+
+    Returns
+    -------
+    sigmas : dict
+        See `Estimates.noise`; empty where there are no objects, and for other methods than `map`.
+    body : str
+        See `Estimates.body`.
+    """
+    settings = Settings.of(options, OF_OBJECTS, up, length_unit)
+    table = _tables.table(rows, "rows")
+    cameras, detections, _ = objects_of(table, cameras)
+    sigmas, body = settings.keywords["sigmas"], settings.keywords["body"]
+    if not len(detections.row):
+        return dict(sigmas or {}), "ellipsoid" if body == "auto" else body
+    estimates = _localized(cameras, detections, _names(table), settings)
+    return (estimates.noise if sigmas is None else dict(sigmas)), estimates.body
+
+
+def sample(rows: Any, count: int = 2000) -> Any:
+    """The rows of some objects, for `noise`: those whose ids have the smallest hashes, in their order.
+
+    A sample of samples of the parts of a table is the sample of the table, however it is cut into parts.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table or pyarrow.RecordBatch
+        One row for each object, with the column `object`, and `scene` where there are scenes.
+    count : int
+        Number of rows, if there are as many.
+    """
+    table = _tables.table(rows, "rows")
+    _tables.require(table.column_names, ["object"], "rows")
+    objects = _tables.ids(_tables.column(table, "object"), "object")
+    table = table.filter(pc.invert(no_object(objects)))
+    names = _names(table)
+    scenes = [""] * len(names)
+    if "scene" in table.column_names:
+        scenes = _tables.ids(_tables.column(table, "scene"), "scene").cast(pa.string()).fill_null("").to_pylist()
+    hashes = [hashlib.sha256(f"{scene}\n{name}".encode()).digest() for scene, name in zip(scenes, names, strict=True)]
+    order = sorted(range(len(hashes)), key=hashes.__getitem__)
+    return table.take(pa.array(order[:count], pa.int64()))
+
+
+def _names(table: Any) -> list[str]:
+    """The ids of the objects as texts."""
+    names: list[str] = (
+        _tables.ids(_tables.column(table, "object"), "object").cast(pa.string()).fill_null("").to_pylist()
+    )
+    return names
+
+
+def _sparse(texts: Mapping[int, str], count: int) -> Any:
+    """Texts of some rows, null elsewhere."""
+    values = np.full(count, None, dtype=object)
+    for row, text in texts.items():
+        values[row] = text
+    return pa.array(values, pa.string())
+
+
+def _localized(cameras: Cameras, detections: Detections, names: list[str], settings: Settings) -> Estimates:
+    """The estimates of objects, whose names may repeat, in their order."""
+    used, frame = np.unique(detections.camera, return_inverse=True)
+    # What is not known to be hidden is not: other boxes of the frame may be in other batches.
+    hidden = np.zeros_like(detections.boxes, dtype=np.bool_)
+    if detections.hidden is not None:
+        hidden = (detections.hidden[:, np.newaxis] & EDGES) != 0
+    scene = settings.scene(cameras.frames(used))
+    of_core = detections.dictionary(frame.astype(np.int64), names, hidden)
+    return Estimates._of(scene.with_detections(of_core).localize(settings.keywords, 1, None))
+
+
+def _estimates(
+    cameras: Cameras, detections: Detections, names: list[str], settings: Settings
+) -> tuple[Any, NDArray[np.int64], dict[int, str]]:
+    """A table of estimates, the rows of its objects, and rows at which quadlift has failed."""
+    rows = np.unique(detections.row)
+    nothing = schema().empty_table().drop_columns(["problem"])
+    if not len(rows):
+        return nothing, rows, {}
+    try:
+        return _localized(cameras, detections, names, settings).to_arrow(), rows, {}
+    except QuadliftError as error:
+        # Options and detections have been checked, so this should never be. It is told, and the others go on.
+        _log.warning("a batch of %d objects failed and is tried one by one: %s", len(rows), error)
+    found, good, failed = [nothing], [], {}
+    for row in rows.tolist():
+        try:
+            found.append(_localized(cameras, detections.take(detections.row == row), names, settings).to_arrow())
+            good.append(row)
+        except QuadliftError as error:
+            failed[row] = str(error)
+            _log.error("object %r failed: %s", names[row], error)
+    return pa.concat_tables(found), np.array(good, dtype=np.int64), failed
+
+
+# Scenes
+
+
+def localize_scenes(
+    rows: Any,
+    cameras: Cameras | Any | None = None,
+    *,
+    up: ArrayLike | None = None,
+    length_unit: str | None = None,
+    **options: Any,
+) -> Any:
+    """Finds out which detections show the same object, scene by scene, and localises the objects.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table or pyarrow.RecordBatch
+        One row for each scene: `scene` (without it there may be one row only), and equally long lists `frame`, `x0`,
+        `y0`, `x1`, `y1` with an entry for each detection, optionally `category` and `score`. Also `cameras`, as in
+        `localize_objects`.
+    cameras : Cameras or pyarrow.Table, optional
+        The cameras of all frames, also of those without detections.
+    up : array_like, shape (3,), optional
+        World direction against gravity.
+    length_unit : str, optional
+        World unit.
+    **options
+        As in `localize_objects`, and `associate`, `ids`, `ground_plane`, `camera_height`, `pose_noise`. Without
+        `sigmas` each scene has noise levels of its own.
+
+    Returns
+    -------
+    pyarrow.Table
+        Some rows for each scene, with the columns of `schema`. Detections with which something is wrong take no part;
+        a row with the status ``"invalid"`` and no object tells of them.
+
+    Notes
+    -----
+    Detections are taken in the order of their frames and numbers, whatever the order in the lists is.
+    """
+    settings = Settings.of(options, OF_SCENES, up, length_unit)
+    table = _tables.table(rows, "rows")
+    if "scene" not in table.column_names and len(table) > 1:
+        raise QuadliftError(f"there are {len(table)} rows without a column 'scene'; expected one")
+    has_own = cameras is None
+    cameras, detections, problems = read(table, cameras)
+    codes = detections.category[0]
+    ties = [x for x in (codes, detections.scores) if x is not None]
+    order = np.lexsort((*ties, *detections.boxes.T[::-1], detections.camera, detections.row))
+    kept = check_boxes(detections, order[~np.isin(order, list(problems.of_detection))], problems)
+    scenes = _tables.column(table, "scene") if "scene" in table.column_names else None
+    keys = pa.array(np.arange(len(table)))
+    if not has_own:
+        keys = pa.array([0]) if scenes is None else _tables.ids(scenes, "scene")
+    pieces, of_row = [schema().empty_table()], []
+    wrong = problems.by_row(detections.row)
+    for row in range(len(table)):
+        told = [("invalid", text) for text in wrong.get(row, [])]
+        try:
+            piece = _scene(cameras, cameras.of_scene(keys[row]), kept.take(kept.row == row), settings)
+        except QuadliftError as error:
+            # Options and detections have been checked, so this should never be. It is told, and the others go on.
+            name = "the scene" if scenes is None else f"scene {scenes[row].as_py()!r}"
+            _log.error("%s failed: %s", name, error)
+            piece, told = schema().empty_table(), [*told, ("failed", str(error))]
+        blank = pa.Table.from_pylist([{"status": status, "problem": text} for status, text in told], schema=schema())
+        pieces += [blank, piece]
+        of_row += [row] * (len(blank) + len(piece))
+    found = pa.concat_tables(pieces).combine_chunks()
+    if scenes is None:
+        return found
+    return found.add_column(0, "scene", scenes.take(pa.array(of_row, pa.int64())))
+
+
+def _scene(cameras: Cameras, used: NDArray[np.int64], detections: Detections, settings: Settings) -> Any:
+    """The estimates of a scene with these cameras."""
+    if not len(detections.row):
+        return schema().empty_table()
+    scene = settings.scene(cameras.frames(used))
+    of_core = detections.dictionary(np.searchsorted(used, detections.camera), None, None)
+    estimates = Estimates._of(scene.with_detections(of_core).localize(settings.keywords, 1, None)).to_arrow()
+    return estimates.append_column("problem", pa.nulls(len(estimates), pa.string()))

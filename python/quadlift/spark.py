@@ -1,0 +1,304 @@
+"""quadlift on Spark: a table of detections and one of cameras in, a table of estimates out.
+
+Needs pyspark 4 or later and pyarrow, ``pip install "quadlift[spark]"``; the workers need quadlift too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+try:
+    import pyarrow as pa
+    import pyspark.sql.functions as F  # noqa: N812
+    import pyspark.sql.types as T  # noqa: N812
+except ImportError as error:
+    raise ImportError('quadlift.spark needs pyspark and pyarrow: pip install "quadlift[spark]"') from error
+
+from . import _checks, _tables, batches
+from ._cameras import CAMERA
+from ._core import QuadliftError
+from ._detections import OF_OBJECTS, OF_SCENES, Settings
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from pyspark.sql import Column, DataFrame
+
+__all__ = ["localize"]
+
+
+def localize(
+    detections: DataFrame,
+    cameras: DataFrame,
+    *,
+    sigmas: Mapping[str, float] | None = None,
+    body: str = "auto",
+    up: ArrayLike | None = None,
+    length_unit: str | None = None,
+    hidden_edges: bool = True,
+    broadcast_cameras: int = 100_000,
+    sample_objects: int = 2000,
+    partitions: int | None = None,
+    **options: Any,
+) -> DataFrame:
+    """Localises all objects of a table of detections.
+
+    Parameters
+    ----------
+    detections : DataFrame
+        One row for each detection, with the columns `frame` and `object` (whole numbers or texts), `x0`, `y0`, `x1`,
+        `y1` (pixels) or `box`, an array of these four, and optionally `scene` (whole numbers or texts), `category`
+        (texts) and `score`. Without the column `object` quadlift finds out scene by scene which detections show the
+        same object.
+    cameras : DataFrame
+        One row for each frame, with the columns of `quadlift.batches.Cameras`: `scene` where the detections have it,
+        `frame`, `projection` or `intrinsics` and `cam_from_world`, optionally `width` and `height`.
+    sigmas : mapping, optional
+        Noise levels, as `Estimates.noise` has them.
+    body : str
+        As in `quadlift.localize`. Where `sigmas` are missing or this is ``"auto"``, they are found out at once, on the
+        driver, from a sample of the objects that depends on their ids only. Not so without the column `object`: there
+        each scene tells them for itself.
+    up : array_like, shape (3,), optional
+        World direction against gravity.
+    length_unit : str, optional
+        World unit; ``"m"`` is needed for ``priors="builtin"``.
+    hidden_edges : bool
+        Find box edges that another box of the frame probably hides, as the program does for ``method="map"``. It takes
+        a shuffle of its own; without it answers differ where boxes overlap.
+    broadcast_cameras : int
+        Up to this number of frames (150 bytes each) every task has the cameras of all of them; beyond it cameras are
+        joined to the detections. The answers are the same.
+    sample_objects : int
+        Number of objects in the sample, 2000 at most.
+    partitions : int, optional
+        Number of tasks that localise. Without it Spark chooses it by the size of the tables, which are small for the
+        work that they make: on a large cluster give a few for each core.
+    **options
+        `method`, `priors`, `min_views`, `reg_lambda`, `seed` as in `quadlift.localize`, and without the column `object`
+        also `associate`, `ids`, `ground_plane`, `camera_height`, `pose_noise`.
+
+    Returns
+    -------
+    DataFrame
+        One row for each object: the columns of `quadlift.batches.schema`, lists as arrays. An object is ``"invalid"``
+        where something is wrong with one of its detections or cameras, which `problem` tells; others are not affected.
+
+    Raises
+    ------
+    QuadliftError
+        Where a column or an option is wrong.
+
+    Notes
+    -----
+    The answers do not depend on partitions, and are those of the program and of `quadlift.localize` with the same
+    `sigmas` and `body`, bit by bit. The order of frames is that of their ids, see `quadlift.batches.Cameras`.
+    """
+    flat = _flat(detections)
+    cameras = _cameras(cameras, flat)
+    has_objects = "object" in flat.columns
+    given = {**options, "sigmas": sigmas, "body": body}
+    world: dict[str, Any] = {"up": up, "length_unit": length_unit}
+    settings = Settings.of(given, OF_OBJECTS if has_objects else OF_SCENES, up, length_unit)
+    limit = _checks.whole("broadcast_cameras", broadcast_cameras, 0)
+    count = _checks.whole("sample_objects", sample_objects, 1, 2000)
+    if partitions is not None:
+        partitions = _checks.whole("partitions", partitions, 1)
+    few = cameras.limit(limit + 1).toArrow()
+    shared = batches.Cameras(few) if len(few) <= limit else None
+    joined = None if shared is not None else cameras
+    if not has_objects:
+        work = partial(batches.localize_scenes, cameras=shared, **world, **given)
+        return _map(_scenes(flat, joined, partitions), work, _estimates(flat, T.StringType()))
+    hide = hidden_edges and settings.keywords["method"] == "map"
+    if not settings.is_complete():
+        sample = batches.sample(_objects(_sample(flat, count, hide), joined).toArrow(), count)
+        given["sigmas"], given["body"] = batches.noise(sample, shared, **world, **given)
+    rows = _objects(_with_hidden_edges(flat) if hide else flat, joined, partitions)
+    work = partial(batches.localize_objects, cameras=shared, **world, **given)
+    return _map(rows, work, _estimates(flat, flat.schema["object"].dataType))
+
+
+def _map(rows: DataFrame, work: Any, schema: T.StructType) -> DataFrame:
+    """Tables of rows in, tables out."""
+
+    def on_batches(found: Iterable[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
+        for batch in found:
+            table = work(batch)
+            # Spark knows no lists of a fixed size.
+            fields = [
+                field.with_type(pa.list_(field.type.value_type)) if pa.types.is_fixed_size_list(field.type) else field
+                for field in table.schema
+            ]
+            yield from table.cast(pa.schema(fields)).to_batches()
+
+    return rows.mapInArrow(on_batches, schema)
+
+
+def _estimates(flat: DataFrame, object_type: T.DataType) -> T.StructType:
+    """Columns of the result."""
+    vector = T.ArrayType(T.DoubleType())
+    types = {pa.string(): T.StringType(), pa.float64(): T.DoubleType(), pa.int64(): T.LongType()}
+    fields = [T.StructField("scene", flat.schema["scene"].dataType)] if "scene" in flat.columns else []
+    for field in batches.schema():
+        fields.append(T.StructField(field.name, types.get(field.type, vector)))
+    schema = T.StructType(fields)
+    schema["object"].dataType = object_type
+    return schema
+
+
+# Columns
+
+
+def _keys(frame: DataFrame, *names: str) -> list[str]:
+    """Columns of a key: the scene where there are scenes, and others."""
+    return [*(["scene"] if "scene" in frame.columns else []), *names]
+
+
+def _flat(detections: DataFrame) -> DataFrame:
+    """The columns of the detections, checked."""
+    names = detections.columns
+    _tables.require(names, ["frame"], "detections")
+    for name in ("scene", "frame", "object"):
+        if name in names:
+            _is_id(detections, name, "detections")
+    if "box" in names:
+        kind = detections.schema["box"].dataType
+        if not (isinstance(kind, T.ArrayType) and isinstance(kind.elementType, T.NumericType)):
+            raise QuadliftError(
+                f"the column 'box' of detections is {kind.simpleString()}; expected an array of 4 numbers"
+            )
+        is_box = F.size("box") == 4
+        edges = [F.when(is_box, F.get("box", F.lit(k))) for k in range(4)]
+    else:
+        _tables.require(names, _tables.BOX, "detections, without a column 'box',")
+        edges = [_number(detections, name, "detections") for name in _tables.BOX]
+    columns = [F.col(name) for name in ("scene", "object", "frame") if name in names]
+    columns += [edge.cast("double").alias(name) for name, edge in zip(_tables.BOX, edges, strict=True)]
+    if "category" in names:
+        columns.append(F.col("category").cast("string"))
+    if "score" in names:
+        columns.append(_number(detections, "score", "detections").cast("double").alias("score"))
+    return detections.select(*columns)
+
+
+def _cameras(cameras: DataFrame, flat: DataFrame) -> DataFrame:
+    """The columns of the cameras, checked."""
+    names = cameras.columns
+    if "scene" in names and "scene" not in flat.columns:
+        raise QuadliftError("cameras has a column 'scene', detections has none")
+    wanted = [*_keys(flat, "frame"), *(["projection"] if "projection" in names else ["intrinsics", "cam_from_world"])]
+    _tables.require(names, wanted, "cameras")
+    for name in _keys(flat, "frame"):
+        _is_id(cameras, name, "cameras")
+        found, expected = cameras.schema[name].dataType, flat.schema[name].dataType
+        if isinstance(found, T.StringType) != isinstance(expected, T.StringType):
+            raise QuadliftError(
+                f"the column {name!r} is {found.simpleString()} in cameras and {expected.simpleString()} in detections"
+            )
+    return cameras.select(*_keys(flat, "frame"), *(name for name in CAMERA if name in names))
+
+
+def _is_id(frame: DataFrame, name: str, table: str) -> None:
+    kind = frame.schema[name].dataType
+    if not isinstance(kind, T.IntegralType | T.StringType):
+        raise QuadliftError(f"the column {name!r} of {table} is {kind.simpleString()}; expected whole numbers or texts")
+
+
+def _number(frame: DataFrame, name: str, table: str) -> Column:
+    kind = frame.schema[name].dataType
+    if not isinstance(kind, T.NumericType):
+        raise QuadliftError(f"the column {name!r} of {table} is {kind.simpleString()}; expected numbers")
+    return F.col(name)
+
+
+def _is_known(flat: DataFrame) -> Column:
+    """Whether a detection names an object."""
+    is_text = isinstance(flat.schema["object"].dataType, T.StringType)
+    return F.col("object").isNotNull() & ((F.col("object") != "") if is_text else (F.col("object") >= 0))
+
+
+# Grouping
+
+
+def _lists(rows: DataFrame, keys: Sequence[str], names: Sequence[str]) -> DataFrame:
+    """The fields of a column `views`, an array of structs, as columns of arrays."""
+    kept = [name for name in rows.columns if name not in ("views", *keys)]
+    return rows.select(*keys, *(F.col("views").getField(name).alias(name) for name in names), *kept)
+
+
+def _with_hidden_edges(flat: DataFrame) -> DataFrame:
+    """The detections with one more column, `hidden_edges`."""
+    keys = _keys(flat, "frame")
+    names = [name for name in flat.columns if name not in keys]
+    frames = flat.groupBy(*keys).agg(F.collect_list(F.struct(*names)).alias("views"))
+    rows = _lists(frames, keys, names)
+    schema = T.StructType(
+        [*(flat.schema[name] for name in (*keys, *names)), T.StructField("hidden_edges", T.ByteType())]
+    )
+    return _map(rows, _hide, schema)
+
+
+def _hide(batch: pa.RecordBatch) -> pa.Table:
+    return batches.ungroup(batches.with_hidden_edges(batch))
+
+
+def _objects(flat: DataFrame, cameras: DataFrame | None, partitions: int | None = None) -> DataFrame:
+    """One row for each object, with its cameras where they are given. Detections of none are not listed."""
+    keys = _keys(flat, "object")
+    names = [name for name in flat.columns if name not in keys]
+    views = [F.collect_list(F.when(_is_known(flat), F.struct(*names))).alias("views")]
+    if cameras is not None:
+        # All cameras of a frame, in case that there are several; frames without one have null, which is not collected.
+        on = _keys(flat, "frame")
+        of_frame = cameras.groupBy(*on).agg(_structs(cameras))
+        flat = flat.join(of_frame, on, "left")
+        views.append(F.flatten(F.collect_list(F.when(_is_known(flat), F.col("cameras")))).alias("cameras"))
+    return _lists(_spread(flat, keys, partitions).groupBy(*keys).agg(*views), keys, names)
+
+
+def _scenes(flat: DataFrame, cameras: DataFrame | None, partitions: int | None) -> DataFrame:
+    """One row for each scene, with its cameras where they are given."""
+    keys = _keys(flat)
+    names = [name for name in flat.columns if name not in keys]
+    views = F.collect_list(F.struct(*names)).alias("views")
+    rows = _lists(_spread(flat, keys, partitions).groupBy(*keys).agg(views), keys, names)
+    # Without scenes there is one row, also where there are no detections.
+    rows = rows.filter(F.size("frame") > 0)
+    if cameras is None:
+        return rows
+    of_scene = cameras.groupBy(*keys).agg(_structs(cameras))
+    return rows.join(of_scene, keys, "left") if keys else rows.crossJoin(of_scene)
+
+
+def _spread(flat: DataFrame, keys: Sequence[str], partitions: int | None) -> DataFrame:
+    """The detections in so many partitions by the keys, which the grouping then keeps."""
+    return flat.repartition(partitions, *keys) if keys and partitions is not None else flat
+
+
+def _structs(cameras: DataFrame) -> Column:
+    return F.collect_list(F.struct(*(name for name in cameras.columns if name != "scene"))).alias("cameras")
+
+
+# The sample
+
+
+def _hash(flat: DataFrame) -> Column:
+    """That of `quadlift.batches.sample`, as text; null where there is no object."""
+    scene = F.coalesce(F.col("scene").cast("string"), F.lit("")) if "scene" in flat.columns else F.lit("")
+    return F.when(_is_known(flat), F.sha2(F.concat_ws("\n", scene, F.col("object").cast("string")), 256))
+
+
+def _sample(flat: DataFrame, count: int, hide: bool) -> DataFrame:
+    """All detections of the objects with the smallest hashes."""
+    hashes = flat.select(_hash(flat).alias("hash")).dropna().distinct().orderBy("hash").limit(count)
+    last = hashes.agg(F.max("hash")).collect()[0][0]
+    is_chosen = _hash(flat) <= F.lit(last).cast("string")
+    if not hide:
+        return flat.filter(is_chosen)
+    # Only the frames in which they are need to be looked at. Null is joined to nothing, but what is chosen stays.
+    keys = _keys(flat, "frame")
+    frames = flat.filter(is_chosen).select(*keys).distinct().withColumn("near", F.lit(True))
+    near = flat.join(frames, keys, "left").filter(is_chosen | F.col("near")).select(*flat.columns)
+    return _with_hidden_edges(near).filter(is_chosen)
