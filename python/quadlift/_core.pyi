@@ -38,6 +38,9 @@ class Scene:
     def localize(
         self, keywords: dict[str, Any], threads: int | None, progress: Callable[[int, int], object] | None
     ) -> Localized: ...
+    def segment(
+        self, keywords: dict[str, Any], threads: int | None, progress: Callable[[int, int], object] | None
+    ) -> tuple[Scene, list[str]]: ...
     def associate(
         self,
         ids: str,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -112,7 +113,7 @@ class Scene:
         frame_ids : sequence of str, length F, optional
             Names of the frames; "0", "1", ... without it.
         images : sequence of str, length F, optional
-            Paths of the images, for pages.
+            Paths of the images, for `segment` and for pages.
         name : str, optional
             Name of the scene.
         up : array_like, shape (3,), optional
@@ -385,6 +386,65 @@ class Scene:
         """
         keywords, threads, progress = _options.split(options, "Scene.localize")
         return _estimates.Estimates._of(self._core.localize(keywords, threads, progress))
+
+    def segment(
+        self,
+        *,
+        method: Literal["sca+cut", "sca", "graphcut", "masks", "box"] = "sca+cut",
+        source: str | None = None,
+        out_masks: Path | None = None,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: _options.Progress | None = None,
+    ) -> Scene:
+        """Finds the masks of the detections in the images, and the ellipses of the masks, as the program does.
+
+        The crops of one object in all of its frames are segmented together. A mask that cannot be trusted is given up
+        for the ellipse in the box. `localize` takes the ellipses from there, or the masks with
+        ``observations="mask"``.
+
+        Parameters
+        ----------
+        method : {"sca+cut", "sca", "graphcut", "masks", "box"}
+            Stels finished by graph cuts, stels alone, graph cuts alone, the masks that the detections have already, or
+            the ellipse in each box (for comparison).
+        source : str, optional
+            Take the detections of this source only; needed when the scene has several.
+        out_masks : path-like, optional
+            A folder for the masks as label images (PNG), one for each frame; without it the scene itself holds them.
+        seed : int
+            Seed of everything that is drawn at random.
+        threads : int, optional
+            Number of threads; the result does not depend on it.
+        progress : callable, optional
+            Called with the number of images done and their total, then with those of the objects.
+
+        Returns
+        -------
+        Scene
+            The scene whose detections have ellipses, masks, and a note on how far these can be trusted.
+
+        Raises
+        ------
+        QuadliftError
+            Where no detection could be segmented.
+
+        Warns
+        -----
+        UserWarning
+            Names what went wrong with single detections (an image that cannot be read).
+        """
+        threads, progress = _options.threads_and_progress(threads, progress)
+        keywords = {
+            "method": _checks.text("method", method),
+            "source": None if source is None else _checks.text("source", source),
+            "out_masks": None if out_masks is None else os.fspath(out_masks),
+            "seed": _checks.whole("seed", seed, 0, 2**64 - 1),
+        }
+        scene, problems = self._core.segment(keywords, threads, progress)
+        for problem in problems:
+            warnings.warn(problem, stacklevel=2)
+        return Scene(scene)
 
     def associate(
         self,

@@ -8,6 +8,7 @@ mod localized;
 mod options;
 mod run;
 mod scene;
+mod segmentation;
 
 use pyo3::prelude::*;
 

@@ -29,6 +29,7 @@ use crate::evaluation::scores;
 use crate::localized::PyLocalized;
 use crate::options::{Choices, Keywords, use_of_ids};
 use crate::run::{Ticker, in_background};
+use crate::segmentation::SegmentKeywords;
 
 /// A scene file and the checked scene that it gives.
 pub struct Loaded {
@@ -169,6 +170,21 @@ impl PyScene {
         let choices = keywords.for_scene(&self.loaded.scene)?;
         let loaded = Arc::clone(&self.loaded);
         in_background(py, threads, progress, move |ticker| localized(loaded, &choices, ticker))
+    }
+
+    /// Finds masks and ellipses in the images; the scene with them, and what went wrong.
+    fn segment(
+        &self,
+        py: Python,
+        keywords: SegmentKeywords,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let method = keywords.method()?;
+        let loaded = Arc::clone(&self.loaded);
+        let work = move |ticker: &Ticker| keywords.segmented(method, &loaded, ticker);
+        let (file, problems) = in_background(py, threads, progress, work)?;
+        Ok((Self::new(file, self.loaded.path.clone())?, problems))
     }
 
     /// Finds out which detections show the same object; the scene with these objects, and them.

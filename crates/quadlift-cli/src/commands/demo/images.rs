@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::scene_file::count_localised;
+use quadlift_io::segmentation::{self, Method, Segmentation, add_to_scene};
 use quadlift_io::{SceneFile, write_scene_file};
 use quadlift_segment::SegmentMethod;
 use quadlift_segment::render::{RenderOptions, RenderedScene, render};
@@ -19,8 +20,7 @@ use crate::files::make_folder;
 use crate::localization::Settings;
 use crate::output::{HEADING, Output};
 use crate::rendered_scene::{check_folders, write_images};
-use crate::segmentation::{self, Method, Segmentation, segment_scene};
-use crate::segmented_scene::add_to_scene;
+use crate::segmentation::segment_scene;
 use crate::table::number;
 use crate::words::count;
 
