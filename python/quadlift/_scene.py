@@ -482,15 +482,31 @@ class Scene:
         scene, objects = self._core.associate(_checks.text("ids", ids), source, least, threads, progress)
         return Scene(scene), [AssociatedObject(*found) for found in objects]
 
-    def evaluate(self, truth: Scene) -> _estimates.Evaluation:
+    def evaluate(
+        self, truth: Scene, *, match: Literal["auto", "ids", "overlap"] = "auto", source: str | None = None
+    ) -> _estimates.Evaluation:
         """Scores the objects of this scene (a result, see `Estimates.to_scene`) against true ones.
+
+        Where both scenes have detections and those of the truth name objects, it is scored too how the detections were
+        divided into objects; without objects in both that alone.
 
         Parameters
         ----------
         truth : Scene
-            A scene with objects. They are paired by their ids where any is common, else by overlap.
+            A scene with objects, or with detections that name objects.
+        match : {"auto", "ids", "overlap"}
+            How estimates and true objects are paired; by their ids where any is common, else by overlap (``"auto"``).
+        source : str, optional
+            Score the identities of the detections of this source only.
+
+        Raises
+        ------
+        QuadliftError
+            Where there is nothing to compare.
         """
-        return _estimates.Evaluation(**json.loads(self._core.evaluate(truth._core)))
+        source = None if source is None else _checks.text("source", source)
+        scores = self._core.evaluate(truth._core, _checks.text("match", match), source)
+        return _estimates.Evaluation(**json.loads(scores))
 
     def report(self, path: Path, *, title: str | None = None) -> None:
         """Writes a page that shows the scene in any browser.

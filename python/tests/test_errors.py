@@ -123,5 +123,5 @@ def test_files(tmp_path: Path) -> None:
     with pytest.raises(quadlift.QuadliftError, match="cannot write"):
         quadlift.Scene.from_arrays(projections=MADE.projections).write(tmp_path / "no" / "scene.json")
     scene = quadlift.Scene.from_arrays(projections=MADE.projections)
-    with pytest.raises(quadlift.QuadliftError, match="the truth holds no objects"):
+    with pytest.raises(quadlift.QuadliftError, match='the truth: the file holds no "objects"'):
         scene.evaluate(scene)

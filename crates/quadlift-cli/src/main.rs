@@ -5,7 +5,6 @@ mod args;
 mod association;
 mod commands;
 mod contact_sheet;
-mod division;
 mod error;
 mod estimate_table;
 mod evaluation;

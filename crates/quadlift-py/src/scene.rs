@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use pyo3::prelude::*;
-use quadlift::associate::{AssociateOptions, Outcome, associate};
+use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
 use quadlift::scene::Scene;
 use quadlift::{Localization, UsedMeasurements, localize};
+use quadlift_io::association::{not_used_in_words, write_objects};
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
 use quadlift_io::read::colmap::read_colmap;
 use quadlift_io::read::detections::coco::read_coco;
@@ -25,9 +26,9 @@ use quadlift_report::{Content, page, report};
 
 use crate::arrays::{DetectionArrays, FrameArrays};
 use crate::error::refuse;
-use crate::evaluation::scores;
+use crate::evaluation::{MATCHING, scores};
 use crate::localized::PyLocalized;
-use crate::options::{Choices, Keywords, use_of_ids};
+use crate::options::{Choices, Keywords, choice, use_of_ids};
 use crate::run::{Ticker, in_background};
 use crate::segmentation::SegmentKeywords;
 
@@ -206,19 +207,20 @@ impl PyScene {
             Ok((association.applied_to(&loaded.scene, source), association))
         })?;
         let mut file = self.loaded.file.clone();
-        for (record, detection) in file.detections.iter_mut().zip(&scene.detections) {
-            record.object = detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into());
-        }
+        write_objects(&mut file.detections, &scene);
+        // The true objects, if the scene has any, have other ids.
+        file.objects = Vec::new();
         let objects = association.objects.into_iter();
         let objects = objects.map(|o| (o.id, o.evidence, o.doubtful.map(|doubt| doubt.text()))).collect();
         Ok((Self::new(file, self.loaded.path.clone())?, objects))
     }
 
-    /// Scores of the objects against the truth, as JSON.
-    fn evaluate(&self, py: Python, truth: &Self) -> PyResult<String> {
-        let (estimate, truth) = (&self.loaded, &truth.loaded);
-        let frames = if truth.scene.frames.is_empty() { &estimate.scene } else { &truth.scene };
-        py.detach(|| scores(&estimate.file, &truth.file, frames)).map(|scores| scores.to_string()).map_err(refuse)
+    /// Scores of the objects and of the identities against the truth, as JSON.
+    #[pyo3(signature = (truth, matching, source))]
+    fn evaluate(&self, py: Python, truth: &Self, matching: &str, source: Option<&str>) -> PyResult<String> {
+        let (estimate, truth) = (&self.loaded.file, &truth.loaded.file);
+        let matching = choice("match", matching, &MATCHING)?;
+        py.detach(|| scores(estimate, truth, matching, source)).map(|scores| scores.to_string()).map_err(refuse)
     }
 
     /// The page that shows the scene.
@@ -281,16 +283,12 @@ fn folder(path: &Path) -> &Path {
 }
 
 /// Associates; that nothing is found is an error that says why.
-fn found(
-    scene: &Scene,
-    options: &AssociateOptions,
-    ticker: &Ticker,
-) -> Result<quadlift::associate::Association, String> {
+fn found(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) -> Result<Association, String> {
     let association =
         associate(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
     match association.outcome {
         Outcome::Found => Ok(association),
-        outcome => Err(format!("no object was found: {}", outcome.text())),
+        outcome => Err(format!("no object was found: {}{}", outcome.text(), not_used_in_words(association.not_used))),
     }
 }
 
@@ -315,10 +313,12 @@ fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<
         changed = Some(scene);
         ticker.restart();
     }
+    let mut association = None;
     if let Some(ids) = choices.ids {
         let scene = changed.as_ref().unwrap_or(&loaded.scene);
-        let association = found(scene, &choices.of_association(ids), ticker)?;
-        changed = Some(association.applied_to(scene, source));
+        let found = found(scene, &choices.of_association(ids), ticker)?;
+        changed = Some(found.applied_to(scene, source));
+        association = Some(found);
         ticker.restart();
     }
     let scene = changed.as_ref().unwrap_or(&loaded.scene);
@@ -330,11 +330,11 @@ fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<
             n => format!("there is nothing to localise: {n} detections name no object"),
         });
     }
-    if choices.ids.is_some() {
+    if association.is_some() {
         // They show no object, which is told with the identities.
         localization.left_out.without_object = 0;
     }
     let settings = settings_record(options, choices.priors.as_deref());
-    let (associated, seconds) = (choices.ids.is_some(), start.elapsed().as_secs_f64());
-    Ok(PyLocalized { loaded, changed, associated, localization, settings, source, problems, seconds })
+    let seconds = start.elapsed().as_secs_f64();
+    Ok(PyLocalized { loaded, changed, association, localization, settings, source, problems, seconds })
 }
