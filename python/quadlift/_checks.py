@@ -129,6 +129,13 @@ def number(name: str, value: Any) -> float:
     return float(value)
 
 
+def flag(name: str, value: Any) -> bool:
+    """True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise QuadliftError(f"{name} is {value!r}; expected True or False")
+    return bool(value)
+
+
 def text(name: str, value: Any) -> str:
     """A text."""
     if not isinstance(value, str):

@@ -42,12 +42,7 @@ class Scene:
         self, keywords: dict[str, Any], threads: int | None, progress: Callable[[int, int], object] | None
     ) -> tuple[Scene, list[str]]: ...
     def associate(
-        self,
-        ids: str,
-        source: str | None,
-        min_views: int,
-        threads: int | None,
-        progress: Callable[[int, int], object] | None,
+        self, keywords: dict[str, Any], threads: int | None, progress: Callable[[int, int], object] | None
     ) -> tuple[Scene, list[tuple[str, float | None, str | None]]]: ...
     def evaluate(self, truth: Scene, matching: str, source: str | None) -> str: ...
     def report(self, title: str) -> str: ...

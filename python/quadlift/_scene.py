@@ -451,7 +451,12 @@ class Scene:
         *,
         ids: _options.Ids = "evidence",
         source: str | None = None,
+        thorough: bool = False,
         min_views: int = 3,
+        min_score: float | None = None,
+        max_overlap: float | None = None,
+        pixel_sd: float = 2.0,
+        priors: str | os.PathLike[str] | Mapping[str, _options.Prior] | None = None,
         threads: int | None = None,
         progress: _options.Progress | None = None,
     ) -> tuple[Scene, list[AssociatedObject]]:
@@ -463,8 +468,19 @@ class Scene:
             What ids that detections have are worth.
         source : str, optional
             Take the detections of this source only.
+        thorough : bool
+            Search from several starts: about eight times as long, better with few views or many misses.
         min_views : int
             Objects with fewer views are not reported.
+        min_score : float, optional
+            Leave out detections with a lower score.
+        max_overlap : float, optional
+            Leave out detections that overlap a better one of the same frame and category by more (intersection over
+            union).
+        pixel_sd : float
+            Error of box edges that does not depend on the size of the box, pixels: 2 suits photos, 3 to 4 a moving car.
+        priors : str, path-like or mapping, optional
+            Sizes of categories: "builtin" (for scenes in metres), a TOML file, or a mapping, as in `localize`.
         threads : int, optional
             Number of threads.
         progress : callable, optional
@@ -478,8 +494,19 @@ class Scene:
             The objects, in the order of their first detections.
         """
         threads, progress = _options.threads_and_progress(threads, progress)
-        least = _checks.whole("min_views", min_views, 2, 2**32)
-        scene, objects = self._core.associate(_checks.text("ids", ids), source, least, threads, progress)
+        name, text = _options.priors_of(priors)
+        keywords = {
+            "ids": _checks.text("ids", ids),
+            "source": None if source is None else _checks.text("source", source),
+            "thorough": _checks.flag("thorough", thorough),
+            "min_views": _checks.whole("min_views", min_views, 2, 2**32),
+            "min_score": None if min_score is None else _checks.number("min_score", min_score),
+            "max_overlap": None if max_overlap is None else _checks.number("max_overlap", max_overlap),
+            "pixel_sd": _checks.number("pixel_sd", pixel_sd),
+            "priors": name,
+            "priors_text": text,
+        }
+        scene, objects = self._core.associate(keywords, threads, progress)
         return Scene(scene), [AssociatedObject(*found) for found in objects]
 
     def evaluate(

@@ -144,6 +144,34 @@ def test_association(program: Program, tmp_path: Path) -> None:
     assert set(given.doubtful) == {None}
 
 
+ASSOCIATIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
+    "default": ([], {}),
+    "trust": (["--ids", "trust", "--min-views", "4"], {"ids": "trust", "min_views": 4}),
+    "detections left out": (
+        ["--max-overlap", "0.5", "--pixel-sd", "3", "--thorough"],
+        {"max_overlap": 0.5, "pixel_sd": 3, "thorough": True},
+    ),
+    "scores": (["--min-score", "0.5"], {"min_score": 0.5}),
+}
+
+
+@pytest.mark.parametrize("name", list(ASSOCIATIONS))
+def test_options_of_association(name: str, program: Program, tmp_path: Path) -> None:
+    options, keywords = ASSOCIATIONS[name]
+    scene = tmp_path / "scene.json"
+    program("synth", "-q", "-o", scene, *STREET, *DETECTOR)
+    # With a score for each detection, and objects that it does not keep.
+    document = read_json(scene)
+    for k, detection in enumerate(document["detections"]):
+        detection["score"] = (k % 10) / 10
+    quadlift.Scene.from_dict(document).write(scene)
+    program("associate", "-q", scene, "-o", tmp_path / "theirs.json", *options)
+    associated, _ = quadlift.Scene.read(scene).associate(**keywords)
+    associated.write(tmp_path / "ours.json")
+    assert (tmp_path / "ours.json").read_bytes() == (tmp_path / "theirs.json").read_bytes()
+    assert associated.objects == 0
+
+
 def test_evaluation(program: Program, tmp_path: Path) -> None:
     scene, result = tmp_path / "scene.json", tmp_path / "result.json"
     program("synth", "-q", "-o", scene, "--objects", "4", "--views", "10", "--noise", "box:0.02")

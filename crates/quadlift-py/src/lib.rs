@@ -2,6 +2,7 @@
 //! shapes and its documentation, is the Python package `quadlift` (python/quadlift) over it.
 
 mod arrays;
+mod association;
 mod error;
 mod evaluation;
 mod localized;

@@ -25,10 +25,11 @@ use quadlift_io::{SceneFile, read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
 
 use crate::arrays::{DetectionArrays, FrameArrays};
+use crate::association::AssociateKeywords;
 use crate::error::refuse;
 use crate::evaluation::{MATCHING, scores};
 use crate::localized::PyLocalized;
-use crate::options::{Choices, Keywords, choice, use_of_ids};
+use crate::options::{Choices, Keywords, choice};
 use crate::run::{Ticker, in_background};
 use crate::segmentation::SegmentKeywords;
 
@@ -189,17 +190,14 @@ impl PyScene {
     }
 
     /// Finds out which detections show the same object; the scene with these objects, and them.
-    #[pyo3(signature = (ids, source, min_views, threads, progress))]
     fn associate(
         &self,
         py: Python,
-        ids: &str,
-        source: Option<String>,
-        min_views: usize,
+        keywords: AssociateKeywords,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Self, Vec<Found>)> {
-        let options = AssociateOptions { ids: use_of_ids(ids)?, source, min_views, ..Default::default() };
+        let options = keywords.for_scene(&self.loaded.scene)?;
         let loaded = Arc::clone(&self.loaded);
         let (scene, association) = in_background(py, threads, progress, move |ticker| {
             let association = found(&loaded.scene, &options, ticker)?;
