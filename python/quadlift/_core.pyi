@@ -3,7 +3,10 @@ from collections.abc import Callable
 from os import PathLike
 from typing import Any, final
 
-__all__ = ["Localized", "QuadliftError", "Scene", "__version__", "write_text"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Localized", "QuadliftError", "Scene", "__version__", "frame_problems", "hidden_edges", "write_text"]
 
 __version__: str
 
@@ -11,6 +14,8 @@ class QuadliftError(ValueError):
     """What quadlift refuses, and why."""
 
 def write_text(path: str | PathLike[str], text: str) -> None: ...
+def frame_problems(frames: dict[str, Any]) -> list[tuple[int, str]]: ...
+def hidden_edges(frame: NDArray[np.int64], boxes: NDArray[np.float64]) -> NDArray[np.bool_]: ...
 
 @final
 class Scene:
@@ -23,6 +28,7 @@ class Scene:
     @staticmethod
     def read_colmap(path: str | PathLike[str]) -> tuple[Scene, list[str]]: ...
     def with_detections(self, detections: dict[str, Any]) -> Scene: ...
+    def detection_problems(self, detections: dict[str, Any]) -> list[tuple[int, str]]: ...
     def with_detections_of(
         self,
         path: str | PathLike[str],

@@ -68,7 +68,8 @@ def localize(
         World unit; ``"m"`` is needed for ``priors="builtin"``.
     **options : Options
         The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `associate`, `ids`,
-        `min_views`, `ground_plane`, `camera_height`, `pose_noise`, `reg_lambda`, `seed`, `threads`, `progress`.
+        `min_views`, `ground_plane`, `camera_height`, `pose_noise`, `sigmas`, `reg_lambda`, `seed`, `threads`,
+        `progress`.
 
     Returns
     -------

@@ -58,6 +58,9 @@ class Options(TypedDict, total=False):
     """Height of the cameras above the ground plane, world units."""
     pose_noise: tuple[float, float] | None
     """The poses may be wrong: standard deviations of each frame's turn (radians) and shift (world units)."""
+    sigmas: Mapping[str, float] | None
+    """Noise levels, such as `Estimates.noise` of other detections of the same detector, instead of estimating them from
+    all objects of the call. With them an object's estimate depends on its own views only."""
     reg_lambda: float | None
     """Weight of the regulariser of `method="reg"` (default 1e16)."""
     seed: int
@@ -82,6 +85,7 @@ DEFAULTS: dict[str, Any] = {
     "ground_plane": False,
     "camera_height": None,
     "pose_noise": None,
+    "sigmas": None,
     "reg_lambda": None,
     "seed": 0,
 }
@@ -105,11 +109,21 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
             keywords[name] = _checks.number(name, keywords[name])
     if keywords["pose_noise"] is not None:
         keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
+    if keywords["sigmas"] is not None:
+        keywords["sigmas"] = _sigmas(keywords["sigmas"])
     keywords["ground_plane"] = _checks.flag("ground_plane", keywords["ground_plane"])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
     keywords["priors"], keywords["priors_text"] = priors_of(keywords["priors"])
     return keywords, threads, progress
+
+
+def _sigmas(sigmas: Any) -> dict[str, float]:
+    """Numbers by names."""
+    if not isinstance(sigmas, Mapping):
+        raise QuadliftError(f"sigmas is a {type(sigmas).__name__}; expected a mapping of names to numbers")
+    names = [_checks.text("a name in sigmas", name) for name in sigmas]
+    return {name: _checks.number(f"sigmas[{name!r}]", sigmas[name]) for name in names}
 
 
 def threads_and_progress(threads: Any, progress: Any) -> tuple[int | None, Progress | None]:

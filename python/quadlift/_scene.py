@@ -214,6 +214,7 @@ class Scene:
             "category": _checks.names("categories", categories, count, "frame"),
             "scores": values,
             "source": None if source is None else _checks.text("source", source),
+            "hidden_edges": None,
         }
         return Scene(self._core.with_detections(detections))
 

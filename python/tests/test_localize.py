@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import quadlift
 from conftest import Arrays, made_scene, made_truth
+from quadlift import _core
 
 
 def test_exact_boxes_give_the_true_bodies(made: Arrays) -> None:
@@ -54,6 +55,60 @@ def test_objects_come_in_ascending_order(made: Arrays) -> None:
     words = quadlift.localize(**{**arguments, "object": np.array(["d", "b", "c", "a"])[made.object]})
     assert words.object_ids.tolist() == ["a", "b", "c", "d"]
     np.testing.assert_array_equal(words.centers, found.centers)
+
+
+def test_with_sigmas_objects_are_apart(made: Arrays) -> None:
+    arguments = made.arguments()
+    first = quadlift.localize(**arguments)
+    options: dict[str, Any] = {"sigmas": first.noise, "body": first.body}
+    whole = quadlift.localize(**arguments, **options)
+    assert whole.noise == first.noise
+    np.testing.assert_allclose(whole.centers, first.centers, atol=1e-4)
+    rows = made.object == 2
+    alone = quadlift.localize(
+        projections=made.projections,
+        image_sizes=made.image_sizes,
+        frame=made.frame[rows],
+        boxes=made.boxes[rows],
+        object=["any name"] * int(rows.sum()),
+        **options,
+    )
+    hidden = _core.hidden_edges(made.frame, made.boxes)
+    assert not hidden[rows].any(), "nothing else is before it"
+    np.testing.assert_array_equal(alone.centers[0], whole.centers[2])
+    np.testing.assert_array_equal(alone.covariances[0], whole.covariances[2])
+
+
+def test_hidden_edges() -> None:
+    boxes = [[100, 50, 200, 100], [180, 40, 300, 150], [np.nan] * 4, [100, 50, 200, 100]]
+    hidden = _core.hidden_edges(np.array([7, 7, 7, 8]), np.array(boxes, float))
+    assert hidden.tolist() == [[False, False, True, False], [False] * 4, [False] * 4, [False] * 4]
+
+
+def test_bad_rows_are_listed(made: Arrays) -> None:
+    scene = quadlift.Scene.from_arrays(projections=made.projections)
+    boxes = made.boxes.copy()
+    boxes[3] = np.nan
+    boxes[5] = boxes[5, [2, 1, 0, 3]]
+    frame = made.frame.copy()
+    frame[8] = 77
+    frame[9] = frame[5] = 0
+    rows: dict[str, Any] = {
+        **dict.fromkeys(("ellipses", "masks", "scores", "source", "hidden_edges")),
+        "frame": frame,
+        "boxes": boxes,
+        "object": (made.object, [str(k) for k in range(4)]),
+        "category": (None, []),
+    }
+    problems = dict(scene._core.detection_problems(rows))
+    assert sorted(problems) == [3, 5, 8, 9]
+    assert problems[9] == 'row 9: the object "1" is detected twice in frame "0" (first in row 1)'
+    frames: dict[str, Any] = {
+        **dict.fromkeys(("intrinsics", "cam_from_world", "image_sizes", "images", "name", "length_unit", "up")),
+        "projections": made.projections * np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0])[:, None, None],
+        "frame_ids": list("abcdef"),
+    }
+    assert [row for row, _ in _core.frame_problems(frames)] == [1]
 
 
 def test_without_objects_they_are_found(made: Arrays) -> None:

@@ -29,6 +29,11 @@ SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
         ["--pose-noise", "0.003,0.1", "--body", "superellipsoid:1.5"],
         {"pose_noise": (0.003, 0.1), "body": "superellipsoid:1.5"},
     ),
+    "sigmas": (
+        ["--objects", "6", "--views", "10", "--noise", "box:0.03", "--outliers", "0.1"],
+        ["--sigmas", "edge_relative=0.02,edge_px=1.5,edge_correlation=0.25", "--body", "cuboid"],
+        {"sigmas": {"edge_px": 1.5, "edge_relative": 0.02, "edge_correlation": 0.25}, "body": "cuboid"},
+    ),
     "closed form": (["--objects", "7", "--views", "12", "--noise", "box:0.1"], ["--method", "lfd"], {"method": "lfd"}),
 }
 

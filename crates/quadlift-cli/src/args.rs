@@ -1,8 +1,9 @@
 //! Values of options that several commands share.
 
 use std::ops::RangeInclusive;
+use std::path::PathBuf;
 
-use quadlift::solve::{BodyKind, PoseNoise};
+use quadlift::solve::{BodyKind, PoseNoise, Sigmas};
 
 /// Reads `ellipsoid`, `cuboid` or `superellipsoid:Q`.
 pub fn body(text: &str) -> Result<BodyKind, String> {
@@ -40,6 +41,29 @@ pub fn pose_noise(text: &str) -> Result<PoseNoise, String> {
         (Ok(rotation_sd), Ok(translation_sd)) => Ok(PoseNoise { rotation_sd, translation_sd }),
         _ => Err(expected()),
     }
+}
+
+/// Where noise levels come from.
+#[derive(Debug, Clone)]
+pub enum SigmaSource {
+    /// They are given.
+    Given(Sigmas),
+    /// A result file that reports them.
+    Result(PathBuf),
+}
+
+/// Reads `NAME=X,...`, or takes a path.
+pub fn sigmas(text: &str) -> Result<SigmaSource, String> {
+    if !text.contains('=') {
+        return Ok(SigmaSource::Result(text.into()));
+    }
+    let level = |part: &str| {
+        let (name, value) = part.split_once('=').ok_or_else(|| format!("\"{part}\": expected NAME=X"))?;
+        Ok::<_, String>((name.trim().to_owned(), finite(value).map_err(|error| format!("\"{part}\": {error}"))?))
+    };
+    let levels = text.split(',').map(level).collect::<Result<Vec<_>, _>>()?;
+    let levels = levels.iter().map(|(name, value)| (name.as_str(), *value));
+    Sigmas::new(levels).map(SigmaSource::Given).map_err(|error| error.to_string())
 }
 
 /// Reads a number that is neither NaN nor infinite.

@@ -85,6 +85,36 @@ fn a_small_scene_is_localised_and_scored() {
 }
 
 #[test]
+fn parts_of_a_scene_are_localised_apart_with_given_noise_levels() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 6 --views 10 --seed 5 --noise box:0.03 --outliers 0.1");
+    folder.succeed("localize scene.json -o found.json");
+    let found = folder.json("found.json");
+    folder.succeed("localize scene.json -o whole.json --sigmas found.json --body ellipsoid");
+    let whole = folder.json("whole.json");
+    assert_eq!(whole["localization"]["noise"], found["localization"]["noise"]);
+    assert_eq!(whole["localization"]["settings"]["sigmas"], found["localization"]["noise"]);
+    // One object alone: the other boxes stay, without a name, because they may hide its edges.
+    let mut scene = folder.json("scene.json");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        if detection["object"] != whole["objects"][4]["id"] {
+            detection.as_object_mut().unwrap().remove("object");
+        }
+    }
+    folder.write_json("part.json", &scene);
+    folder.succeed("localize part.json -o part_result.json --sigmas found.json --body ellipsoid --associate never");
+    let part = folder.json("part_result.json");
+    assert_eq!(part["objects"].as_array().unwrap().len(), 1);
+    assert_eq!(part["objects"][0], whole["objects"][4]);
+    // By name, with blanks, and what is not given has its default.
+    let levels = "edge_relative=0.02, edge_px=1.5";
+    let run = folder.run_list(&["localize", "scene.json", "-o", "given.json", "--sigmas", levels]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let given = folder.json("given.json");
+    assert_eq!(given["localization"]["noise"], json!({ "edge_relative": 0.02, "edge_px": 1.5 }));
+}
+
+#[test]
 fn cuboids_are_localised_and_scored() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 3 --views 20 --seed 2 --body cuboid");

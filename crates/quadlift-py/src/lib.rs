@@ -1,10 +1,12 @@
 //! `quadlift._core`: the library and the files as Python objects and NumPy arrays. The public API, with its checks of
 //! shapes and its documentation, is the Python package `quadlift` (python/quadlift) over it.
 
-mod arrays;
 mod association;
+mod detections;
 mod error;
 mod evaluation;
+mod frames;
+mod loaded;
 mod localized;
 mod options;
 mod run;
@@ -18,6 +20,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("QuadliftError", module.py().get_type::<error::QuadliftError>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(scene::write_text, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::frame_problems, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::hidden_edges, module)?)?;
     module.add_class::<scene::PyScene>()?;
     module.add_class::<localized::PyLocalized>()?;
     Ok(())

@@ -19,7 +19,8 @@ use quadlift_io::scene_file::{body_name, noise_record};
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::refuse;
-use crate::scene::{Loaded, PyScene};
+use crate::loaded::Loaded;
+use crate::scene::PyScene;
 
 /// A localisation and what it was made from.
 #[pyclass(name = "Localized", module = "quadlift._core", frozen)]
@@ -50,10 +51,10 @@ impl PyLocalized {
 
     /// The result as a file: as the program writes it.
     fn file(&self) -> SceneFile {
-        let mut file = self.loaded.file.localized(self.scene(), &self.localization, self.settings.clone());
+        let mut file = self.loaded.file().localized(self.scene(), &self.localization, self.settings.clone());
         if let Some(association) = &self.association {
             let source = self.source.map(|index| self.scene().sources[index as usize].as_str());
-            add_to_result(&mut file, self.loaded.file.detections.clone(), self.scene(), source, association);
+            add_to_result(&mut file, self.loaded.file().detections.clone(), self.scene(), source, association);
         }
         file
     }
@@ -136,9 +137,9 @@ impl PyLocalized {
 
     /// The page that shows the result.
     fn report(&self, title: &str, truth: Option<&PyScene>) -> PyResult<String> {
-        let images = self.loaded.file.to_images(&self.loaded.path).map_err(refuse)?;
+        let images = self.loaded.file().to_images(&self.loaded.path).map_err(refuse)?;
         let estimate = self.file();
-        let truth = truth.map(|scene| &scene.loaded.file);
+        let truth = truth.map(|scene| scene.loaded.file());
         // Without objects in common there are none.
         let scores = truth.and_then(|truth| {
             let (estimate, truth) = ((Path::new("the estimate"), &estimate), (Path::new("the truth"), truth));

@@ -1,9 +1,11 @@
 //! Options of the localisation, from Python's keywords.
 
+use std::collections::HashMap;
+
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, IdUse};
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise};
+use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements, localize};
 use quadlift_io::builtin_priors;
 use quadlift_io::priors::{check_metres, parse_priors};
@@ -31,6 +33,7 @@ pub struct Keywords {
     camera_height: Option<f64>,
     pose_noise: Option<[f64; 2]>,
     reg_lambda: Option<f64>,
+    sigmas: Option<HashMap<String, f64>>,
     seed: u64,
 }
 
@@ -54,6 +57,7 @@ impl Keywords {
                 ("ground_plane", self.ground_plane),
                 ("camera_height", self.camera_height.is_some()),
                 ("pose_noise", self.pose_noise.is_some()),
+                ("sigmas", self.sigmas.is_some()),
             ];
             if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
                 return Err(refuse(format!("{name} is an argument of method=\"map\" only")));
@@ -76,6 +80,10 @@ impl Keywords {
         map.ground_plane = self.ground_plane;
         map.camera_height = self.camera_height;
         map.pose_noise = self.pose_noise.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
+        if let Some(levels) = &self.sigmas {
+            let levels = levels.iter().map(|(name, level)| (name.as_str(), *level));
+            map.sigmas = Some(Sigmas::new(levels).map_err(|error| refuse(format!("sigmas: {error}")))?);
+        }
         if let Some(lambda) = self.reg_lambda {
             options.reg.lambda = lambda;
         }

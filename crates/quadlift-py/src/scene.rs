@@ -1,12 +1,16 @@
 //! Scenes: from files and arrays, to files, localisation, association, scores and pages.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
 use std::time::Instant;
 
+use numpy::ndarray::Array2;
+use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
-use quadlift::scene::Scene;
+use quadlift::geometry::BoundingBox;
+use quadlift::scene::{Scene, edges_hidden_in_frame};
 use quadlift::{Localization, UsedMeasurements, localize};
 use quadlift_io::association::{not_used_in_words, write_objects};
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
@@ -24,24 +28,16 @@ use quadlift_io::scene_file::{parse_scene_file, settings_record, write_scene};
 use quadlift_io::{SceneFile, read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
 
-use crate::arrays::{DetectionArrays, FrameArrays};
 use crate::association::AssociateKeywords;
+use crate::detections::DetectionArrays;
 use crate::error::refuse;
 use crate::evaluation::{MATCHING, scores};
+use crate::frames::FrameArrays;
+use crate::loaded::Loaded;
 use crate::localized::PyLocalized;
 use crate::options::{Choices, Keywords, choice};
 use crate::run::{Ticker, in_background};
 use crate::segmentation::SegmentKeywords;
-
-/// A scene file and the checked scene that it gives.
-pub struct Loaded {
-    /// The file.
-    pub file: SceneFile,
-    /// Frames and detections.
-    pub scene: Scene,
-    /// The path to which those in the file are relative, as that of the file is.
-    pub path: PathBuf,
-}
 
 /// An associated object: its id, its evidence, and why it is doubtful.
 type Found = (String, Option<f64>, Option<&'static str>);
@@ -56,11 +52,7 @@ pub struct PyScene {
 impl PyScene {
     /// A checked scene.
     pub fn new(file: SceneFile, path: PathBuf) -> PyResult<Self> {
-        let scene = file.to_scene().map_err(|error| match path.as_os_str().is_empty() {
-            true => refuse(format!("{}: {}", error.entry, error.problem)),
-            false => refuse(error.in_file(&path)),
-        })?;
-        Ok(Self { loaded: Arc::new(Loaded { file, scene, path }) })
+        Ok(Self { loaded: Arc::new(Loaded::new(file, path)?) })
     }
 }
 
@@ -100,9 +92,12 @@ impl PyScene {
 
     /// The scene with these detections too.
     fn with_detections(&self, detections: DetectionArrays) -> PyResult<Self> {
-        let mut file = self.loaded.file.clone();
-        detections.add_to(&mut file)?;
-        Self::new(file, self.loaded.path.clone())
+        Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, &detections)?) })
+    }
+
+    /// All rows that `with_detections` would refuse, and why.
+    fn detection_problems(&self, detections: DetectionArrays) -> Vec<(usize, String)> {
+        detections.problems(&self.loaded.scene)
     }
 
     /// The scene with the detections of another program's file too, whose format is recognised; and notes.
@@ -131,7 +126,7 @@ impl PyScene {
         };
         let files = files.map_err(refuse)?;
         let mut notes = files.notes.clone();
-        let mut file = self.loaded.file.clone();
+        let mut file = self.loaded.file().clone();
         let options = AddOptions { source: source.unwrap_or(name), min_score, image_size, ..Default::default() };
         let added = add_detections(&mut file, files, &options).map_err(refuse)?;
         notes.extend(added.notes);
@@ -143,9 +138,9 @@ impl PyScene {
         let here = folder(&self.loaded.path);
         let is_same = matches!((absolute(here), absolute(folder(&path))), (Ok(a), Ok(b)) if a == b);
         if is_same {
-            return write_scene_file(&path, &self.loaded.file).map_err(refuse);
+            return write_scene_file(&path, self.loaded.file()).map_err(refuse);
         }
-        let mut file = self.loaded.file.clone();
+        let mut file = self.loaded.file().clone();
         let images = file.frames.iter_mut().filter_map(|frame| frame.image.as_mut());
         let masks = file.detections.iter_mut().filter_map(|d| d.mask.as_mut()?.path.as_mut());
         for place in images.chain(masks) {
@@ -157,7 +152,7 @@ impl PyScene {
     /// The scene file as JSON.
     fn to_json(&self) -> PyResult<String> {
         let mut bytes = Vec::new();
-        write_scene(&self.loaded.file, &mut bytes).map_err(refuse)?;
+        write_scene(self.loaded.file(), &mut bytes).map_err(refuse)?;
         String::from_utf8(bytes).map_err(refuse)
     }
 
@@ -204,7 +199,7 @@ impl PyScene {
             let source = loaded.scene.source_index(options.source.as_deref()).map_err(|e| e.to_string())?;
             Ok((association.applied_to(&loaded.scene, source), association))
         })?;
-        let mut file = self.loaded.file.clone();
+        let mut file = self.loaded.file().clone();
         write_objects(&mut file.detections, &scene);
         // The true objects, if the scene has any, have other ids.
         file.objects = Vec::new();
@@ -216,14 +211,17 @@ impl PyScene {
     /// Scores of the objects and of the identities against the truth, as JSON.
     #[pyo3(signature = (truth, matching, source))]
     fn evaluate(&self, py: Python, truth: &Self, matching: &str, source: Option<&str>) -> PyResult<String> {
-        let (estimate, truth) = (&self.loaded.file, &truth.loaded.file);
+        let (estimate, truth) = (&self.loaded, &truth.loaded);
         let matching = choice("match", matching, &MATCHING)?;
-        py.detach(|| scores(estimate, truth, matching, source)).map(|scores| scores.to_string()).map_err(refuse)
+        py.detach(|| scores(estimate.file(), truth.file(), matching, source))
+            .map(|scores| scores.to_string())
+            .map_err(refuse)
     }
 
     /// The page that shows the scene.
     fn report(&self, title: &str) -> PyResult<String> {
-        let Loaded { file, scene, path } = &*self.loaded;
+        let Loaded { scene, path, .. } = &*self.loaded;
+        let file = self.loaded.file();
         let images = file.to_images(path).map_err(refuse)?;
         let content = Content { title, scene, images: Some(&images), estimate: Some(file), truth: None, scores: None };
         report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
@@ -231,12 +229,12 @@ impl PyScene {
 
     #[getter]
     fn name(&self) -> Option<&str> {
-        self.loaded.file.name.as_deref()
+        self.loaded.file().name.as_deref()
     }
 
     #[getter]
     fn length_unit(&self) -> Option<&str> {
-        self.loaded.file.length_unit.as_deref()
+        self.loaded.file().length_unit.as_deref()
     }
 
     #[getter]
@@ -263,8 +261,40 @@ impl PyScene {
     /// Number of objects in the file: true ones or estimates.
     #[getter]
     fn objects(&self) -> usize {
-        self.loaded.file.objects.len()
+        self.loaded.file().objects.len()
     }
+}
+
+/// The cameras that `from_frames` would refuse, and why.
+#[pyfunction]
+pub fn frame_problems(frames: FrameArrays) -> Vec<(usize, String)> {
+    frames.problems().collect()
+}
+
+/// Which edges (left, top, right, bottom) of M boxes another box of the same frame probably hides: (M, 4). What is no box
+/// neither hides nor is hidden.
+#[pyfunction]
+pub fn hidden_edges<'py>(
+    py: Python<'py>,
+    frame: PyReadonlyArray1<'py, i64>,
+    boxes: PyReadonlyArray2<'py, f64>,
+) -> Bound<'py, PyArray2<bool>> {
+    let (frame, boxes) = (frame.as_array(), boxes.as_array());
+    let mut by_frame: HashMap<i64, (Vec<usize>, Vec<BoundingBox>)> = HashMap::new();
+    for (row, frame) in frame.iter().enumerate() {
+        if let Ok(found) = BoundingBox::new(std::array::from_fn(|k| boxes[[row, k]])) {
+            let (rows, boxes) = by_frame.entry(*frame).or_default();
+            rows.push(row);
+            boxes.push(found);
+        }
+    }
+    let mut hidden = Array2::from_elem((frame.len(), 4), false);
+    for (rows, boxes) in by_frame.values() {
+        for (row, edges) in rows.iter().zip(edges_hidden_in_frame(boxes)) {
+            edges.into_iter().enumerate().for_each(|(k, edge)| hidden[[*row, k]] = edge);
+        }
+    }
+    PyArray2::from_owned_array(py, hidden)
 }
 
 /// Writes a text.
@@ -299,12 +329,12 @@ fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<
     let mut problems = Vec::new();
     let mut changed = None;
     if options.measurements == UsedMeasurements::Mask {
-        if loaded.file.detections.iter().all(|detection| detection.mask.is_none()) {
+        if loaded.file().detections.iter().all(|detection| detection.mask.is_none()) {
             return Err("no detection has a mask".to_owned());
         }
         let mut scene = loaded.scene.clone();
         let unread =
-            loaded.file.add_support_lines(&loaded.path, &mut scene, source, &|done, total| ticker.tick(done, total));
+            loaded.file().add_support_lines(&loaded.path, &mut scene, source, &|done, total| ticker.tick(done, total));
         let unread = unread.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
         problems.extend(unread.into_iter().map(|(_, error)| error.to_string()));
         problems.dedup();

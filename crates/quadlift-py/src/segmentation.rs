@@ -8,9 +8,9 @@ use quadlift::scene::SourceError;
 use quadlift_io::SceneFile;
 use quadlift_io::segmentation::{Method, SegmentSceneError, Settings, Step, add_to_scene, segment_scene};
 
+use crate::loaded::Loaded;
 use crate::options::choice;
 use crate::run::Ticker;
-use crate::scene::Loaded;
 
 /// The keywords of `segment`, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
@@ -35,7 +35,7 @@ impl SegmentKeywords {
         loaded: &Loaded,
         ticker: &Ticker,
     ) -> Result<(SceneFile, Vec<String>), String> {
-        let Loaded { file, scene, path } = loaded;
+        let (file, scene, path) = (loaded.file(), &loaded.scene, &loaded.path);
         let images = file.to_images(path).map_err(|error| error.to_string())?;
         if let Some(folder) = &self.out_masks
             && let Some(path) = folder.canonicalize().ok().and_then(|folder| images.any_in(&folder))

@@ -207,6 +207,9 @@ fn check(options: &Options) -> Result<(), LocalizeError> {
     if options.method != Method::Map && map.body.is_some_and(|body| body != BodyKind::Ellipsoid) {
         return refuse("only the method map fits bodies other than ellipsoids".to_owned());
     }
+    if options.method != Method::Map && map.sigmas.is_some() {
+        return refuse("only the method map takes sigmas".to_owned());
+    }
     if options.measurements == UsedMeasurements::Mask && !matches!(options.method, Method::Map | Method::Planes) {
         return refuse("only the methods map and planes take masks; the others take their ellipses".to_owned());
     }

@@ -9,14 +9,14 @@ use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
 use quadlift::scene::Scene;
-use quadlift::solve::{Method, PoseNoise};
+use quadlift::solve::{Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::scene_file::{count_localised, left_out_record, noise_record};
-use quadlift_io::{SceneFile, write_scene_file};
+use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
 use serde_json::{Value, json};
 
-use crate::args::{self, BodyChoice};
+use crate::args::{self, BodyChoice, SigmaSource};
 use crate::association::{IdsName, When, associate_scene, associated_scene, localize_in_words};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
@@ -122,6 +122,11 @@ pub struct Args {
     #[arg(long, value_name = "RAD,LENGTH", value_parser = args::pose_noise)]
     pose_noise: Option<PoseNoise>,
 
+    /// Noise levels, instead of estimating them: an earlier result, or some of them by their names there
+    /// (edge_relative=0.03,edge_px=2). Objects do not depend on each other then
+    #[arg(long, value_name = "RESULT.json|NAME=X,...", value_parser = args::sigmas)]
+    sigmas: Option<SigmaSource>,
+
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -168,6 +173,9 @@ impl Args {
         if (self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some()) && method != Method::Map {
             return usage("--ground-plane, --camera-height and --pose-noise are options of --method map only");
         }
+        if self.sigmas.is_some() && method != Method::Map {
+            return usage("--sigmas is an option of --method map only");
+        }
         let priors = match &self.priors {
             None => PriorSource::None,
             Some(_) if method != Method::Map => return usage("--priors is an option of --method map only"),
@@ -194,10 +202,22 @@ impl Args {
         options.map.ground_plane = self.ground_plane;
         options.map.camera_height = self.camera_height;
         options.map.pose_noise = self.pose_noise;
+        options.map.sigmas = self.sigmas.as_ref().map(read_sigmas).transpose()?;
         if let Some(lambda) = self.lambda {
             options.reg.lambda = lambda;
         }
         Settings::new(options, priors)
+    }
+}
+
+/// Noise levels that were given, or those of an earlier result.
+fn read_sigmas(source: &SigmaSource) -> anyhow::Result<Sigmas> {
+    match source {
+        SigmaSource::Given(sigmas) => Ok(sigmas.clone()),
+        SigmaSource::Result(path) => {
+            let file = read_scene_file(path)?;
+            file.noise_levels().map_err(|error| error.in_file(path).into())
+        }
     }
 }
 

@@ -1,12 +1,13 @@
 //! What a result says about its run: the settings, the counts and the noise levels (`localization` in the file).
 
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Estimate, Method, Status};
+use quadlift::solve::{BodyKind, Estimate, Method, Sigmas, Status};
 use quadlift::{Localization, Options, UsedMeasurements};
 use serde_json::{Map, Value, json};
 
 use super::records::SceneFile;
 use super::results::estimates_to_objects;
+use crate::error::EntryError;
 
 /// The name of the used measurements on the command line and in files.
 pub fn observations_name(measurements: UsedMeasurements) -> &'static str {
@@ -58,6 +59,8 @@ pub fn settings_record(options: &Options, priors: Option<&str>) -> Value {
         json["camera_height"] = map.camera_height.into();
         json["pose_noise"] = map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
         json["priors"] = priors.into();
+        let levels = |sigmas: &Sigmas| sigmas.levels().map(|(name, x)| (name.to_owned(), x.into())).collect();
+        json["sigmas"] = map.sigmas.as_ref().map_or(Value::Null, |sigmas| Value::Object(levels(sigmas)));
     }
     if options.method == Method::Reg {
         json["lambda"] = options.reg.lambda.into();
@@ -96,6 +99,25 @@ pub fn left_out_record(localization: &Localization) -> Value {
 }
 
 impl SceneFile {
+    /// The noise levels that a result reports.
+    ///
+    /// # Errors
+    /// [`EntryError`] when it reports none, or what is none.
+    pub fn noise_levels(&self) -> Result<Sigmas, EntryError> {
+        let entry = "localization.noise";
+        let levels = self.localization.as_ref().and_then(|about| about.get("noise")?.as_object());
+        let levels = levels
+            .filter(|levels| !levels.is_empty())
+            .ok_or_else(|| EntryError::new(entry, "there are no noise levels; expected a result of the method map"))?;
+        let number = |(name, value): (&String, &Value)| {
+            let problem = || format!("\"{name}\" is {value}; expected a number");
+            value.as_f64().map(|x| (name.clone(), x)).ok_or_else(|| EntryError::new(entry, problem()))
+        };
+        let levels = levels.iter().map(number).collect::<Result<Vec<_>, _>>()?;
+        let levels = levels.iter().map(|(name, x)| (name.as_str(), *x));
+        Sigmas::new(levels).map_err(|error| EntryError::new(entry, error))
+    }
+
     /// The result of a localisation of this file's scene, with what [`settings_record`] gives.
     #[must_use]
     pub fn localized(&self, scene: &Scene, localization: &Localization, settings: Value) -> Self {

@@ -5,7 +5,7 @@ use std::collections::hash_map::Entry;
 
 use nalgebra::{Unit, Vector2, Vector3};
 
-use super::{Detection, Frame, Scene};
+use super::{Detection, Frame, Scene, Undistorted};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, Projection};
 
 /// Why something cannot be added to a scene.
@@ -187,16 +187,8 @@ impl SceneBuilder {
                 first: first as usize,
             });
         }
-        let lens = &self.scene.frames[frame_index as usize].lens;
-        let (bounding_box, ellipse, box_in_image) = match lens {
-            None => (input.bounding_box, input.ellipse, None),
-            Some(lens) => (
-                input.bounding_box.and_then(|b| lens.undistort_box(&b)),
-                input.ellipse.and_then(|e| lens.undistort_ellipse(&e)),
-                // The solvers prefer ellipses.
-                input.ellipse.map(|e| e.bounding_box()).or(input.bounding_box),
-            ),
-        };
+        let frame = &self.scene.frames[frame_index as usize];
+        let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(input.bounding_box, input.ellipse);
         self.scene.detections.push(Detection {
             frame_index,
             object_index,
@@ -208,6 +200,7 @@ impl SceneBuilder {
             support_lines: None,
             partial: input.partial,
             box_in_image,
+            hidden_edges: None,
             occluded: input.occluded,
             truncated: input.truncated,
         });

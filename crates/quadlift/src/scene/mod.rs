@@ -8,6 +8,7 @@ mod sources;
 mod views;
 
 pub use builder::{DetectionInput, SceneBuilder, SceneError};
+pub use hidden::edges_hidden_in_frame;
 pub use sources::SourceError;
 pub use views::{ObjectViews, View};
 
@@ -50,9 +51,34 @@ pub struct Frame {
     pub lens: Option<Camera>,
 }
 
+/// What was measured in an image, in the pixels of [`Frame::projection`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Undistorted {
+    /// The box.
+    pub bounding_box: Option<BoundingBox>,
+    /// The ellipse.
+    pub ellipse: Option<Ellipse>,
+    /// Where they are in the image, see [`Detection::box_in_image`].
+    pub box_in_image: Option<BoundingBox>,
+}
+
+impl Frame {
+    /// A box and an ellipse that were measured in the image as it is, without the distortion of its lens. What the lens
+    /// has no pinhole pixels for (see [`Camera::undistort_point`]) is left out.
+    pub fn undistorted(&self, bounding_box: Option<BoundingBox>, ellipse: Option<Ellipse>) -> Undistorted {
+        let Some(lens) = &self.lens else { return Undistorted { bounding_box, ellipse, box_in_image: None } };
+        Undistorted {
+            bounding_box: bounding_box.and_then(|b| lens.undistort_box(&b)),
+            ellipse: ellipse.and_then(|e| lens.undistort_ellipse(&e)),
+            // The solvers prefer ellipses.
+            box_in_image: ellipse.map(|e| e.bounding_box()).or(bounding_box),
+        }
+    }
+}
+
 /// One detection of one object in one frame: a box, an ellipse or both, in the pixels of [`Frame::projection`]. Neither
 /// where the lens has no pinhole pixels for it; [`crate::localize()`] leaves such detections out.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Detection {
     /// Index into [`Scene::frames`].
     pub frame_index: u32,
@@ -76,6 +102,9 @@ pub struct Detection {
     /// Where a lens bends the image: the measured box, or the box around the measured ellipse, in the image itself,
     /// whose border may cut it.
     pub box_in_image: Option<BoundingBox>,
+    /// Which edges of the box another detection of the frame hides, where it was found before: what hides them need not be
+    /// in the scene. Without it the scene's own boxes tell ([`Scene::hidden_edges`]).
+    pub hidden_edges: Option<[bool; 4]>,
     /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
     pub occluded: Option<f64>,
     /// Truncation level (KITTI: 0 wholly inside the image).

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use super::sigmas::Sigmas;
+
 /// Which estimator solves for each object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
@@ -120,6 +122,16 @@ pub struct MapOptions {
     /// Estimate a correction of every frame's pose with this prior; poses are taken as exact without it. Worth it only
     /// where several objects are seen in each frame.
     pub pose_noise: Option<PoseNoise>,
+    /// Noise levels; without them they are estimated from the residuals of all objects together.
+    pub sigmas: Option<Sigmas>,
+}
+
+impl MapOptions {
+    /// Whether the objects of a scene have more in common than noise levels: the ground, or cameras that are moved.
+    pub(super) fn has_shared_unknowns(&self) -> bool {
+        let on_ground = self.priors.by_category.values().any(|prior| prior.on_ground);
+        self.ground_plane || on_ground || self.pose_noise.is_some()
+    }
 }
 
 impl Default for MapOptions {
@@ -138,6 +150,7 @@ impl Default for MapOptions {
             camera_height: None,
             hidden_edges: true,
             pose_noise: None,
+            sigmas: None,
         }
     }
 }

@@ -91,29 +91,31 @@ pub fn map(
     context: &MapContext,
     done: &(dyn Fn() + Sync),
 ) -> MapSolution {
+    let options = context.options;
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
-    let sampled = |k: usize| views_of(sample[k]);
+    // Where the objects share nothing that is unknown, each is fitted by itself.
+    let together = if options.sigmas.is_some() && !options.has_shared_unknowns() { &[] } else { sample.as_slice() };
     let fitted = |body| MapContext { body, ..context.clone() };
-    match context.options.body {
-        Some(BodyKind::Ellipsoid) | None => {
-            let context = fitted(BodyKind::Ellipsoid);
-            let scene = SceneFit::<EllipsoidModel>::new(sample.len(), &sampled, &context);
-            let exponent = context.options.body.map_or_else(|| exponent::clearly_better(&scene, &context), |_| None);
-            match exponent {
-                None => finish(&scene, count, stride, views_of, &context, done),
-                Some(exponent) => {
-                    let context = fitted(BodyKind::Superellipsoid(exponent));
-                    let scene = SceneFit::<OrientedModel>::new(sample.len(), &sampled, &context);
-                    finish(&scene, count, stride, views_of, &context, done)
-                }
-            }
-        }
-        Some(body) => {
-            let context = fitted(body);
-            let scene = SceneFit::<OrientedModel>::new(sample.len(), &sampled, &context);
-            finish(&scene, count, stride, views_of, &context, done)
-        }
+    let finish_oriented = |body| {
+        let context = fitted(body);
+        let scene = SceneFit::<OrientedModel>::new(together.len(), &|k| views_of(together[k]), &context);
+        finish(&scene, count, stride, views_of, &context, done)
+    };
+    let body = options.body.unwrap_or_default();
+    if body != BodyKind::Ellipsoid {
+        return finish_oriented(body);
+    }
+    let context = fitted(body);
+    let scene_of =
+        |objects: &[usize]| SceneFit::<EllipsoidModel>::new(objects.len(), &|k| views_of(objects[k]), &context);
+    let scene = scene_of(if options.body.is_some() { together } else { &sample });
+    let exponent = options.body.map_or_else(|| exponent::clearly_better(&scene, &context), |_| None);
+    match exponent {
+        Some(exponent) => finish_oriented(BodyKind::Superellipsoid(exponent)),
+        // The kind of body was chosen from objects that are not fitted together.
+        None if scene.len() > together.len() => finish(&scene_of(together), count, stride, views_of, &context, done),
+        None => finish(&scene, count, stride, views_of, &context, done),
     }
 }
 
@@ -127,7 +129,7 @@ fn finish<B: FirstFit>(
     done: &(dyn Fn() + Sync),
 ) -> MapSolution {
     let estimates = map_indices(count, |index| {
-        let estimate = if index % stride == 0 {
+        let estimate = if index % stride == 0 && index / stride < scene.len() {
             scene.estimate(index / stride, context)
         } else {
             scene.estimate_other(views_of(index), context)
@@ -135,5 +137,5 @@ fn finish<B: FirstFit>(
         done();
         estimate
     });
-    MapSolution { estimates, noise: scene.noise_report(), body: context.body }
+    MapSolution { estimates, noise: scene.noise_report(context), body: context.body }
 }

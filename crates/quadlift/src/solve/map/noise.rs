@@ -3,6 +3,8 @@
 //! This is what lets one estimator serve every noise: with orientations that are useless and sizes that are exact it
 //! finds both out and weighs them so.
 
+use super::super::sigmas::Sigmas;
+
 /// A kind of measurement error with a standard deviation of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NoiseGroup {
@@ -124,6 +126,18 @@ impl NoiseLevels {
         Self { sd: DEFAULTS, correlation: [0.0; 2], pixel_size }
     }
 
+    /// Levels that are given. Of those that are not the default is taken.
+    pub(super) fn given(sigmas: &Sigmas, pixel_size: f64) -> Self {
+        let sd = std::array::from_fn(|g| {
+            let part = reported_part(NoiseGroup::ALL[g]);
+            sigmas.get(GROUP_NAMES[g]).map_or(DEFAULTS[g], |sigma| sigma / part).max(FLOOR)
+        });
+        let edge = [sigmas.get("edge_px"), sigmas.get("edge_relative")];
+        let pixel_size = if let [Some(pixels), Some(relative)] = edge { pixels / relative } else { pixel_size };
+        let correlation = ["edge_correlation", "ellipse_correlation"].map(|name| sigmas.get(name).unwrap_or(0.0));
+        Self { sd, correlation, pixel_size }
+    }
+
     /// How the noise of an edge, relative to the half size of its box, depends on that size: a detector errs by pixels
     /// on small boxes and by a share of the size on large ones (E9). One where both parts are equal.
     #[inline]
@@ -192,7 +206,7 @@ impl NoiseLevels {
         let mut report = Vec::new();
         let with_data = |group: &&NoiseGroup| statistics.freedom[**group as usize] > 0.0;
         for &group in NoiseGroup::ALL.iter().filter(with_data) {
-            let part = if group.is_edge() { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 };
+            let part = reported_part(group);
             report.push((GROUP_NAMES[group as usize], self.of(group) * part));
             if group == NoiseGroup::Edge {
                 report.push(("edge_px", self.of(group) * part * self.pixel_size));
@@ -204,6 +218,11 @@ impl NoiseLevels {
         }
         report
     }
+}
+
+/// Share of a group's standard deviation that is reported: edges have two equal parts.
+fn reported_part(group: NoiseGroup) -> f64 {
+    if group.is_edge() { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 }
 }
 
 /// Weighted sums of squared whitened residuals and their degrees of freedom, by group.
@@ -284,6 +303,25 @@ mod tests {
         assert!((updated.of(NoiseGroup::EllipseSize) - expected).abs() < 1e-12);
         assert!((updated.of(NoiseGroup::Edge) - 0.1).abs() < 1e-12);
         assert_eq!(updated.report(&statistics).len(), 1);
+    }
+
+    #[test]
+    fn levels_that_are_reported_can_be_given() {
+        let mut statistics = NoiseStatistics::default();
+        for group in NoiseGroup::ALL {
+            (0..100).for_each(|_| statistics.add(group, 0.3, 1.0, 1.0));
+        }
+        statistics.add_neighbours(true, 0.5, 100);
+        statistics.add_neighbours(false, 0.25, 100);
+        let levels = NoiseLevels::new(50.0).updated(&statistics);
+        let report = levels.report(&statistics);
+        let given = NoiseLevels::given(&Sigmas::new(report.iter().copied()).unwrap(), 67.0);
+        for g in 0..GROUPS {
+            assert!((given.sd[g] / levels.sd[g] - 1.0).abs() < 1e-12);
+        }
+        assert_eq!(given.correlation, [0.5, 0.25]);
+        assert!((given.pixel_size - 50.0).abs() < 1e-9);
+        assert_eq!(NoiseLevels::given(&Sigmas::default(), 67.0), NoiseLevels::new(67.0));
     }
 
     #[test]

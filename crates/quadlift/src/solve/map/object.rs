@@ -72,9 +72,14 @@ impl Prepared {
         Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
     }
 
-    /// Seed of what is drawn for this object: the same whatever the other objects are.
+    /// Seed of what is drawn for this object: it comes from its measurements, so that it is the same whatever the object's
+    /// name is and whatever other objects there are.
     pub(super) fn seed(&self, context: &MapContext) -> u64 {
-        context.seed ^ (self.views.object_index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        let boxes = self.views.views.iter().filter_map(|view| view.bounding_box);
+        let ellipses = self.views.views.iter().filter_map(|view| view.ellipse);
+        let numbers = boxes.flat_map(|b| [b.x0, b.y0, b.x1, b.y1]);
+        context.seed
+            ^ hash(numbers.chain(ellipses.flat_map(|e| [e.center.x, e.center.y, e.semi_axes.x, e.semi_axes.y])))
     }
 
     /// The objective of the object, not on any ground plane.
@@ -106,6 +111,13 @@ impl Prepared {
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
             .map(|(body, _)| body)
     }
+}
+
+/// A hash of numbers in the manner of FNV-1a, by 64 bits; it will not change, so that the same seed goes on to give the
+/// same results.
+fn hash(numbers: impl Iterator<Item = f64>) -> u64 {
+    let mixed = |hash: u64| hash.wrapping_mul(0x100_0000_01B3) ^ (hash >> 29);
+    numbers.fold(0xCBF2_9CE4_8422_2325, |hash, number| mixed(hash ^ number.to_bits()))
 }
 
 /// The priors of an object in its frame.

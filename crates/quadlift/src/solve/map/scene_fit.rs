@@ -53,7 +53,11 @@ impl<B: FirstFit> SceneFit<B> {
     /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
     /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
     pub(super) fn new(count: usize, views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &MapContext) -> Self {
-        let default = NoiseLevels::new(context.options.pixel_noise_size);
+        let pixel_size = context.options.pixel_noise_size;
+        if let Some(sigmas) = &context.options.sigmas {
+            return Self::settled(count, views_of, NoiseLevels::given(sigmas, pixel_size), context);
+        }
+        let default = NoiseLevels::new(pixel_size);
         let scene = Self::settled(count, views_of, default, context);
         if scene.statistics.determined() > WELL_DETERMINED {
             return scene;
@@ -62,7 +66,7 @@ impl<B: FirstFit> SceneFit<B> {
         if other.evidence() > scene.evidence() + CLEARLY { other } else { scene }
     }
 
-    /// Fits from the given noise levels until levels and fits agree.
+    /// Fits from these noise levels until levels and fits agree; with levels that are given, until the fits stand.
     fn settled(
         count: usize,
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
@@ -81,7 +85,7 @@ impl<B: FirstFit> SceneFit<B> {
             for fit in fits.iter().flatten() {
                 statistics.merge(&fit.statistics(&noise, context));
             }
-            let updated = noise.updated(&statistics);
+            let updated = if context.options.sigmas.is_some() { noise } else { noise.updated(&statistics) };
             let settled = updated.change(&noise, &statistics) < SETTLED;
             noise = updated;
             ground = ground_plane(&fits, context);
@@ -114,6 +118,11 @@ impl<B: FirstFit> SceneFit<B> {
             }
         }
         Self { fits, noise, statistics, ground, poses }
+    }
+
+    /// Number of the objects.
+    pub(super) fn len(&self) -> usize {
+        self.fits.len()
     }
 
     /// Logarithm of the evidence for the noise levels, up to what does not depend on them.
@@ -154,9 +163,10 @@ impl<B: FirstFit> SceneFit<B> {
         )
     }
 
-    /// Noise levels by name.
-    pub(super) fn noise_report(&self) -> Vec<(&'static str, f64)> {
-        let mut report = self.noise.report(&self.statistics);
+    /// Noise levels by name: those that were given, or those of what has data.
+    pub(super) fn noise_report(&self, context: &MapContext) -> Vec<(&'static str, f64)> {
+        let given = context.options.sigmas.as_ref().map(|sigmas| sigmas.levels().collect());
+        let mut report: Vec<_> = given.unwrap_or_else(|| self.noise.report(&self.statistics));
         if let Some((turn, shift)) = self.poses.size() {
             report.extend([("pose_rotation", turn), ("pose_translation", shift)]);
         }

@@ -1,0 +1,230 @@
+//! From NumPy arrays to the detections of a scene. Shapes and types are checked in Python; here, what is in them.
+
+use std::collections::HashMap;
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use quadlift::geometry::{BoundingBox, Ellipse};
+use quadlift::scene::{Detection, Scene, Undistorted};
+use quadlift_io::SceneFile;
+use quadlift_io::scene_file::{DetectionRecord, EllipseRecord, MaskRecord, RleCounts, RleRecord};
+
+use crate::error::refuse;
+
+/// Height and width, and runs of a mask, as in COCO.
+type Runs = ([u32; 2], Vec<u32>);
+
+/// Detections: M rows.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct DetectionArrays<'py> {
+    /// (M,): index of the frame.
+    frame: PyReadonlyArray1<'py, i64>,
+    /// (M, 4); a row of NaN is no box.
+    boxes: Option<PyReadonlyArray2<'py, f64>>,
+    /// (M, 5): centre, semi-axes, angle; a row of NaN is no ellipse.
+    ellipses: Option<PyReadonlyArray2<'py, f64>>,
+    /// The masks, of detections that have one.
+    masks: Option<Vec<Option<Runs>>>,
+    object: Names<'py>,
+    category: Names<'py>,
+    /// (M,); NaN where there is none.
+    scores: Option<PyReadonlyArray1<'py, f64>>,
+    source: Option<String>,
+    /// (M, 4): edges that are known to be hidden, see [`Detection::hidden_edges`]. A scene file does not hold them.
+    hidden_edges: Option<PyReadonlyArray2<'py, bool>>,
+}
+
+/// Texts by their index; none where it is negative.
+#[derive(FromPyObject)]
+struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
+
+/// A checked detection as it was given: measured in the image as it is.
+pub struct Row {
+    frame_index: u32,
+    bounding_box: Option<BoundingBox>,
+    ellipse: Option<Ellipse>,
+    mask: Option<Runs>,
+}
+
+impl Row {
+    /// The record of a detection in a scene file.
+    pub fn to_record(&self, scene: &Scene, detection: &Detection) -> DetectionRecord {
+        let name = |index: Option<u32>, names: &[String]| index.map(|index| names[index as usize].as_str().into());
+        DetectionRecord {
+            frame: scene.frames[self.frame_index as usize].id.as_str().into(),
+            object: name(detection.object_index, &scene.object_ids),
+            category: name(detection.category_index, &scene.categories),
+            source: name(detection.source_index, &scene.sources),
+            score: detection.score,
+            bounding_box: self.bounding_box.map(|b| [b.x0, b.y0, b.x1, b.y1]),
+            ellipse: self.ellipse.map(|e| {
+                let (center, semi_axes) = (e.center.into(), e.semi_axes.into());
+                Box::new(EllipseRecord { center, semi_axes, angle: e.angle, ..Default::default() })
+            }),
+            mask: self.mask.as_ref().map(|(size, runs)| {
+                let rle = RleRecord { size: *size, counts: RleCounts::Runs(runs.clone()), ..Default::default() };
+                Box::new(MaskRecord { rle: Some(rle), ..Default::default() })
+            }),
+            ..Default::default()
+        }
+    }
+}
+
+impl DetectionArrays<'_> {
+    /// Adds the detections to a scene; returns them as they were given.
+    pub fn add_to(&self, scene: &mut Scene) -> PyResult<Vec<Row>> {
+        let count = self.frame.as_array().len();
+        let rows = (0..count).map(|row| self.row(row, scene.frames.len())).collect::<Result<Vec<_>, _>>();
+        let mut rows = rows.map_err(refuse)?;
+        let first = scene.detections.len();
+        if u32::try_from(first + count).is_err() {
+            return Err(refuse("the scene is too large: more than 4294967295 detections"));
+        }
+        let source_index = self.source.as_ref().map(|source| {
+            let known = scene.sources.iter().position(|name| name == source);
+            known.unwrap_or_else(|| {
+                scene.sources.push(source.clone());
+                scene.sources.len() - 1
+            }) as u32
+        });
+        let objects = self.object.indices(&mut scene.object_ids);
+        let categories = self.category.indices(&mut scene.categories);
+        let scores = self.scores.as_ref().map(|scores| scores.as_array());
+        let hidden = self.hidden_edges.as_ref().map(|edges| edges.as_array());
+        scene.detections.reserve(count);
+        for (index, row) in rows.iter().enumerate() {
+            let frame = &scene.frames[row.frame_index as usize];
+            let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(row.bounding_box, row.ellipse);
+            scene.detections.push(Detection {
+                frame_index: row.frame_index,
+                object_index: objects.get(index).copied().flatten(),
+                category_index: categories.get(index).copied().flatten(),
+                source_index,
+                score: scores.map(|scores| scores[index]).filter(|score| !score.is_nan()),
+                bounding_box,
+                ellipse,
+                support_lines: None,
+                partial: false,
+                box_in_image,
+                hidden_edges: hidden.map(|edges| std::array::from_fn(|k| edges[[index, k]])),
+                occluded: None,
+                truncated: None,
+            });
+        }
+        if let Some((_, problem)) = repeated(scene, first, |row| row).into_iter().next() {
+            return Err(refuse(problem));
+        }
+        if let Some(masks) = &self.masks {
+            rows.iter_mut().zip(masks).for_each(|(row, mask)| row.mask.clone_from(mask));
+        }
+        Ok(rows)
+    }
+
+    /// All rows that [`Self::add_to`] would refuse, and why.
+    pub fn problems(&self, scene: &Scene) -> Vec<(usize, String)> {
+        let count = self.frame.as_array().len();
+        let mut scene = Scene {
+            frames: scene.frames.clone(),
+            object_ids: scene.object_ids.clone(),
+            detections: scene.detections.clone(),
+            ..Scene::default()
+        };
+        let objects = self.object.indices(&mut scene.object_ids);
+        let first = scene.detections.len();
+        let mut problems = Vec::new();
+        let mut good = Vec::with_capacity(count);
+        for row in 0..count {
+            match self.row(row, scene.frames.len()) {
+                Ok(Row { frame_index, .. }) => {
+                    let object_index = objects.get(row).copied().flatten();
+                    scene.detections.push(Detection { frame_index, object_index, ..Detection::default() });
+                    good.push(row);
+                }
+                Err(problem) => problems.push((row, problem)),
+            }
+        }
+        problems.extend(repeated(&scene, first, |number| good[number]));
+        problems.sort_by_key(|(row, _)| *row);
+        problems
+    }
+
+    /// A row, checked.
+    fn row(&self, row: usize, frames: usize) -> Result<Row, String> {
+        let frame = self.frame.as_array()[row];
+        let frame_index = u32::try_from(frame).ok().filter(|index| (*index as usize) < frames);
+        let frame_index = frame_index.ok_or_else(|| match frames {
+            0 => format!("frame[{row}] is {frame}; there are no frames"),
+            count => format!("frame[{row}] is {frame}; expected 0 to {}: there are {count} frames", count - 1),
+        })?;
+        let edges: Option<[f64; 4]> = values(&self.boxes, row);
+        let bounding_box = edges.map(BoundingBox::new).transpose().map_err(|e| format!("boxes[{row}]: {e}"))?;
+        let numbers: Option<[f64; 5]> = values(&self.ellipses, row);
+        let ellipse = numbers.map(|[x, y, a, b, angle]| Ellipse::new([x, y].into(), [a, b].into(), angle));
+        let ellipse = ellipse.transpose().map_err(|e| format!("ellipses[{row}]: {e}"))?;
+        if bounding_box.is_none() && ellipse.is_none() {
+            return Err(format!("row {row} has neither a box nor an ellipse (all of its numbers are NaN)"));
+        }
+        Ok(Row { frame_index, bounding_box, ellipse, mask: None })
+    }
+}
+
+/// The numbers of a row; none where all are NaN.
+fn values<const N: usize>(array: &Option<PyReadonlyArray2<f64>>, row: usize) -> Option<[f64; N]> {
+    let array = array.as_ref()?.as_array();
+    let numbers: [f64; N] = std::array::from_fn(|k| array[[row, k]]);
+    (!numbers.iter().all(|x| x.is_nan())).then_some(numbers)
+}
+
+impl Names<'_> {
+    /// For each row the index of its name in `known`, which is extended in the order of their first appearance. Names
+    /// may repeat where none is known yet: they stand for different things then.
+    fn indices(&self, known: &mut Vec<String>) -> Vec<Option<u32>> {
+        let Names(Some(codes), names) = self else { return Vec::new() };
+        let mut place = vec![None; names.len()];
+        if !known.is_empty() {
+            let places: HashMap<&str, u32> = known.iter().map(String::as_str).zip(0..).collect();
+            place = names.iter().map(|name| places.get(name.as_str()).copied()).collect();
+        }
+        let of_code = |&code: &i64| {
+            let code = usize::try_from(code).ok().filter(|code| *code < names.len())?;
+            Some(*place[code].get_or_insert_with(|| {
+                known.push(names[code].clone());
+                known.len() as u32 - 1
+            }))
+        };
+        codes.as_array().iter().map(of_code).collect()
+    }
+}
+
+/// Detections from the index `first` on that name an object a second time in a frame: their row, and what is wrong.
+/// `row_of` gives the row of such a detection from its number.
+fn repeated(scene: &Scene, first: usize, row_of: impl Fn(usize) -> usize) -> Vec<(usize, String)> {
+    let key = |d: &Detection| Some((d.object_index?, d.frame_index, d.source_index));
+    let mut keys: Vec<_> = scene.detections.iter().enumerate().filter_map(|(i, d)| Some((key(d)?, i))).collect();
+    keys.sort_unstable();
+    let mut found = Vec::new();
+    for pair in keys.windows(2) {
+        let [(key, earlier), (same, index)] = pair else { continue };
+        if key == same && *index >= first {
+            let (object, frame) = (&scene.object_ids[key.0 as usize], &scene.frames[key.1 as usize].id);
+            let row = row_of(index - first);
+            let place = match earlier.checked_sub(first) {
+                Some(number) => format!("in row {}", row_of(number)),
+                None => "by a detection that the scene has".to_owned(),
+            };
+            found.push((
+                row,
+                format!("row {row}: the object \"{object}\" is detected twice in frame \"{frame}\" (first {place})"),
+            ));
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Adds detections to a scene file; `scene` has them, from the index `first` on.
+pub fn add_records(file: &mut SceneFile, rows: &[Row], scene: &Scene, first: usize) {
+    let detections = scene.detections[first..].iter();
+    file.detections.extend(rows.iter().zip(detections).map(|(row, detection)| row.to_record(scene, detection)));
+}

@@ -1,0 +1,115 @@
+//! Noise levels that are given (ours).
+
+use std::collections::BTreeMap;
+
+/// Names of the noise levels that can be given, as results report them; see [`Sigmas`].
+pub const SIGMA_NAMES: [&str; 11] = [
+    "edge_relative",
+    "edge_px",
+    "edge_correlation",
+    "hidden_edge_relative",
+    "ellipse_center",
+    "ellipse_size",
+    "ellipse_aspect",
+    "ellipse_angle",
+    "shape",
+    "partial_ellipse",
+    "ellipse_correlation",
+];
+
+/// What results report of the cameras' poses, which is not the noise of detections.
+const OF_POSES: [&str; 2] = ["pose_rotation", "pose_translation"];
+
+/// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to the
+/// half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis ratio),
+/// and correlations between neighbouring views.
+///
+/// With them the estimate of an object depends on its own views and the options only, not on which other objects
+/// are in the scene, so that objects can be localised apart from each other: on several machines, or one by one as they
+/// are seen. Ground planes and errors of poses are still shared by the objects of a scene.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sigmas(BTreeMap<&'static str, f64>);
+
+/// Why noise levels are refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SigmasError {
+    /// There is no noise level of this name.
+    #[error("\"{0}\" is no noise level; expected one of {names}", names = SIGMA_NAMES.join(", "))]
+    Unknown(String),
+    /// A number out of its range.
+    #[error("{name} is {value}; expected {expected}")]
+    Range {
+        /// Name of the level.
+        name: &'static str,
+        /// What was found.
+        value: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// `edge_px` without the level that it belongs to.
+    #[error("edge_px is given without edge_relative; expected both")]
+    PixelsAlone,
+}
+
+impl Sigmas {
+    /// Takes what results report; what they say of poses is left out. Levels that are not given have their defaults: 0.1,
+    /// of hidden edges and partial ellipses 0.2, `edge_px` 67 times `edge_relative`, correlations 0.
+    ///
+    /// # Errors
+    /// [`SigmasError`] names the level that is unknown or out of range.
+    pub fn new<'a>(levels: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Self, SigmasError> {
+        let mut by_name = BTreeMap::new();
+        for (given, value) in levels {
+            if OF_POSES.contains(&given) {
+                continue;
+            }
+            let name = (SIGMA_NAMES.into_iter().find(|name| *name == given))
+                .ok_or_else(|| SigmasError::Unknown(given.to_owned()))?;
+            let (fits, expected) = match name {
+                "edge_correlation" | "ellipse_correlation" => {
+                    ((0.0..1.0).contains(&value), "a number of at least 0 and below 1")
+                }
+                "edge_px" => (value >= 0.0 && value.is_finite(), "a finite number that is not negative"),
+                _ => (value > 0.0 && value.is_finite(), "a finite number above 0"),
+            };
+            if !fits {
+                return Err(SigmasError::Range { name, value, expected });
+            }
+            by_name.insert(name, value);
+        }
+        if by_name.contains_key("edge_px") && !by_name.contains_key("edge_relative") {
+            return Err(SigmasError::PixelsAlone);
+        }
+        Ok(Self(by_name))
+    }
+
+    /// The level of this name, where it is given.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.0.get(name).copied()
+    }
+
+    /// The levels that are given, in the order of [`SIGMA_NAMES`].
+    pub fn levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        SIGMA_NAMES.into_iter().filter_map(|name| Some((name, self.get(name)?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_results_report_is_taken_and_mistakes_are_named() {
+        let sigmas = Sigmas::new([("edge_px", 2.0), ("edge_relative", 0.03), ("pose_rotation", 0.1)]).unwrap();
+        assert_eq!(sigmas.levels().collect::<Vec<_>>(), [("edge_relative", 0.03), ("edge_px", 2.0)]);
+        let error = |name, value| Sigmas::new([(name, value)]).unwrap_err().to_string();
+        assert!(error("edge", 0.1).starts_with("\"edge\" is no noise level; expected one of edge_relative, edge_px"));
+        assert_eq!(error("shape", 0.0), "shape is 0; expected a finite number above 0");
+        assert_eq!(error("edge_relative", f64::NAN), "edge_relative is NaN; expected a finite number above 0");
+        assert_eq!(
+            error("edge_correlation", 1.0),
+            "edge_correlation is 1; expected a number of at least 0 and below 1"
+        );
+        assert_eq!(error("edge_px", 1.0), "edge_px is given without edge_relative; expected both");
+    }
+}
