@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _core
+from . import _core, _rerun
 
 if TYPE_CHECKING:
     import pandas
@@ -276,6 +276,20 @@ class Estimates:
         """
         page = self._localized.report(title, None if truth is None else truth._core)
         _core.write_text(path, page)
+
+    def to_rerun(self, path: str | os.PathLike[str] | None = None, *, truth: Scene | None = None) -> None:
+        """Logs frames, detections and estimates with Rerun (https://rerun.io); needs ``quadlift[rerun]``.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+        truth : Scene, optional
+            A scene whose objects are the truth, logged beside the estimates.
+        """
+        given = self._localized.given
+        recorded = self._localized.recording(given.name or "quadlift", None if truth is None else truth._core)
+        _rerun.log_recorded(recorded, given, path)
 
     def _repr_html_(self) -> str:
         return frame(self._localized.report("quadlift", None))

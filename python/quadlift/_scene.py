@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _adapters, _checks, _core, _estimates, _options
+from . import _adapters, _checks, _core, _estimates, _options, _rerun
 from ._core import QuadliftError
 
 if TYPE_CHECKING:
@@ -547,6 +547,16 @@ class Scene:
             Its title; the name of the scene without it.
         """
         _core.write_text(path, self._core.report(title or self.name or "quadlift"))
+
+    def to_rerun(self, path: Path | None = None) -> None:
+        """Logs frames, detections and objects with Rerun (https://rerun.io); needs ``quadlift[rerun]``.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+        """
+        _rerun.log_recorded(self._core.recording(self.name or "quadlift"), self._core, path)
 
     def _repr_html_(self) -> str:
         return _estimates.frame(self._core.report(self.name or "quadlift"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -150,3 +151,10 @@ def test_wrong_options_of_association() -> None:
         with pytest.raises(quadlift.QuadliftError) as caught:
             scene.associate(**arguments)
         assert message in str(caught.value)
+
+
+def test_missing_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    scene = quadlift.Scene.from_arrays(projections=MADE.projections)
+    with pytest.raises(ImportError, match=r'pip install "quadlift\[rerun\]"'):
+        scene.to_rerun()

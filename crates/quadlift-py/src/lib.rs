@@ -9,6 +9,7 @@ mod frames;
 mod loaded;
 mod localized;
 mod options;
+mod recording;
 mod run;
 mod scene;
 mod segmentation;

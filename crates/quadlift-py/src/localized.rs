@@ -20,6 +20,7 @@ use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::refuse;
 use crate::loaded::Loaded;
+use crate::recording::recorded;
 use crate::scene::PyScene;
 
 /// A localisation and what it was made from.
@@ -150,6 +151,17 @@ impl PyLocalized {
         let (images, scores) = (Some(&images), scores.as_ref());
         let content = Content { title, scene, images, estimate: Some(&estimate), truth, scores };
         report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    /// What a recording holds, as JSON, and the indices of its frames.
+    fn recording(&self, title: &str, truth: Option<&PyScene>) -> PyResult<(String, Vec<usize>)> {
+        recorded(title, &self.loaded, self.scene(), &self.file(), truth.map(|scene| scene.loaded.file()))
+    }
+
+    /// The scene that was localised, as it was given.
+    #[getter]
+    fn given(&self) -> PyScene {
+        PyScene { loaded: Arc::clone(&self.loaded) }
     }
 
     /// The kind of body that was fitted.

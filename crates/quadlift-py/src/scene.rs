@@ -8,6 +8,7 @@ use std::time::Instant;
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
 use quadlift::geometry::BoundingBox;
 use quadlift::scene::{Scene, edges_hidden_in_frame};
@@ -36,6 +37,7 @@ use crate::frames::FrameArrays;
 use crate::loaded::Loaded;
 use crate::localized::PyLocalized;
 use crate::options::{Choices, Keywords, choice};
+use crate::recording::{jpeg, recorded};
 use crate::run::{Ticker, in_background};
 use crate::segmentation::SegmentKeywords;
 
@@ -225,6 +227,17 @@ impl PyScene {
         let images = file.to_images(path).map_err(refuse)?;
         let content = Content { title, scene, images: Some(&images), estimate: Some(file), truth: None, scores: None };
         report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    /// What a recording holds, as JSON, and the indices of its frames.
+    fn recording(&self, title: &str) -> PyResult<(String, Vec<usize>)> {
+        recorded(title, &self.loaded, &self.loaded.scene, self.loaded.file(), None)
+    }
+
+    /// The image of a frame as JPEG, and its width and height.
+    fn jpeg<'py>(&self, py: Python<'py>, frame_index: usize) -> PyResult<Option<(Bound<'py, PyBytes>, [u32; 2])>> {
+        let image = py.detach(|| jpeg(&self.loaded, frame_index))?;
+        Ok(image.map(|(bytes, size)| (PyBytes::new(py, &bytes), size)))
     }
 
     #[getter]
