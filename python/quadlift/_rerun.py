@@ -51,10 +51,8 @@ def log_recording(folder: str | os.PathLike[str], path: str | os.PathLike[str] |
         recording = json.loads((folder / "recording.json").read_text(encoding="utf-8"))
     except OSError as error:
         raise QuadliftError(f"{folder} holds no recording: {error}") from error
-    if not isinstance(recording, dict) or (recording.get("format"), recording.get("version")) != (
-        "quadlift.recording",
-        1,
-    ):
+    found = (recording.get("format"), recording.get("version")) if isinstance(recording, dict) else None
+    if found != ("quadlift.recording", 1):
         raise QuadliftError(f"{folder} holds no recording of version 1")
     rr = _rerun()
 
@@ -62,7 +60,7 @@ def log_recording(folder: str | os.PathLike[str], path: str | os.PathLike[str] |
         name = recording["frames"][index]["image"]
         return rr.EncodedImage(path=folder / name) if name else None
 
-    _log(recording, image, path)
+    _log(recording, image, path, recording["name"])
 
 
 def log_recorded(recorded: tuple[str, list[int]], scene: _core.Scene, path: str | os.PathLike[str] | None) -> None:
@@ -81,7 +79,7 @@ def log_recorded(recorded: tuple[str, list[int]], scene: _core.Scene, path: str 
         recording["frames"][index]["size"] = found[1]
         return rr.EncodedImage(contents=found[0], media_type="image/jpeg")
 
-    _log(recording, image, path)
+    _log(recording, image, path, scene.name)
 
 
 def _rerun() -> Any:
@@ -92,12 +90,12 @@ def _rerun() -> Any:
     return rerun
 
 
-def _log(recording: Record, image: Callable[[int], Any], path: str | os.PathLike[str] | None) -> None:
-    """Logs a recording; `image` gives the images of its frames."""
+def _log(recording: Record, image: Callable[[int], Any], path: str | os.PathLike[str] | None, name: str | None) -> None:
+    """Logs a recording; `image` gives the images of its frames, and those of the same name belong together."""
     rr = _rerun()
     stream: Any = contextlib.nullcontext()
     if path is not None:
-        stream = rr.RecordingStream("quadlift", recording_id=recording["name"])
+        stream = rr.RecordingStream("quadlift", recording_id=name)
         stream.save(path)
     elif rr.get_data_recording() is None:
         raise QuadliftError("there is no recording; call rerun.init first, or give the path of one to write")

@@ -1,8 +1,11 @@
 //! What a recording for Rerun holds; it is logged in Python.
 
+use std::path::Path;
+
 use pyo3::prelude::*;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
+use quadlift_io::scene_file::SceneImages;
 use quadlift_report::{Content, frame_jpeg, recording};
 
 use crate::error::refuse;
@@ -28,9 +31,12 @@ pub fn recorded(
 
 /// The image of a frame as its pinhole camera sees it, as JPEG, and its width and height; none where it names none.
 pub fn jpeg(loaded: &Loaded, frame_index: usize) -> PyResult<Option<(Vec<u8>, [u32; 2])>> {
-    let images = loaded.file().to_images(&loaded.path).map_err(refuse)?;
-    if images.images.get(frame_index).is_none_or(Option::is_none) {
+    let Some(image) = loaded.file().frames.get(frame_index).and_then(|frame| frame.image.as_ref()) else {
         return Ok(None);
-    }
+    };
+    // This one alone: a recording asks for one after another.
+    let mut paths = vec![None; frame_index];
+    paths.push(Some(loaded.path.parent().unwrap_or(Path::new("")).join(image)));
+    let images = SceneImages { scene_file: loaded.path.clone(), images: paths, masks: Vec::new(), boxes: Vec::new() };
     frame_jpeg(&loaded.scene, &images, frame_index, u32::MAX, QUALITY).map(Some).map_err(refuse)
 }

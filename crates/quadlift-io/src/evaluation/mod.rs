@@ -49,8 +49,8 @@ pub enum EvaluateError {
 
 /// Scores the objects of a result against those of a scene that holds the truth, and tells how many were found.
 ///
-/// The cameras for the agreement in the images are those of the truth, or of the estimate where the truth has none. Messages name
-/// the paths.
+/// The cameras for the agreement in the images are those of the truth, or of the estimate where the truth has none.
+/// Messages name the paths.
 ///
 /// # Errors
 /// [`EvaluateError`] when there is nothing to compare.
