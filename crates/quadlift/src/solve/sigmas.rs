@@ -53,7 +53,7 @@ pub enum SigmasError {
 
 impl Sigmas {
     /// Takes what results report; what they say of poses is left out. Levels that are not given have their defaults: 0.1,
-    /// of hidden edges and partial ellipses 0.2, `edge_px` 67 times `edge_relative`, correlations 0.
+    /// of partial ellipses 0.2, of hidden edges twice that of others, `edge_px` 67 times `edge_relative`, correlations 0.
     ///
     /// # Errors
     /// [`SigmasError`] names the level that is unknown or out of range.

@@ -126,11 +126,13 @@ impl NoiseLevels {
         Self { sd: DEFAULTS, correlation: [0.0; 2], pixel_size }
     }
 
-    /// Levels that are given. Of those that are not the default is taken.
+    /// Levels that are given. Hidden edges are twice as noisy as others where nothing is said of them; of other groups the
+    /// default is taken.
     pub(super) fn given(sigmas: &Sigmas, pixel_size: f64) -> Self {
-        let sd = std::array::from_fn(|g| {
-            let part = reported_part(NoiseGroup::ALL[g]);
-            sigmas.get(GROUP_NAMES[g]).map_or(DEFAULTS[g], |sigma| sigma / part).max(FLOOR)
+        let of_group = |group: NoiseGroup| sigmas.get(GROUP_NAMES[group as usize]).map(|x| x / reported_part(group));
+        let sd = NoiseGroup::ALL.map(|group| {
+            let hidden = (group == NoiseGroup::HiddenEdge).then(|| of_group(NoiseGroup::Edge).map(|edge| 2.0 * edge));
+            of_group(group).or(hidden.flatten()).unwrap_or(DEFAULTS[group as usize]).max(FLOOR)
         });
         let edge = [sigmas.get("edge_px"), sigmas.get("edge_relative")];
         let pixel_size = if let [Some(pixels), Some(relative)] = edge { pixels / relative } else { pixel_size };
@@ -322,6 +324,8 @@ mod tests {
         assert_eq!(given.correlation, [0.5, 0.25]);
         assert!((given.pixel_size - 50.0).abs() < 1e-9);
         assert_eq!(NoiseLevels::given(&Sigmas::default(), 67.0), NoiseLevels::new(67.0));
+        let edges = NoiseLevels::given(&Sigmas::new([("edge_relative", 0.03)]).unwrap(), 67.0);
+        assert_eq!(edges.of(NoiseGroup::HiddenEdge), 2.0 * edges.of(NoiseGroup::Edge));
     }
 
     #[test]

@@ -158,7 +158,9 @@ impl<B: FirstFit> SceneFit<B> {
                 if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
                     fit.stand_on(ground, up);
                 }
-                fit.reconsidered(&self.noise, 0, context).refined(&self.noise, true).estimate(&self.noise, context)
+                let rounds = if B::SEVERAL_STARTS { RECONSIDERED } else { 1 };
+                let fit = (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
+                fit.refined(&self.noise, true).estimate(&self.noise, context)
             },
         )
     }

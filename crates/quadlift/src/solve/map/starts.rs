@@ -44,7 +44,8 @@ pub(super) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidM
 /// Starts of a body with the support exponent `exponent`, from a fitted ellipsoid.
 ///
 /// With a category size they are upright boxes of that size in four directions at `centers`; otherwise the ellipsoid's
-/// own axes and random rotations (upright ones where `up` is known and asked for).
+/// own axes, those turned by 45 degrees ([`turned_axes`]) and random rotations (upright ones where `up` is known and asked
+/// for).
 pub(super) fn oriented_starts(
     ellipsoid: &EllipsoidModel,
     exponent: f64,
@@ -75,9 +76,12 @@ pub(super) fn oriented_starts(
         }
         (None, None) => {
             let mean = Vector3::repeat(semi_axes.product().cbrt());
-            for (k, rotation) in rotations(ellipsoid, seed).into_iter().enumerate() {
-                let semi_axes = if k == 0 { semi_axes } else { mean };
-                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, semi_axes, exponent));
+            for (axes, semi_axes) in turned_axes(ellipsoid, prior) {
+                let semi_axes = semi_axes * relative_size(exponent);
+                starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, exponent));
+            }
+            for rotation in rotations(ellipsoid, seed).into_iter().skip(1) {
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, exponent));
             }
         }
     }
