@@ -1,4 +1,4 @@
-//! What was found about identities ([`quadlift::associate`]), as records of scene files and in words.
+//! What was found about identities ([`mod@quadlift::associate`]), as records of scene files and in words.
 
 use std::collections::HashMap;
 
