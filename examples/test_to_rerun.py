@@ -1,5 +1,5 @@
-"""Makes recordings with `quadlift export rerun` and to_rerun.py and reads them back. Run by scripts/test_rerun.sh,
-which names the program in QUADLIFT. Every check is against the scene files, not against the folder between the two."""
+"""Makes recordings with `quadlift export rerun` and to_rerun.py, and from Python, and reads them back. Run by
+scripts/test_rerun.sh, which names the program in QUADLIFT and installs the package. Every check is against the scene files, not against the folder between the two."""
 
 import io
 import json
@@ -11,6 +11,8 @@ import unittest
 from pathlib import Path
 
 import numpy as np
+import quadlift as package
+import rerun as rr
 from PIL import Image
 from rerun.chunk import RrdReader
 
@@ -25,8 +27,7 @@ class Recording:
         script = Path(__file__).with_name("to_rerun.py")
         quadlift(folder, "export", "rerun", *files, "-o", "folder")
         subprocess.run([sys.executable, script, "folder", "-o", path], cwd=folder, check=True)
-        subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True)
-        self.chunks = RrdReader(str(path)).stream().to_chunks()
+        self.chunks = verified(path)
 
     def entities(self):
         return {chunk.entity_path for chunk in self.chunks}
@@ -43,6 +44,26 @@ class Recording:
             rows += zip(frames, column)
         assert rows, f"{entity} has no {component}: {self.entities()}"
         return sorted((row for row in rows if row[1]), key=lambda row: -1 if row[0] is None else row[0])
+
+
+def verified(path):
+    """The chunks of a recording."""
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True)
+    return RrdReader(str(path)).stream().to_chunks()
+
+
+def content(chunks):
+    """What a recording holds, by entity: the frames and all columns but the rows' ids and the wall clock."""
+    found = {}
+    for chunk in chunks:
+        # The recording's own name and start are no entity of the world.
+        if not str(chunk.entity_path).startswith("/world"):
+            continue
+        batch = chunk.to_record_batch()
+        names = [name for name in batch.schema.names if not name.startswith(("rerun.", "log_"))]
+        for row in zip(*(batch.column(name).to_pylist() for name in names)):
+            found.setdefault(chunk.entity_path, []).append(repr(sorted(zip(names, row))))
+    return {entity: sorted(rows) for entity, rows in found.items()}
 
 
 def quadlift(folder, *args):
@@ -173,6 +194,39 @@ class ToRerun(unittest.TestCase):
         [(_, axes)] = recording.values("/world/estimate/ellipsoids", "Ellipsoids3D:half_sizes")
         objects = read(folder / "estimate.json")["objects"]
         np.testing.assert_allclose(axes, [o["ellipsoid"]["semi_axes"] for o in objects], rtol=1e-6)
+
+
+    def test_from_python(self):
+        folder = self.folder
+        quadlift(folder, "synth", "-o", "scene.json", "--render", "--objects", "3", "--views", "5")
+        quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "ellipsoid")
+        expected = content(Recording(folder, "scene.json", "estimate.json").chunks)
+        self.assertIn("/world/camera/image/outlines", expected)
+        scene = package.Scene.read(folder / "scene.json")
+        estimates = scene.localize(body="ellipsoid")
+        estimates.to_rerun(folder / "python.rrd", truth=scene)
+        self.assertEqual(content(verified(folder / "python.rrd")), expected)
+        # To the recording that there is.
+        with rr.RecordingStream("mine") as mine:
+            mine.save(folder / "mine.rrd")
+            estimates.to_rerun(truth=scene)
+            mine.flush()
+            mine.disconnect()
+        self.assertEqual(content(verified(folder / "mine.rrd")), expected)
+        # A scene alone, some of whose images are gone.
+        sorted((folder / "images").iterdir())[1].unlink()
+        with self.assertWarnsRegex(UserWarning, "no such file"):
+            scene.to_rerun(folder / "scene.rrd")
+        found = content(verified(folder / "scene.rrd"))
+        for entity in ("/world/camera", "/world/camera/image/boxes"):
+            self.assertEqual(found[entity], expected[entity])
+
+    def test_without_recording(self):
+        scene = package.Scene.from_arrays(projections=np.eye(3, 4)[None])
+        with self.assertRaisesRegex(package.QuadliftError, "there is no recording; call rerun.init first"):
+            scene.to_rerun()
+        with self.assertRaisesRegex(package.QuadliftError, "holds no recording"):
+            package.log_recording(self.folder)
 
 
 if __name__ == "__main__":

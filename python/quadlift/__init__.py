@@ -12,6 +12,7 @@ from ._core import QuadliftError, __version__
 from ._estimates import Estimates, Evaluation
 from ._localize import localize
 from ._options import Options, Prior
+from ._rerun import log_recording
 from ._scene import AssociatedObject, Scene
 
 __all__ = [
@@ -24,4 +25,5 @@ __all__ = [
     "Scene",
     "__version__",
     "localize",
+    "log_recording",
 ]

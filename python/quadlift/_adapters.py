@@ -98,6 +98,11 @@ def _numpy(tensor: Any) -> Any:
     return np.asarray(tensor)
 
 
+def _track(number: Any) -> str | None:
+    """The object of a track; trackers say None or -1 where there is none yet."""
+    return None if number is None or number < 0 else f"t{int(number)}"
+
+
 class _Table:
     """Detections, gathered frame by frame."""
 
@@ -116,7 +121,7 @@ class _Table:
             self.boxes.append(edges[row])
             self.scores.append(float("nan") if scores is None else float(scores[row]))
             self.categories.append(None if classes is None else str(classes[row]))
-            self.object.append(None if tracks is None or tracks[row] is None else f"t{tracks[row]}")
+            self.object.append(None if tracks is None else _track(tracks[row]))
             self.masks.append(None if masks is None else masks[row])
 
     def arrays(self) -> Table:

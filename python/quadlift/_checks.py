@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,10 @@ def array(name: str, value: Any, shape: tuple[int | str, ...], *, nan: bool = Fa
         Whether NaN is allowed.
     """
     found = _as_array(name, value)
+    if found.dtype.kind == "O" and hasattr(value, "to_numpy"):
+        # A table of pandas whose columns may have gaps.
+        with contextlib.suppress(ValueError, TypeError):
+            found = value.to_numpy(dtype=np.float64, na_value=np.nan)
     if found.dtype.kind not in "fiu":
         raise QuadliftError(f"{name} has the dtype {found.dtype}; expected real numbers")
     fits = found.ndim == len(shape) and all(
@@ -92,12 +97,19 @@ def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int6
     index: dict[str, int] = {}
     codes = np.full(found.shape[0], -1, dtype=np.int64)
     for row, item in enumerate(found):
-        if item is None or (isinstance(item, float) and math.isnan(item)) or item == "":
+        if _is_none(item):
             continue
         if not isinstance(item, str | int | np.integer) or isinstance(item, bool):
             raise QuadliftError(f"{name}[{row}] is {item!r}; expected a whole number, a text or None")
         codes[row] = index.setdefault(str(item), len(index))
     return codes, list(index)
+
+
+def _is_none(item: Any) -> bool:
+    if item is None or type(item).__name__ == "NAType":
+        # The latter is pandas' word for a gap, which is neither equal nor unequal to anything.
+        return True
+    return (isinstance(item, float) and math.isnan(item)) or bool(item == "")
 
 
 def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
@@ -115,6 +127,13 @@ def number(name: str, value: Any) -> float:
     if not is_number or not math.isfinite(value):
         raise QuadliftError(f"{name} is {value!r}; expected a finite number")
     return float(value)
+
+
+def flag(name: str, value: Any) -> bool:
+    """True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise QuadliftError(f"{name} is {value!r}; expected True or False")
+    return bool(value)
 
 
 def text(name: str, value: Any) -> str:
@@ -135,8 +154,8 @@ def texts(name: str, value: Sequence[Any], count: int) -> list[str]:
 def _as_array(name: str, value: Any) -> NDArray[Any]:
     try:
         return np.asarray(value)
-    except (ValueError, TypeError) as error:
-        # Lists of different lengths, tensors that are not in the memory of the CPU.
+    except (ValueError, TypeError, RuntimeError) as error:
+        # Lists of different lengths, tensors that are not in the memory of the CPU or that take part in a gradient.
         raise QuadliftError(f"{name} is no array: {error}") from error
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _core
+from . import _core, _rerun
 
 if TYPE_CHECKING:
     import pandas
@@ -71,6 +71,8 @@ class Estimates:
         Root mean square residuals of the used views, pixels.
     warnings : list of list of str, length N
         What makes an estimate weak.
+    doubtful : list of str or None, length N
+        Where identities were found: why an object may not be one standing object.
     object_indices : ndarray of int, shape (M,)
         For each detection the row of its object, -1 where it shows none.
     inliers : ndarray of bool, shape (M,)
@@ -83,6 +85,10 @@ class Estimates:
         Noise levels that the residuals show, by name.
     left_out : dict
         Numbers of detections that took no part, by reason.
+    association : dict or None
+        What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
+        nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
+        `not_used` (by reason), `edge_sd` (error of box edges relative to the box) and `frame_shift_sd_px`.
     problems : list of str
         Masks that could not be read.
     seconds : float
@@ -105,12 +111,14 @@ class Estimates:
     views_used: NDArray[np.int64]
     rms_residuals: NDArray[np.float64]
     warnings: list[list[str]]
+    doubtful: list[str | None]
     object_indices: NDArray[np.int64]
     inliers: NDArray[np.bool_]
     residuals: NDArray[np.float64]
     body: str
     noise: dict[str, float]
     left_out: dict[str, int]
+    association: dict[str, Any] | None
     problems: list[str]
     seconds: float
     _localized: _core.Localized = field()
@@ -139,6 +147,7 @@ class Estimates:
             values: list[Any] = found[name]
             return values if in_order else [values[k] for k in order]
 
+        association = localized.association_json
         left_out = zip(("without_object", "occluded_or_truncated", "beyond_lens"), localized.left_out, strict=True)
         return cls(
             object_ids=object_ids[order],
@@ -157,12 +166,14 @@ class Estimates:
             views_used=rows("views_used"),
             rms_residuals=rows("residuals_px"),
             warnings=items("warnings"),
+            doubtful=items("doubtful"),
             object_indices=places[found["object_indices"]],
             inliers=found["inliers"],
             residuals=found["detection_residuals_px"],
             body=localized.body,
             noise=json.loads(localized.noise_json),
             left_out=dict(left_out),
+            association=None if association is None else json.loads(association),
             problems=localized.problems,
             seconds=localized.seconds,
             _localized=localized,
@@ -260,12 +271,26 @@ class Estimates:
         path : path-like
             The page, an HTML file.
         truth : Scene, optional
-            A scene whose objects are the truth, shown beside the estimates.
+            A scene whose objects are the truth, shown beside the estimates, with their scores.
         title : str
             Title of the page.
         """
         page = self._localized.report(title, None if truth is None else truth._core)
         _core.write_text(path, page)
+
+    def to_rerun(self, path: str | os.PathLike[str] | None = None, *, truth: Scene | None = None) -> None:
+        """Logs frames, detections and estimates with Rerun (https://rerun.io); needs ``quadlift[rerun]``.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+        truth : Scene, optional
+            A scene whose objects are the truth, logged beside the estimates.
+        """
+        given = self._localized.given
+        recorded = self._localized.recording(given.name or "quadlift", None if truth is None else truth._core)
+        _rerun.log_recorded(recorded, given, path)
 
     def _repr_html_(self) -> str:
         return frame(self._localized.report("quadlift", None))
@@ -292,17 +317,29 @@ class Evaluation:
         `cuboid_iou3d`, `cuboid_iou3d_enclosing`, `theta_err`, `rotation_error`, `center_error`, `size_error`,
         `ellipse_reprojection_iou`, `box_reprojection_iou`; None where there is nothing to compare.
     mean : dict
-        Means of these scores over the objects that have them.
+        Means of these scores over the objects that have them; empty where identities alone are compared.
     failures : int
         Number of true objects without an estimated body.
     unmatched : list of str
         Estimates that are paired with no true object.
-    matched_by : str
-        ``"ids"`` or ``"overlap"``.
+    matched_by : str or None
+        ``"ids"`` or ``"overlap"``; None where there were identities only.
+    found : dict or None
+        How many true objects an estimate overlaps, whatever their ids: `least_iou3d`, `true_objects`, `estimates`,
+        `matched`, `precision`, `recall`, `mean_iou3d`.
+    identities : dict or None
+        How the detections of both scenes were divided into objects: `detections` (in both), `only_in_estimate`,
+        `only_in_truth`; over pairs of detections `precision`, `recall` and `f1`; `adjusted_rand_index`, `duplicates`
+        (objects that show a true one once more). None where the detections of one of them name none.
+    notes : list of str
+        Why identities were not scored.
     """
 
     objects: list[dict[str, Any]]
     mean: dict[str, float | None]
     failures: int
     unmatched: list[str]
-    matched_by: str
+    matched_by: str | None
+    found: dict[str, Any] | None
+    identities: dict[str, Any] | None
+    notes: list[str]

@@ -111,12 +111,10 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
     if keywords["sigmas"] is not None:
         keywords["sigmas"] = _sigmas(keywords["sigmas"])
-    if not isinstance(keywords["ground_plane"], bool | np.bool_):
-        raise QuadliftError(f"ground_plane is {keywords['ground_plane']!r}; expected True or False")
-    keywords["ground_plane"] = bool(keywords["ground_plane"])
+    keywords["ground_plane"] = _checks.flag("ground_plane", keywords["ground_plane"])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
-    keywords["priors"], keywords["priors_text"] = _priors(keywords["priors"])
+    keywords["priors"], keywords["priors_text"] = priors_of(keywords["priors"])
     return keywords, threads, progress
 
 
@@ -137,7 +135,7 @@ def threads_and_progress(threads: Any, progress: Any) -> tuple[int | None, Progr
     return threads, progress
 
 
-def _priors(priors: Any) -> tuple[str | None, str | None]:
+def priors_of(priors: Any) -> tuple[str | None, str | None]:
     """A path or "builtin", and the text of a TOML file."""
     if priors is None:
         return None, None

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _adapters, _checks, _core, _estimates, _options
+from . import _adapters, _checks, _core, _estimates, _options, _rerun
 from ._core import QuadliftError
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ class Scene:
         frame_ids : sequence of str, length F, optional
             Names of the frames; "0", "1", ... without it.
         images : sequence of str, length F, optional
-            Paths of the images, for pages.
+            Paths of the images, for `segment` and for pages.
         name : str, optional
             Name of the scene.
         up : array_like, shape (3,), optional
@@ -387,12 +388,76 @@ class Scene:
         keywords, threads, progress = _options.split(options, "Scene.localize")
         return _estimates.Estimates._of(self._core.localize(keywords, threads, progress))
 
+    def segment(
+        self,
+        *,
+        method: Literal["sca+cut", "sca", "graphcut", "masks", "box"] = "sca+cut",
+        source: str | None = None,
+        out_masks: Path | None = None,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: _options.Progress | None = None,
+    ) -> Scene:
+        """Finds the masks of the detections in the images, and the ellipses of the masks, as the program does.
+
+        The crops of one object in all of its frames are segmented together. A mask that cannot be trusted is given up
+        for the ellipse in the box. `localize` takes the ellipses from there, or the masks with
+        ``observations="mask"``.
+
+        Parameters
+        ----------
+        method : {"sca+cut", "sca", "graphcut", "masks", "box"}
+            Stels finished by graph cuts, stels alone, graph cuts alone, the masks that the detections have already, or
+            the ellipse in each box (for comparison).
+        source : str, optional
+            Take the detections of this source only; needed when the scene has several.
+        out_masks : path-like, optional
+            A folder for the masks as label images (PNG), one for each frame; without it the scene itself holds them.
+        seed : int
+            Seed of everything that is drawn at random.
+        threads : int, optional
+            Number of threads; the result does not depend on it.
+        progress : callable, optional
+            Called with the number of images done and their total, then with those of the objects.
+
+        Returns
+        -------
+        Scene
+            The scene whose detections have ellipses, masks, and a note on how far these can be trusted.
+
+        Raises
+        ------
+        QuadliftError
+            Where no detection could be segmented.
+
+        Warns
+        -----
+        UserWarning
+            Names what went wrong with single detections (an image that cannot be read).
+        """
+        threads, progress = _options.threads_and_progress(threads, progress)
+        keywords = {
+            "method": _checks.text("method", method),
+            "source": None if source is None else _checks.text("source", source),
+            "out_masks": None if out_masks is None else os.fspath(out_masks),
+            "seed": _checks.whole("seed", seed, 0, 2**64 - 1),
+        }
+        scene, problems = self._core.segment(keywords, threads, progress)
+        for problem in problems:
+            warnings.warn(problem, stacklevel=2)
+        return Scene(scene)
+
     def associate(
         self,
         *,
         ids: _options.Ids = "evidence",
         source: str | None = None,
+        thorough: bool = False,
         min_views: int = 3,
+        min_score: float | None = None,
+        max_overlap: float | None = None,
+        pixel_sd: float = 2.0,
+        priors: str | os.PathLike[str] | Mapping[str, _options.Prior] | None = None,
         threads: int | None = None,
         progress: _options.Progress | None = None,
     ) -> tuple[Scene, list[AssociatedObject]]:
@@ -404,8 +469,19 @@ class Scene:
             What ids that detections have are worth.
         source : str, optional
             Take the detections of this source only.
+        thorough : bool
+            Search from several starts: about eight times as long, better with few views or many misses.
         min_views : int
             Objects with fewer views are not reported.
+        min_score : float, optional
+            Leave out detections with a lower score.
+        max_overlap : float, optional
+            Leave out detections that overlap a better one of the same frame and category by more (intersection over
+            union).
+        pixel_sd : float
+            Error of box edges that does not depend on the size of the box, pixels: 2 suits photos, 3 to 4 a moving car.
+        priors : str, path-like or mapping, optional
+            Sizes of categories: "builtin" (for scenes in metres), a TOML file, or a mapping, as in `localize`.
         threads : int, optional
             Number of threads.
         progress : callable, optional
@@ -419,19 +495,46 @@ class Scene:
             The objects, in the order of their first detections.
         """
         threads, progress = _options.threads_and_progress(threads, progress)
-        least = _checks.whole("min_views", min_views, 2, 2**32)
-        scene, objects = self._core.associate(_checks.text("ids", ids), source, least, threads, progress)
+        name, text = _options.priors_of(priors)
+        keywords = {
+            "ids": _checks.text("ids", ids),
+            "source": None if source is None else _checks.text("source", source),
+            "thorough": _checks.flag("thorough", thorough),
+            "min_views": _checks.whole("min_views", min_views, 2, 2**32),
+            "min_score": None if min_score is None else _checks.number("min_score", min_score),
+            "max_overlap": None if max_overlap is None else _checks.number("max_overlap", max_overlap),
+            "pixel_sd": _checks.number("pixel_sd", pixel_sd),
+            "priors": name,
+            "priors_text": text,
+        }
+        scene, objects = self._core.associate(keywords, threads, progress)
         return Scene(scene), [AssociatedObject(*found) for found in objects]
 
-    def evaluate(self, truth: Scene) -> _estimates.Evaluation:
+    def evaluate(
+        self, truth: Scene, *, match: Literal["auto", "ids", "overlap"] = "auto", source: str | None = None
+    ) -> _estimates.Evaluation:
         """Scores the objects of this scene (a result, see `Estimates.to_scene`) against true ones.
+
+        Where both scenes have detections and those of the truth name objects, it is scored too how the detections were
+        divided into objects; without objects in both that alone.
 
         Parameters
         ----------
         truth : Scene
-            A scene with objects. They are paired by their ids where any is common, else by overlap.
+            A scene with objects, or with detections that name objects.
+        match : {"auto", "ids", "overlap"}
+            How estimates and true objects are paired; by their ids where any is common, else by overlap (``"auto"``).
+        source : str, optional
+            Score the identities of the detections of this source only.
+
+        Raises
+        ------
+        QuadliftError
+            Where there is nothing to compare.
         """
-        return _estimates.Evaluation(**json.loads(self._core.evaluate(truth._core)))
+        source = None if source is None else _checks.text("source", source)
+        scores = self._core.evaluate(truth._core, _checks.text("match", match), source)
+        return _estimates.Evaluation(**json.loads(scores))
 
     def report(self, path: Path, *, title: str | None = None) -> None:
         """Writes a page that shows the scene in any browser.
@@ -444,6 +547,16 @@ class Scene:
             Its title; the name of the scene without it.
         """
         _core.write_text(path, self._core.report(title or self.name or "quadlift"))
+
+    def to_rerun(self, path: Path | None = None) -> None:
+        """Logs frames, detections and objects with Rerun (https://rerun.io); needs ``quadlift[rerun]``.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+        """
+        _rerun.log_recorded(self._core.recording(self.name or "quadlift"), self._core, path)
 
     def _repr_html_(self) -> str:
         return _estimates.frame(self._core.report(self.name or "quadlift"))

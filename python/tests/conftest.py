@@ -23,9 +23,14 @@ class Program:
         self.path = Path(os.environ.get("QUADLIFT", ROOT / "target/debug/quadlift"))
         assert self.path.is_file(), f"{self.path}: build the program first, or name it with QUADLIFT"
 
-    def __call__(self, *arguments: str | Path) -> None:
+    def __call__(self, *arguments: str | Path) -> str:
         done = subprocess.run([self.path, *arguments], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def json(self, *arguments: str | Path) -> dict[str, Any]:
+        document: dict[str, Any] = json.loads(self(*arguments, "--json"))
+        return document
 
 
 @pytest.fixture(scope="session")
@@ -86,6 +91,12 @@ def made_truth(objects: int = 4) -> tuple[NDArray[np.float64], NDArray[np.float6
 @pytest.fixture(scope="session")
 def made() -> Arrays:
     return made_scene()
+
+
+def page_data(path: Path) -> dict[str, Any]:
+    """What a page shows."""
+    data: dict[str, Any] = json.loads(path.read_text().split('id="report-data">')[1].split("</script>")[0])
+    return data
 
 
 def read_json(path: Path) -> dict[str, Any]:

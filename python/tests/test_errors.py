@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -131,5 +132,29 @@ def test_files(tmp_path: Path) -> None:
     with pytest.raises(quadlift.QuadliftError, match="cannot write"):
         quadlift.Scene.from_arrays(projections=MADE.projections).write(tmp_path / "no" / "scene.json")
     scene = quadlift.Scene.from_arrays(projections=MADE.projections)
-    with pytest.raises(quadlift.QuadliftError, match="the truth holds no objects"):
+    with pytest.raises(quadlift.QuadliftError, match='the truth: the file holds no "objects"'):
         scene.evaluate(scene)
+
+
+def test_wrong_options_of_association() -> None:
+    scene = quadlift.Scene.from_arrays(projections=MADE.projections).with_detections(frame=MADE.frame, boxes=MADE.boxes)
+    wrong: dict[str, tuple[dict[str, Any], str]] = {
+        "pixel_sd": ({"pixel_sd": -1}, "-1"),
+        "max_overlap": ({"max_overlap": 2.0}, "2"),
+        "thorough": ({"thorough": "yes"}, "thorough is 'yes'; expected True or False"),
+        "ids": ({"ids": "none"}, 'ids is "none"; expected one of "trust", "evidence", "ignore"'),
+        "min_views": ({"min_views": 1}, "min_views is 1; expected a whole number from 2"),
+        "priors": ({"priors": "builtin"}, "the length unit of the scene is not given"),
+        "source": ({"source": "yolo"}, 'there are no detections of the source "yolo"'),
+    }
+    for arguments, message in wrong.values():
+        with pytest.raises(quadlift.QuadliftError) as caught:
+            scene.associate(**arguments)
+        assert message in str(caught.value)
+
+
+def test_missing_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    scene = quadlift.Scene.from_arrays(projections=MADE.projections)
+    with pytest.raises(ImportError, match=r'pip install "quadlift\[rerun\]"'):
+        scene.to_rerun()

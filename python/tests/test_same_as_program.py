@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import quadlift
-from conftest import Program, read_json
+from conftest import Program, page_data, read_json
 
 # What `synth` makes, and the options of the localisation in both spellings.
 SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
@@ -113,33 +113,129 @@ def test_scenes(name: str, program: Program, tmp_path: Path) -> None:
     compare(of_arrays, objects)
 
 
+# Objects on a street that a detector misses or sees twice; some of what is found is doubtful.
+STREET = ["--trajectory", "street", "--objects", "14", "--views", "14", "--noise", "box:0.05", "--no-ids"]
+DETECTOR = ["--misses", "0.3", "--duplicates", "0.2"]
+
+
 def test_association(program: Program, tmp_path: Path) -> None:
-    scene, result = tmp_path / "scene.json", tmp_path / "result.json"
-    options = ["--no-ids", "--trajectory", "orbit", "--objects", "5", "--views", "12", "--noise", "box:0.02"]
-    program("synth", "-q", "-o", scene, *options, "--truth", tmp_path / "truth.json")
+    scene, truth, result = tmp_path / "scene.json", tmp_path / "truth.json", tmp_path / "result.json"
+    program("synth", "-q", "-o", scene, *STREET, *DETECTOR, "--truth", truth)
     program("localize", "-q", scene, "-o", result)
     loaded = quadlift.Scene.read(scene)
     assert loaded.object_ids == []
     estimates = loaded.localize()
+    estimates.to_scene().write(tmp_path / "ours.json")
+    assert (tmp_path / "ours.json").read_bytes() == result.read_bytes()
     document = read_json(result)
     assert estimates.object_ids.tolist() == [o["id"] for o in document["objects"]]
     compare(estimates, document["objects"])
     found = [estimates.object_ids[k] if k >= 0 else None for k in estimates.object_indices]
     assert found == [d.get("object") for d in document["detections"]]
-    assert estimates.to_scene().to_dict()["detections"] == document["detections"]
+    # What was found about identities.
+    assert estimates.association is not None
+    assert estimates.association == document["localization"]["association"]
+    assert estimates.warnings == [o.get("warnings", []) for o in document["objects"]]
+    doubts = {o["id"]: o.get("doubtful") for o in document["localization"]["association"]["objects"]}
+    assert estimates.doubtful == [doubts[name] for name in estimates.object_ids]
+    assert "may move, or be several" in next(doubt for doubt in estimates.doubtful if doubt)
+    assert estimates.association["associated"] == sum(k >= 0 for k in estimates.object_indices)
     associated, objects = loaded.associate()
     assert [o.id for o in objects] == associated.object_ids == estimates.object_ids.tolist()
+    assert [o.doubtful for o in objects] == estimates.doubtful
+    # Nothing is found about identities that are given.
+    given = associated.localize(associate="never")
+    assert given.association is None
+    assert set(given.doubtful) == {None}
+
+
+ASSOCIATIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
+    "default": ([], {}),
+    "trust": (["--ids", "trust", "--min-views", "4"], {"ids": "trust", "min_views": 4}),
+    "detections left out": (
+        ["--max-overlap", "0.5", "--pixel-sd", "3", "--thorough"],
+        {"max_overlap": 0.5, "pixel_sd": 3, "thorough": True},
+    ),
+    "scores": (["--min-score", "0.5"], {"min_score": 0.5}),
+}
+
+
+@pytest.mark.parametrize("name", list(ASSOCIATIONS))
+def test_options_of_association(name: str, program: Program, tmp_path: Path) -> None:
+    options, keywords = ASSOCIATIONS[name]
+    scene = tmp_path / "scene.json"
+    program("synth", "-q", "-o", scene, *STREET, *DETECTOR)
+    # With a score for each detection, and objects that it does not keep.
+    document = read_json(scene)
+    for k, detection in enumerate(document["detections"]):
+        detection["score"] = (k % 10) / 10
+    quadlift.Scene.from_dict(document).write(scene)
+    program("associate", "-q", scene, "-o", tmp_path / "theirs.json", *options)
+    associated, _ = quadlift.Scene.read(scene).associate(**keywords)
+    associated.write(tmp_path / "ours.json")
+    assert (tmp_path / "ours.json").read_bytes() == (tmp_path / "theirs.json").read_bytes()
+    assert associated.objects == 0
 
 
 def test_evaluation(program: Program, tmp_path: Path) -> None:
-    scene = tmp_path / "scene.json"
+    scene, result = tmp_path / "scene.json", tmp_path / "result.json"
     program("synth", "-q", "-o", scene, "--objects", "4", "--views", "10", "--noise", "box:0.02")
+    program("localize", "-q", scene, "-o", result)
     truth = quadlift.Scene.read(scene)
-    scores = truth.localize().to_scene().evaluate(truth)
+    estimates = truth.localize()
+    scores = estimates.to_scene().evaluate(truth)
+    same_scores(scores, program.json("evaluate", result, scene, "--report", tmp_path / "theirs.html"))
     assert (len(scores.objects), scores.failures, scores.matched_by) == (4, 0, "ids")
-    assert scores.mean["iou3d"] == pytest.approx(np.mean([o["iou3d"] for o in scores.objects]))
+    assert scores.identities is None
     assert scores.mean["iou3d"] is not None
     assert scores.mean["iou3d"] > 0.7
+    # The page shows the same scores.
+    estimates.report(tmp_path / "ours.html", truth)
+    shown = page_data(tmp_path / "ours.html")["scores"]
+    assert shown == page_data(tmp_path / "theirs.html")["scores"]
+    assert shown["mean"][0] == pytest.approx(scores.mean["iou3d"], abs=1e-3)
+    # Without a truth, or with one of other objects, there are none.
+    estimates.report(tmp_path / "ours.html")
+    assert page_data(tmp_path / "ours.html").get("scores") is None
+
+
+def same_scores(scores: quadlift.Evaluation, expected: dict[str, Any]) -> None:
+    assert scores.objects == expected.get("objects", [])
+    assert scores.mean == {name: m and m["value"] for name, m in expected.get("mean", {}).items()}
+    for name in ("found", "identities", "matched_by"):
+        assert getattr(scores, name) == expected.get(name)
+    assert scores.unmatched == expected.get("unmatched", [])
+
+
+def test_identities_are_scored(program: Program, tmp_path: Path) -> None:
+    scene, truth, result = tmp_path / "scene.json", tmp_path / "truth.json", tmp_path / "result.json"
+    program("synth", "-q", "-o", scene, *STREET, *DETECTOR, "--truth", truth)
+    program("localize", "-q", scene, "-o", result)
+    loaded, true = quadlift.Scene.read(scene), quadlift.Scene.read(truth)
+    estimates = loaded.localize().to_scene()
+    scores = estimates.evaluate(true)
+    same_scores(scores, program.json("evaluate", result, truth))
+    assert scores.identities is not None
+    assert 0.5 < scores.identities["f1"] < 1.0
+    assert scores.matched_by == "overlap"
+    same_scores(estimates.evaluate(true, match="overlap"), program.json("evaluate", result, truth))
+    # Detections alone.
+    program("associate", "-q", scene, "-o", tmp_path / "associated.json")
+    associated, _ = loaded.associate()
+    scores = associated.evaluate(true)
+    same_scores(scores, program.json("evaluate", tmp_path / "associated.json", truth))
+    assert (scores.objects, scores.mean, scores.matched_by) == ([], {}, None)
+    with pytest.raises(quadlift.QuadliftError, match=r'no object of the estimate .*match="overlap" pairs them'):
+        estimates.evaluate(true, match="ids")
+    with pytest.raises(quadlift.QuadliftError, match='the truth: there are no detections of the source "yolo"'):
+        estimates.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true, source="yolo")
+    with pytest.raises(quadlift.QuadliftError, match=r"several sources \(.*\): source=\.\.\. scores"):
+        associated.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)
+    # With objects to compare, that is a note.
+    both = estimates.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)
+    assert both.identities is None
+    assert "several sources" in both.notes[0]
+    assert both.objects
 
 
 def test_masks(program: Program, tmp_path: Path) -> None:

@@ -1,14 +1,10 @@
 //! Finding out which detections show the same object: what `associate` and `localize` share.
 
-use std::collections::HashMap;
-
 use anyhow::bail;
 use quadlift::associate;
-use quadlift::associate::{AssociateError, AssociateOptions, AssociatedObject, Association, IdUse, NotUsed, Outcome};
+use quadlift::associate::{AssociateError, AssociateOptions, Association, IdUse, Outcome};
 use quadlift::scene::{Detection, Scene, SourceError};
-use quadlift_io::SceneFile;
-use quadlift_io::scene_file::DetectionRecord;
-use serde_json::{Map, Value, json};
+use quadlift_io::association::not_used_in_words;
 
 use crate::output::{Output, one_line};
 use crate::progress::counting_bar;
@@ -90,32 +86,6 @@ pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, associ
     text
 }
 
-/// Adds to a result what was found about identities: the detections with their objects, why objects are doubtful, and
-/// the counts.
-pub fn add_to_result(
-    result: &mut SceneFile,
-    detections: Vec<DetectionRecord>,
-    associated: &Scene,
-    source: Option<&str>,
-    association: &Association,
-) {
-    result.detections = detections;
-    write_objects(result, associated);
-    result.detections.retain(|record| source.is_none() || record.source.as_deref() == source);
-    for record in &mut result.detections {
-        // Masks are the bulk of a segmented scene, and stay there.
-        (record.mask, record.segmentation) = (None, None);
-    }
-    let doubts: HashMap<&str, &str> =
-        association.objects.iter().filter_map(|o| Some((o.id.as_str(), o.doubtful?.text()))).collect();
-    for object in &mut result.objects {
-        object.warnings.extend(doubts.get(object.id.as_str()).map(|doubt| format!("doubtful: {doubt}")));
-    }
-    if let Some(about) = &mut result.localization {
-        about["association"] = to_json(associated, association);
-    }
-}
-
 /// Associates the detections of a scene; `title` stands before the progress bar. That nothing is found is an error that
 /// says why.
 pub fn associate_scene(
@@ -145,13 +115,6 @@ pub fn associated_scene(scene: &Scene, association: &Association, source: Option
     Ok(association.applied_to(scene, scene.source_index(source)?))
 }
 
-/// Writes the objects of an associated scene into the detections of its file.
-pub fn write_objects(file: &mut SceneFile, associated: &Scene) {
-    for (record, detection) in file.detections.iter_mut().zip(&associated.detections) {
-        record.object = detection.object_index.map(|index| associated.object_ids[index as usize].as_str().into());
-    }
-}
-
 /// What was found, in one sentence.
 pub fn in_words(association: &Association) -> String {
     let members = association.object_of_detection.iter().flatten().count();
@@ -166,43 +129,4 @@ pub fn in_words(association: &Association) -> String {
         text.push_str(&format!("; {doubtful} doubtful"));
     }
     text + &not_used_in_words(association.not_used)
-}
-
-/// The detections that took no part, to be added to a sentence.
-fn not_used_in_words(not_used: NotUsed) -> String {
-    let reasons = [(not_used.low_score, "with a low score"), (not_used.duplicate, "that overlap a better one")];
-    let left_out = reasons.iter().filter(|(number, _)| *number > 0);
-    left_out.map(|(number, why)| format!("; {} {why} left out", count(*number, "detection"))).collect()
-}
-
-/// The association as JSON: counts, and the objects with their evidence.
-pub fn to_json(scene: &Scene, association: &Association) -> Value {
-    let not_used = association.not_used;
-    json!({
-        "objects": association.objects.iter().map(|object| object_json(scene, object)).collect::<Vec<_>>(),
-        "associated": association.object_of_detection.iter().flatten().count(),
-        "clutter": association.clutter,
-        "not_used": {
-            "other_source": not_used.other_source,
-            "low_score": not_used.low_score,
-            "duplicate": not_used.duplicate,
-        },
-        "edge_sd": association.edge_sd,
-        "frame_shift_sd_px": association.frame_shift_sd,
-    })
-}
-
-fn object_json(scene: &Scene, object: &AssociatedObject) -> Value {
-    let mut json = Map::new();
-    json.insert("id".to_owned(), object.id.as_str().into());
-    if let Some(category) = object.category_index {
-        json.insert("category".to_owned(), scene.categories[category as usize].as_str().into());
-    }
-    json.insert("views".to_owned(), object.views.into());
-    json.insert("expected_views".to_owned(), object.expected_views.into());
-    json.insert("evidence".to_owned(), object.evidence.into());
-    if let Some(doubt) = object.doubtful {
-        json.insert("doubtful".to_owned(), doubt.text().into());
-    }
-    Value::Object(json)
 }

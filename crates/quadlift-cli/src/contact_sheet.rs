@@ -6,11 +6,10 @@ use image::imageops::{FilterType, replace, resize};
 use image::{Rgb, RgbImage};
 use nalgebra::Vector2;
 use quadlift::geometry::Ellipse;
+use quadlift_io::file_names::FileNames;
+use quadlift_io::segmentation::{Found, Segmentation};
 use quadlift_io::write_png;
 use quadlift_segment::Crop;
-
-use crate::file_names::FileNames;
-use crate::segmentation::{Found, Segmentation};
 
 /// Pixels of the longer side of a crop on the sheet.
 const CROP: u32 = 144;

@@ -6,13 +6,13 @@ use anyhow::bail;
 use quadlift::scene::{Scene, SourceError};
 use quadlift::solve::{BodyKind, CategoryPriors, Method};
 use quadlift::{Localization, LocalizeError, Options, UsedMeasurements, localize};
+use quadlift_io::problems::Problems;
 use quadlift_io::scene_file::{body_name, method_name, settings_record};
 use quadlift_io::{SceneFile, builtin_priors, read_priors};
 use serde_json::Value;
 
 use crate::error::usage;
 use crate::output::Output;
-use crate::problems::Problems;
 use crate::progress::{counting_bar, object_bar};
 
 /// Where the priors on categories come from.

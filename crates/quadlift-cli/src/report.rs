@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use quadlift::metrics::Evaluation;
 use quadlift::scene::Scene;
+use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::SceneImages;
 use quadlift_io::{SceneFile, read_scene_file, write_file};
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::usage;
-use crate::evaluation::{evaluate_files, report_scores};
 use crate::files::{Inputs, check_file, outputs, same_file};
 
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
@@ -116,15 +116,15 @@ impl Gathered {
     /// Writes the page, with scores where the estimates and the truth have objects in common.
     pub fn write_report_with_scores(&self, path: &Path) -> anyhow::Result<()> {
         let evaluation = match (&self.estimate, &self.truth) {
-            (Some((a, estimate)), Some((b, truth))) => evaluate_files((a, estimate), (b, truth)).ok(),
+            (Some((a, estimate)), Some((b, truth))) => evaluate_objects((a, estimate), (b, truth), Matching::Auto).ok(),
             _ => None,
         };
-        self.write_report(path, evaluation.as_ref())
+        self.write_report(path, evaluation.as_ref().map(|(evaluation, _)| evaluation))
     }
 
     /// Writes the page, with these scores.
     pub fn write_report(&self, path: &Path, evaluation: Option<&Evaluation>) -> anyhow::Result<()> {
-        write_report(path, &self.content(evaluation.map(report_scores).as_ref()))
+        write_report(path, &self.content(evaluation.map(Scores::of).as_ref()))
     }
 }
 

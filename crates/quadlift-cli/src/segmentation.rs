@@ -1,120 +1,12 @@
-//! Segmenting one scene: what was chosen, the images one after another, the calls of the library, and for every
-//! detection what was found or why not.
-
-use std::collections::BTreeMap;
+//! Segmenting one scene with progress bars: what `segment` and `demo` share.
 
 use anyhow::bail;
-use nalgebra::Vector2;
-use quadlift::geometry::Ellipse;
-use quadlift::scene::Scene;
-use quadlift::scene::SourceError;
-use quadlift_io::scene_file::{MaskSource, SceneImages};
-use quadlift_segment::{
-    Contacts, Crop, CropOptions, Failure, FrameMasks, Mask, Moments, PixelTerm, SegmentMethod, SegmentOptions,
-    SegmentStatus, ViewSegmentation, segment_objects,
-};
+use quadlift::scene::{Scene, SourceError};
+use quadlift_io::scene_file::SceneImages;
+use quadlift_io::segmentation::{self, SegmentSceneError, Segmentation, Settings, Step};
 
 use crate::output::Output;
-use crate::problems::{Problem, Problems};
 use crate::progress::{counting_bar, object_bar};
-
-/// Where masks come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
-    /// From the images (or, with [`SegmentMethod::Box`], from the boxes).
-    Image(SegmentMethod),
-    /// Those that the scene names.
-    Masks,
-}
-
-impl Method {
-    /// The name on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Image(method) => method.name(),
-            Self::Masks => "masks",
-        }
-    }
-}
-
-/// The choices for a segmentation.
-#[derive(Debug, Clone)]
-pub struct Settings {
-    /// Where masks come from.
-    pub method: Method,
-    /// The source whose detections are segmented.
-    pub source: Option<String>,
-    /// Seed of everything that is drawn at random.
-    pub seed: u64,
-    /// Whether crops are wanted even where the method does not look at the images: for the contact sheets.
-    pub with_crops: bool,
-}
-
-/// What was found of a detection.
-#[derive(Debug, Clone)]
-pub struct Found {
-    /// The object's pixels in the image.
-    pub mask: Mask,
-    /// The ellipse with the mask's second moments, or the one in the box.
-    pub ellipse: Ellipse,
-    /// How certain the pixels are; none for given masks.
-    pub confidence: Option<f64>,
-    /// Why it is the ellipse of the box, where it is.
-    pub fell_back: Option<Failure>,
-    /// Where the outline is not the object's own.
-    pub contacts: Contacts,
-}
-
-/// Detections that are segmented together: those of one object, or all without an object id, each of them alone.
-#[derive(Debug, Clone)]
-pub struct Group {
-    /// Id of the object.
-    pub object: Option<String>,
-    /// Its detections in the order of the frames.
-    pub detections: Vec<usize>,
-}
-
-/// The result for a scene. The lists over detections run parallel to those of the scene.
-#[derive(Debug, Clone)]
-pub struct Segmentation {
-    /// The detections of the chosen source, by object.
-    pub groups: Vec<Group>,
-    /// What was found of each detection.
-    pub found: Vec<Option<Found>>,
-    /// The crops of the detections, as far as there are any.
-    pub crops: Vec<Option<Crop>>,
-    /// Detections of the source that have no box and so no crop.
-    pub without_box: Vec<usize>,
-    /// What went wrong.
-    pub problems: Problems,
-    /// For each detection, the index of its first problem.
-    problem_of: Vec<Option<usize>>,
-}
-
-impl Segmentation {
-    fn new(detections: usize) -> Self {
-        Self {
-            groups: Vec::new(),
-            found: vec![None; detections],
-            crops: vec![None; detections],
-            without_box: Vec::new(),
-            problems: Problems::default(),
-            problem_of: vec![None; detections],
-        }
-    }
-
-    /// The problem of a detection.
-    pub fn problem_of(&self, detection: usize) -> Option<&Problem> {
-        self.problems.list().get(self.problem_of[detection]?)
-    }
-
-    fn failed(&mut self, message: impl ToString, detections: &[usize]) {
-        let problem = self.problems.add(message.to_string(), detections);
-        for &index in detections {
-            self.problem_of[index].get_or_insert(problem);
-        }
-    }
-}
 
 /// Segments the detections of a scene; `title` stands before the progress bars.
 pub fn segment_scene(
@@ -124,186 +16,21 @@ pub fn segment_scene(
     settings: &Settings,
     out: &Output,
 ) -> anyhow::Result<Segmentation> {
-    let source = match scene.source_index(settings.source.as_deref()) {
-        Err(error @ SourceError::Several(_)) => bail!("{error} (--source NAME)"),
-        source => source?,
-    };
-    let chosen = |index: &usize| source.is_none() || scene.detections[*index].source_index == source;
-    let mut detections: Vec<usize> = (0..scene.detections.len()).filter(chosen).collect();
-    if detections.is_empty() {
-        bail!("there is nothing to segment: the scene has no detections");
-    }
-    let mut segmentation = Segmentation::new(scene.detections.len());
-    let reads_masks = settings.method == Method::Masks;
-    if reads_masks {
-        if !detections.iter().any(|&index| images.masks[index].is_some()) {
-            bail!("there is nothing to read: no detection has a \"mask\"");
-        }
-    } else {
-        let has_box = |&index: &usize| images.boxes[index].is_some();
-        (detections, segmentation.without_box) = detections.into_iter().partition(has_box);
-        if detections.is_empty() {
-            bail!("there is nothing to segment: no detection has a \"box\"");
-        }
-    }
-    if (!reads_masks || settings.with_crops) && images.images.iter().all(Option::is_none) {
-        bail!("no frame has an \"image\"; expected the path of an image file, relative to the scene file");
-    }
-    let frames = by_frame(scene, &detections);
-    segmentation.groups = by_object(scene, &frames);
-    let bar = counting_bar(title, "images", out);
-    bar.set_length(frames.len() as u64);
-    for (&frame, detections) in &frames {
-        if reads_masks {
-            take_masks(scene, images, detections, &mut segmentation);
-        }
-        if !reads_masks || settings.with_crops {
-            cut_crops(scene, images, frame, detections, &mut segmentation);
-        }
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    if let Method::Image(method) = settings.method {
-        let options = SegmentOptions { method, seed: settings.seed, ..Default::default() };
-        segment_crops(title, &options, &mut segmentation, out)?;
-    }
-    // Boxes say nothing about outlines.
-    if settings.method != Method::Image(SegmentMethod::Box) {
-        for (&frame, detections) in &frames {
-            find_contacts(scene, frame, detections, &mut segmentation);
-        }
-    }
-    Ok(segmentation)
-}
-
-/// The detections of each frame, in the order of the scene.
-fn by_frame(scene: &Scene, detections: &[usize]) -> BTreeMap<usize, Vec<usize>> {
-    let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for &index in detections {
-        frames.entry(scene.detections[index].frame_index as usize).or_default().push(index);
-    }
-    frames
-}
-
-/// The detections of each object in the order of the frames, then those without an object id.
-fn by_object(scene: &Scene, frames: &BTreeMap<usize, Vec<usize>>) -> Vec<Group> {
-    let mut objects: Vec<Vec<usize>> = vec![Vec::new(); scene.object_ids.len() + 1];
-    for &index in frames.values().flatten() {
-        let object = scene.detections[index].object_index.map_or(scene.object_ids.len(), |object| object as usize);
-        objects[object].push(index);
-    }
-    let group = |(object, detections)| Group { object: scene.object_ids.get(object).cloned(), detections };
-    objects.into_iter().enumerate().map(group).filter(|group| !group.detections.is_empty()).collect()
-}
-
-/// Reads the masks of a frame's detections.
-fn take_masks(scene: &Scene, images: &SceneImages, detections: &[usize], segmentation: &mut Segmentation) {
-    for (&index, mask) in detections.iter().zip(images.read_masks(scene, detections)) {
-        match mask {
-            Ok(Some(mask)) => {
-                // Polygons have moments of their own, finer than those of their pixels.
-                let moments = match &images.masks[index] {
-                    Some(MaskSource::Polygons(polygons)) => polygons.moments(),
-                    _ => Moments::of_mask(&mask, PixelTerm::Centers),
-                };
-                match moments.and_then(|moments| moments.ellipse()) {
-                    Some(ellipse) => {
-                        let contacts = Contacts::default();
-                        segmentation.found[index] =
-                            Some(Found { mask, ellipse, confidence: None, fell_back: None, contacts });
-                    }
-                    None => {
-                        let place = format!("{}: detections[{index}].mask", images.scene_file.display());
-                        segmentation.failed(format!("{place}: a point or a line has no ellipse"), &[index]);
-                    }
-                }
-            }
-            Ok(None) => {
-                segmentation.failed(format!("{}: there is no \"mask\"", images.scene_file.display()), &[index]);
-            }
-            Err(error) => segmentation.failed(error, &[index]),
-        }
-    }
-}
-
-/// Reads the image of a frame and cuts the crops of its detections; the image is let go of again.
-fn cut_crops(scene: &Scene, images: &SceneImages, frame: usize, detections: &[usize], segmentation: &mut Segmentation) {
-    let image = match images.read_image(scene, frame) {
-        Ok(image) => image,
-        Err(error) => return segmentation.failed(error, detections),
-    };
-    for &index in detections {
-        let of_mask = || segmentation.found[index].as_ref().and_then(|found| found.mask.bounding_box());
-        let Some(bounding_box) = images.boxes[index].or_else(of_mask) else { continue };
-        match Crop::cut(&image, &bounding_box, &CropOptions::default()) {
-            Ok(crop) => segmentation.crops[index] = Some(crop),
-            Err(error) => {
-                let place = format!("{}: detections[{index}].box", images.scene_file.display());
-                segmentation.failed(format!("{place}: {error}"), &[index]);
-            }
-        }
-    }
-}
-
-/// Segments the crops, those of one object together.
-fn segment_crops(
-    title: &str,
-    options: &SegmentOptions,
-    segmentation: &mut Segmentation,
-    out: &Output,
-) -> anyhow::Result<()> {
-    let with_crop = |index: &usize| segmentation.crops[*index].is_some();
-    let mut together: Vec<Vec<usize>> = Vec::new();
-    for group in &segmentation.groups {
-        let detections: Vec<usize> = group.detections.iter().copied().filter(with_crop).collect();
-        match group.object {
-            Some(_) => together.push(detections),
-            None => together.extend(detections.into_iter().map(|index| vec![index])),
-        }
-    }
-    let mut take = |index: &usize| segmentation.crops[*index].take();
-    let crops: Vec<Vec<Crop>> = together.iter().map(|list| list.iter().filter_map(&mut take).collect()).collect();
-    let bar = object_bar(title, out);
-    let results = segment_objects(&crops, options, &|done, total| {
+    let (of_images, of_objects) = (counting_bar(title, "images", out), object_bar(title, out));
+    let result = segmentation::segment_scene(scene, images, settings, &|step, done, total| {
+        let bar = match step {
+            Step::Images => &of_images,
+            Step::Objects => &of_objects,
+        };
         bar.set_length(total as u64);
         bar.set_position(done as u64);
+        if done == total {
+            bar.finish_and_clear();
+        }
     });
-    bar.finish_and_clear();
-    for ((list, crops), views) in together.iter().zip(crops).zip(results) {
-        for ((&index, crop), view) in list.iter().zip(crops).zip(views?) {
-            segmentation.crops[index] = Some(crop);
-            segmentation.found[index] = Some(found(view));
-        }
+    of_images.finish_and_clear();
+    match result {
+        Err(SegmentSceneError::Source(error @ SourceError::Several(_))) => bail!("{error} (--source NAME)"),
+        result => Ok(result?),
     }
-    Ok(())
-}
-
-fn found(view: ViewSegmentation) -> Found {
-    let fell_back = match view.status {
-        SegmentStatus::FellBack(failure) => Some(failure),
-        SegmentStatus::Ok | SegmentStatus::BoxOnly => None,
-    };
-    let (mask, ellipse, contacts) = (view.mask, view.ellipse, Contacts::default());
-    let confidence = (view.status != SegmentStatus::BoxOnly).then_some(view.confidence);
-    Found { mask, ellipse, confidence, fell_back, contacts }
-}
-
-/// Finds where the masks of a frame touch each other and the border of the image.
-fn find_contacts(scene: &Scene, frame: usize, detections: &[usize], segmentation: &mut Segmentation) {
-    let image = image_size(scene, frame, detections, segmentation).unwrap_or([u32::MAX; 2]);
-    let trusted = |found: &&Found| found.fell_back.is_none();
-    let masks = detections.iter().filter_map(|&index| segmentation.found[index].as_ref().filter(trusted));
-    let all = FrameMasks::new(masks.map(|found| &found.mask));
-    for &index in detections {
-        if let Some(found) = segmentation.found[index].as_mut().filter(|found| found.fell_back.is_none()) {
-            found.contacts = all.contacts(&found.mask, image);
-        }
-    }
-}
-
-/// Width and height of a frame's image in pixels, where they are known.
-pub fn image_size(scene: &Scene, frame: usize, detections: &[usize], segmentation: &Segmentation) -> Option<[u32; 2]> {
-    let of_crops = detections.iter().find_map(|&index| Some(segmentation.crops[index].as_ref()?.image_size()));
-    // Images and masks of another size have been refused, so that the camera's is a whole number where there is one.
-    of_crops.or_else(|| scene.frames[frame].image_size.map(|size: Vector2<f64>| [size.x as u32, size.y as u32]))
 }

@@ -1,21 +1,28 @@
 //! Files in and out of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
-//! formats in ([`read`]) and out ([`mod@write`]), and scenes as Parquet tables (`tables`, feature `parquet`).
+//! formats in ([`read`]) and out ([`mod@write`]), scenes as Parquet tables (`tables`, feature
+//! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`],
+//! [`segmentation`].
 //!
 //! Readers refuse what is wrong with a [`ReadError`] that names the file, the place in it, what was found and what
 //! was expected; writers leave the earlier file as it was when they fail.
 #![forbid(unsafe_code)]
 
+pub mod association;
 mod atomic;
 pub mod detect;
 mod error;
+pub mod evaluation;
+pub mod file_names;
 pub mod images;
 mod numbers;
 pub mod priors;
+pub mod problems;
 pub mod read;
 pub mod scene_file;
+pub mod segmentation;
 #[cfg(feature = "parquet")]
 pub mod tables;
-mod wording;
+pub mod wording;
 pub mod write;
 
 pub use atomic::{write_file, write_folder};

@@ -1,7 +1,10 @@
-//! Messages of the JSON and TOML readers in words for people.
+//! Words for people: messages of the JSON and TOML readers, small pieces that several reports share.
+
+/// How many names a line shows.
+const SHOWN: usize = 8;
 
 /// Replaces the words of programmers in a message about a value of the wrong type or length.
-pub fn plain_words(message: &str) -> String {
+pub(crate) fn plain_words(message: &str) -> String {
     let mut text = message.replace('\n', ", ");
     for (from, to) in [
         ("invalid type: ", "found "),
@@ -28,6 +31,18 @@ pub fn plain_words(message: &str) -> String {
     }
 }
 
+/// "1 view", "2 views".
+pub fn count(n: usize, singular: &str) -> String {
+    format!("{n} {singular}{}", if n == 1 { "" } else { "s" })
+}
+
+/// The first names of a list, and how many more there are.
+pub fn some_of<T: AsRef<str>>(names: &[T]) -> String {
+    let shown: Vec<&str> = names.iter().take(SHOWN).map(AsRef::as_ref).collect();
+    let text = shown.join(", ");
+    if names.len() > SHOWN { format!("{text} and {} more", names.len() - SHOWN) } else { text }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -40,5 +55,12 @@ mod tests {
             "found 3 entries, expected a list of 4 numbers"
         );
         assert_eq!(plain_words("missing field `frame`"), "missing field `frame`");
+    }
+
+    #[test]
+    fn long_lists_are_cut() {
+        assert_eq!((count(1, "view"), count(0, "view")), ("1 view".to_owned(), "0 views".to_owned()));
+        assert_eq!(some_of(&["a", "b"]), "a, b");
+        assert_eq!(some_of(&["x"; 10]), "x, x, x, x, x, x, x, x and 2 more");
     }
 }

@@ -1,83 +1,57 @@
 //! Scores of estimates against the truth, for Python.
 
-use std::collections::HashSet;
+use std::path::Path;
 
-use quadlift::geometry::Projection;
-use quadlift::metrics::{EstimatedObject, Mean, ObjectScore, PairedBy, TruthObject, evaluate, evaluate_by_overlap};
-use quadlift::scene::Scene;
-use quadlift::solve::Status;
 use quadlift_io::SceneFile;
+use quadlift_io::evaluation::identities::{self, DivisionOutcome};
+use quadlift_io::evaluation::{EvaluateError, Matching, evaluate_objects, found_record, scores_record};
 use serde_json::{Value, json};
 
-/// Scores the objects of `estimate` against those of `truth`: paired by their ids where any is common, else by overlap.
-/// `frames` holds the cameras for the agreement in the images.
-pub fn scores(estimate: &SceneFile, truth: &SceneFile, frames: &Scene) -> Result<Value, String> {
-    let objects = |file: &SceneFile| file.to_objects().map_err(|error| format!("{}: {}", error.entry, error.problem));
-    let estimated: Vec<EstimatedObject> = (objects(estimate)?.into_iter())
-        .map(|object| EstimatedObject {
-            id: object.id,
-            status: object.status.map(Status::name).unwrap_or_default().to_owned(),
-            center: object.center,
-            ellipsoid: object.ellipsoid,
-            enclosing_ellipsoid: object.enclosing_ellipsoid,
-            cuboid: object.cuboid,
-            enclosing_cuboid: object.enclosing_cuboid,
-        })
-        .collect();
-    let truth: Vec<TruthObject> = (objects(truth)?.into_iter())
-        .map(|object| TruthObject { id: object.id, ellipsoid: object.ellipsoid, cuboid: object.cuboid })
-        .collect();
-    if truth.is_empty() {
-        return Err("the truth holds no objects: there is nothing to compare with".to_owned());
-    }
-    if estimated.is_empty() {
-        return Err("there are no estimated objects: there is nothing to score".to_owned());
-    }
-    let ids: HashSet<&str> = truth.iter().map(|object| object.id.as_str()).collect();
-    let any_common = estimated.iter().any(|object| ids.contains(object.id.as_str()));
-    let projections: Vec<Projection> = frames.frames.iter().map(|frame| frame.projection).collect();
-    let compare = if any_common { evaluate } else { evaluate_by_overlap };
-    let evaluation = compare(&estimated, &truth, &projections);
-    let value = |mean: Option<Mean>| mean.map(|mean| mean.value);
-    let mean = &evaluation.mean;
-    Ok(json!({
-        "objects": evaluation.objects.iter().map(object_scores).collect::<Vec<_>>(),
-        "mean": {
-            "iou3d": value(mean.iou3d),
-            "iou3d_enclosing": value(mean.iou3d_enclosing),
-            "cuboid_iou3d": value(mean.cuboid_iou3d),
-            "cuboid_iou3d_enclosing": value(mean.cuboid_iou3d_enclosing),
-            "theta_err": value(mean.theta_err),
-            "rotation_error": value(mean.rotation_error),
-            "center_error": value(mean.center_error),
-            "size_error": value(mean.size_error),
-            "ellipse_reprojection_iou": value(mean.ellipse_reprojection_iou),
-            "box_reprojection_iou": value(mean.box_reprojection_iou),
-        },
-        "failures": evaluation.failures,
-        "unmatched": evaluation.unmatched,
-        "matched_by": match evaluation.paired_by {
-            PairedBy::Ids => "ids",
-            PairedBy::Overlap => "overlap",
-        },
-    }))
-}
+/// Names of `match`.
+pub const MATCHING: [(&str, Matching); 3] =
+    [("auto", Matching::Auto), ("ids", Matching::Ids), ("overlap", Matching::Overlap)];
 
-fn object_scores(score: &ObjectScore) -> Value {
-    json!({
-        "id": score.id,
-        "estimate": score.estimate,
-        "status": score.status,
-        "has_body": score.has_body,
-        "iou3d": score.iou3d,
-        "iou3d_enclosing": score.iou3d_enclosing,
-        "cuboid_iou3d": score.cuboid_iou3d,
-        "cuboid_iou3d_enclosing": score.cuboid_iou3d_enclosing,
-        "theta_err": score.theta_err,
-        "rotation_error": score.rotation_error,
-        "center_error": score.center_error,
-        "size_error": score.size_error,
-        "ellipse_reprojection_iou": score.reprojection.map(|r| r.ellipse_iou),
-        "box_reprojection_iou": score.reprojection.map(|r| r.box_iou),
-    })
+/// Scores the objects of `estimate` against those of `truth`, and how the detections were divided into objects, each as
+/// far as both files have them: the fields of Python's `Evaluation`.
+pub fn scores(
+    estimate: &SceneFile,
+    truth: &SceneFile,
+    matching: Matching,
+    source: Option<&str>,
+) -> Result<Value, String> {
+    let has_objects = !(estimate.objects.is_empty() || truth.objects.is_empty());
+    let (estimate, truth) = ((Path::new("the estimate"), estimate), (Path::new("the truth"), truth));
+    let division = identities::score(estimate, truth, source).map_err(|error| error.to_string())?;
+    let why = match &division {
+        DivisionOutcome::Absent | DivisionOutcome::Scored(_) => None,
+        DivisionOutcome::SeveralSources(why) => {
+            Some(format!("{why}: source=... scores how they were divided into objects"))
+        }
+        DivisionOutcome::NoneCommon(why) => Some(why.clone()),
+    };
+    if let Some(why) = &why
+        && !has_objects
+    {
+        return Err(why.clone());
+    }
+    let mut document = json!({
+        "objects": [], "mean": {}, "failures": 0, "unmatched": [], "matched_by": null, "found": null,
+    });
+    if has_objects || division == DivisionOutcome::Absent {
+        let (scores, found) = evaluate_objects(estimate, truth, matching).map_err(|error| match error {
+            EvaluateError::NoCommonId(why) => format!("{why} (match=\"overlap\" pairs them by their bodies)"),
+            error => error.to_string(),
+        })?;
+        let record = scores_record(&scores);
+        for name in ["objects", "failures", "unmatched", "matched_by"] {
+            document[name] = record[name].clone();
+        }
+        for (name, mean) in record["mean"].as_object().into_iter().flatten() {
+            document["mean"][name] = mean["value"].clone();
+        }
+        document["found"] = found_record(&found);
+    }
+    document["identities"] = division.to_record();
+    document["notes"] = json!(why.into_iter().collect::<Vec<_>>());
+    Ok(document)
 }

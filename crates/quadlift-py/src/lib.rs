@@ -1,6 +1,7 @@
 //! `quadlift._core`: the library and the files as Python objects and NumPy arrays. The public API, with its checks of
 //! shapes and its documentation, is the Python package `quadlift` (python/quadlift) over it.
 
+mod association;
 mod detections;
 mod error;
 mod evaluation;
@@ -8,8 +9,10 @@ mod frames;
 mod loaded;
 mod localized;
 mod options;
+mod recording;
 mod run;
 mod scene;
+mod segmentation;
 
 use pyo3::prelude::*;
 

@@ -1,5 +1,6 @@
 //! The result of a localisation: estimates as arrays, and as a scene.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Rotation3;
@@ -7,15 +8,19 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadlift::Localization;
+use quadlift::associate::Association;
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::Scene;
 use quadlift::solve::{CovarianceCoordinates, Estimate};
 use quadlift_io::SceneFile;
+use quadlift_io::association::{add_to_result, association_record};
+use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::{body_name, noise_record};
-use quadlift_report::{Content, page, report};
+use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::refuse;
 use crate::loaded::Loaded;
+use crate::recording::recorded;
 use crate::scene::PyScene;
 
 /// A localisation and what it was made from.
@@ -25,8 +30,8 @@ pub struct PyLocalized {
     pub loaded: Arc<Loaded>,
     /// The scene where it is not as it was loaded: its objects were found, or its masks read.
     pub changed: Option<Scene>,
-    /// Whether they were found.
-    pub associated: bool,
+    /// How they were found, where they were.
+    pub association: Option<Association>,
     /// The estimates.
     pub localization: Localization,
     /// The settings as in a file.
@@ -48,18 +53,19 @@ impl PyLocalized {
     /// The result as a file: as the program writes it.
     fn file(&self) -> SceneFile {
         let mut file = self.loaded.file().localized(self.scene(), &self.localization, self.settings.clone());
-        if self.associated {
-            file.detections = self.loaded.file().detections.clone();
-            for (record, detection) in file.detections.iter_mut().zip(&self.scene().detections) {
-                record.object =
-                    detection.object_index.map(|index| self.scene().object_ids[index as usize].as_str().into());
-                // Masks are the bulk of a segmented scene, and stay there.
-                (record.mask, record.segmentation) = (None, None);
-            }
+        if let Some(association) = &self.association {
             let source = self.source.map(|index| self.scene().sources[index as usize].as_str());
-            file.detections.retain(|record| source.is_none() || record.source.as_deref() == source);
+            add_to_result(&mut file, self.loaded.file().detections.clone(), self.scene(), source, association);
         }
         file
+    }
+
+    /// Why an estimated object may not be one standing object.
+    fn doubt(&self, estimate: &Estimate) -> Option<&'static str> {
+        let id = &self.scene().object_ids[estimate.object_index];
+        // The objects that were found come first, in their order.
+        let found = self.association.as_ref()?.objects.get(estimate.object_index)?;
+        found.doubtful.filter(|_| found.id == *id).map(|doubt| doubt.text())
     }
 }
 
@@ -74,7 +80,11 @@ impl PyLocalized {
         dict.set_item("object_ids", estimates.iter().map(name).collect::<Vec<_>>())?;
         dict.set_item("categories", estimates.iter().map(category).collect::<Vec<_>>())?;
         dict.set_item("status", estimates.iter().map(|e| e.status.name()).collect::<Vec<_>>())?;
-        let warnings = |e: &Estimate| e.warnings.iter().map(ToString::to_string).collect::<Vec<_>>();
+        let warnings = |e: &Estimate| {
+            let doubt = self.doubt(e).map(|doubt| format!("doubtful: {doubt}"));
+            e.warnings.iter().map(ToString::to_string).chain(doubt).collect::<Vec<_>>()
+        };
+        dict.set_item("doubtful", estimates.iter().map(|e| self.doubt(e)).collect::<Vec<_>>())?;
         dict.set_item("warnings", estimates.iter().map(warnings).collect::<Vec<_>>())?;
         let coordinates = |e: &Estimate| {
             e.covariance.map(|covariance| match covariance.coordinates {
@@ -131,9 +141,27 @@ impl PyLocalized {
         let images = self.loaded.file().to_images(&self.loaded.path).map_err(refuse)?;
         let estimate = self.file();
         let truth = truth.map(|scene| scene.loaded.file());
+        // Without objects in common there are none.
+        let scores = truth.and_then(|truth| {
+            let (estimate, truth) = ((Path::new("the estimate"), &estimate), (Path::new("the truth"), truth));
+            evaluate_objects(estimate, truth, Matching::Auto).ok()
+        });
+        let scores = scores.map(|(evaluation, _)| Scores::of(&evaluation));
         let scene = self.scene();
-        let content = Content { title, scene, images: Some(&images), estimate: Some(&estimate), truth, scores: None };
+        let (images, scores) = (Some(&images), scores.as_ref());
+        let content = Content { title, scene, images, estimate: Some(&estimate), truth, scores };
         report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    /// What a recording holds, as JSON, and the indices of its frames.
+    fn recording(&self, title: &str, truth: Option<&PyScene>) -> PyResult<(String, Vec<usize>)> {
+        recorded(title, &self.loaded, self.scene(), &self.file(), truth.map(|scene| scene.loaded.file()))
+    }
+
+    /// The scene that was localised, as it was given.
+    #[getter]
+    fn given(&self) -> PyScene {
+        PyScene { loaded: Arc::clone(&self.loaded) }
     }
 
     /// The kind of body that was fitted.
@@ -158,7 +186,13 @@ impl PyLocalized {
     /// Whether identities were found.
     #[getter]
     fn associated(&self) -> bool {
-        self.associated
+        self.association.is_some()
+    }
+
+    /// What was found about identities, as JSON.
+    #[getter]
+    fn association_json(&self) -> Option<String> {
+        self.association.as_ref().map(|association| association_record(self.scene(), association).to_string())
     }
 
     #[getter]

@@ -1,15 +1,14 @@
 //! Options of the localisation, from Python's keywords.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, IdUse};
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements, localize};
+use quadlift_io::builtin_priors;
 use quadlift_io::priors::{check_metres, parse_priors};
-use quadlift_io::{builtin_priors, read_priors};
 
 use crate::error::refuse;
 
@@ -90,25 +89,10 @@ impl Keywords {
         }
         // An empty scene has nothing that the options could fail on.
         localize(&Scene::default(), &options, &|_, _| {}).map_err(refuse)?;
-        let (priors, name) = self.read_priors(scene)?;
+        let (priors, name) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
         options.map.priors = priors;
         options.source = self.source.clone();
         Ok(Choices { options, priors: name, ids: self.ids(scene)? })
-    }
-
-    fn read_priors(&self, scene: &Scene) -> PyResult<(CategoryPriors, Option<String>)> {
-        match (&self.priors, &self.priors_text) {
-            (_, Some(text)) => {
-                let priors = parse_priors("priors".as_ref(), text).map_err(refuse)?;
-                Ok((priors, Some("given".to_owned())))
-            }
-            (Some(name), None) if name == "builtin" => {
-                check_metres(scene.length_unit.as_deref()).map_err(refuse)?;
-                Ok((builtin_priors(), Some(name.clone())))
-            }
-            (Some(path), None) => Ok((read_priors(&PathBuf::from(path)).map_err(refuse)?, Some(path.clone()))),
-            (None, None) => Ok((CategoryPriors::default(), None)),
-        }
     }
 
     /// As `--associate` and `--ids` of the program.
@@ -125,6 +109,27 @@ impl Keywords {
             When::Always => Some(chosen.unwrap_or(IdUse::Evidence)),
         })
     }
+}
+
+/// Priors by their name or path, or from the text of a file; and where they come from, in words.
+pub fn read_priors(
+    name: Option<&str>,
+    text: Option<&str>,
+    scene: &Scene,
+) -> PyResult<(CategoryPriors, Option<String>)> {
+    let priors = match (name, text) {
+        (_, Some(text)) => {
+            let priors = parse_priors("priors".as_ref(), text).map_err(refuse)?;
+            return Ok((priors, Some("given".to_owned())));
+        }
+        (Some("builtin"), None) => {
+            check_metres(scene.length_unit.as_deref()).map_err(refuse)?;
+            builtin_priors()
+        }
+        (Some(path), None) => quadlift_io::read_priors(path.as_ref()).map_err(refuse)?,
+        (None, None) => CategoryPriors::default(),
+    };
+    Ok((priors, name.map(str::to_owned)))
 }
 
 impl Choices {

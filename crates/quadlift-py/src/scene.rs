@@ -8,10 +8,12 @@ use std::time::Instant;
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use quadlift::associate::{AssociateOptions, Outcome, associate};
+use pyo3::types::PyBytes;
+use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
 use quadlift::geometry::BoundingBox;
 use quadlift::scene::{Scene, edges_hidden_in_frame};
 use quadlift::{Localization, UsedMeasurements, localize};
+use quadlift_io::association::{not_used_in_words, write_objects};
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
 use quadlift_io::read::colmap::read_colmap;
 use quadlift_io::read::detections::coco::read_coco;
@@ -27,14 +29,17 @@ use quadlift_io::scene_file::{parse_scene_file, settings_record, write_scene};
 use quadlift_io::{SceneFile, read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
 
+use crate::association::AssociateKeywords;
 use crate::detections::DetectionArrays;
 use crate::error::refuse;
-use crate::evaluation::scores;
+use crate::evaluation::{MATCHING, scores};
 use crate::frames::FrameArrays;
 use crate::loaded::Loaded;
 use crate::localized::PyLocalized;
-use crate::options::{Choices, Keywords, use_of_ids};
+use crate::options::{Choices, Keywords, choice};
+use crate::recording::{jpeg, recorded};
 use crate::run::{Ticker, in_background};
+use crate::segmentation::SegmentKeywords;
 
 /// An associated object: its id, its evidence, and why it is doubtful.
 type Found = (String, Option<f64>, Option<&'static str>);
@@ -166,18 +171,30 @@ impl PyScene {
         in_background(py, threads, progress, move |ticker| localized(loaded, &choices, ticker))
     }
 
+    /// Finds masks and ellipses in the images; the scene with them, and what went wrong.
+    fn segment(
+        &self,
+        py: Python,
+        keywords: SegmentKeywords,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let method = keywords.method()?;
+        let loaded = Arc::clone(&self.loaded);
+        let work = move |ticker: &Ticker| keywords.segmented(method, &loaded, ticker);
+        let (file, problems) = in_background(py, threads, progress, work)?;
+        Ok((Self::new(file, self.loaded.path.clone())?, problems))
+    }
+
     /// Finds out which detections show the same object; the scene with these objects, and them.
-    #[pyo3(signature = (ids, source, min_views, threads, progress))]
     fn associate(
         &self,
         py: Python,
-        ids: &str,
-        source: Option<String>,
-        min_views: usize,
+        keywords: AssociateKeywords,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Self, Vec<Found>)> {
-        let options = AssociateOptions { ids: use_of_ids(ids)?, source, min_views, ..Default::default() };
+        let options = keywords.for_scene(&self.loaded.scene)?;
         let loaded = Arc::clone(&self.loaded);
         let (scene, association) = in_background(py, threads, progress, move |ticker| {
             let association = found(&loaded.scene, &options, ticker)?;
@@ -185,19 +202,22 @@ impl PyScene {
             Ok((association.applied_to(&loaded.scene, source), association))
         })?;
         let mut file = self.loaded.file().clone();
-        for (record, detection) in file.detections.iter_mut().zip(&scene.detections) {
-            record.object = detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into());
-        }
+        write_objects(&mut file.detections, &scene);
+        // The true objects, if the scene has any, have other ids.
+        file.objects = Vec::new();
         let objects = association.objects.into_iter();
         let objects = objects.map(|o| (o.id, o.evidence, o.doubtful.map(|doubt| doubt.text()))).collect();
         Ok((Self::new(file, self.loaded.path.clone())?, objects))
     }
 
-    /// Scores of the objects against the truth, as JSON.
-    fn evaluate(&self, py: Python, truth: &Self) -> PyResult<String> {
+    /// Scores of the objects and of the identities against the truth, as JSON.
+    #[pyo3(signature = (truth, matching, source))]
+    fn evaluate(&self, py: Python, truth: &Self, matching: &str, source: Option<&str>) -> PyResult<String> {
         let (estimate, truth) = (&self.loaded, &truth.loaded);
-        let frames = if truth.scene.frames.is_empty() { &estimate.scene } else { &truth.scene };
-        py.detach(|| scores(estimate.file(), truth.file(), frames)).map(|scores| scores.to_string()).map_err(refuse)
+        let matching = choice("match", matching, &MATCHING)?;
+        py.detach(|| scores(estimate.file(), truth.file(), matching, source))
+            .map(|scores| scores.to_string())
+            .map_err(refuse)
     }
 
     /// The page that shows the scene.
@@ -207,6 +227,17 @@ impl PyScene {
         let images = file.to_images(path).map_err(refuse)?;
         let content = Content { title, scene, images: Some(&images), estimate: Some(file), truth: None, scores: None };
         report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    /// What a recording holds, as JSON, and the indices of its frames.
+    fn recording(&self, title: &str) -> PyResult<(String, Vec<usize>)> {
+        recorded(title, &self.loaded, &self.loaded.scene, self.loaded.file(), None)
+    }
+
+    /// The image of a frame as JPEG, and its width and height.
+    fn jpeg<'py>(&self, py: Python<'py>, frame_index: usize) -> PyResult<Option<(Bound<'py, PyBytes>, [u32; 2])>> {
+        let image = py.detach(|| jpeg(&self.loaded, frame_index))?;
+        Ok(image.map(|(bytes, size)| (PyBytes::new(py, &bytes), size)))
     }
 
     #[getter]
@@ -293,16 +324,12 @@ fn folder(path: &Path) -> &Path {
 }
 
 /// Associates; that nothing is found is an error that says why.
-fn found(
-    scene: &Scene,
-    options: &AssociateOptions,
-    ticker: &Ticker,
-) -> Result<quadlift::associate::Association, String> {
+fn found(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) -> Result<Association, String> {
     let association =
         associate(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
     match association.outcome {
         Outcome::Found => Ok(association),
-        outcome => Err(format!("no object was found: {}", outcome.text())),
+        outcome => Err(format!("no object was found: {}{}", outcome.text(), not_used_in_words(association.not_used))),
     }
 }
 
@@ -327,10 +354,12 @@ fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<
         changed = Some(scene);
         ticker.restart();
     }
+    let mut association = None;
     if let Some(ids) = choices.ids {
         let scene = changed.as_ref().unwrap_or(&loaded.scene);
-        let association = found(scene, &choices.of_association(ids), ticker)?;
-        changed = Some(association.applied_to(scene, source));
+        let found = found(scene, &choices.of_association(ids), ticker)?;
+        changed = Some(found.applied_to(scene, source));
+        association = Some(found);
         ticker.restart();
     }
     let scene = changed.as_ref().unwrap_or(&loaded.scene);
@@ -342,11 +371,11 @@ fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<
             n => format!("there is nothing to localise: {n} detections name no object"),
         });
     }
-    if choices.ids.is_some() {
+    if association.is_some() {
         // They show no object, which is told with the identities.
         localization.left_out.without_object = 0;
     }
     let settings = settings_record(options, choices.priors.as_deref());
-    let (associated, seconds) = (choices.ids.is_some(), start.elapsed().as_secs_f64());
-    Ok(PyLocalized { loaded, changed, associated, localization, settings, source, problems, seconds })
+    let seconds = start.elapsed().as_secs_f64();
+    Ok(PyLocalized { loaded, changed, association, localization, settings, source, problems, seconds })
 }

@@ -4,7 +4,9 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Point3};
 use quadlift::geometry::Ellipsoid;
+use quadlift::metrics::{Evaluation, ObjectScore};
 use quadlift::scene::{Detection, Scene};
+use quadlift_io::evaluation::{COLUMNS, Unit, failures_in_words};
 use quadlift_io::scene_file::{ObjectBodies, ObjectRecord, SceneImages, ViewRecord};
 use quadlift_io::{EntryError, SceneFile};
 
@@ -55,6 +57,27 @@ pub struct Scores {
     pub mean: Vec<Option<f64>>,
     /// How many objects failed, in a sentence.
     pub failures: String,
+}
+
+impl Scores {
+    /// Those of an evaluation.
+    pub fn of(evaluation: &Evaluation) -> Self {
+        let unit = |unit: Unit| match unit {
+            Unit::Share => "share",
+            Unit::Percent => "percent",
+            Unit::Degrees => "degrees",
+            Unit::Length => "length",
+        };
+        let values = |o: &ObjectScore| COLUMNS.iter().map(|column| (column.of)(o)).collect();
+        Self {
+            columns: (COLUMNS.iter())
+                .map(|column| ScoreColumn { title: column.title.to_owned(), unit: unit(column.unit) })
+                .collect(),
+            rows: evaluation.objects.iter().map(|o| (o.id.clone(), o.status.clone(), values(o))).collect(),
+            mean: COLUMNS.iter().map(|column| (column.mean)(&evaluation.mean).map(|mean| mean.value)).collect(),
+            failures: failures_in_words(evaluation),
+        }
+    }
 }
 
 /// Gathers the data of a report and reads its images. An image that cannot be read is told in the notes.

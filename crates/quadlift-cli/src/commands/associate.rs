@@ -8,10 +8,11 @@ use clap::builder::RangedU64ValueParser;
 use quadlift::associate;
 use quadlift::associate::AssociateOptions;
 use quadlift::scene::Scene;
+use quadlift_io::association::{association_record, write_objects};
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 
 use crate::args;
-use crate::association::{IdsName, associate_scene, associated_scene, in_words, to_json, write_objects};
+use crate::association::{IdsName, associate_scene, associated_scene, in_words};
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, outputs, read_scene};
 use crate::localization::check_metres;
@@ -119,7 +120,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
     out.detail(&format!("associated in {:.2?}", start.elapsed()));
     let associated = associated_scene(&scene, &association, args.source.as_deref())?;
-    write_objects(&mut file, &associated);
+    write_objects(&mut file.detections, &associated);
     // The true objects, if the scene has any, have other ids.
     file.objects = Vec::new();
     write_scene_file(&args.output, &file)?;
@@ -141,7 +142,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         table.render(),
         args.output.display()
     ))?;
-    let mut document = to_json(&scene, &association);
+    let mut document = association_record(&scene, &association);
     document["output"] = args.output.display().to_string().into();
     out.document(&document)?;
     Ok(Outcome::Fine)

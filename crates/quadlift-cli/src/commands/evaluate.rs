@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::bail;
+use quadlift_io::evaluation::identities::{self, DivisionOutcome};
+use quadlift_io::evaluation::{EvaluateError, evaluate_objects, found_record, scores_record};
 use quadlift_io::read_scene_file;
 use serde_json::json;
 
-use crate::division::{self, DivisionOutcome};
 use crate::error::Outcome;
-use crate::evaluation::{Match, evaluate_objects, found_to_json, render, render_found, to_json};
+use crate::evaluation::{Match, render, render_found, render_identities, why_no_identities};
 use crate::output::Output;
 use crate::report::{Gathered, check_report};
 
@@ -66,26 +67,29 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let estimate_file = read_scene_file(&args.estimate)?;
     let truth_file = read_scene_file(&args.truth)?;
     let (estimate, truth) = ((args.estimate.as_path(), &estimate_file), (args.truth.as_path(), &truth_file));
-    let division = division::score(estimate, truth, args.source.as_deref())?;
+    let division = identities::score(estimate, truth, args.source.as_deref())?;
     let mut text = String::new();
     let mut document = json!({});
     let mut evaluation = None;
     // Detections alone can be compared as well.
     let has_objects = !(estimate.1.objects.is_empty() || truth.1.objects.is_empty());
-    if let DivisionOutcome::Unclear(why) = &division
+    if let Some(why) = why_no_identities(&division)
         && !has_objects
     {
         bail!("{why}");
     }
     if has_objects || division == DivisionOutcome::Absent {
-        let (scores, found) = evaluate_objects(estimate, truth, args.matching)?;
+        let (scores, found) = match evaluate_objects(estimate, truth, args.matching.into()) {
+            Err(EvaluateError::NoCommonId(why)) => bail!("{why} (--match overlap pairs them by their bodies)"),
+            result => result?,
+        };
         text = render(&scores, truth.1.length_unit.as_deref()) + &render_found(&found);
-        document = to_json(&scores);
-        document["found"] = found_to_json(&found);
+        document = scores_record(&scores);
+        document["found"] = found_record(&found);
         evaluation = Some(scores);
     }
-    document["identities"] = division.to_json();
-    out.report(&(text + &division.render()))?;
+    document["identities"] = division.to_record();
+    out.report(&(text + &render_identities(&division)))?;
     out.document(&document)?;
     if let Some(report) = &args.report {
         let files = vec![(args.truth.clone(), truth_file), (args.estimate.clone(), estimate_file)];

@@ -12,7 +12,6 @@ use serde_json::{Value, json};
 use crate::error::Outcome;
 use crate::files::{check_file, read_scene};
 use crate::output::{Output, one_line};
-use crate::segmented_scene::move_paths;
 use crate::words::{count, some_of};
 
 pub use formats::{Format, Names};
@@ -79,7 +78,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let added = add_detections(&mut file, detections, &options)?;
     file.to_scene().map_err(|error| error.in_file(format.path()))?;
     let folder = |path: &Path| path.parent().unwrap_or(Path::new("")).to_owned();
-    move_paths(&mut file, [&folder(&common.scene), &folder(&common.output)])?;
+    file.move_paths([&folder(&common.scene), &folder(&common.output)])?;
     let notes = [read_notes, notes(&added)].concat();
     let about = format!("Detections of the source {source} from {}: {}.", format.title(), notes.join("; "));
     file.notes = Some(file.notes.map_or(about.clone(), |before| format!("{before}\n{about}")));

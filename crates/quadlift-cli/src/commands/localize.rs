@@ -11,12 +11,13 @@ use quadlift::associate::AssociateOptions;
 use quadlift::scene::Scene;
 use quadlift::solve::{Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements};
+use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::scene_file::{count_localised, left_out_record, noise_record};
 use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice, SigmaSource};
-use crate::association::{IdsName, When, add_to_result, associate_scene, associated_scene, localize_in_words, to_json};
+use crate::association::{IdsName, When, associate_scene, associated_scene, localize_in_words};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{render, summaries};
 use crate::files::{check_file, expand, outputs, read_scene};
@@ -306,7 +307,7 @@ fn one_scene(
         let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
         let words = localize_in_words(&scene, source, ids, &association);
         scene = associated_scene(&scene, &association, source)?;
-        document["association"] = to_json(&scene, &association);
+        document["association"] = association_record(&scene, &association);
         identities = Some((detections, association, words));
     } else {
         drop(detections);

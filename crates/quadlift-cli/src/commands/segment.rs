@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
-use quadlift_io::scene_file::{MaskSource, SceneImages};
+use quadlift_io::scene_file::SceneImages;
+use quadlift_io::segmentation::{Group, Method, Segmentation, Settings, add_to_scene};
 use quadlift_io::write_scene_file;
-use quadlift_segment::SegmentMethod;
 use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
@@ -15,8 +15,7 @@ use crate::error::{Outcome, usage};
 use crate::files::{Inputs, make_folder, outputs, read_scene};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
-use crate::segmentation::{Group, Method, Segmentation, Settings, segment_scene};
-use crate::segmented_scene::add_to_scene;
+use crate::segmentation::segment_scene;
 use crate::table::{Cell, Table, number};
 use crate::words::count;
 
@@ -86,14 +85,8 @@ pub struct Args {
 }
 
 fn method(text: &str) -> Result<Method, String> {
-    match text {
-        "sca+cut" => Ok(Method::Image(SegmentMethod::ScaCut)),
-        "sca" => Ok(Method::Image(SegmentMethod::Sca)),
-        "graphcut" => Ok(Method::Image(SegmentMethod::GraphCut)),
-        "masks" => Ok(Method::Masks),
-        "box" => Ok(Method::Image(SegmentMethod::Box)),
-        _ => Err("expected sca+cut, sca, graphcut, masks or box".to_owned()),
-    }
+    let method = Method::ALL.into_iter().find(|method| method.name() == text);
+    method.ok_or_else(|| "expected sca+cut, sca, graphcut, masks or box".to_owned())
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -164,21 +157,12 @@ fn check_folders(args: &Args, images: &SceneImages) -> anyhow::Result<()> {
         if seen.contains(&here) {
             return usage("--out-masks and --contact-sheets need different folders");
         }
-        let masks = images.masks.iter().flatten().filter_map(|mask| match mask {
-            MaskSource::Labels { path, .. } => Some(path),
-            _ => None,
-        });
-        let mut last: Option<&Path> = None;
-        for path in images.images.iter().flatten().chain(masks) {
-            let parent = path.parent().unwrap_or(Path::new(""));
-            // Most files lie in the folder of the one before.
-            if last.replace(parent) != Some(parent) && parent.canonicalize().is_ok_and(|parent| parent == here) {
-                return usage(format!(
-                    "{option} {} is the folder of {}, which could be overwritten; choose another one",
-                    folder.display(),
-                    path.display()
-                ));
-            }
+        if let Some(path) = images.any_in(&here) {
+            return usage(format!(
+                "{option} {} is the folder of {}, which could be overwritten; choose another one",
+                folder.display(),
+                path.display()
+            ));
         }
         seen.push(here);
     }

@@ -116,6 +116,23 @@ fn mask_source(record: &MaskRecord, folder: &Path, entry: &str) -> Result<MaskSo
 }
 
 impl SceneImages {
+    /// The first image or label image that lies in this folder, whose path is canonical.
+    pub fn any_in(&self, folder: &Path) -> Option<&Path> {
+        let masks = self.masks.iter().flatten().filter_map(|mask| match mask {
+            MaskSource::Labels { path, .. } => Some(path),
+            _ => None,
+        });
+        let mut last: Option<&Path> = None;
+        for path in self.images.iter().flatten().chain(masks) {
+            let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            // Most files lie in the folder of the one before.
+            if last.replace(parent) != Some(parent) && parent.canonicalize().is_ok_and(|parent| parent == folder) {
+                return Some(path);
+            }
+        }
+        None
+    }
+
     /// Reads the image of a frame of the scene.
     ///
     /// # Errors

@@ -10,6 +10,7 @@ mod convert;
 mod expected;
 mod images;
 mod object_records;
+mod paths;
 mod read;
 mod records;
 mod results;
@@ -26,6 +27,7 @@ pub use images::{MaskSource, SceneImages};
 pub use object_records::{
     CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
+pub use paths::way_to_file;
 pub use read::{parse_scene_file, read_scene_file};
 pub use records::{
     CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile,

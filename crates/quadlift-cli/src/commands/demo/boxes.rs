@@ -7,14 +7,14 @@ use quadlift::Localization;
 use quadlift::associate::Association;
 use quadlift::solve::Estimate;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
+use quadlift_io::association::association_record;
+use quadlift_io::evaluation::scores_record;
 use quadlift_io::scene_file::count_localised;
 use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
 use super::part::{apart, find_identities, identities_in_words, localize_and_compare, name_as_found, table};
-use crate::association;
 use crate::estimate_table::summaries;
-use crate::evaluation;
 use crate::files::make_folder;
 use crate::localization::Settings;
 use crate::output::{HEADING, Output};
@@ -71,10 +71,10 @@ pub fn run(folder: &Path, out: &Output) -> anyhow::Result<Value> {
     ))?;
     Ok(json!({
         "files": { "scene": scene_path, "estimate": estimate_path, "truth": truth_path },
-        "association": association::to_json(&scene, &association),
+        "association": association_record(&scene, &association),
         "wrong_boxes": { "number": wrong, "found": wrong_found },
         "objects": summaries(&scene, &result.localization),
-        "evaluation": evaluation::to_json(&result.evaluation),
+        "evaluation": scores_record(&result.evaluation),
     }))
 }
 

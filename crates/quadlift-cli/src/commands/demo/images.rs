@@ -4,23 +4,23 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use quadlift::{Options, UsedMeasurements};
+use quadlift_io::association::association_record;
+use quadlift_io::evaluation::scores_record;
 use quadlift_io::scene_file::count_localised;
+use quadlift_io::segmentation::{self, Method, Segmentation, add_to_scene};
 use quadlift_io::{SceneFile, write_scene_file};
 use quadlift_segment::SegmentMethod;
 use quadlift_segment::render::{RenderOptions, RenderedScene, render};
 use serde_json::{Value, json};
 
 use super::part::{apart, find_identities, identities_in_words, localize_and_compare, name_as_found, table};
-use crate::association;
 use crate::contact_sheet::write_sheets;
 use crate::estimate_table::summaries;
-use crate::evaluation;
 use crate::files::make_folder;
 use crate::localization::Settings;
 use crate::output::{HEADING, Output};
 use crate::rendered_scene::{check_folders, write_images};
-use crate::segmentation::{self, Method, Segmentation, segment_scene};
-use crate::segmented_scene::add_to_scene;
+use crate::segmentation::segment_scene;
 use crate::table::number;
 use crate::words::count;
 
@@ -90,13 +90,13 @@ pub fn run(folder: &Path, out: &Output) -> anyhow::Result<Value> {
             "scene": scene_path, "segmented": segmented_path, "estimate": estimate_path, "truth": truth_path,
             "masks": masks, "sheets": sheets,
         },
-        "association": association::to_json(&scene, &association),
+        "association": association_record(&scene, &association),
         "masks": {
             "found": masks_found.found, "fell_back": masks_found.fell_back, "mean_iou": masks_found.mean_iou,
         },
         "objects": summaries(&scene, &result.localization),
-        "evaluation": evaluation::to_json(&result.evaluation),
-        "evaluation_of_boxes": evaluation::to_json(&from_boxes.evaluation),
+        "evaluation": scores_record(&result.evaluation),
+        "evaluation_of_boxes": scores_record(&from_boxes.evaluation),
     }))
 }
 

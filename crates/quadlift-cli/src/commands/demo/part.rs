@@ -11,9 +11,10 @@ use quadlift::metrics::{Evaluation, Mean};
 use quadlift::scene::Scene;
 use quadlift::solve::Estimate;
 use quadlift_io::SceneFile;
+use quadlift_io::association::{add_to_result, write_objects};
+use quadlift_io::evaluation::{Matching, evaluate_objects};
 
-use crate::association::{add_to_result, associate_scene, associated_scene, write_objects};
-use crate::evaluation::evaluate_files;
+use crate::association::{associate_scene, associated_scene};
 use crate::localization::{Settings, localize_scene, result_file};
 use crate::output::{HEADING, Output};
 use crate::table::{Cell, Table, number};
@@ -34,7 +35,7 @@ pub fn find_identities(file: &mut SceneFile, out: &Output) -> anyhow::Result<(Sc
     let scene = file.to_scene().context("cannot use the scene")?;
     let association = associate_scene("demo", &scene, &AssociateOptions::default(), out)?;
     let associated = associated_scene(&scene, &association, None)?;
-    write_objects(file, &associated);
+    write_objects(&mut file.detections, &associated);
     Ok((associated, association))
 }
 
@@ -93,7 +94,8 @@ pub fn localize_and_compare(
     if let Some(association) = association {
         add_to_result(&mut result, file.detections.clone(), scene, None, association);
     }
-    let evaluation = evaluate_files((Path::new("estimate.json"), &result), (Path::new("truth.json"), truth))?;
+    let (estimate, truth) = ((Path::new("estimate.json"), &result), (Path::new("truth.json"), truth));
+    let (evaluation, _) = evaluate_objects(estimate, truth, Matching::Auto)?;
     Ok(Result { localization, file: result, evaluation })
 }
 

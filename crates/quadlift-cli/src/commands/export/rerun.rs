@@ -4,12 +4,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use quadlift_io::file_names::FileNames;
 use quadlift_io::{ReadError, WriteError, write_file, write_folder};
 use quadlift_report::{Recording, frame_jpeg, recording};
 use rayon::prelude::*;
 
 use crate::error::Outcome;
-use crate::file_names::FileNames;
 use crate::output::Output;
 use crate::report::Gathered;
 

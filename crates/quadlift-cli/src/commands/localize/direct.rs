@@ -27,7 +27,6 @@ use crate::commands::import::paths::{prefix_images, relative_to_file};
 use crate::commands::import_detections::{Matching, Names, in_words, notes};
 use crate::error::usage;
 use crate::output::{Output, one_line};
-use crate::segmented_scene::move_paths;
 
 /// Cameras and detections in other programs' files.
 #[derive(clap::Args)]
@@ -132,7 +131,7 @@ impl DirectArgs {
             CameraFormat::Scene => {
                 let mut scene = read_scene_file(path)?;
                 if let Some(output) = output {
-                    move_paths(&mut scene, [path, output].map(|path| path.parent().unwrap_or(Path::new(""))))?;
+                    scene.move_paths([path, output].map(|path| path.parent().unwrap_or(Path::new(""))))?;
                 }
                 return Ok((scene, Vec::new()));
             }

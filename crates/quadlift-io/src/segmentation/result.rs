@@ -1,16 +1,18 @@
 //! A segmentation as files: the scene with what was found, and label images of the masks.
 
 use std::collections::BTreeMap;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Context, bail};
 use quadlift::scene::Scene;
-use quadlift_io::scene_file::{DetectionRecord, EllipseRecord, MaskRecord, RleCounts, RleRecord, SegmentationRecord};
-use quadlift_io::{SceneFile, write_label_image};
-use quadlift_segment::{LabelImage, Mask, Rle, SegmentMethod, reach};
+use quadlift_segment::{LabelImage, Mask, Rle, RleError, SegmentMethod, reach};
 
+use super::{Found, Method, Segmentation, image_size};
+use crate::error::WriteError;
 use crate::file_names::FileNames;
-use crate::segmentation::{Found, Method, Segmentation, image_size};
+use crate::images::write_label_image;
+use crate::scene_file::{
+    DetectionRecord, EllipseRecord, MaskRecord, RleCounts, RleRecord, SceneFile, SegmentationRecord, way_to_file,
+};
 
 /// Label images with more pixels than this are not written.
 const MOST_PIXELS: u64 = 1 << 28;
@@ -20,6 +22,9 @@ const MOST_PIXELS: u64 = 1 << 28;
 ///
 /// `folders` are that of the scene file as it was read and that of the one that will be written: the paths of images
 /// and masks are relative to it.
+///
+/// # Errors
+/// [`WriteError`] when a label image cannot be written or one of these folders does not exist.
 pub fn add_to_scene(
     file: &mut SceneFile,
     scene: &Scene,
@@ -27,8 +32,8 @@ pub fn add_to_scene(
     method: Method,
     folders: [&Path; 2],
     out_masks: Option<&Path>,
-) -> anyhow::Result<()> {
-    move_paths(file, folders)?;
+) -> Result<(), WriteError> {
+    file.move_paths(folders)?;
     for (index, record) in file.detections.iter_mut().enumerate() {
         if let Some(found) = &segmentation.found[index] {
             describe(record, found, method);
@@ -62,22 +67,11 @@ pub fn add_to_scene(
             None if method == Method::Masks => {}
             None => {
                 for (index, mask) in masks {
-                    file.detections[index].mask = in_runs(mask, size)?;
+                    let runs = in_runs(mask, size).map_err(|error| WriteError::new(folders[1], error))?;
+                    file.detections[index].mask = runs;
                 }
             }
         }
-    }
-    Ok(())
-}
-
-/// Changes the paths of images and masks when the scene file moves from the first folder to the second one.
-pub fn move_paths(file: &mut SceneFile, folders: [&Path; 2]) -> anyhow::Result<()> {
-    let move_path = relocation(folders)?;
-    for image in file.frames.iter_mut().filter_map(|frame| frame.image.as_mut()) {
-        *image = move_path(image);
-    }
-    for path in file.detections.iter_mut().filter_map(|d| d.mask.as_mut()?.path.as_mut()) {
-        *path = move_path(path);
     }
     Ok(())
 }
@@ -108,7 +102,7 @@ fn describe(record: &mut DetectionRecord, found: &Found, method: Method) {
 }
 
 /// A mask as COCO's runs; none where it is empty.
-fn in_runs(mask: &Mask, [width, height]: [u32; 2]) -> anyhow::Result<Option<Box<MaskRecord>>> {
+fn in_runs(mask: &Mask, [width, height]: [u32; 2]) -> Result<Option<Box<MaskRecord>>, RleError> {
     if mask.count() == 0 {
         return Ok(None);
     }
@@ -126,9 +120,10 @@ fn write_masks(
     folder: &Path,
     name: &str,
     scene_folder: &Path,
-) -> anyhow::Result<()> {
+) -> Result<(), WriteError> {
     if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        bail!("cannot write the masks of {name}: an image of {width} x {height} pixels is too large");
+        let problem = format!("an image of {width} x {height} pixels is too large");
+        return Err(WriteError::new(&folder.join(layer_name(name, 0)), problem));
     }
     let mut layers: Vec<Vec<u16>> = Vec::new();
     let mut counts: Vec<u16> = Vec::new();
@@ -148,14 +143,15 @@ fn write_masks(
         counts[layer] += 1;
         places.iter().for_each(|&place| layers[layer][place] = counts[layer]);
         file.detections[*index].mask = Some(Box::new(MaskRecord {
-            path: Some(relative(scene_folder, &folder.join(layer_name(name, layer)))?),
+            path: Some(way_to_file(scene_folder, &folder.join(layer_name(name, layer)))?),
             value: Some(counts[layer].into()),
             ..Default::default()
         }));
     }
     for (layer, values) in layers.into_iter().enumerate() {
-        let labels = LabelImage::new(width, height, values)?;
-        write_label_image(&folder.join(layer_name(name, layer)), &labels)?;
+        let path = folder.join(layer_name(name, layer));
+        let labels = LabelImage::new(width, height, values).map_err(|error| WriteError::new(&path, error))?;
+        write_label_image(&path, &labels)?;
     }
     Ok(())
 }
@@ -165,78 +161,9 @@ fn layer_name(name: &str, layer: usize) -> String {
     if layer == 0 { format!("{name}.png") } else { format!("{name}+{layer}.png") }
 }
 
-/// What becomes of the relative path of an image when the scene file moves from the first folder to the second one.
-fn relocation([from, to]: [&Path; 2]) -> anyhow::Result<impl Fn(&str) -> String> {
-    let [from, to] = [absolute(from)?, absolute(to)?];
-    Ok(move |path: &str| {
-        if from == to || Path::new(path).is_absolute() {
-            return path.to_owned();
-        }
-        // The folder is free of links: ".." is the folder above. Behind the first name of the path it may not be.
-        let mut whole = from.clone();
-        let mut rest = Path::new(path).components();
-        while matches!(rest.clone().next(), Some(Component::ParentDir | Component::CurDir)) {
-            if rest.next() == Some(Component::ParentDir) {
-                whole.pop();
-            }
-        }
-        whole.extend(rest);
-        between(&to, &whole)
-    })
-}
-
-/// The path of a file in an existing folder, seen from another folder.
-fn relative(from: &Path, file: &Path) -> anyhow::Result<String> {
-    let folder = absolute(file.parent().unwrap_or(Path::new("")))?;
-    let name = file.file_name().context("the file has no name")?;
-    Ok(between(&absolute(from)?, &folder.join(name)))
-}
-
-/// The way from a folder to a file, with slashes; both are absolute.
-fn between(from: &Path, to: &Path) -> String {
-    let (from, to): (Vec<Component>, Vec<Component>) = (from.components().collect(), to.components().collect());
-    let common = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
-    if common == 0 {
-        // Another drive.
-        return to.iter().collect::<PathBuf>().display().to_string();
-    }
-    let up = std::iter::repeat_n("..".to_owned(), from.len() - common);
-    let down = to[common..].iter().map(|part| part.as_os_str().to_string_lossy().into_owned());
-    up.chain(down).collect::<Vec<_>>().join("/")
-}
-
-/// A folder without links and without "..".
-fn absolute(folder: &Path) -> anyhow::Result<PathBuf> {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    folder.canonicalize().with_context(|| format!("cannot find the folder {}", folder.display()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn paths_follow_the_scene_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let [scenes, results] = ["data/scenes", "results"].map(|name| folder.path().join(name));
-        std::fs::create_dir_all(&scenes).unwrap();
-        std::fs::create_dir_all(&results).unwrap();
-        let there = relocation([&scenes, &results]).unwrap();
-        assert_eq!(there("rgb/a.png"), "../data/scenes/rgb/a.png");
-        assert_eq!(there("./../lmo/a.png"), "../data/lmo/a.png");
-        assert_eq!(there("../lmo/../b/a.png"), "../data/lmo/../b/a.png", "lmo may be a link");
-        assert_eq!(relocation([&results, &results]).unwrap()("./a/../b.png"), "./a/../b.png");
-        assert_eq!(relative(&results, &scenes.join("a.png")).unwrap(), "../data/scenes/a.png");
-        assert_eq!(relative(&results, &results.join("a.png")).unwrap(), "a.png");
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn absolute_paths_stay() {
-        let folder = tempfile::tempdir().unwrap();
-        let there = relocation([folder.path(), Path::new("/")]).unwrap();
-        assert_eq!(there("/images/a.png"), "/images/a.png");
-    }
 
     #[test]
     fn masks_that_overlap_keep_all_their_pixels() {
@@ -251,9 +178,9 @@ mod tests {
         assert_eq!(place(1), Some(("a+1.png".to_owned(), 1)));
         assert_eq!(place(2), Some(("a.png".to_owned(), 2)));
         assert_eq!(place(3), None);
-        let labels = quadlift_io::read_label_image(&folder.path().join("a+1.png")).unwrap();
+        let labels = crate::read_label_image(&folder.path().join("a+1.png")).unwrap();
         assert_eq!(labels.mask(1), masks[1]);
-        let labels = quadlift_io::read_label_image(&folder.path().join("a.png")).unwrap();
+        let labels = crate::read_label_image(&folder.path().join("a.png")).unwrap();
         assert_eq!([labels.mask(1), labels.mask(2)], [masks[0].clone(), masks[2].clone()]);
     }
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use quadlift::scene::Scene;
 
-use crate::words::some_of;
+use crate::wording::some_of;
 
 /// Something that went wrong, and the detections that it befell.
 #[derive(Debug, Clone)]

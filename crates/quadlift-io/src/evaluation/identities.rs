@@ -1,17 +1,13 @@
 //! Scores of how detections were divided into objects: the detections that two scene files have in common.
 
 use std::collections::{BTreeSet, HashMap};
-use std::fmt::Write;
 use std::path::Path;
 
-use anyhow::bail;
 use quadlift::metrics::{DivisionScore, score_division};
-use quadlift_io::SceneFile;
-use quadlift_io::scene_file::DetectionRecord;
 use serde_json::{Value, json};
 
-use crate::output::{HEADING, WARNING, one_line};
-use crate::words::count;
+use super::EvaluateError;
+use crate::scene_file::{DetectionRecord, SceneFile};
 
 /// The score, and how many detections it rests on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,8 +29,10 @@ pub enum DivisionOutcome {
     Absent,
     /// It is scored.
     Scored(Division),
-    /// It is not, for this reason.
-    Unclear(String),
+    /// It is not: the detections of the estimate have several sources, and none was chosen.
+    SeveralSources(String),
+    /// It is not: the files have no detection in common.
+    NoneCommon(String),
 }
 
 /// What makes a detection the same in two files: its frame and its measurements, to the last bit.
@@ -50,12 +48,15 @@ fn key(record: &DetectionRecord) -> Key<'_> {
 
 /// Scores the objects that the detections of an estimate name against those that the same detections of a truth name.
 ///
-/// Of a source only where one is given; then both files must have it.
+/// Of a source only where one is given; then both files must have it. Messages name the paths.
+///
+/// # Errors
+/// [`EvaluateError`] when one of the files has no detections of the source.
 pub fn score(
     estimate: (&Path, &SceneFile),
     truth: (&Path, &SceneFile),
     source: Option<&str>,
-) -> anyhow::Result<DivisionOutcome> {
+) -> Result<DivisionOutcome, EvaluateError> {
     let of_source = |record: &&DetectionRecord| source.is_none() || record.source.as_deref() == source;
     let found: Vec<&DetectionRecord> = estimate.1.detections.iter().filter(of_source).collect();
     let all_true: Vec<&DetectionRecord> = truth.1.detections.iter().filter(of_source).collect();
@@ -63,7 +64,8 @@ pub fn score(
         if let Some(source) = source
             && kept.is_empty()
         {
-            bail!("{}: there are no detections of the source \"{source}\"", path.display());
+            let why = format!("{}: there are no detections of the source \"{source}\"", path.display());
+            return Err(EvaluateError::Unfit(why));
         }
     }
     if found.is_empty() || all_true.iter().all(|d| d.object.is_none()) {
@@ -72,8 +74,8 @@ pub fn score(
     let sources: BTreeSet<&str> = found.iter().map(|d| d.source.as_deref().unwrap_or("none")).collect();
     if sources.len() > 1 {
         let names: Vec<&str> = sources.into_iter().collect();
-        return Ok(DivisionOutcome::Unclear(format!(
-            "the detections of {} have several sources ({}): --source NAME scores how they were divided into objects",
+        return Ok(DivisionOutcome::SeveralSources(format!(
+            "the detections of {} have several sources ({})",
             estimate.0.display(),
             names.join(", ")
         )));
@@ -92,7 +94,7 @@ pub fn score(
         }
     }
     if pairs.is_empty() {
-        return Ok(DivisionOutcome::Unclear(format!(
+        return Ok(DivisionOutcome::NoneCommon(format!(
             "no detection of {} is in {} (the same frame, box and ellipse): how they were divided into objects is not \
              scored",
             estimate.0.display(),
@@ -121,58 +123,18 @@ impl<'a> Names<'a> {
 }
 
 impl DivisionOutcome {
-    /// For people; nothing where there is nothing to say.
-    pub fn render(&self) -> String {
-        match self {
-            Self::Absent => String::new(),
-            Self::Unclear(why) => format!("{WARNING}note:{WARNING:#} {}\n", one_line(why)),
-            Self::Scored(division) => division.render(),
-        }
-    }
-
     /// As JSON; null where there is no score.
-    pub fn to_json(&self) -> Value {
-        match self {
-            Self::Scored(division) => division.to_json(),
-            _ => Value::Null,
-        }
-    }
-}
-
-impl Division {
-    fn render(&self) -> String {
-        let score = &self.score;
-        let mut text = format!(
-            "{HEADING}identities{HEADING:#}: pairs of detections: precision {:.3}, recall {:.3}, F1 {:.3}; adjusted Rand \
-             index {:.3}; {}\n",
-            score.precision,
-            score.recall,
-            score.f1,
-            score.adjusted_rand_index,
-            count(score.duplicates, "duplicate object"),
-        );
-        if self.only_in_estimate + self.only_in_truth > 0 {
-            let _ = writeln!(
-                text,
-                "{WARNING}note:{WARNING:#} {} are in both files; {} only in the estimate, {} only in the truth",
-                count(self.compared, "detection"),
-                self.only_in_estimate,
-                self.only_in_truth
-            );
-        }
-        text
-    }
-
-    fn to_json(self) -> Value {
+    pub fn to_record(&self) -> Value {
+        let Self::Scored(division) = self else { return Value::Null };
         json!({
-            "detections": self.compared,
-            "only_in_estimate": self.only_in_estimate,
-            "only_in_truth": self.only_in_truth,
-            "precision": self.score.precision,
-            "recall": self.score.recall,
-            "f1": self.score.f1,
-            "adjusted_rand_index": self.score.adjusted_rand_index,
-            "duplicates": self.score.duplicates,
+            "detections": division.compared,
+            "only_in_estimate": division.only_in_estimate,
+            "only_in_truth": division.only_in_truth,
+            "precision": division.score.precision,
+            "recall": division.score.recall,
+            "f1": division.score.f1,
+            "adjusted_rand_index": division.score.adjusted_rand_index,
+            "duplicates": division.score.duplicates,
         })
     }
 }
@@ -216,10 +178,10 @@ mod tests {
         assert_eq!(divided(&SceneFile::default(), &truth), DivisionOutcome::Absent);
         assert_eq!(divided(&truth, &scene(&[("a", 0.0, None)])), DivisionOutcome::Absent);
         let elsewhere = divided(&scene(&[("a", 0.5, Some("cup"))]), &truth);
-        assert!(matches!(&elsewhere, DivisionOutcome::Unclear(why) if why.contains("no detection of e is in t")));
+        assert!(matches!(&elsewhere, DivisionOutcome::NoneCommon(why) if why.contains("no detection of e is in t")));
         let mut two = scene(&[("a", 0.0, Some("cup")), ("b", 0.0, Some("cup"))]);
         two.detections[0].source = Some("yolo".into());
-        assert!(matches!(divided(&two, &truth), DivisionOutcome::Unclear(why) if why.contains("(none, yolo)")));
+        assert!(matches!(divided(&two, &truth), DivisionOutcome::SeveralSources(why) if why.contains("(none, yolo)")));
         let unknown = score((Path::new("e"), &two), (Path::new("t"), &truth), Some("yolo")).unwrap_err();
         assert_eq!(unknown.to_string(), "t: there are no detections of the source \"yolo\"");
     }

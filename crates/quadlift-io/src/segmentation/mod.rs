@@ -1,0 +1,342 @@
+//! Segmenting one scene: what was chosen, the images one after another, the calls of `quadlift-segment`, and for every
+//! detection what was found or why not. [`add_to_scene`] writes that into the scene file.
+
+mod result;
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector2;
+use quadlift::geometry::Ellipse;
+use quadlift::scene::{Scene, SourceError};
+use quadlift_segment::{
+    Contacts, Crop, CropOptions, Failure, FrameMasks, Mask, Moments, PixelTerm, SegmentError, SegmentMethod,
+    SegmentOptions, SegmentStatus, ViewSegmentation, segment_objects,
+};
+
+use crate::problems::{Problem, Problems};
+use crate::scene_file::{MaskSource, SceneImages};
+
+pub use result::add_to_scene;
+
+/// Where masks come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// From the images (or, with [`SegmentMethod::Box`], from the boxes).
+    Image(SegmentMethod),
+    /// Those that the scene names.
+    Masks,
+}
+
+impl Method {
+    /// Those that can be chosen, in the order of the documentation.
+    pub const ALL: [Self; 5] = [
+        Self::Image(SegmentMethod::ScaCut),
+        Self::Image(SegmentMethod::Sca),
+        Self::Image(SegmentMethod::GraphCut),
+        Self::Masks,
+        Self::Image(SegmentMethod::Box),
+    ];
+
+    /// The name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Image(method) => method.name(),
+            Self::Masks => "masks",
+        }
+    }
+}
+
+/// What is being counted while a scene is segmented.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// Images, one after another.
+    Images,
+    /// Objects, afterwards and on several threads.
+    Objects,
+}
+
+/// Called with the number of things done and their total, from any thread.
+pub type Progress<'a> = &'a (dyn Fn(Step, usize, usize) + Sync);
+
+/// Why a scene cannot be segmented at all.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SegmentSceneError {
+    /// It is not clear which detections are meant.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// There is nothing to do, for this reason.
+    #[error("there is nothing to {0}")]
+    Nothing(&'static str),
+    /// The frames name no images.
+    #[error("no frame has an \"image\"; expected the path of an image file, relative to the scene file")]
+    NoImage,
+    /// An option is outside of its range.
+    #[error(transparent)]
+    Segment(#[from] SegmentError),
+}
+
+/// The choices for a segmentation.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Where masks come from.
+    pub method: Method,
+    /// The source whose detections are segmented.
+    pub source: Option<String>,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// Whether crops are wanted even where the method does not look at the images: for the contact sheets.
+    pub with_crops: bool,
+}
+
+/// What was found of a detection.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The object's pixels in the image.
+    pub mask: Mask,
+    /// The ellipse with the mask's second moments, or the one in the box.
+    pub ellipse: Ellipse,
+    /// How certain the pixels are; none for given masks.
+    pub confidence: Option<f64>,
+    /// Why it is the ellipse of the box, where it is.
+    pub fell_back: Option<Failure>,
+    /// Where the outline is not the object's own.
+    pub contacts: Contacts,
+}
+
+/// Detections that are segmented together: those of one object, or all without an object id, each of them alone.
+#[derive(Debug, Clone)]
+pub struct Group {
+    /// Id of the object.
+    pub object: Option<String>,
+    /// Its detections in the order of the frames.
+    pub detections: Vec<usize>,
+}
+
+/// The result for a scene. The lists over detections run parallel to those of the scene.
+#[derive(Debug, Clone)]
+pub struct Segmentation {
+    /// The detections of the chosen source, by object.
+    pub groups: Vec<Group>,
+    /// What was found of each detection.
+    pub found: Vec<Option<Found>>,
+    /// The crops of the detections, as far as there are any.
+    pub crops: Vec<Option<Crop>>,
+    /// Detections of the source that have no box and so no crop.
+    pub without_box: Vec<usize>,
+    /// What went wrong.
+    pub problems: Problems,
+    /// For each detection, the index of its first problem.
+    problem_of: Vec<Option<usize>>,
+}
+
+impl Segmentation {
+    fn new(detections: usize) -> Self {
+        Self {
+            groups: Vec::new(),
+            found: vec![None; detections],
+            crops: vec![None; detections],
+            without_box: Vec::new(),
+            problems: Problems::default(),
+            problem_of: vec![None; detections],
+        }
+    }
+
+    /// The problem of a detection.
+    pub fn problem_of(&self, detection: usize) -> Option<&Problem> {
+        self.problems.list().get(self.problem_of[detection]?)
+    }
+
+    fn failed(&mut self, message: impl ToString, detections: &[usize]) {
+        let problem = self.problems.add(message.to_string(), detections);
+        for &index in detections {
+            self.problem_of[index].get_or_insert(problem);
+        }
+    }
+}
+
+/// Segments the detections of a scene; those of one object together.
+///
+/// Images are read one at a time; of each only the crops around the detections are kept. What goes wrong with single
+/// detections is in [`Segmentation::problems`].
+///
+/// # Errors
+/// [`SegmentSceneError`] when the source is not clear or nothing can be segmented.
+pub fn segment_scene(
+    scene: &Scene,
+    images: &SceneImages,
+    settings: &Settings,
+    progress: Progress,
+) -> Result<Segmentation, SegmentSceneError> {
+    let nothing = |why| Err(SegmentSceneError::Nothing(why));
+    let source = scene.source_index(settings.source.as_deref())?;
+    let chosen = |index: &usize| source.is_none() || scene.detections[*index].source_index == source;
+    let mut detections: Vec<usize> = (0..scene.detections.len()).filter(chosen).collect();
+    if detections.is_empty() {
+        return nothing("segment: the scene has no detections");
+    }
+    let mut segmentation = Segmentation::new(scene.detections.len());
+    let reads_masks = settings.method == Method::Masks;
+    if reads_masks {
+        if !detections.iter().any(|&index| images.masks[index].is_some()) {
+            return nothing("read: no detection has a \"mask\"");
+        }
+    } else {
+        let has_box = |&index: &usize| images.boxes[index].is_some();
+        (detections, segmentation.without_box) = detections.into_iter().partition(has_box);
+        if detections.is_empty() {
+            return nothing("segment: no detection has a \"box\"");
+        }
+    }
+    if (!reads_masks || settings.with_crops) && images.images.iter().all(Option::is_none) {
+        return Err(SegmentSceneError::NoImage);
+    }
+    let frames = by_frame(scene, &detections);
+    segmentation.groups = by_object(scene, &frames);
+    for (done, (&frame, detections)) in frames.iter().enumerate() {
+        progress(Step::Images, done, frames.len());
+        if reads_masks {
+            take_masks(scene, images, detections, &mut segmentation);
+        }
+        if !reads_masks || settings.with_crops {
+            cut_crops(scene, images, frame, detections, &mut segmentation);
+        }
+    }
+    progress(Step::Images, frames.len(), frames.len());
+    if let Method::Image(method) = settings.method {
+        let options = SegmentOptions { method, seed: settings.seed, ..Default::default() };
+        segment_crops(&options, &mut segmentation, progress)?;
+    }
+    // Boxes say nothing about outlines.
+    if settings.method != Method::Image(SegmentMethod::Box) {
+        for (&frame, detections) in &frames {
+            find_contacts(scene, frame, detections, &mut segmentation);
+        }
+    }
+    Ok(segmentation)
+}
+
+/// The detections of each frame, in the order of the scene.
+fn by_frame(scene: &Scene, detections: &[usize]) -> BTreeMap<usize, Vec<usize>> {
+    let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for &index in detections {
+        frames.entry(scene.detections[index].frame_index as usize).or_default().push(index);
+    }
+    frames
+}
+
+/// The detections of each object in the order of the frames, then those without an object id.
+fn by_object(scene: &Scene, frames: &BTreeMap<usize, Vec<usize>>) -> Vec<Group> {
+    let mut objects: Vec<Vec<usize>> = vec![Vec::new(); scene.object_ids.len() + 1];
+    for &index in frames.values().flatten() {
+        let object = scene.detections[index].object_index.map_or(scene.object_ids.len(), |object| object as usize);
+        objects[object].push(index);
+    }
+    let group = |(object, detections)| Group { object: scene.object_ids.get(object).cloned(), detections };
+    objects.into_iter().enumerate().map(group).filter(|group| !group.detections.is_empty()).collect()
+}
+
+/// Reads the masks of a frame's detections.
+fn take_masks(scene: &Scene, images: &SceneImages, detections: &[usize], segmentation: &mut Segmentation) {
+    for (&index, mask) in detections.iter().zip(images.read_masks(scene, detections)) {
+        match mask {
+            Ok(Some(mask)) => {
+                // Polygons have moments of their own, finer than those of their pixels.
+                let moments = match &images.masks[index] {
+                    Some(MaskSource::Polygons(polygons)) => polygons.moments(),
+                    _ => Moments::of_mask(&mask, PixelTerm::Centers),
+                };
+                match moments.and_then(|moments| moments.ellipse()) {
+                    Some(ellipse) => {
+                        let contacts = Contacts::default();
+                        segmentation.found[index] =
+                            Some(Found { mask, ellipse, confidence: None, fell_back: None, contacts });
+                    }
+                    None => {
+                        let place = format!("{}: detections[{index}].mask", images.scene_file.display());
+                        segmentation.failed(format!("{place}: a point or a line has no ellipse"), &[index]);
+                    }
+                }
+            }
+            Ok(None) => {
+                segmentation.failed(format!("{}: there is no \"mask\"", images.scene_file.display()), &[index]);
+            }
+            Err(error) => segmentation.failed(error, &[index]),
+        }
+    }
+}
+
+/// Reads the image of a frame and cuts the crops of its detections; the image is let go of again.
+fn cut_crops(scene: &Scene, images: &SceneImages, frame: usize, detections: &[usize], segmentation: &mut Segmentation) {
+    let image = match images.read_image(scene, frame) {
+        Ok(image) => image,
+        Err(error) => return segmentation.failed(error, detections),
+    };
+    for &index in detections {
+        let of_mask = || segmentation.found[index].as_ref().and_then(|found| found.mask.bounding_box());
+        let Some(bounding_box) = images.boxes[index].or_else(of_mask) else { continue };
+        match Crop::cut(&image, &bounding_box, &CropOptions::default()) {
+            Ok(crop) => segmentation.crops[index] = Some(crop),
+            Err(error) => {
+                let place = format!("{}: detections[{index}].box", images.scene_file.display());
+                segmentation.failed(format!("{place}: {error}"), &[index]);
+            }
+        }
+    }
+}
+
+/// Segments the crops, those of one object together.
+fn segment_crops(
+    options: &SegmentOptions,
+    segmentation: &mut Segmentation,
+    progress: Progress,
+) -> Result<(), SegmentError> {
+    let with_crop = |index: &usize| segmentation.crops[*index].is_some();
+    let mut together: Vec<Vec<usize>> = Vec::new();
+    for group in &segmentation.groups {
+        let detections: Vec<usize> = group.detections.iter().copied().filter(with_crop).collect();
+        match group.object {
+            Some(_) => together.push(detections),
+            None => together.extend(detections.into_iter().map(|index| vec![index])),
+        }
+    }
+    let mut take = |index: &usize| segmentation.crops[*index].take();
+    let crops: Vec<Vec<Crop>> = together.iter().map(|list| list.iter().filter_map(&mut take).collect()).collect();
+    let results = segment_objects(&crops, options, &|done, total| progress(Step::Objects, done, total));
+    for ((list, crops), views) in together.iter().zip(crops).zip(results) {
+        for ((&index, crop), view) in list.iter().zip(crops).zip(views?) {
+            segmentation.crops[index] = Some(crop);
+            segmentation.found[index] = Some(found(view));
+        }
+    }
+    Ok(())
+}
+
+fn found(view: ViewSegmentation) -> Found {
+    let fell_back = match view.status {
+        SegmentStatus::FellBack(failure) => Some(failure),
+        SegmentStatus::Ok | SegmentStatus::BoxOnly => None,
+    };
+    let (mask, ellipse, contacts) = (view.mask, view.ellipse, Contacts::default());
+    let confidence = (view.status != SegmentStatus::BoxOnly).then_some(view.confidence);
+    Found { mask, ellipse, confidence, fell_back, contacts }
+}
+
+/// Finds where the masks of a frame touch each other and the border of the image.
+fn find_contacts(scene: &Scene, frame: usize, detections: &[usize], segmentation: &mut Segmentation) {
+    let image = image_size(scene, frame, detections, segmentation).unwrap_or([u32::MAX; 2]);
+    let trusted = |found: &&Found| found.fell_back.is_none();
+    let masks = detections.iter().filter_map(|&index| segmentation.found[index].as_ref().filter(trusted));
+    let all = FrameMasks::new(masks.map(|found| &found.mask));
+    for &index in detections {
+        if let Some(found) = segmentation.found[index].as_mut().filter(|found| found.fell_back.is_none()) {
+            found.contacts = all.contacts(&found.mask, image);
+        }
+    }
+}
+
+/// Width and height of a frame's image in pixels, where they are known.
+fn image_size(scene: &Scene, frame: usize, detections: &[usize], segmentation: &Segmentation) -> Option<[u32; 2]> {
+    let of_crops = detections.iter().find_map(|&index| Some(segmentation.crops[index].as_ref()?.image_size()));
+    // Images and masks of another size have been refused, so that the camera's is a whole number where there is one.
+    of_crops.or_else(|| scene.frames[frame].image_size.map(|size: Vector2<f64>| [size.x as u32, size.y as u32]))
+}

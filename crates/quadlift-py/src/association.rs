@@ -1,0 +1,43 @@
+//! Options of the association, from Python's keywords.
+
+use pyo3::prelude::*;
+use quadlift::associate::{AssociateOptions, associate};
+use quadlift::scene::Scene;
+
+use crate::error::refuse;
+use crate::options::{read_priors, use_of_ids};
+
+/// The keywords of `associate`, as Python hands them over. Names are those of the program.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct AssociateKeywords {
+    ids: String,
+    source: Option<String>,
+    thorough: bool,
+    min_views: usize,
+    min_score: Option<f64>,
+    max_overlap: Option<f64>,
+    pixel_sd: f64,
+    priors: Option<String>,
+    priors_text: Option<String>,
+}
+
+impl AssociateKeywords {
+    /// Checks the keywords for a scene.
+    pub fn for_scene(self, scene: &Scene) -> PyResult<AssociateOptions> {
+        let (priors, _) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
+        let options = AssociateOptions {
+            ids: use_of_ids(&self.ids)?,
+            thorough: self.thorough,
+            min_views: self.min_views,
+            min_score: self.min_score,
+            max_overlap: self.max_overlap,
+            pixel_sd: self.pixel_sd,
+            priors,
+            ..Default::default()
+        };
+        // An empty scene has nothing that the options could fail on, except for the source.
+        associate(&Scene::default(), &options, &|_, _| {}).map_err(refuse)?;
+        Ok(AssociateOptions { source: self.source, ..options })
+    }
+}

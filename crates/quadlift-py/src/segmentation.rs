@@ -1,0 +1,72 @@
+//! Segmenting the detections of a scene in their images.
+
+use std::fs::create_dir_all;
+use std::path::{Path, PathBuf};
+
+use pyo3::prelude::*;
+use quadlift::scene::SourceError;
+use quadlift_io::SceneFile;
+use quadlift_io::segmentation::{Method, SegmentSceneError, Settings, Step, add_to_scene, segment_scene};
+
+use crate::loaded::Loaded;
+use crate::options::choice;
+use crate::run::Ticker;
+
+/// The keywords of `segment`, as Python hands them over. Names are those of the program.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct SegmentKeywords {
+    method: String,
+    source: Option<String>,
+    out_masks: Option<PathBuf>,
+    seed: u64,
+}
+
+impl SegmentKeywords {
+    /// Checks the method.
+    pub fn method(&self) -> PyResult<Method> {
+        choice("method", &self.method, &Method::ALL.map(|method| (method.name(), method)))
+    }
+
+    /// Segments a scene: the file with what was found, as the program writes it, and what went wrong, in words.
+    pub fn segmented(
+        self,
+        method: Method,
+        loaded: &Loaded,
+        ticker: &Ticker,
+    ) -> Result<(SceneFile, Vec<String>), String> {
+        let (file, scene, path) = (loaded.file(), &loaded.scene, &loaded.path);
+        let images = file.to_images(path).map_err(|error| error.to_string())?;
+        if let Some(folder) = &self.out_masks
+            && let Some(path) = folder.canonicalize().ok().and_then(|folder| images.any_in(&folder))
+        {
+            return Err(format!(
+                "out_masks is the folder of {}, which could be overwritten; choose another one",
+                path.display()
+            ));
+        }
+        let settings = Settings { method, source: self.source, seed: self.seed, with_crops: false };
+        let segmentation = segment_scene(scene, &images, &settings, &|step, done, total| {
+            ticker.tick(done, total);
+            if step == Step::Images && done == total {
+                ticker.restart();
+            }
+        });
+        let segmentation = segmentation.map_err(|error| match error {
+            SegmentSceneError::Source(error @ SourceError::Several(_)) => format!("{error} (source=...)"),
+            error => error.to_string(),
+        })?;
+        let problems = segmentation.problems.in_words(scene);
+        if segmentation.found.iter().all(Option::is_none) {
+            return Err([vec!["no detection could be segmented".to_owned()], problems].concat().join("\n"));
+        }
+        if let Some(folder) = &self.out_masks {
+            create_dir_all(folder).map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
+        }
+        let mut file = file.clone();
+        let folder = path.parent().unwrap_or(Path::new(""));
+        add_to_scene(&mut file, scene, &segmentation, method, [folder, folder], self.out_masks.as_deref())
+            .map_err(|error| error.to_string())?;
+        Ok((file, problems))
+    }
+}
