@@ -39,30 +39,40 @@ pub struct DetectionArrays<'py> {
 #[derive(FromPyObject)]
 struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
 
-/// A checked detection as it was given: measured in the image as it is.
-pub struct Row {
-    frame_index: u32,
-    bounding_box: Option<BoundingBox>,
-    ellipse: Option<Ellipse>,
-    mask: Option<Runs>,
+/// A box and an ellipse, measured in the image as it is.
+type Measured = (Option<BoundingBox>, Option<Ellipse>);
+
+/// What a scene file holds of detections beside what a scene holds.
+pub struct Originals {
+    /// What was measured, where a lens has been taken out of it since; empty where no frame has one.
+    measured: Vec<Measured>,
+    /// Empty where there are none.
+    masks: Vec<Option<Runs>>,
 }
 
-impl Row {
-    /// The record of a detection in a scene file.
-    pub fn to_record(&self, scene: &Scene, detection: &Detection) -> DetectionRecord {
+impl Originals {
+    /// Adds the records of a scene's detections, from the index `first` on, to a scene file.
+    pub fn add_records(&self, file: &mut SceneFile, scene: &Scene, first: usize) {
+        let detections = scene.detections[first..].iter().enumerate();
+        file.detections.extend(detections.map(|(row, detection)| self.record(row, scene, detection)));
+    }
+
+    fn record(&self, row: usize, scene: &Scene, detection: &Detection) -> DetectionRecord {
         let name = |index: Option<u32>, names: &[String]| index.map(|index| names[index as usize].as_str().into());
+        let as_it_is = (detection.bounding_box, detection.ellipse);
+        let (bounding_box, ellipse) = self.measured.get(row).copied().unwrap_or(as_it_is);
         DetectionRecord {
-            frame: scene.frames[self.frame_index as usize].id.as_str().into(),
+            frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: name(detection.object_index, &scene.object_ids),
             category: name(detection.category_index, &scene.categories),
             source: name(detection.source_index, &scene.sources),
             score: detection.score,
-            bounding_box: self.bounding_box.map(|b| [b.x0, b.y0, b.x1, b.y1]),
-            ellipse: self.ellipse.map(|e| {
+            bounding_box: bounding_box.map(|b| [b.x0, b.y0, b.x1, b.y1]),
+            ellipse: ellipse.map(|e| {
                 let (center, semi_axes) = (e.center.into(), e.semi_axes.into());
                 Box::new(EllipseRecord { center, semi_axes, angle: e.angle, ..Default::default() })
             }),
-            mask: self.mask.as_ref().map(|(size, runs)| {
+            mask: self.masks.get(row).and_then(Option::as_ref).map(|(size, runs)| {
                 let rle = RleRecord { size: *size, counts: RleCounts::Runs(runs.clone()), ..Default::default() };
                 Box::new(MaskRecord { rle: Some(rle), ..Default::default() })
             }),
@@ -72,12 +82,9 @@ impl Row {
 }
 
 impl DetectionArrays<'_> {
-    /// Adds the detections to a scene; returns them as they were given.
-    pub fn add_to(&self, scene: &mut Scene) -> PyResult<Vec<Row>> {
-        let count = self.frame.as_array().len();
-        let rows = (0..count).map(|row| self.row(row, scene.frames.len())).collect::<Result<Vec<_>, _>>();
-        let mut rows = rows.map_err(refuse)?;
-        let first = scene.detections.len();
+    /// Adds the detections to a scene.
+    pub fn add_to(self, scene: &mut Scene) -> PyResult<Originals> {
+        let (first, count) = (scene.detections.len(), self.frame.as_array().len());
         if u32::try_from(first + count).is_err() {
             return Err(refuse("the scene is too large: more than 4294967295 detections"));
         }
@@ -92,33 +99,33 @@ impl DetectionArrays<'_> {
         let categories = self.category.indices(&mut scene.categories);
         let scores = self.scores.as_ref().map(|scores| scores.as_array());
         let hidden = self.hidden_edges.as_ref().map(|edges| edges.as_array());
+        let has_lens = scene.frames.iter().any(|frame| frame.lens.is_some());
+        let mut measured = Vec::with_capacity(if has_lens { count } else { 0 });
         scene.detections.reserve(count);
-        for (index, row) in rows.iter().enumerate() {
-            let frame = &scene.frames[row.frame_index as usize];
-            let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(row.bounding_box, row.ellipse);
+        for row in 0..count {
+            let (frame_index, (bounding_box, ellipse)) = self.row(row, scene.frames.len()).map_err(refuse)?;
+            if has_lens {
+                measured.push((bounding_box, ellipse));
+            }
+            let frame = &scene.frames[frame_index as usize];
+            let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(bounding_box, ellipse);
             scene.detections.push(Detection {
-                frame_index: row.frame_index,
-                object_index: objects.get(index).copied().flatten(),
-                category_index: categories.get(index).copied().flatten(),
+                frame_index,
+                object_index: objects.get(row).copied().flatten(),
+                category_index: categories.get(row).copied().flatten(),
                 source_index,
-                score: scores.map(|scores| scores[index]).filter(|score| !score.is_nan()),
+                score: scores.map(|scores| scores[row]).filter(|score| !score.is_nan()),
                 bounding_box,
                 ellipse,
-                support_lines: None,
-                partial: false,
                 box_in_image,
-                hidden_edges: hidden.map(|edges| std::array::from_fn(|k| edges[[index, k]])),
-                occluded: None,
-                truncated: None,
+                hidden_edges: hidden.map(|edges| std::array::from_fn(|k| edges[[row, k]])),
+                ..Default::default()
             });
         }
         if let Some((_, problem)) = repeated(scene, first, |row| row).into_iter().next() {
             return Err(refuse(problem));
         }
-        if let Some(masks) = &self.masks {
-            rows.iter_mut().zip(masks).for_each(|(row, mask)| row.mask.clone_from(mask));
-        }
-        Ok(rows)
+        Ok(Originals { measured, masks: self.masks.unwrap_or_default() })
     }
 
     /// All rows that [`Self::add_to`] would refuse, and why.
@@ -136,7 +143,7 @@ impl DetectionArrays<'_> {
         let mut good = Vec::with_capacity(count);
         for row in 0..count {
             match self.row(row, scene.frames.len()) {
-                Ok(Row { frame_index, .. }) => {
+                Ok((frame_index, _)) => {
                     let object_index = objects.get(row).copied().flatten();
                     scene.detections.push(Detection { frame_index, object_index, ..Detection::default() });
                     good.push(row);
@@ -149,8 +156,8 @@ impl DetectionArrays<'_> {
         problems
     }
 
-    /// A row, checked.
-    fn row(&self, row: usize, frames: usize) -> Result<Row, String> {
+    /// Frame and measurements of a row, checked.
+    fn row(&self, row: usize, frames: usize) -> Result<(u32, Measured), String> {
         let frame = self.frame.as_array()[row];
         let frame_index = u32::try_from(frame).ok().filter(|index| (*index as usize) < frames);
         let frame_index = frame_index.ok_or_else(|| match frames {
@@ -165,7 +172,7 @@ impl DetectionArrays<'_> {
         if bounding_box.is_none() && ellipse.is_none() {
             return Err(format!("row {row} has neither a box nor an ellipse (all of its numbers are NaN)"));
         }
-        Ok(Row { frame_index, bounding_box, ellipse, mask: None })
+        Ok((frame_index, (bounding_box, ellipse)))
     }
 }
 
@@ -201,7 +208,8 @@ impl Names<'_> {
 /// `row_of` gives the row of such a detection from its number.
 fn repeated(scene: &Scene, first: usize, row_of: impl Fn(usize) -> usize) -> Vec<(usize, String)> {
     let key = |d: &Detection| Some((d.object_index?, d.frame_index, d.source_index));
-    let mut keys: Vec<_> = scene.detections.iter().enumerate().filter_map(|(i, d)| Some((key(d)?, i))).collect();
+    let mut keys = Vec::with_capacity(scene.detections.len());
+    keys.extend(scene.detections.iter().enumerate().filter_map(|(i, d)| Some((key(d)?, i))));
     keys.sort_unstable();
     let mut found = Vec::new();
     for pair in keys.windows(2) {
@@ -221,10 +229,4 @@ fn repeated(scene: &Scene, first: usize, row_of: impl Fn(usize) -> usize) -> Vec
     }
     found.sort();
     found
-}
-
-/// Adds detections to a scene file; `scene` has them, from the index `first` on.
-pub fn add_records(file: &mut SceneFile, rows: &[Row], scene: &Scene, first: usize) {
-    let detections = scene.detections[first..].iter();
-    file.detections.extend(rows.iter().zip(detections).map(|(row, detection)| row.to_record(scene, detection)));
 }

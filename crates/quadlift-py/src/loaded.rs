@@ -7,7 +7,7 @@ use pyo3::PyResult;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 
-use crate::detections::{DetectionArrays, Row, add_records};
+use crate::detections::{DetectionArrays, Originals};
 use crate::error::refuse;
 
 /// A checked scene and the scene file that it stands for.
@@ -24,7 +24,7 @@ pub struct Loaded {
 /// Detections that are not in a file yet.
 struct Added {
     base: Arc<Loaded>,
-    rows: Vec<Row>,
+    originals: Originals,
 }
 
 impl Loaded {
@@ -38,19 +38,19 @@ impl Loaded {
     }
 
     /// A scene with more detections.
-    pub fn with_detections(base: &Arc<Self>, detections: &DetectionArrays) -> PyResult<Self> {
+    pub fn with_detections(base: &Arc<Self>, detections: DetectionArrays) -> PyResult<Self> {
         let mut scene = base.scene.clone();
-        let rows = detections.add_to(&mut scene)?;
-        let added = Some(Added { base: Arc::clone(base), rows });
+        let originals = detections.add_to(&mut scene)?;
+        let added = Some(Added { base: Arc::clone(base), originals });
         Ok(Self { scene, path: base.path.clone(), file: OnceLock::new(), added })
     }
 
     /// The scene file.
     pub fn file(&self) -> &SceneFile {
         self.file.get_or_init(|| {
-            let Some(Added { base, rows }) = &self.added else { return SceneFile::default() };
+            let Some(Added { base, originals }) = &self.added else { return SceneFile::default() };
             let mut file = base.file().clone();
-            add_records(&mut file, rows, &self.scene, base.scene.detections.len());
+            originals.add_records(&mut file, &self.scene, base.scene.detections.len());
             file
         })
     }

@@ -94,7 +94,7 @@ impl PyScene {
 
     /// The scene with these detections too.
     fn with_detections(&self, detections: DetectionArrays) -> PyResult<Self> {
-        Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, &detections)?) })
+        Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, detections)?) })
     }
 
     /// All rows that `with_detections` would refuse, and why.
