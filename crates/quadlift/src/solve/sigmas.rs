@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 
-/// Names of the noise levels that can be given, as results report them; see [`Sigmas`].
+/// Names of the noise levels that can be given, as results report them; see [`Sigmas`]. First the kinds of errors, in the
+/// order of the noise groups of `map`.
 pub const SIGMA_NAMES: [&str; 11] = [
     "edge_relative",
-    "edge_px",
-    "edge_correlation",
     "hidden_edge_relative",
     "ellipse_center",
     "ellipse_size",
@@ -14,6 +13,8 @@ pub const SIGMA_NAMES: [&str; 11] = [
     "ellipse_angle",
     "shape",
     "partial_ellipse",
+    "edge_px",
+    "edge_correlation",
     "ellipse_correlation",
 ];
 

@@ -3,7 +3,7 @@
 //! This is what lets one estimator serve every noise: with orientations that are useless and sizes that are exact it
 //! finds both out and weighs them so.
 
-use super::super::sigmas::Sigmas;
+use super::super::sigmas::{SIGMA_NAMES, Sigmas};
 
 /// A kind of measurement error with a standard deviation of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +40,11 @@ impl NoiseGroup {
         Self::PartialEllipse,
     ];
 
+    /// Name in reports.
+    fn name(self) -> &'static str {
+        SIGMA_NAMES[self as usize]
+    }
+
     /// Whether it is an edge, hidden or not.
     #[inline]
     pub(super) fn is_edge(self) -> bool {
@@ -55,18 +60,6 @@ impl NoiseGroup {
 
 /// Number of noise groups.
 const GROUPS: usize = 8;
-
-/// Names for reports, in the order of the groups.
-const GROUP_NAMES: [&str; GROUPS] = [
-    "edge_relative",
-    "hidden_edge_relative",
-    "ellipse_center",
-    "ellipse_size",
-    "ellipse_aspect",
-    "ellipse_angle",
-    "shape",
-    "partial_ellipse",
-];
 
 /// Where the estimation starts, and what few data are drawn towards.
 const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
@@ -129,7 +122,7 @@ impl NoiseLevels {
     /// Levels that are given. Hidden edges are twice as noisy as others where nothing is said of them; of other groups the
     /// default is taken.
     pub(super) fn given(sigmas: &Sigmas, pixel_size: f64) -> Self {
-        let of_group = |group: NoiseGroup| sigmas.get(GROUP_NAMES[group as usize]).map(|x| x / reported_part(group));
+        let of_group = |group: NoiseGroup| sigmas.get(group.name()).map(|x| x / reported_part(group));
         let sd = NoiseGroup::ALL.map(|group| {
             let hidden = (group == NoiseGroup::HiddenEdge).then(|| of_group(NoiseGroup::Edge).map(|edge| 2.0 * edge));
             of_group(group).or(hidden.flatten()).unwrap_or(DEFAULTS[group as usize]).max(FLOOR)
@@ -209,7 +202,7 @@ impl NoiseLevels {
         let with_data = |group: &&NoiseGroup| statistics.freedom[**group as usize] > 0.0;
         for &group in NoiseGroup::ALL.iter().filter(with_data) {
             let part = reported_part(group);
-            report.push((GROUP_NAMES[group as usize], self.of(group) * part));
+            report.push((group.name(), self.of(group) * part));
             if group == NoiseGroup::Edge {
                 report.push(("edge_px", self.of(group) * part * self.pixel_size));
                 report.push(("edge_correlation", self.correlation[0]));
