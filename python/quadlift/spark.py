@@ -1,10 +1,11 @@
 """quadlift on Spark: a table of detections and one of cameras in, a table of estimates out.
 
-Needs pyspark 4 or later and pyarrow, ``pip install "quadlift[spark]"``; the workers need quadlift too.
+Needs pyspark 4 or later and pyarrow (the extra `spark`); the workers need quadlift too.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -13,8 +14,9 @@ try:
     import pyarrow as pa
     import pyspark.sql.functions as F  # noqa: N812
     import pyspark.sql.types as T  # noqa: N812
+    from pyspark.sql import DataFrame
 except ImportError as error:
-    raise ImportError('quadlift.spark needs pyspark and pyarrow: pip install "quadlift[spark]"') from error
+    raise ImportError("quadlift.spark needs pyspark and pyarrow: pip install pyspark[sql] pyarrow") from error
 
 from . import _checks, _tables, batches
 from ._cameras import CAMERA
@@ -23,9 +25,11 @@ from ._detections import OF_OBJECTS, OF_SCENES, Settings
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-    from pyspark.sql import Column, DataFrame
+    from pyspark.sql import Column
 
-__all__ = ["localize"]
+__all__ = ["localize", "noise"]
+
+_log = logging.getLogger("quadlift")
 
 
 def localize(
@@ -101,13 +105,10 @@ def localize(
     given = {**options, "sigmas": sigmas, "body": body}
     world: dict[str, Any] = {"up": up, "length_unit": length_unit}
     settings = Settings.of(given, OF_OBJECTS if has_objects else OF_SCENES, up, length_unit)
-    limit = _checks.whole("broadcast_cameras", broadcast_cameras, 0)
     count = _checks.whole("sample_objects", sample_objects, 1, 2000)
     if partitions is not None:
         partitions = _checks.whole("partitions", partitions, 1)
-    few = cameras.limit(limit + 1).toArrow()
-    shared = batches.Cameras(few) if len(few) <= limit else None
-    joined = None if shared is not None else cameras
+    shared, joined = _shared_or_joined(cameras, broadcast_cameras)
     if not has_objects:
         work = partial(batches.localize_scenes, cameras=shared, **world, **given)
         return _map(_scenes(flat, joined, partitions), work, _estimates(flat, T.StringType()))
@@ -118,6 +119,48 @@ def localize(
     rows = _objects(_with_hidden_edges(flat) if hide else flat, joined, partitions)
     work = partial(batches.localize_objects, cameras=shared, **world, **given)
     return _map(rows, work, _estimates(flat, flat.schema["object"].dataType))
+
+
+def noise(
+    detections: DataFrame,
+    cameras: DataFrame,
+    *,
+    up: ArrayLike | None = None,
+    length_unit: str | None = None,
+    hidden_edges: bool = True,
+    broadcast_cameras: int = 100_000,
+    sample_objects: int = 2000,
+    **options: Any,
+) -> tuple[dict[str, float], str]:
+    """The noise levels and the kind of body that a sample of the objects shows: what `localize` finds out first.
+
+    Parameters
+    ----------
+    detections, cameras, up, length_unit, hidden_edges, broadcast_cameras, sample_objects, **options
+        As in `localize`; the detections need the column `object`.
+
+    Returns
+    -------
+    sigmas : dict
+        For `localize`, here or on the detections of other days.
+    body : str
+        Likewise.
+    """
+    flat = _flat(detections)
+    _tables.require(flat.columns, ["object"], "detections")
+    settings = Settings.of(options, OF_OBJECTS, up, length_unit)
+    count = _checks.whole("sample_objects", sample_objects, 1, 2000)
+    shared, joined = _shared_or_joined(_cameras(cameras, flat), broadcast_cameras)
+    hide = hidden_edges and settings.keywords["method"] == "map"
+    sample = batches.sample(_objects(_sample(flat, count, hide), joined).toArrow(), count)
+    return batches.noise(sample, shared, up=up, length_unit=length_unit, **options)
+
+
+def _shared_or_joined(cameras: DataFrame, limit: int) -> tuple[batches.Cameras | None, DataFrame | None]:
+    """The cameras where they are few, for all tasks; otherwise their table, to be joined."""
+    limit = _checks.whole("broadcast_cameras", limit, 0)
+    few = cameras.limit(limit + 1).toArrow()
+    return (batches.Cameras(few), None) if len(few) <= limit else (None, cameras)
 
 
 def _map(rows: DataFrame, work: Any, schema: T.StructType) -> DataFrame:
@@ -150,6 +193,8 @@ def _estimates(flat: DataFrame, object_type: T.DataType) -> T.StructType:
 
 # Columns
 
+_OF_DETECTIONS = ("scene", "frame", "object", "box", *_tables.BOX, "category", "score")
+
 
 def _keys(frame: DataFrame, *names: str) -> list[str]:
     """Columns of a key: the scene where there are scenes, and others."""
@@ -158,11 +203,21 @@ def _keys(frame: DataFrame, *names: str) -> list[str]:
 
 def _flat(detections: DataFrame) -> DataFrame:
     """The columns of the detections, checked."""
+    _is_table(detections, "detections")
     names = detections.columns
     _tables.require(names, ["frame"], "detections")
     for name in ("scene", "frame", "object"):
         if name in names:
             _is_id(detections, name, "detections")
+    if "box" in names and (others := [name for name in _tables.BOX if name in names]):
+        raise QuadliftError(f"detections has the columns 'box' and {others[0]!r}; expected one or the other")
+    ignored = [name for name in names if name not in _OF_DETECTIONS]
+    if "object" not in names and ignored:
+        # Perhaps one of these was meant.
+        _log.warning(
+            "detections has no column 'object', so identities are found scene by scene; not looked at: %s",
+            ", ".join(ignored),
+        )
     if "box" in names:
         kind = detections.schema["box"].dataType
         if not (isinstance(kind, T.ArrayType) and isinstance(kind.elementType, T.NumericType)):
@@ -185,6 +240,7 @@ def _flat(detections: DataFrame) -> DataFrame:
 
 def _cameras(cameras: DataFrame, flat: DataFrame) -> DataFrame:
     """The columns of the cameras, checked."""
+    _is_table(cameras, "cameras")
     names = cameras.columns
     if "scene" in names and "scene" not in flat.columns:
         raise QuadliftError("cameras has a column 'scene', detections has none")
@@ -198,6 +254,11 @@ def _cameras(cameras: DataFrame, flat: DataFrame) -> DataFrame:
                 f"the column {name!r} is {found.simpleString()} in cameras and {expected.simpleString()} in detections"
             )
     return cameras.select(*_keys(flat, "frame"), *(name for name in CAMERA if name in names))
+
+
+def _is_table(table: Any, name: str) -> None:
+    if not isinstance(table, DataFrame):
+        raise QuadliftError(f"{name} is a {type(table).__module__}.{type(table).__name__}; expected a Spark DataFrame")
 
 
 def _is_id(frame: DataFrame, name: str, table: str) -> None:

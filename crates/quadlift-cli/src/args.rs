@@ -55,7 +55,11 @@ pub enum SigmaSource {
 /// Reads `NAME=X,...`, or takes a path.
 pub fn sigmas(text: &str) -> Result<SigmaSource, String> {
     if !text.contains('=') {
-        return Ok(SigmaSource::Result(text.into()));
+        let path = PathBuf::from(text);
+        return match path.exists() {
+            true => Ok(SigmaSource::Result(path)),
+            false => Err("neither a file nor NAME=X,...".to_owned()),
+        };
     }
     let level = |part: &str| {
         let (name, value) = part.split_once('=').ok_or_else(|| format!("\"{part}\": expected NAME=X"))?;

@@ -37,6 +37,9 @@ pub enum SigmasError {
     /// There is no noise level of this name.
     #[error("\"{0}\" is no noise level; expected one of {names}", names = SIGMA_NAMES.join(", "))]
     Unknown(String),
+    /// A name that is given twice.
+    #[error("{0} is given twice")]
+    Twice(&'static str),
     /// A number out of its range.
     #[error("{name} is {value}; expected {expected}")]
     Range {
@@ -76,7 +79,9 @@ impl Sigmas {
             if !fits {
                 return Err(SigmasError::Range { name, value, expected });
             }
-            by_name.insert(name, value);
+            if by_name.insert(name, value).is_some() {
+                return Err(SigmasError::Twice(name));
+            }
         }
         if by_name.contains_key("edge_px") && !by_name.contains_key("edge_relative") {
             return Err(SigmasError::PixelsAlone);
@@ -111,6 +116,8 @@ mod tests {
             error("edge_correlation", 1.0),
             "edge_correlation is 1; expected a number of at least 0 and below 1"
         );
+        let twice = Sigmas::new([("shape", 0.1), ("shape", 0.2)]);
+        assert_eq!(twice.unwrap_err().to_string(), "shape is given twice");
         assert_eq!(error("edge_px", 1.0), "edge_px is given without edge_relative; expected both");
     }
 }
