@@ -1,11 +1,11 @@
-"""What a localisation and an evaluation give."""
+"""What localisation, association and evaluation give."""
 
 from __future__ import annotations
 
 import html
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -121,7 +121,7 @@ class Estimates:
     association: dict[str, Any] | None
     problems: list[str]
     seconds: float
-    _localized: _core.Localized = field()
+    _localized: _core.Localized
 
     @classmethod
     def _of(cls, localized: _core.Localized, ids: str = "found") -> Estimates:
@@ -296,12 +296,16 @@ class Estimates:
         return frame(self._localized.report("quadlift", None))
 
 
-def frame(page: str) -> str:
-    """A page as it stands in a notebook."""
-    return (
-        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" loading="lazy" '
-        'style="width: 100%; height: 640px; border: 0"></iframe>'
-    )
+@dataclass(frozen=True)
+class AssociatedObject:
+    """An object that association has found."""
+
+    id: str
+    """Its id."""
+    evidence: float | None
+    """How much better its detections are explained by it than by clutter (nats)."""
+    doubtful: str | None
+    """Why it may not be one standing object."""
 
 
 @dataclass(frozen=True)
@@ -343,3 +347,11 @@ class Evaluation:
     found: dict[str, Any] | None
     identities: dict[str, Any] | None
     notes: list[str]
+
+
+def frame(page: str) -> str:
+    """A page as it stands in a notebook."""
+    return (
+        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" loading="lazy" '
+        'style="width: 100%; height: 640px; border: 0"></iframe>'
+    )

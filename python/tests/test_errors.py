@@ -72,9 +72,9 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "last row": (
         {"projections": None, "intrinsics": np.eye(3), "cam_from_world": np.ones((5, 4, 4))},
-        "the last row of cam_from_world[0] is no [0, 0, 0, 1]",
+        "the last row of cam_from_world[0] is [1.0, 1.0, 1.0, 1.0]; expected [0, 0, 0, 1]",
     ),
-    "image sizes": ({"image_sizes": (0, 480)}, "image_sizes holds a number that is not positive"),
+    "image sizes": ({"image_sizes": (0, 480)}, "image_sizes holds 0.0; expected positive numbers of pixels"),
     "ellipses": ({"ellipses": np.zeros((10, 5))}, "ellipses[0]: the conic is not an ellipse"),
     "masks": ({"masks": [np.zeros(3)] * 10}, "masks[0] has the shape (3,)"),
     "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
