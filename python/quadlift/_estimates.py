@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from ._scene import Scene
 
-_WIDTHS = {
+_SHAPES = {
     "centers": (3,),
     "semi_axes": (3,),
     "enclosing_semi_axes": (3,),
@@ -140,7 +140,7 @@ class Estimates:
 
         def rows(name: str) -> NDArray[Any]:
             values: NDArray[Any] = found[name]
-            shaped = values.reshape(len(names), *_WIDTHS.get(name, ()))
+            shaped = values.reshape(len(names), *_SHAPES.get(name, ()))
             return shaped if in_order else shaped[order]
 
         def items(name: str) -> list[Any]:
@@ -193,7 +193,7 @@ class Estimates:
         return ok
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A table with a row for each object; needs pandas.
+        """A table with a row for each object; needs ``quadlift[pandas]``.
 
         Returns
         -------
@@ -201,8 +201,10 @@ class Estimates:
             Columns `object`, `category`, `status`, `x`, `y`, `z`, `semi_axis_0` to `_2`, `qw`, `qx`, `qy`, `qz`,
             `enclosing_semi_axis_0` to `_2`, `center_sd`, `views_used`, `rms_residual_px`.
         """
-        import pandas as pd
-
+        try:
+            import pandas as pd
+        except ImportError as error:
+            raise ImportError('to_pandas needs pandas: pip install "quadlift[pandas]"') from error
         columns: dict[str, Any] = {"object": self.object_ids, "category": self.categories, "status": self.status}
         columns |= {name: self.centers[:, k] for k, name in enumerate("xyz")}
         columns |= {f"semi_axis_{k}": self.semi_axes[:, k] for k in range(3)}
@@ -216,7 +218,7 @@ class Estimates:
         return pd.DataFrame(columns)
 
     def to_arrow(self) -> pyarrow.Table:
-        """A table with a row for each object; needs pyarrow.
+        """A table with a row for each object; needs ``quadlift[arrow]``.
 
         Returns
         -------
@@ -225,7 +227,7 @@ class Estimates:
             `covariance` (lists of fixed sizes 3, 3, 4, 3 and 81; null where there is none), `center_sd`, `views_used`,
             `rms_residual_px`.
         """
-        import pyarrow as pa
+        from ._arrow import pa
 
         def lists(values: NDArray[np.float64]) -> Any:
             flat = values.reshape(len(self), int(np.prod(values.shape[1:])))
@@ -293,7 +295,7 @@ class Estimates:
         _rerun.log_recorded(recorded, given, path)
 
     def _repr_html_(self) -> str:
-        return frame(self._localized.report("quadlift", None))
+        return in_notebook(self._localized.report("quadlift", None))
 
 
 @dataclass(frozen=True)
@@ -349,8 +351,8 @@ class Evaluation:
     notes: list[str]
 
 
-def frame(page: str) -> str:
-    """A page as it stands in a notebook."""
+def in_notebook(page: str) -> str:
+    """A page of HTML as it stands in the cell of a notebook."""
     return (
         f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" loading="lazy" '
         'style="width: 100%; height: 640px; border: 0"></iframe>'

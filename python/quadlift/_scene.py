@@ -382,4 +382,4 @@ class Scene:
         _rerun.log_recorded(self._core.recording(self.name or "quadlift"), self._core, path)
 
     def _repr_html_(self) -> str:
-        return _estimates.frame(self._core.report(self.name or "quadlift"))
+        return _estimates.in_notebook(self._core.report(self.name or "quadlift"))
