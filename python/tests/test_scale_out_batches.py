@@ -386,8 +386,8 @@ def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
         "ground": (objects(ground_plane=True), "ground_plane is an option of whole scenes"),
         "height": (objects(camera_height=1.0), "camera_height is an option of whole scenes"),
         "poses": (objects(pose_noise=(0.1, 0.1)), "pose_noise is an option of whole scenes"),
-        "priors": (objects(priors={"car": {"on_ground": True}}), "on_ground=True"),
-        "builtin": (objects(priors="builtin"), "on_ground=True"),
+        "priors": (objects(priors={"car": {"on_ground": True}}, up=(0, 0, 1)), "on_ground=True"),
+        "builtin": (objects(priors="builtin", length_unit="m", up=(0, 0, 1)), "on_ground=True"),
         "threads": (objects(threads=2), "there is no option 'threads' here"),
         "object": (objects(rows.drop_columns("object")), "rows has no column 'object'"),
         "box": (objects(rows.drop_columns("y0")), "rows has no column 'y0'"),
@@ -404,6 +404,16 @@ def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
         "table": (objects(rows.to_pylist()), "rows is a list; expected a pyarrow.Table"),
         "frames of floats": (objects(wrong_type(rows)), "frame has the type double; expected whole numbers or texts"),
     }
+
+
+def test_priors_that_could_share_a_ground_are_taken_where_up_is_not_known(made: Arrays) -> None:
+    rows, cameras = tables(made)
+    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid", "priors": "builtin", "length_unit": "m"}
+    found = batches.localize_objects(rows, cameras, **options)
+    halves = [batches.localize_objects(rows.slice(start, 2), cameras, **options) for start in (0, 2)]
+    assert pa.concat_tables(halves).equals(found)
+    # The objects have no categories.
+    assert found.equals(batches.localize_objects(rows, cameras, sigmas=SIGMAS, body="ellipsoid"))
 
 
 def wrong_type(rows: pa.Table) -> pa.Table:

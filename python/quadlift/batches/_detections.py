@@ -52,10 +52,10 @@ class Settings:
             None if up is None else _checks.array("up", up, (3,)).tolist(),
             None if length_unit is None else _checks.text("length_unit", length_unit),
         )
-        if known == OF_OBJECTS and _may_share_ground(options.get("priors")):
+        if known == OF_OBJECTS and up is not None and _may_share_ground(options.get("priors")):
             raise QuadliftError(
-                "priors: those with on_ground=True let objects share a ground; tables of objects, which are solved one "
-                "by one, take a mapping of priors without on_ground"
+                "priors: those with on_ground=True let objects share a ground where up is given; tables of objects, "
+                "which are solved one by one, take a mapping of priors without on_ground, or no up"
             )
         # One good detection: all that can be wrong is the options.
         probe = Detections(np.array([0]), np.array([0]), np.array([[0.0, 0.0, 1.0, 1.0]]), None, (None, []), None)

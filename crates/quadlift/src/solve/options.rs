@@ -126,14 +126,6 @@ pub struct MapOptions {
     pub sigmas: Option<Sigmas>,
 }
 
-impl MapOptions {
-    /// Whether the objects of a scene have more in common than noise levels: the ground, or cameras that are moved.
-    pub(super) fn has_shared_unknowns(&self) -> bool {
-        let on_ground = self.priors.by_category.values().any(|prior| prior.on_ground);
-        self.ground_plane || on_ground || self.pose_noise.is_some()
-    }
-}
-
 impl Default for MapOptions {
     fn default() -> Self {
         Self {

@@ -70,6 +70,13 @@ impl<'a> MapContext<'a> {
     ) -> Self {
         Self { categories, up, cameras, seed, options, body: options.body.unwrap_or_default() }
     }
+
+    /// Whether the objects have more in common than noise levels: the ground, or cameras that are moved.
+    fn has_shared_unknowns(&self) -> bool {
+        let MapOptions { ground_plane, priors, pose_noise, .. } = self.options;
+        let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);
+        pose_noise.is_some() || (on_ground && self.up.is_some())
+    }
 }
 
 /// The answer for a scene.
@@ -95,7 +102,7 @@ pub fn map(
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
     // Where the objects share nothing that is unknown, each is fitted by itself.
-    let together = if options.sigmas.is_some() && !options.has_shared_unknowns() { &[] } else { sample.as_slice() };
+    let together = if options.sigmas.is_some() && !context.has_shared_unknowns() { &[] } else { sample.as_slice() };
     let fitted = |body| MapContext { body, ..context.clone() };
     let finish_oriented = |body| {
         let context = fitted(body);
