@@ -28,6 +28,11 @@ def from_colmap(cls: type[Scene], model: Path | Any) -> Scene:
     ----------
     model : path-like or pycolmap.Reconstruction
         The folder of the model (binary or text), or the reconstruction itself.
+
+    Raises
+    ------
+    QuadliftError
+        Names the file, and what is wrong with it.
     """
     if isinstance(model, str | os.PathLike):
         return cls(_core.Scene.read_colmap(model))
@@ -70,6 +75,11 @@ def from_detections(
         Leave out detections with a lower score.
     image_size : (float, float), optional
         Width and height of images of which nothing else says it, pixels.
+
+    Raises
+    ------
+    QuadliftError
+        Names the file, and what is wrong with it; also where none of its images is a frame.
     """
     size = None if image_size is None else _checks.array("image_size", image_size, (2,))
     scene = cameras._core.with_detections_of(

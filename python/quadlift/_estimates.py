@@ -82,9 +82,13 @@ class Estimates:
     body : str
         The kind of body that was fitted.
     noise : dict
-        Noise levels that the residuals show, by name.
+        Noise levels that the residuals show, by name; empty for other methods than ``"map"``. Standard deviations:
+        ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
+        ellipses as shares of the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
+        ``ellipse_correlation`` are correlations between views that follow each other.
     left_out : dict
-        Numbers of detections that took no part, by reason.
+        Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
+        where the lens cannot be undistorted).
     association : dict or None
         What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
         nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and

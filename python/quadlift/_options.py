@@ -49,7 +49,7 @@ class Options(TypedDict, total=False):
     priors: Path | Mapping[str, Prior] | None
     """What is known about categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
     min_views: int
-    """Objects with fewer views are not localised."""
+    """Objects with fewer views are not localised, nor ever with fewer than the method needs (two or three)."""
     max_occluded: float | None
     """Leave out detections that are more occluded (KITTI's levels)."""
     max_truncated: float | None

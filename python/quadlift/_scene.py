@@ -1,4 +1,4 @@
-"""Scenes: posed frames, detections and objects; files and other packages' types."""
+"""Scenes: posed frames, detections and objects, and what is done with them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ class Scene:
     """Posed frames, detections in them, and objects (the truth, or estimates). A scene never changes.
 
     Make one with `read`, `from_arrays`, `from_colmap`, `from_coco`, `from_detections`, `from_supervision` or
-    `from_ultralytics`.
+    `from_ultralytics`. What is wrong with an argument or a file is a `QuadliftError`, which names it, what was found
+    and what was expected.
     """
 
     def __init__(self, core: _core.Scene) -> None:
@@ -55,7 +56,7 @@ class Scene:
         return document
 
     def write(self, path: Path) -> None:
-        """Writes a scene file; paths of images become absolute where it goes to another folder.
+        """Writes a scene file; paths of images and masks become absolute where it goes to another folder.
 
         Parameters
         ----------
@@ -133,21 +134,22 @@ class Scene:
         Parameters
         ----------
         frame : array_like of int, shape (M,)
-            Indices of the frames.
+            Indices of the frames, 0 to F - 1.
         boxes : array_like, shape (M, 4), optional
             ``[x0, y0, x1, y1]`` in pixels; a row of NaN stands for none.
         ellipses : array_like, shape (M, 5), optional
-            Centre x and y, two semi-axes, angle of the first (radians); a row of NaN stands for none.
+            Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
+            stands for none. Each detection needs a box or an ellipse.
         masks : sequence of (H, W) arrays or None, length M, optional
             Non-zero where the object is.
         object : array_like of int or str, shape (M,), optional
-            The objects; negative numbers, None and "" stand for unknown.
+            The objects; negative numbers, None and "" stand for unknown. A source shows each once in a frame at most.
         scores : array_like, shape (M,), optional
             Scores; NaN stands for none.
         categories : array_like of int or str, shape (M,), optional
-            Categories.
+            Categories, by number or name; as for objects, some stand for unknown.
         source : str, optional
-            The detector.
+            Name of the detector.
         """
         detections = _arrays.detections(
             frame=frame,
@@ -318,6 +320,11 @@ class Scene:
             The scene whose detections name these objects.
         objects : list of AssociatedObject
             The objects, in the order of their first detections.
+
+        Raises
+        ------
+        QuadliftError
+            Where no object was found, and why; where something is wrong with an option.
         """
         threads, progress = _options.threads_and_progress(threads, progress)
         keywords = _options.of_association(
