@@ -31,21 +31,21 @@ use crate::scene::PyScene;
 #[pyclass(name = "Localized", module = "quadlift._core", frozen)]
 pub struct PyLocalized {
     /// The file that was localised.
-    pub loaded: Arc<Loaded>,
+    loaded: Arc<Loaded>,
     /// The scene where it is not as it was loaded: its objects were found, or its masks read.
-    pub changed: Option<Scene>,
+    changed: Option<Scene>,
     /// How they were found, where they were.
-    pub association: Option<Association>,
+    association: Option<Association>,
     /// The estimates.
-    pub localization: Localization,
+    localization: Localization,
     /// The settings as in a file.
-    pub settings: serde_json::Value,
+    settings: serde_json::Value,
     /// Index of the source whose detections were taken.
-    pub source: Option<u32>,
+    source: Option<u32>,
     /// What could not be read, in words.
-    pub problems: Vec<String>,
+    problems: Vec<String>,
     /// Time that the library took, seconds.
-    pub seconds: f64,
+    seconds: f64,
 }
 
 /// Reads masks where they are wanted, associates where detections name no object, and localises, as the program does.

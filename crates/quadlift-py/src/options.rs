@@ -15,7 +15,7 @@ use crate::error::refuse;
 /// The keywords of `localize`, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Keywords {
+pub struct LocalizeKeywords {
     method: String,
     body: String,
     source: Option<String>,
@@ -47,7 +47,7 @@ pub struct Choices {
     pub ids: Option<IdUse>,
 }
 
-impl Keywords {
+impl LocalizeKeywords {
     /// Checks the keywords for a scene.
     pub fn for_scene(&self, scene: &Scene) -> PyResult<Choices> {
         let method = choice("method", &self.method, &METHODS)?;

@@ -28,7 +28,7 @@ use crate::evaluation::{MATCHING, scores};
 use crate::frames::FrameArrays;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized};
-use crate::options::{Keywords, choice};
+use crate::options::{LocalizeKeywords, choice};
 use crate::recording::{jpeg, recorded};
 use crate::run::{Ticker, in_background};
 use crate::segmentation::SegmentKeywords;
@@ -154,7 +154,7 @@ impl PyScene {
     fn localize(
         &self,
         py: Python,
-        keywords: Keywords,
+        keywords: LocalizeKeywords,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyLocalized> {
