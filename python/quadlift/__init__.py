@@ -9,11 +9,11 @@ yours.
 from __future__ import annotations
 
 from ._core import QuadliftError, __version__
-from ._estimates import Estimates, Evaluation
+from ._estimates import AssociatedObject, Estimates, Evaluation
 from ._localize import localize
 from ._options import Options, Prior
 from ._rerun import log_recording
-from ._scene import AssociatedObject, Scene
+from ._scene import Scene
 
 __all__ = [
     "AssociatedObject",

@@ -1,38 +1,173 @@
-"""From other packages' types to arrays. None of the packages is imported: their attributes are enough."""
+"""Scenes from other packages: constructors of `Scene`, as functions whose first argument is the class.
+
+None of the packages is imported: the attributes of their types are enough.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _checks
+from . import _checks, _core
 from ._core import QuadliftError
 
-Table = dict[str, Any]
+if TYPE_CHECKING:
+    from ._options import Path
+    from ._scene import Scene
 
 
-def runs_of_masks(masks: Sequence[Any], count: int) -> list[tuple[list[int], list[int]] | None]:
-    """Height and width and COCO's runs (down the columns, the first one outside of the object) of each mask."""
-    _checks.rows("masks", len(masks), "frame", count)
-    return [None if mask is None else _runs(f"masks[{k}]", mask) for k, mask in enumerate(masks)]
+def from_colmap(cls: type[Scene], model: Path | Any) -> Scene:
+    """The cameras of a COLMAP model.
+
+    Parameters
+    ----------
+    model : path-like or pycolmap.Reconstruction
+        The folder of the model (binary or text), or the reconstruction itself.
+
+    Raises
+    ------
+    QuadliftError
+        Names the file, and what is wrong with it.
+    """
+    if isinstance(model, str | os.PathLike):
+        return cls(_core.Scene.read_colmap(model))
+    if not hasattr(model, "write"):
+        raise QuadliftError(f"model is a {type(model).__name__}; expected a path or a pycolmap.Reconstruction")
+    with tempfile.TemporaryDirectory() as folder:
+        model.write(folder)
+        return cls(_core.Scene.read_colmap(folder))
 
 
-def _runs(name: str, mask: Any) -> tuple[list[int], list[int]]:
-    pixels = np.asarray(mask)
-    if pixels.ndim != 2 or pixels.dtype.kind not in "biuf":
-        raise QuadliftError(
-            f"{name} has the shape {pixels.shape} and the dtype {pixels.dtype}; expected (H, W), numbers"
-        )
-    column = (pixels != 0).T.reshape(-1)
-    changes = np.flatnonzero(np.diff(column, prepend=False)) if column.size else np.zeros(0, dtype=np.int64)
-    lengths = np.diff(np.concatenate([[0], changes, [column.size]]))
-    return list(pixels.shape), [int(length) for length in lengths]
+def from_detections(
+    cls: type[Scene],
+    path: Path,
+    cameras: Scene,
+    *,
+    names: Path | None = None,
+    frame_column: str | None = None,
+    source: str | None = None,
+    min_score: float | None = None,
+    image_size: tuple[float, float] | None = None,
+) -> Scene:
+    """Cameras with the detections of a file of another program, whose format is recognised.
+
+    COCO, MOTChallenge, Ultralytics YOLO, KITTI labels, CSV tables, supervision's sinks and LabelMe are; their
+    images are matched with the frames by name, number or time, as in the program. Track ids become objects.
+
+    Parameters
+    ----------
+    path : path-like
+        File or folder.
+    cameras : Scene
+        The frames; detections that it has stay.
+    names : path-like, optional
+        Names of the classes, for YOLO, MOTChallenge and tables.
+    frame_column : str, optional
+        The column of a table that names the image.
+    source : str, optional
+        Name of the detector; that of the format without it.
+    min_score : float, optional
+        Leave out detections with a lower score.
+    image_size : (float, float), optional
+        Width and height of images of which nothing else says it, pixels.
+
+    Raises
+    ------
+    QuadliftError
+        Names the file, and what is wrong with it; also where none of its images is a frame.
+    """
+    size = None if image_size is None else _checks.array("image_size", image_size, (2,))
+    scene = cameras._core.with_detections_of(
+        path,
+        names=names,
+        frame_column=None if frame_column is None else _checks.text("frame_column", frame_column),
+        source=None if source is None else _checks.text("source", source),
+        min_score=None if min_score is None else _checks.number("min_score", min_score),
+        image_size=None if size is None else (float(size[0]), float(size[1])),
+    )
+    return cls(scene)
 
 
-def by_frame(
+def from_coco(cls: type[Scene], path: Path, cameras: Scene) -> Scene:
+    """Cameras with the boxes and masks of a COCO file; see `from_detections`."""
+    return cls.from_detections(path, cameras, source="coco")
+
+
+def from_supervision(
+    cls: type[Scene],
+    detections: Sequence[Any] | Mapping[str, Any],
+    cameras: Scene,
+    *,
+    frames: Sequence[str] | None = None,
+    source: str = "supervision",
+) -> Scene:
+    """Cameras with the detections of `supervision.Detections`.
+
+    Parameters
+    ----------
+    detections : sequence or mapping of supervision.Detections
+        One for each frame, in their order (or that of `frames`), or by the ids of the frames. Tracker ids become
+        objects (``t7`` for 7), class names (or numbers) become categories.
+    cameras : Scene
+        The frames.
+    frames : sequence of str, optional
+        Ids of the frames of a sequence of detections.
+    source : str
+        Name of the detector.
+    """
+    table = _Table(cameras)
+    for frame, found in _by_frame(detections, frames, cameras.frame_ids):
+        data = getattr(found, "data", None) or {}
+        classes = data.get("class_name", found.class_id)
+        table.add(frame, found.xyxy, found.confidence, classes, found.tracker_id, found.mask)
+    return cameras.with_detections(**table.arrays(), source=source)
+
+
+def from_ultralytics(
+    cls: type[Scene],
+    results: Iterable[Any],
+    cameras: Scene,
+    *,
+    frames: Sequence[str] | None = None,
+    source: str = "yolo",
+) -> Scene:
+    """Cameras with the boxes of Ultralytics' results.
+
+    Parameters
+    ----------
+    results : iterable of ultralytics.engine.results.Results
+        One for each image; matched by the name of its file with the frames' ids and images.
+    cameras : Scene
+        The frames.
+    frames : sequence of str, optional
+        Ids of the results' frames, instead of matching names.
+    source : str
+        Name of the detector.
+    """
+    # A stream of results can be read once.
+    results, known = list(results), cameras.frame_ids
+    if frames is None:
+        frames = _frames_of_paths([str(result.path) for result in results], known)
+    table = _Table(cameras)
+    for frame, result in _by_frame(results, frames, known):
+        boxes = result.boxes
+        if boxes is None:
+            raise QuadliftError(
+                f'the result of frame "{known[frame]}" has no boxes; expected those of detection, segmentation or '
+                "tracking"
+            )
+        classes = [result.names[int(k)] for k in _numpy(boxes.cls)]
+        tracks = None if boxes.id is None else _numpy(boxes.id).astype(np.int64)
+        table.add(frame, _numpy(boxes.xyxy), _numpy(boxes.conf), classes, tracks, None)
+    return cameras.with_detections(**table.arrays(), source=source)
+
+
+def _by_frame(
     detections: Sequence[Any] | Mapping[str, Any], frames: Sequence[str] | None, known: list[str]
 ) -> list[tuple[int, Any]]:
     """Detections with the indices of their frames."""
@@ -52,7 +187,7 @@ def by_frame(
     return [(index[name], found) for name, found in pairs]
 
 
-def frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
+def _frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
     """The frames whose ids are the names of these files, with or without folders and extensions."""
     for part in ("name", "stem"):
         frames: dict[str, list[str]] = {}
@@ -69,29 +204,6 @@ def frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
     )
 
 
-def supervision(detections: list[tuple[int, Any]]) -> Table:
-    """The table of `supervision.Detections`."""
-    table = _Table()
-    for frame, found in detections:
-        data = getattr(found, "data", None) or {}
-        classes = data.get("class_name", found.class_id)
-        table.add(frame, found.xyxy, found.confidence, classes, found.tracker_id, found.mask)
-    return table.arrays()
-
-
-def ultralytics(results: list[tuple[int, Any]]) -> Table:
-    """The table of Ultralytics' results."""
-    table = _Table()
-    for frame, result in results:
-        boxes = result.boxes
-        if boxes is None:
-            raise QuadliftError("a result has no boxes; expected those of detection, segmentation or tracking")
-        classes = [result.names[int(k)] for k in _numpy(boxes.cls)]
-        ids = None if boxes.id is None else _numpy(boxes.id).astype(np.int64)
-        table.add(frame, _numpy(boxes.xyxy), _numpy(boxes.conf), classes, ids, None)
-    return table.arrays()
-
-
 def _numpy(tensor: Any) -> Any:
     """An array of a tensor, wherever it is."""
     tensor = tensor.cpu() if hasattr(tensor, "cpu") else tensor
@@ -104,9 +216,10 @@ def _track(number: Any) -> str | None:
 
 
 class _Table:
-    """Detections, gathered frame by frame."""
+    """Detections, gathered frame by frame, as arguments of `Scene.with_detections`."""
 
-    def __init__(self) -> None:
+    def __init__(self, cameras: Scene) -> None:
+        self.frame_ids = cameras.frame_ids
         self.frame: list[int] = []
         self.boxes: list[Any] = []
         self.scores: list[float] = []
@@ -115,7 +228,7 @@ class _Table:
         self.masks: list[Any] = []
 
     def add(self, frame: int, boxes: Any, scores: Any, classes: Any, tracks: Any, masks: Any) -> None:
-        edges = _checks.array("xyxy", boxes, ("M", 4))
+        edges = _checks.array(f'xyxy of frame "{self.frame_ids[frame]}"', boxes, ("M", 4))
         for row in range(len(edges)):
             self.frame.append(frame)
             self.boxes.append(edges[row])
@@ -124,7 +237,7 @@ class _Table:
             self.object.append(None if tracks is None else _track(tracks[row]))
             self.masks.append(None if masks is None else masks[row])
 
-    def arrays(self) -> Table:
+    def arrays(self) -> dict[str, Any]:
         return {
             "frame": np.array(self.frame, dtype=np.int64),
             "boxes": np.array(self.boxes, dtype=np.float64).reshape(-1, 4),

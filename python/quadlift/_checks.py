@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,11 +143,13 @@ def text(name: str, value: Any) -> str:
     return value
 
 
-def texts(name: str, value: Sequence[Any], count: int) -> list[str]:
-    """As many texts."""
-    if isinstance(value, str) or len(value) != count:
-        found = "a text" if isinstance(value, str) else f"{len(value)} of them"
-        raise QuadliftError(f"{name}: found {found}; expected {count} texts, one for each frame")
+def texts(name: str, value: Any, count: int) -> list[str]:
+    """Texts, one for each of `count` frames."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise QuadliftError(f"{name} is {value!r}; expected {count} texts, one for each frame")
+    value = list(value)
+    if len(value) != count:
+        raise QuadliftError(f"{name}: found {len(value)} of them; expected {count} texts, one for each frame")
     return [text(f"{name}[{k}]", item) for k, item in enumerate(value)]
 
 

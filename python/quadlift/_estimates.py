@@ -1,11 +1,11 @@
-"""What a localisation and an evaluation give."""
+"""What localisation, association and evaluation give."""
 
 from __future__ import annotations
 
 import html
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from ._scene import Scene
 
-_WIDTHS = {
+_SHAPES = {
     "centers": (3,),
     "semi_axes": (3,),
     "enclosing_semi_axes": (3,),
@@ -82,9 +82,13 @@ class Estimates:
     body : str
         The kind of body that was fitted.
     noise : dict
-        Noise levels that the residuals show, by name.
+        Noise levels that the residuals show, by name; empty for other methods than ``"map"``. Standard deviations:
+        ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
+        ellipses as shares of the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
+        ``ellipse_correlation`` are correlations between views that follow each other.
     left_out : dict
-        Numbers of detections that took no part, by reason.
+        Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
+        where the lens cannot be undistorted).
     association : dict or None
         What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
         nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
@@ -121,7 +125,7 @@ class Estimates:
     association: dict[str, Any] | None
     problems: list[str]
     seconds: float
-    _localized: _core.Localized = field()
+    _localized: _core.Localized
 
     @classmethod
     def _of(cls, localized: _core.Localized, ids: str = "found") -> Estimates:
@@ -140,7 +144,7 @@ class Estimates:
 
         def rows(name: str) -> NDArray[Any]:
             values: NDArray[Any] = found[name]
-            shaped = values.reshape(len(names), *_WIDTHS.get(name, ()))
+            shaped = values.reshape(len(names), *_SHAPES.get(name, ()))
             return shaped if in_order else shaped[order]
 
         def items(name: str) -> list[Any]:
@@ -193,7 +197,7 @@ class Estimates:
         return ok
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A table with a row for each object; needs pandas.
+        """A table with a row for each object; needs ``quadlift[pandas]``.
 
         Returns
         -------
@@ -201,8 +205,10 @@ class Estimates:
             Columns `object`, `category`, `status`, `x`, `y`, `z`, `semi_axis_0` to `_2`, `qw`, `qx`, `qy`, `qz`,
             `enclosing_semi_axis_0` to `_2`, `center_sd`, `views_used`, `rms_residual_px`.
         """
-        import pandas as pd
-
+        try:
+            import pandas as pd
+        except ImportError as error:
+            raise ImportError('to_pandas needs pandas: pip install "quadlift[pandas]"') from error
         columns: dict[str, Any] = {"object": self.object_ids, "category": self.categories, "status": self.status}
         columns |= {name: self.centers[:, k] for k, name in enumerate("xyz")}
         columns |= {f"semi_axis_{k}": self.semi_axes[:, k] for k in range(3)}
@@ -216,7 +222,7 @@ class Estimates:
         return pd.DataFrame(columns)
 
     def to_arrow(self) -> pyarrow.Table:
-        """A table with a row for each object; needs pyarrow.
+        """A table with a row for each object; needs ``quadlift[arrow]``.
 
         Returns
         -------
@@ -225,7 +231,7 @@ class Estimates:
             `covariance` (lists of fixed sizes 3, 3, 4, 3 and 81; null where there is none), `center_sd`, `views_used`,
             `rms_residual_px`.
         """
-        import pyarrow as pa
+        from ._arrow import pa
 
         def lists(values: NDArray[np.float64]) -> Any:
             flat = values.reshape(len(self), int(np.prod(values.shape[1:])))
@@ -293,15 +299,19 @@ class Estimates:
         _rerun.log_recorded(recorded, given, path)
 
     def _repr_html_(self) -> str:
-        return frame(self._localized.report("quadlift", None))
+        return in_notebook(self._localized.report("quadlift", None))
 
 
-def frame(page: str) -> str:
-    """A page as it stands in a notebook."""
-    return (
-        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" loading="lazy" '
-        'style="width: 100%; height: 640px; border: 0"></iframe>'
-    )
+@dataclass(frozen=True)
+class AssociatedObject:
+    """An object that association has found."""
+
+    id: str
+    """Its id."""
+    evidence: float | None
+    """How much better its detections are explained by it than by clutter (nats)."""
+    doubtful: str | None
+    """Why it may not be one standing object."""
 
 
 @dataclass(frozen=True)
@@ -343,3 +353,11 @@ class Evaluation:
     found: dict[str, Any] | None
     identities: dict[str, Any] | None
     notes: list[str]
+
+
+def in_notebook(page: str) -> str:
+    """A page of HTML as it stands in the cell of a notebook."""
+    return (
+        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" loading="lazy" '
+        'style="width: 100%; height: 640px; border: 0"></iframe>'
+    )

@@ -61,7 +61,7 @@ def localize(
     scores : array_like, shape (M,), optional
         Scores of the detector; NaN stands for none.
     categories : array_like of int or str, shape (M,), optional
-        Categories.
+        Categories, by number or name; as for objects, some stand for unknown.
     up : array_like, shape (3,), optional
         World direction against gravity.
     length_unit : str, optional

@@ -1,4 +1,4 @@
-"""The options of a localisation: those of the program, with its defaults."""
+"""The options of localisation, segmentation and association: those of the program, checked for the core."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 from . import _checks
 from ._core import QuadliftError
 
+Path = str | os.PathLike[str]
 Progress = Callable[[int, int], object]
 Ids = Literal["trust", "evidence", "ignore"]
+Segmenter = Literal["sca+cut", "sca", "graphcut", "masks", "box"]
 
 
 class Prior(TypedDict, total=False):
@@ -44,10 +46,10 @@ class Options(TypedDict, total=False):
     """Find out first which detections show the same object: where some name none (`auto`), not at all or always."""
     ids: Ids | None
     """What ids that detections have are worth then (`trust`; with `associate="always"`: `evidence`)."""
-    priors: str | os.PathLike[str] | Mapping[str, Prior] | None
+    priors: Path | Mapping[str, Prior] | None
     """What is known about categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
     min_views: int
-    """Objects with fewer views are not localised."""
+    """Objects with fewer views are not localised, nor ever with fewer than the method needs (two or three)."""
     max_occluded: float | None
     """Leave out detections that are more occluded (KITTI's levels)."""
     max_truncated: float | None
@@ -92,7 +94,7 @@ DEFAULTS: dict[str, Any] = {
 
 
 def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, Progress | None]:
-    """The keywords of the core, the number of threads and the progress callback."""
+    """The core's keywords of a localisation, the number of threads and the progress callback."""
     given: dict[str, Any] = dict(options)
     threads, progress = threads_and_progress(given.pop("threads", None), given.pop("progress", None))
     for name in given:
@@ -114,8 +116,53 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     keywords["ground_plane"] = _checks.flag("ground_plane", keywords["ground_plane"])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
-    keywords["priors"], keywords["priors_text"] = priors_of(keywords["priors"])
+    keywords["priors"], keywords["priors_text"] = _priors(keywords["priors"])
     return keywords, threads, progress
+
+
+def of_segmentation(method: str, source: str | None, out_masks: Path | None, seed: int) -> dict[str, Any]:
+    """The core's keywords of a segmentation."""
+    return {
+        "method": _checks.text("method", method),
+        "source": None if source is None else _checks.text("source", source),
+        "out_masks": None if out_masks is None else os.fspath(out_masks),
+        "seed": _checks.whole("seed", seed, 0, 2**64 - 1),
+    }
+
+
+def of_association(
+    *,
+    ids: str,
+    source: str | None,
+    thorough: bool,
+    min_views: int,
+    min_score: float | None,
+    max_overlap: float | None,
+    pixel_sd: float,
+    priors: Path | Mapping[str, Prior] | None,
+) -> dict[str, Any]:
+    """The core's keywords of an association."""
+    name, text = _priors(priors)
+    return {
+        "ids": _checks.text("ids", ids),
+        "source": None if source is None else _checks.text("source", source),
+        "thorough": _checks.flag("thorough", thorough),
+        "min_views": _checks.whole("min_views", min_views, 2, 2**32),
+        "min_score": None if min_score is None else _checks.number("min_score", min_score),
+        "max_overlap": None if max_overlap is None else _checks.number("max_overlap", max_overlap),
+        "pixel_sd": _checks.number("pixel_sd", pixel_sd),
+        "priors": name,
+        "priors_text": text,
+    }
+
+
+def threads_and_progress(threads: Any, progress: Any) -> tuple[int | None, Progress | None]:
+    """The number of threads and the progress callback, checked."""
+    if threads is not None:
+        threads = _checks.whole("threads", threads, 1, 1024)
+    if progress is not None and not callable(progress):
+        raise QuadliftError(f"progress is {progress!r}; expected a function of two numbers")
+    return threads, progress
 
 
 def _sigmas(sigmas: Any) -> dict[str, float]:
@@ -126,17 +173,8 @@ def _sigmas(sigmas: Any) -> dict[str, float]:
     return {name: _checks.number(f"sigmas[{name!r}]", sigmas[name]) for name in names}
 
 
-def threads_and_progress(threads: Any, progress: Any) -> tuple[int | None, Progress | None]:
-    """Checks both."""
-    if threads is not None:
-        threads = _checks.whole("threads", threads, 1, 1024)
-    if progress is not None and not callable(progress):
-        raise QuadliftError(f"progress is {progress!r}; expected a function of two numbers")
-    return threads, progress
-
-
-def priors_of(priors: Any) -> tuple[str | None, str | None]:
-    """A path or "builtin", and the text of a TOML file."""
+def _priors(priors: Any) -> tuple[str | None, str | None]:
+    """A path or "builtin", or instead of it the text of a TOML file."""
     if priors is None:
         return None, None
     if isinstance(priors, str | os.PathLike):
@@ -154,7 +192,7 @@ def priors_of(priors: Any) -> tuple[str | None, str | None]:
             if isinstance(value, bool):
                 value = json.dumps(value)
             elif np.ndim(value) == 1:
-                value = json.dumps(_checks.array(place, value, ("3",)).tolist())
+                value = json.dumps(_checks.array(place, value, (3,)).tolist())
             else:
                 value = repr(_checks.number(place, value))
             lines.append(f"{json.dumps(key)} = {value}")

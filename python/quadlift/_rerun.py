@@ -45,22 +45,28 @@ def log_recording(folder: str | os.PathLike[str], path: str | os.PathLike[str] |
         The folder.
     path : path-like, optional
         A recording to write (``.rrd``); without it the current recording of Rerun gets it (``rerun.init``).
+
+    Raises
+    ------
+    QuadliftError
+        Where the folder holds no recording, or Rerun has none and no path is given.
     """
-    folder = Path(folder)
+    file = Path(folder) / "recording.json"
     try:
-        recording = json.loads((folder / "recording.json").read_text(encoding="utf-8"))
-    except OSError as error:
-        raise QuadliftError(f"{folder} holds no recording: {error}") from error
+        recording = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise QuadliftError(f"{file} is no recording: {error}") from error
     found = (recording.get("format"), recording.get("version")) if isinstance(recording, dict) else None
     if found != ("quadlift.recording", 1):
-        raise QuadliftError(f"{folder} holds no recording of version 1")
+        words = f"the format {found[0]!r}, version {found[1]!r}" if found else f"a {type(recording).__name__}"
+        raise QuadliftError(f"{file}: found {words}; expected the format 'quadlift.recording', version 1")
     rr = _rerun()
 
     def image(index: int) -> Any:
         name = recording["frames"][index]["image"]
-        return rr.EncodedImage(path=folder / name) if name else None
+        return rr.EncodedImage(path=file.parent / name) if name else None
 
-    _log(recording, image, path, recording["name"])
+    _log(rr, recording, image, path, recording["name"])
 
 
 def log_recorded(recorded: tuple[str, list[int]], scene: _core.Scene, path: str | os.PathLike[str] | None) -> None:
@@ -72,17 +78,19 @@ def log_recorded(recorded: tuple[str, list[int]], scene: _core.Scene, path: str 
         try:
             found = scene.jpeg(frames[index])
         except QuadliftError as error:
-            warnings.warn(str(error), stacklevel=4)
+            # Told of the line that calls `to_rerun`.
+            warnings.warn(str(error), stacklevel=5)
             return None
         if found is None:
             return None
         recording["frames"][index]["size"] = found[1]
         return rr.EncodedImage(contents=found[0], media_type="image/jpeg")
 
-    _log(recording, image, path, scene.name)
+    _log(rr, recording, image, path, scene.name)
 
 
 def _rerun() -> Any:
+    """Rerun's SDK."""
     try:
         import rerun
     except ImportError as error:
@@ -90,9 +98,10 @@ def _rerun() -> Any:
     return rerun
 
 
-def _log(recording: Record, image: Callable[[int], Any], path: str | os.PathLike[str] | None, name: str | None) -> None:
-    """Logs a recording; `image` gives the images of its frames, and those of the same name belong together."""
-    rr = _rerun()
+def _log(
+    rr: Any, recording: Record, image: Callable[[int], Any], path: str | os.PathLike[str] | None, name: str | None
+) -> None:
+    """Logs a recording; `image` gives the images of its frames, and recordings of the same name belong together."""
     stream: Any = contextlib.nullcontext()
     if path is not None:
         stream = rr.RecordingStream("quadlift", recording_id=name)
@@ -135,6 +144,7 @@ def _log_bodies(rr: Any, objects: list[Record], key: str) -> None:
 
 
 def _log_frame(rr: Any, frame: Record, image: Any) -> None:
+    """Logs camera, image, boxes and outlines of a frame at the time that is set."""
     path = "world/camera/image"
     if frame["camera"]:
         pose = np.array(frame["camera"]["cam_from_world"])

@@ -18,10 +18,11 @@ try:
 except ImportError as error:
     raise ImportError("quadlift.spark needs pyspark and pyarrow: pip install pyspark[sql] pyarrow") from error
 
-from . import _checks, _tables, batches
-from ._cameras import CAMERA
+from . import _checks, batches
 from ._core import QuadliftError
-from ._detections import OF_OBJECTS, OF_SCENES, Settings
+from .batches import _tables
+from .batches._cameras import CAMERA
+from .batches._detections import OF_OBJECTS, OF_SCENES, Settings
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -111,14 +112,14 @@ def localize(
     shared, joined = _shared_or_joined(cameras, broadcast_cameras)
     if not has_objects:
         work = partial(batches.localize_scenes, cameras=shared, **world, **given)
-        return _map(_scenes(flat, joined, partitions), work, _estimates(flat, T.StringType()))
+        return _map(_scenes(flat, joined, partitions), work, _schema(flat, T.StringType()))
     hide = hidden_edges and settings.keywords["method"] == "map"
     if not settings.is_complete():
         sample = batches.sample(_objects(_sample(flat, count, hide), joined).toArrow(), count)
         given["sigmas"], given["body"] = batches.noise(sample, shared, **world, **given)
     rows = _objects(_with_hidden_edges(flat) if hide else flat, joined, partitions)
     work = partial(batches.localize_objects, cameras=shared, **world, **given)
-    return _map(rows, work, _estimates(flat, flat.schema["object"].dataType))
+    return _map(rows, work, _schema(flat, flat.schema["object"].dataType))
 
 
 def noise(
@@ -179,8 +180,8 @@ def _map(rows: DataFrame, work: Any, schema: T.StructType) -> DataFrame:
     return rows.mapInArrow(on_batches, schema)
 
 
-def _estimates(flat: DataFrame, object_type: T.DataType) -> T.StructType:
-    """Columns of the result."""
+def _schema(flat: DataFrame, object_type: T.DataType) -> T.StructType:
+    """The columns of `quadlift.batches.schema` as Spark's, with the types that `scene` and `object` have here."""
     vector = T.ArrayType(T.DoubleType())
     types = {pa.string(): T.StringType(), pa.float64(): T.DoubleType(), pa.int64(): T.LongType()}
     fields = [T.StructField("scene", flat.schema["scene"].dataType)] if "scene" in flat.columns else []

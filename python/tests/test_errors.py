@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 from typing import Any
@@ -72,11 +73,15 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "last row": (
         {"projections": None, "intrinsics": np.eye(3), "cam_from_world": np.ones((5, 4, 4))},
-        "the last row of cam_from_world[0] is no [0, 0, 0, 1]",
+        "the last row of cam_from_world[0] is [1.0, 1.0, 1.0, 1.0]; expected [0, 0, 0, 1]",
     ),
-    "image sizes": ({"image_sizes": (0, 480)}, "image_sizes holds a number that is not positive"),
+    "image sizes": ({"image_sizes": (0, 480)}, "image_sizes holds 0.0; expected positive numbers of pixels"),
     "ellipses": ({"ellipses": np.zeros((10, 5))}, "ellipses[0]: the conic is not an ellipse"),
     "masks": ({"masks": [np.zeros(3)] * 10}, "masks[0] has the shape (3,)"),
+    "priors, width": (
+        {"priors": {"cup": {"size": (1, 2), "size_sd": (1, 1, 1)}}},
+        "priors['cup']['size'] has the shape (2,); expected (3,)",
+    ),
     "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
     "empty": ({"frame": [], "boxes": np.zeros((0, 4)), "object": []}, "there is nothing to localise"),
     "no objects": ({"object": -np.ones(10, int), "associate": "never"}, "10 detections name no object"),
@@ -131,6 +136,17 @@ def test_files(tmp_path: Path) -> None:
         quadlift.Scene.read(path)
     with pytest.raises(quadlift.QuadliftError, match="cannot write"):
         quadlift.Scene.from_arrays(projections=MADE.projections).write(tmp_path / "no" / "scene.json")
+    with pytest.raises(quadlift.QuadliftError, match=r"recording\.json is no recording: .*No such file"):
+        quadlift.log_recording(tmp_path)
+    recording = tmp_path / "recording.json"
+    for text, message in (
+        ("{", "is no recording: "),
+        ("[]", "found a list; expected the format 'quadlift.recording', version 1"),
+        ('{"format": "quadlift.scene", "version": 2}', "found the format 'quadlift.scene', version 2; expected"),
+    ):
+        recording.write_text(text)
+        with pytest.raises(quadlift.QuadliftError, match=message):
+            quadlift.log_recording(tmp_path)
     scene = quadlift.Scene.from_arrays(projections=MADE.projections)
     with pytest.raises(quadlift.QuadliftError, match='the truth: the file holds no "objects"'):
         scene.evaluate(scene)
@@ -158,3 +174,30 @@ def test_missing_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = quadlift.Scene.from_arrays(projections=MADE.projections)
     with pytest.raises(ImportError, match=r'pip install "quadlift\[rerun\]"'):
         scene.to_rerun()
+    estimates = quadlift.localize(**MADE.arguments())
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=r'pip install "quadlift\[pandas\]"'):
+        estimates.to_pandas()
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    for name in ("_arrow", "batches"):
+        monkeypatch.delitem(sys.modules, f"quadlift.{name}", raising=False)
+    with pytest.raises(ImportError, match=r'pip install "quadlift\[arrow\]"'):
+        estimates.to_arrow()
+    with pytest.raises(ImportError, match=r'pip install "quadlift\[arrow\]"'):
+        importlib.import_module("quadlift.batches")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"frame_ids": 3}, "frame_ids is 3; expected 5 texts, one for each frame"),
+        ({"frame_ids": "abcde"}, "frame_ids is 'abcde'; expected 5 texts, one for each frame"),
+        ({"images": ["a.jpg"]}, "images: found 1 of them; expected 5 texts, one for each frame"),
+        ({"images": ["a", "b", 3, "d", "e"]}, r"images\[2\] is 3; expected a text"),
+        ({"name": 3}, "name is 3; expected a text"),
+        ({"frame_ids": ["a", "a", "b", "c", "d"]}, r'frames\[1\]: the frame id "a" is used twice'),
+    ],
+)
+def test_wrong_frames(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(quadlift.QuadliftError, match=message):
+        quadlift.Scene.from_arrays(projections=MADE.projections, **arguments)

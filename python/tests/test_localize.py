@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import quadlift
@@ -163,6 +163,7 @@ def test_types_and_layouts_make_no_difference(dtype: Any, index: Any, layout: st
 
 
 @settings(max_examples=60, deadline=None)
+@example(shape=[0, 3, 4], name="projections")
 @given(shape=st.lists(st.integers(0, 6), max_size=4), name=st.sampled_from(["boxes", "projections", "scores", "frame"]))
 def test_wrong_shapes_are_named(shape: list[int], name: str) -> None:
     made = made_scene(objects=2, views=5)

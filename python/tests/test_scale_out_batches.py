@@ -13,7 +13,8 @@ import pytest
 import quadlift
 from conftest import Arrays, Program, made_scene
 from fleet import Fleet, assert_same, comparable, count_ok, made_fleet, statuses
-from quadlift import _detections, batches
+from quadlift import batches
+from quadlift.batches import _detections
 
 SIGMAS = {"edge_relative": 0.02, "edge_px": 0.3, "hidden_edge_relative": 0.05, "edge_correlation": 0.2}
 KEYS = ["scene", "object"]
@@ -327,6 +328,36 @@ def test_group_and_ungroup() -> None:
     assert batches.ungroup(rows).to_pylist()[2] == {"a": 2, "b": "x", "c": 4.0}
 
 
+def test_what_cannot_be_grouped() -> None:
+    table = pa.table({"a": [1, 2], "b": ["x", "y"]})
+    wrong: Any
+    for wrong in ("a", []):
+        with pytest.raises(quadlift.QuadliftError, match=r"by is .*; expected a list of at least one column"):
+            batches.group(table, wrong)
+    with pytest.raises(quadlift.QuadliftError, match="table has no column 'c'; found a, b"):
+        batches.group(table, ["c"])
+    with pytest.raises(quadlift.QuadliftError, match="rows has no column of lists; found a, b"):
+        batches.ungroup(table)
+    ragged = pa.table({"a": [[1], [1, 2]], "b": [[1], [1]]})
+    with pytest.raises(quadlift.QuadliftError, match="row 1 has lists of different lengths: 2 a, 1 b"):
+        batches.ungroup(ragged)
+
+
+def test_a_sample_does_not_depend_on_parts() -> None:
+    """The sample of the samples of parts is that of the whole; what is no object is never in it."""
+    scenes = np.repeat(["s", "t"], 50)
+    rows = pa.table({"scene": scenes, "object": np.tile(np.arange(50) - 5, 2), "views": np.arange(100)})
+    found = batches.sample(rows, 20)
+    assert (len(found), found.column_names) == (20, rows.column_names)
+    assert min(found["object"].to_pylist()) >= 0
+    assert set(found["scene"].to_pylist()) == {"s", "t"}
+    parts = [batches.sample(rows.slice(k, 30), 20) for k in (60, 0, 90, 30)]
+    assert batches.sample(pa.concat_tables(parts), 20).equals(found)
+    assert len(batches.sample(rows)) == 90
+    with pytest.raises(quadlift.QuadliftError, match="count is -1; expected a whole number of at least 0"):
+        batches.sample(rows, -1)
+
+
 def test_cameras_can_be_sent(fleet: Fleet) -> None:
     cameras = batches.Cameras(fleet.cameras)
     assert len(cameras) == 33
@@ -364,7 +395,10 @@ def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
         "cameras": (objects(cameras=None), "has no column 'cameras'"),
         "frame": (objects(cameras=cameras.drop_columns("frame")), "cameras has no column 'frame'"),
         "projection": (objects(cameras=cameras.drop_columns("projection")), "cameras has no column 'intrinsics'"),
-        "height alone": (objects(cameras=cameras.drop_columns("width")), "found one"),
+        "height alone": (
+            objects(cameras=cameras.drop_columns("width")),
+            "or none of them; found height alone",
+        ),
         "scene": (objects(cameras=named), "the cameras have a column 'scene'"),
         "types": (objects(cameras=texts), "frame is int64 in the detections and string in the cameras"),
         "table": (objects(rows.to_pylist()), "rows is a list; expected a pyarrow.Table"),

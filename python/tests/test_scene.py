@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -98,6 +100,9 @@ def test_supervision(made: Arrays, cameras: quadlift.Scene) -> None:
     assert found[0]["mask"]["rle"] == {"size": [480, 640], "counts": [0, 480 * 640]}
     with pytest.raises(quadlift.QuadliftError, match="there are 2 detections; expected 6"):
         quadlift.Scene.from_supervision(detections[:2], cameras)
+    turned = detections_of(made, 0, xyxy=made.boxes[made.frame == 0][:, :3])
+    with pytest.raises(quadlift.QuadliftError, match=r'xyxy of frame "images/000\.jpg" has the shape \(4, 3\); exp'):
+        quadlift.Scene.from_supervision({cameras.frame_ids[0]: turned}, cameras)
     with pytest.raises(quadlift.QuadliftError, match='unknown frame "x"'):
         quadlift.Scene.from_supervision({"x": plain}, cameras)
 
@@ -115,11 +120,19 @@ def test_ultralytics(made: Arrays, cameras: quadlift.Scene) -> None:
     scene = quadlift.Scene.from_ultralytics(results, cameras)
     assert sorted(scene.object_ids) == ["t0", "t1", "t2", "t3"]
     assert scene.to_dict()["detections"][0]["frame"] == "images/005.jpg"
+    # A stream, and frames that are named.
+    stream = quadlift.Scene.from_ultralytics((result(k, f"{k:03}.png") for k in reversed(range(6))), cameras)
+    assert stream.to_dict() == scene.to_dict()
+    named = quadlift.Scene.from_ultralytics([result(0, "9.jpg")], cameras, frames=["images/003.jpg"], source="v11")
+    assert {(d["frame"], d["source"]) for d in named.to_dict()["detections"]} == {("images/003.jpg", "v11")}
     with pytest.raises(quadlift.QuadliftError, match=r"no single frame has the name of the image 9\.jpg"):
         quadlift.Scene.from_ultralytics([result(0, "9.jpg")], cameras)
+    without = SimpleNamespace(path="002.png", names={}, boxes=None)
+    with pytest.raises(quadlift.QuadliftError, match=r'the result of frame "images/002\.jpg" has no boxes; expected'):
+        quadlift.Scene.from_ultralytics([without], cameras)
 
 
-def test_colmap_and_files_of_detectors() -> None:
+def test_colmap_and_files_of_detectors(tmp_path: Path) -> None:
     models = list(COLMAP.rglob("cameras.txt")) + list(COLMAP.rglob("cameras.bin"))
     assert models
     model = models[0].parent
@@ -140,6 +153,62 @@ def test_colmap_and_files_of_detectors() -> None:
     assert quadlift.Scene.from_colmap(Reconstruction()).to_dict() == cameras.to_dict()
     with pytest.raises(quadlift.QuadliftError, match=r"expected a path or a pycolmap\.Reconstruction"):
         quadlift.Scene.from_colmap(3)
+    with pytest.raises(quadlift.QuadliftError, match="labels: cannot tell what cameras these are"):
+        quadlift.Scene.from_colmap(labels)
+    scene.write(tmp_path / "scene.json")
+    with pytest.raises(quadlift.QuadliftError, match=r"scene\.json: this is no COLMAP model; expected the folder"):
+        quadlift.Scene.from_colmap(tmp_path / "scene.json")
+
+
+def test_options_of_files(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
+    """A table with a column of its own for the images, numbers for classes, and a name for each of them."""
+    lines = ["photo,x0,y0,x1,y1,score,class"]
+    for k, (frame, (x0, y0, x1, y1)) in enumerate(zip(made.frame, made.boxes, strict=True)):
+        lines.append(f"{frame:03}.jpg,{x0},{y0},{x1},{y1},{0.5 if k % 2 else 0.9},{k % 4}")
+    path, names = tmp_path / "boxes.csv", tmp_path / "names.txt"
+    path.write_text("\n".join(lines) + "\n")
+    names.write_text("cup\nmug\njar\npot\n")
+    found = quadlift.Scene.from_detections(
+        path, cameras, frame_column="photo", names=names, source="mine", min_score=0.7, image_size=(640, 480)
+    )
+    detections = found.to_dict()["detections"]
+    assert {(d["source"], d["score"]) for d in detections} == {("mine", 0.9)}
+    assert [d["category"] for d in detections] == ["cup", "jar"] * 6
+    assert len(quadlift.Scene.from_detections(path, cameras, frame_column="photo")) == 24
+    wrong: dict[str, tuple[Any, str]] = {
+        "frame_column": (3, "frame_column is 3; expected a text"),
+        "source": (3, "source is 3; expected a text"),
+        "min_score": ("a", "min_score is 'a'; expected a finite number"),
+        "image_size": (640, r"image_size has the shape \(\); expected \(2,\)"),
+    }
+    for name, (value, message) in wrong.items():
+        with pytest.raises(quadlift.QuadliftError, match=message):
+            quadlift.Scene.from_detections(path, cameras, **{name: value})
+
+
+def test_what_a_scene_tells(made: Arrays) -> None:
+    images = [f"{k}.png" for k in range(6)]
+    scene = quadlift.Scene.from_arrays(
+        projections=made.projections, image_sizes=(640, 480), images=images, name="table", length_unit="m", up=(0, 0, 2)
+    )
+    assert (scene.name, scene.length_unit, scene.objects, scene.object_ids) == ("table", "m", 0, [])
+    assert scene.frame_ids == ["0", "1", "2", "3", "4", "5"]
+    assert repr(scene) == "<quadlift.Scene 'table': 6 frames, 0 detections, 0 objects>"
+    document = scene.to_dict()
+    assert [frame["image"] for frame in document["frames"]] == images
+    assert (document["up"], document["frames"][0]["width"]) == ([0, 0, 2], 640)
+
+
+def test_images_that_cannot_be_logged(made: Arrays, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The warning is that of the line here; a stand-in for Rerun takes what is logged."""
+    monkeypatch.setitem(sys.modules, "rerun", MagicMock())
+    images = [f"missing{k}.png" for k in range(6)]
+    scene = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480), images=images)
+    scene = scene.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    for log in (scene.to_rerun, scene.localize().to_rerun):
+        with pytest.warns(UserWarning, match=r"missing\d\.png: there is no such file") as told:
+            log()
+        assert {warning.filename for warning in told} == {__file__}
 
 
 def test_coco(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:

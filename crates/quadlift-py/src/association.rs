@@ -1,11 +1,13 @@
-//! Options of the association, from Python's keywords.
+//! Association with Python's keywords.
 
 use pyo3::prelude::*;
-use quadlift::associate::{AssociateOptions, associate};
+use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
 use quadlift::scene::Scene;
+use quadlift_io::association::not_used_in_words;
 
 use crate::error::refuse;
-use crate::options::{read_priors, use_of_ids};
+use crate::options::{IDS, choice, read_priors};
+use crate::run::Ticker;
 
 /// The keywords of `associate`, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
@@ -27,7 +29,7 @@ impl AssociateKeywords {
     pub fn for_scene(self, scene: &Scene) -> PyResult<AssociateOptions> {
         let (priors, _) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
         let options = AssociateOptions {
-            ids: use_of_ids(&self.ids)?,
+            ids: choice("ids", &self.ids, &IDS)?,
             thorough: self.thorough,
             min_views: self.min_views,
             min_score: self.min_score,
@@ -39,5 +41,15 @@ impl AssociateKeywords {
         // An empty scene has nothing that the options could fail on, except for the source.
         associate(&Scene::default(), &options, &|_, _| {}).map_err(refuse)?;
         Ok(AssociateOptions { source: self.source, ..options })
+    }
+}
+
+/// Associates; that nothing is found is an error that says why.
+pub fn associated(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) -> Result<Association, String> {
+    let association =
+        associate(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
+    match association.outcome {
+        Outcome::Found => Ok(association),
+        outcome => Err(format!("no object was found: {}{}", outcome.text(), not_used_in_words(association.not_used))),
     }
 }

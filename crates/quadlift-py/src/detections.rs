@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use numpy::ndarray::Array2;
+use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
-use quadlift::scene::{Detection, Scene, Undistorted};
+use quadlift::scene::{Detection, Scene, Undistorted, edges_hidden_in_frame};
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::{DetectionRecord, EllipseRecord, MaskRecord, RleCounts, RleRecord};
 
@@ -229,4 +230,30 @@ fn repeated(scene: &Scene, first: usize, row_of: impl Fn(usize) -> usize) -> Vec
     }
     found.sort();
     found
+}
+
+/// Which edges (left, top, right, bottom) of M boxes another box of the same frame probably hides: (M, 4). What is no box
+/// neither hides nor is hidden.
+#[pyfunction]
+pub fn hidden_edges<'py>(
+    py: Python<'py>,
+    frame: PyReadonlyArray1<'py, i64>,
+    boxes: PyReadonlyArray2<'py, f64>,
+) -> Bound<'py, PyArray2<bool>> {
+    let (frame, boxes) = (frame.as_array(), boxes.as_array());
+    let mut by_frame: HashMap<i64, (Vec<usize>, Vec<BoundingBox>)> = HashMap::new();
+    for (row, frame) in frame.iter().enumerate() {
+        if let Ok(found) = BoundingBox::new(std::array::from_fn(|k| boxes[[row, k]])) {
+            let (rows, boxes) = by_frame.entry(*frame).or_default();
+            rows.push(row);
+            boxes.push(found);
+        }
+    }
+    let mut hidden = Array2::from_elem((frame.len(), 4), false);
+    for (rows, boxes) in by_frame.values() {
+        for (row, edges) in rows.iter().zip(edges_hidden_in_frame(boxes)) {
+            edges.into_iter().enumerate().for_each(|(k, edge)| hidden[[*row, k]] = edge);
+        }
+    }
+    PyArray2::from_owned_array(py, hidden)
 }

@@ -22,7 +22,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(scene::write_text, module)?)?;
     module.add_function(wrap_pyfunction!(scene::frame_problems, module)?)?;
-    module.add_function(wrap_pyfunction!(scene::hidden_edges, module)?)?;
+    module.add_function(wrap_pyfunction!(detections::hidden_edges, module)?)?;
     module.add_class::<scene::PyScene>()?;
     module.add_class::<localized::PyLocalized>()?;
     Ok(())

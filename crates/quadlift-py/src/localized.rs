@@ -1,47 +1,98 @@
-//! The result of a localisation: estimates as arrays, and as a scene.
+//! A localisation as the program does it, and its result: estimates as arrays, and as a scene.
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use nalgebra::Rotation3;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use quadlift::Localization;
 use quadlift::associate::Association;
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::Scene;
 use quadlift::solve::{CovarianceCoordinates, Estimate};
+use quadlift::{Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
-use quadlift_io::scene_file::{body_name, noise_record};
+use quadlift_io::scene_file::{body_name, noise_record, settings_record};
 use quadlift_report::{Content, Scores, page, report};
 
+use crate::association::associated;
 use crate::error::refuse;
 use crate::loaded::Loaded;
+use crate::options::Choices;
 use crate::recording::recorded;
+use crate::run::Ticker;
 use crate::scene::PyScene;
 
 /// A localisation and what it was made from.
 #[pyclass(name = "Localized", module = "quadlift._core", frozen)]
 pub struct PyLocalized {
     /// The file that was localised.
-    pub loaded: Arc<Loaded>,
+    loaded: Arc<Loaded>,
     /// The scene where it is not as it was loaded: its objects were found, or its masks read.
-    pub changed: Option<Scene>,
+    changed: Option<Scene>,
     /// How they were found, where they were.
-    pub association: Option<Association>,
+    association: Option<Association>,
     /// The estimates.
-    pub localization: Localization,
+    localization: Localization,
     /// The settings as in a file.
-    pub settings: serde_json::Value,
+    settings: serde_json::Value,
     /// Index of the source whose detections were taken.
-    pub source: Option<u32>,
+    source: Option<u32>,
     /// What could not be read, in words.
-    pub problems: Vec<String>,
+    problems: Vec<String>,
     /// Time that the library took, seconds.
-    pub seconds: f64,
+    seconds: f64,
+}
+
+/// Reads masks where they are wanted, associates where detections name no object, and localises, as the program does.
+pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<PyLocalized, String> {
+    let start = Instant::now();
+    let options = &choices.options;
+    let source =
+        loaded.scene.source_index(options.source.as_deref()).map_err(|error| format!("{error} (source=...)"))?;
+    let mut problems = Vec::new();
+    let mut changed = None;
+    if options.measurements == UsedMeasurements::Mask {
+        if loaded.file().detections.iter().all(|detection| detection.mask.is_none()) {
+            return Err("no detection has a mask".to_owned());
+        }
+        let mut scene = loaded.scene.clone();
+        let unread =
+            loaded.file().add_support_lines(&loaded.path, &mut scene, source, &|done, total| ticker.tick(done, total));
+        let unread = unread.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
+        problems.extend(unread.into_iter().map(|(_, error)| error.to_string()));
+        problems.dedup();
+        changed = Some(scene);
+        ticker.restart();
+    }
+    let mut association = None;
+    if let Some(ids) = choices.ids {
+        let scene = changed.as_ref().unwrap_or(&loaded.scene);
+        let found = associated(scene, &choices.of_association(ids), ticker)?;
+        changed = Some(found.applied_to(scene, source));
+        association = Some(found);
+        ticker.restart();
+    }
+    let scene = changed.as_ref().unwrap_or(&loaded.scene);
+    let mut localization =
+        localize(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
+    if localization.estimates.is_empty() {
+        return Err(match scene.detections.len() {
+            0 => "there is nothing to localise: the scene has no detections".to_owned(),
+            n => format!("there is nothing to localise: {n} detections name no object"),
+        });
+    }
+    if association.is_some() {
+        // They show no object, which is told with the identities.
+        localization.left_out.without_object = 0;
+    }
+    let settings = settings_record(options, choices.priors.as_deref());
+    let seconds = start.elapsed().as_secs_f64();
+    Ok(PyLocalized { loaded, changed, association, localization, settings, source, problems, seconds })
 }
 
 impl PyLocalized {

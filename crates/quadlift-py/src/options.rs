@@ -15,7 +15,7 @@ use crate::error::refuse;
 /// The keywords of `localize`, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Keywords {
+pub struct LocalizeKeywords {
     method: String,
     body: String,
     source: Option<String>,
@@ -47,7 +47,7 @@ pub struct Choices {
     pub ids: Option<IdUse>,
 }
 
-impl Keywords {
+impl LocalizeKeywords {
     /// Checks the keywords for a scene.
     pub fn for_scene(&self, scene: &Scene) -> PyResult<Choices> {
         let method = choice("method", &self.method, &METHODS)?;
@@ -167,7 +167,8 @@ const OBSERVATIONS: [(&str, UsedMeasurements); 5] = [
     ("mask", UsedMeasurements::Mask),
 ];
 
-const IDS: [(&str, IdUse); 3] = [("trust", IdUse::Trust), ("evidence", IdUse::Evidence), ("ignore", IdUse::Ignore)];
+/// Names of `ids`: what ids are worth.
+pub const IDS: [(&str, IdUse); 3] = [("trust", IdUse::Trust), ("evidence", IdUse::Evidence), ("ignore", IdUse::Ignore)];
 
 const WHEN: [(&str, When); 3] = [("auto", When::Auto), ("never", When::Never), ("always", When::Always)];
 
@@ -178,11 +179,6 @@ pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyRe
     }
     let known: Vec<String> = values.iter().map(|(name, _)| format!("\"{name}\"")).collect();
     Err(refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", "))))
-}
-
-/// What ids are worth.
-pub fn use_of_ids(name: &str) -> PyResult<IdUse> {
-    choice("ids", name, &IDS)
 }
 
 /// `auto`, or a kind of body.

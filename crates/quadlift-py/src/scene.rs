@@ -1,19 +1,11 @@
 //! Scenes: from files and arrays, to files, localisation, association, scores and pages.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
-use std::time::Instant;
 
-use numpy::ndarray::Array2;
-use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
-use quadlift::geometry::BoundingBox;
-use quadlift::scene::{Scene, edges_hidden_in_frame};
-use quadlift::{Localization, UsedMeasurements, localize};
-use quadlift_io::association::{not_used_in_words, write_objects};
+use quadlift_io::association::write_objects;
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
 use quadlift_io::read::colmap::read_colmap;
 use quadlift_io::read::detections::coco::read_coco;
@@ -25,18 +17,18 @@ use quadlift_io::read::detections::names::read_names;
 use quadlift_io::read::detections::supervision::read_supervision;
 use quadlift_io::read::detections::yolo::{YoloOptions, read_yolo};
 use quadlift_io::read::detections::{AddOptions, add_detections};
-use quadlift_io::scene_file::{parse_scene_file, settings_record, write_scene};
+use quadlift_io::scene_file::{parse_scene_file, write_scene};
 use quadlift_io::{SceneFile, read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
 
-use crate::association::AssociateKeywords;
+use crate::association::{AssociateKeywords, associated};
 use crate::detections::DetectionArrays;
 use crate::error::refuse;
 use crate::evaluation::{MATCHING, scores};
 use crate::frames::FrameArrays;
 use crate::loaded::Loaded;
-use crate::localized::PyLocalized;
-use crate::options::{Choices, Keywords, choice};
+use crate::localized::{PyLocalized, localized};
+use crate::options::{LocalizeKeywords, choice};
 use crate::recording::{jpeg, recorded};
 use crate::run::{Ticker, in_background};
 use crate::segmentation::SegmentKeywords;
@@ -78,17 +70,20 @@ impl PyScene {
         Self::new(frames.to_file()?, PathBuf::new())
     }
 
-    /// The cameras of a COLMAP model or of a scene file.
+    /// The cameras of the folder of a COLMAP model.
     #[staticmethod]
-    fn read_colmap(path: PathBuf) -> PyResult<(Self, Vec<String>)> {
+    fn read_colmap(path: PathBuf) -> PyResult<Self> {
         match detect_cameras(&path).map_err(refuse)? {
             (CameraFormat::Colmap, path) => {
                 let import = read_colmap(&path).map_err(refuse)?;
                 // A name beside the images, to whose folder theirs are relative.
                 let place = import.image_folder.map_or_else(PathBuf::new, |folder| folder.join("scene.json"));
-                Ok((Self::new(import.scene, place)?, import.notes))
+                Self::new(import.scene, place)
             }
-            (_, path) => Err(refuse(format!("{}: this is no COLMAP model", path.display()))),
+            (_, path) => Err(refuse(format!(
+                "{}: this is no COLMAP model; expected the folder of cameras and images (.bin or .txt)",
+                path.display()
+            ))),
         }
     }
 
@@ -102,7 +97,7 @@ impl PyScene {
         detections.problems(&self.loaded.scene)
     }
 
-    /// The scene with the detections of another program's file too, whose format is recognised; and notes.
+    /// The scene with the detections of another program's file too, whose format is recognised.
     #[pyo3(signature = (path, *, names, frame_column, source, min_score, image_size))]
     fn with_detections_of(
         &self,
@@ -112,7 +107,7 @@ impl PyScene {
         source: Option<&str>,
         min_score: Option<f64>,
         image_size: Option<[f64; 2]>,
-    ) -> PyResult<(Self, Vec<String>)> {
+    ) -> PyResult<Self> {
         let class_names = names.as_deref().map(read_names).transpose().map_err(refuse)?;
         let names = class_names.as_ref();
         let table = TableOptions { frame_column, names };
@@ -126,13 +121,10 @@ impl PyScene {
             DetectionFormat::Supervision => ("supervision", read_supervision(path, &table)),
             DetectionFormat::LabelMe => ("labelme", read_labelme(path)),
         };
-        let files = files.map_err(refuse)?;
-        let mut notes = files.notes.clone();
         let mut file = self.loaded.file().clone();
         let options = AddOptions { source: source.unwrap_or(name), min_score, image_size, ..Default::default() };
-        let added = add_detections(&mut file, files, &options).map_err(refuse)?;
-        notes.extend(added.notes);
-        Ok((Self::new(file, self.loaded.path.clone())?, notes))
+        add_detections(&mut file, files.map_err(refuse)?, &options).map_err(refuse)?;
+        Self::new(file, self.loaded.path.clone())
     }
 
     /// Writes a scene file. Paths of images and masks become absolute where the file goes to another folder.
@@ -162,7 +154,7 @@ impl PyScene {
     fn localize(
         &self,
         py: Python,
-        keywords: Keywords,
+        keywords: LocalizeKeywords,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyLocalized> {
@@ -197,7 +189,7 @@ impl PyScene {
         let options = keywords.for_scene(&self.loaded.scene)?;
         let loaded = Arc::clone(&self.loaded);
         let (scene, association) = in_background(py, threads, progress, move |ticker| {
-            let association = found(&loaded.scene, &options, ticker)?;
+            let association = associated(&loaded.scene, &options, ticker)?;
             let source = loaded.scene.source_index(options.source.as_deref()).map_err(|e| e.to_string())?;
             Ok((association.applied_to(&loaded.scene, source), association))
         })?;
@@ -261,11 +253,6 @@ impl PyScene {
         self.loaded.scene.object_ids.iter().map(String::as_str).collect()
     }
 
-    #[getter]
-    fn sources(&self) -> Vec<&str> {
-        self.loaded.scene.sources.iter().map(String::as_str).collect()
-    }
-
     /// Number of detections.
     fn __len__(&self) -> usize {
         self.loaded.scene.detections.len()
@@ -284,32 +271,6 @@ pub fn frame_problems(frames: FrameArrays) -> Vec<(usize, String)> {
     frames.problems().collect()
 }
 
-/// Which edges (left, top, right, bottom) of M boxes another box of the same frame probably hides: (M, 4). What is no box
-/// neither hides nor is hidden.
-#[pyfunction]
-pub fn hidden_edges<'py>(
-    py: Python<'py>,
-    frame: PyReadonlyArray1<'py, i64>,
-    boxes: PyReadonlyArray2<'py, f64>,
-) -> Bound<'py, PyArray2<bool>> {
-    let (frame, boxes) = (frame.as_array(), boxes.as_array());
-    let mut by_frame: HashMap<i64, (Vec<usize>, Vec<BoundingBox>)> = HashMap::new();
-    for (row, frame) in frame.iter().enumerate() {
-        if let Ok(found) = BoundingBox::new(std::array::from_fn(|k| boxes[[row, k]])) {
-            let (rows, boxes) = by_frame.entry(*frame).or_default();
-            rows.push(row);
-            boxes.push(found);
-        }
-    }
-    let mut hidden = Array2::from_elem((frame.len(), 4), false);
-    for (rows, boxes) in by_frame.values() {
-        for (row, edges) in rows.iter().zip(edges_hidden_in_frame(boxes)) {
-            edges.into_iter().enumerate().for_each(|(k, edge)| hidden[[*row, k]] = edge);
-        }
-    }
-    PyArray2::from_owned_array(py, hidden)
-}
-
 /// Writes a text.
 #[pyfunction]
 pub fn write_text(path: PathBuf, text: &str) -> PyResult<()> {
@@ -321,61 +282,4 @@ fn folder(path: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
-}
-
-/// Associates; that nothing is found is an error that says why.
-fn found(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) -> Result<Association, String> {
-    let association =
-        associate(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
-    match association.outcome {
-        Outcome::Found => Ok(association),
-        outcome => Err(format!("no object was found: {}{}", outcome.text(), not_used_in_words(association.not_used))),
-    }
-}
-
-/// Reads masks where they are wanted, associates where detections name no object, and localises, as the program does.
-fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<PyLocalized, String> {
-    let start = Instant::now();
-    let options = &choices.options;
-    let source =
-        loaded.scene.source_index(options.source.as_deref()).map_err(|error| format!("{error} (source=...)"))?;
-    let mut problems = Vec::new();
-    let mut changed = None;
-    if options.measurements == UsedMeasurements::Mask {
-        if loaded.file().detections.iter().all(|detection| detection.mask.is_none()) {
-            return Err("no detection has a mask".to_owned());
-        }
-        let mut scene = loaded.scene.clone();
-        let unread =
-            loaded.file().add_support_lines(&loaded.path, &mut scene, source, &|done, total| ticker.tick(done, total));
-        let unread = unread.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
-        problems.extend(unread.into_iter().map(|(_, error)| error.to_string()));
-        problems.dedup();
-        changed = Some(scene);
-        ticker.restart();
-    }
-    let mut association = None;
-    if let Some(ids) = choices.ids {
-        let scene = changed.as_ref().unwrap_or(&loaded.scene);
-        let found = found(scene, &choices.of_association(ids), ticker)?;
-        changed = Some(found.applied_to(scene, source));
-        association = Some(found);
-        ticker.restart();
-    }
-    let scene = changed.as_ref().unwrap_or(&loaded.scene);
-    let mut localization: Localization =
-        localize(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
-    if localization.estimates.is_empty() {
-        return Err(match scene.detections.len() {
-            0 => "there is nothing to localise: the scene has no detections".to_owned(),
-            n => format!("there is nothing to localise: {n} detections name no object"),
-        });
-    }
-    if association.is_some() {
-        // They show no object, which is told with the identities.
-        localization.left_out.without_object = 0;
-    }
-    let settings = settings_record(options, choices.priors.as_deref());
-    let seconds = start.elapsed().as_secs_f64();
-    Ok(PyLocalized { loaded, changed, association, localization, settings, source, problems, seconds })
 }

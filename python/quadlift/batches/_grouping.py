@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from . import _core, _tables
-from ._arrow import pa
-from ._core import QuadliftError
+from .. import _core
+from .._arrow import pa
+from .._core import QuadliftError
+from . import _tables
 from ._detections import EDGES
 
 
@@ -29,6 +30,8 @@ def group(table: Any, by: Sequence[str]) -> Any:
         In ascending order of these columns.
     """
     table = _tables.table(table, "table")
+    if isinstance(by, str) or not by:
+        raise QuadliftError(f"by is {by!r}; expected a list of at least one column")
     _tables.require(table.column_names, by, "table")
     codes = []
     for name in by:
@@ -55,12 +58,18 @@ def ungroup(rows: Any) -> Any:
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
         With at least one column of lists, which are equally long in each row.
+
+    Returns
+    -------
+    pyarrow.Table
+        The same columns, in the order of the rows; rows with empty lists (or null) are in it no more.
     """
     rows = _tables.table(rows, "rows")
     of_lists = [name for name in rows.column_names if pa.types.is_nested(rows.schema.field(name).type)]
+    if not of_lists:
+        raise QuadliftError(f"rows has no column of lists; found {', '.join(rows.column_names) or 'none'}")
     views = _tables.Views(rows, of_lists)
-    for row, text in views.ragged.items():
-        raise QuadliftError(f"row {row} has {text}")
+    views.refuse_ragged()
     parents = pa.array(views.row)
     return pa.table({n: views[n] if n in views else _tables.column(rows, n).take(parents) for n in rows.column_names})
 
@@ -82,8 +91,7 @@ def with_hidden_edges(rows: Any) -> Any:
     rows = _tables.table(rows, "rows")
     _tables.require(rows.column_names, _tables.BOX, "rows")
     views = _tables.Views(rows, _tables.BOX)
-    for row, text in views.ragged.items():
-        raise QuadliftError(f"row {row} has {text}")
+    views.refuse_ragged()
     hidden = _core.hidden_edges(views.row, np.ascontiguousarray(views.boxes()))
     offsets = np.searchsorted(views.row, np.arange(len(rows) + 1)).astype(np.int32)
     masks = pa.array((hidden @ EDGES).astype(np.int8))

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from . import _checks, _core, _options, _tables
-from ._arrow import pa, pc
+from .. import _arrays, _checks, _core, _options
+from .._arrow import pa, pc
+from .._core import QuadliftError
+from . import _tables
 from ._cameras import Cameras
-from ._core import QuadliftError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -72,17 +73,7 @@ class Settings:
         return bool(is_given or self.keywords["method"] != "map")
 
 
-_PROBE: dict[str, Any] = {
-    "projections": np.eye(3, 4)[np.newaxis],
-    "intrinsics": None,
-    "cam_from_world": None,
-    "image_sizes": None,
-    "frame_ids": ["0"],
-    "images": None,
-    "name": None,
-    "length_unit": None,
-    "up": None,
-}
+_PROBE = _arrays.core_frames(["0"], projections=np.eye(3, 4)[np.newaxis])
 
 
 def _may_share_ground(priors: Any) -> bool:
@@ -99,13 +90,19 @@ class Detections:
     """M detections of rows that are objects or scenes."""
 
     row: NDArray[np.int64]
+    """The row of each, (M,)."""
     camera: NDArray[np.int64]
+    """Indices into `Cameras`, (M,); -1 where there is none."""
     boxes: NDArray[np.float64]
+    """Pixels, (M, 4)."""
     scores: NDArray[np.float64] | None
-    category: tuple[NDArray[np.int64] | None, list[str]]
+    """(M,)"""
+    category: _arrays.Names
     hidden: NDArray[np.int64] | None
+    """Sums of `EDGES`, (M,)."""
 
     def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Detections:
+        """Those at some indices, or where a mask is true."""
         codes, names = self.category
         return replace(
             self,
@@ -121,17 +118,14 @@ class Detections:
         self, frame: NDArray[np.int64], names: list[str] | None, hidden_edges: NDArray[np.bool_] | None
     ) -> dict[str, Any]:
         """Detections as the core takes them; with names, those of the rows are the objects."""
-        return {
-            "frame": frame,
-            "boxes": np.ascontiguousarray(self.boxes),
-            "ellipses": None,
-            "masks": None,
-            "object": (None, []) if names is None else (self.row, names),
-            "category": self.category,
-            "scores": self.scores,
-            "source": None,
-            "hidden_edges": hidden_edges,
-        }
+        return _arrays.core_detections(
+            frame,
+            boxes=np.ascontiguousarray(self.boxes),
+            object=(None, []) if names is None else (self.row, names),
+            category=self.category,
+            scores=self.scores,
+            hidden_edges=hidden_edges,
+        )
 
 
 @dataclass(frozen=True, order=True)

@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import _checks
+from .._arrow import pa, pc
+from .._core import QuadliftError
+from .._estimates import Estimates
 from . import _tables
-from ._arrow import pa, pc
 from ._cameras import Cameras
-from ._core import QuadliftError
 from ._detections import (
     EDGES,
     OF_OBJECTS,
@@ -31,7 +33,6 @@ from ._detections import (
     objects_of,
     read,
 )
-from ._estimates import Estimates
 from ._grouping import group, ungroup, with_hidden_edges
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def localize_objects(
         )
     table = _tables.table(rows, "rows")
     cameras, detections, problems = objects_of(table, cameras)
-    names = _names(table)
+    names = _texts(table, "object")
     found, numbers, failed = _estimates(cameras, detections, names, settings)
     place = np.full(len(table), -1)
     place[numbers] = np.arange(len(numbers))
@@ -190,7 +191,7 @@ def noise(
     sigmas, body = settings.keywords["sigmas"], settings.keywords["body"]
     if not len(detections.row):
         return dict(sigmas or {}), "ellipsoid" if body == "auto" else body
-    estimates = _localized(cameras, detections, _names(table), settings)
+    estimates = _localized(cameras, detections, _texts(table, "object"), settings)
     return (estimates.noise if sigmas is None else dict(sigmas)), estimates.body
 
 
@@ -205,26 +206,28 @@ def sample(rows: Any, count: int = 2000) -> Any:
         One row for each object, with the column `object`, and `scene` where there are scenes.
     count : int
         Number of rows, if there are as many.
+
+    Returns
+    -------
+    pyarrow.Table
+        These rows, with all columns; those of no object are not among them.
     """
+    count = _checks.whole("count", count, 0)
     table = _tables.table(rows, "rows")
     _tables.require(table.column_names, ["object"], "rows")
     objects = _tables.ids(_tables.column(table, "object"), "object")
     table = table.filter(pc.invert(no_object(objects)))
-    names = _names(table)
-    scenes = [""] * len(names)
-    if "scene" in table.column_names:
-        scenes = _tables.ids(_tables.column(table, "scene"), "scene").cast(pa.string()).fill_null("").to_pylist()
+    names = _texts(table, "object")
+    scenes = _texts(table, "scene") if "scene" in table.column_names else [""] * len(names)
     hashes = [hashlib.sha256(f"{scene}\n{name}".encode()).digest() for scene, name in zip(scenes, names, strict=True)]
     order = sorted(range(len(hashes)), key=hashes.__getitem__)
     return table.take(pa.array(order[:count], pa.int64()))
 
 
-def _names(table: Any) -> list[str]:
-    """The ids of the objects as texts."""
-    names: list[str] = (
-        _tables.ids(_tables.column(table, "object"), "object").cast(pa.string()).fill_null("").to_pylist()
-    )
-    return names
+def _texts(table: Any, name: str) -> list[str]:
+    """Ids as texts, "" for null."""
+    texts: list[str] = _tables.ids(_tables.column(table, name), name).cast(pa.string()).fill_null("").to_pylist()
+    return texts
 
 
 def _sparse(texts: Mapping[int, str], count: int) -> Any:

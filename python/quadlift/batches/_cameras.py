@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _core, _tables
-from ._arrow import pa, pc
-from ._core import QuadliftError
+from .. import _arrays, _core
+from .._arrow import pa, pc
+from .._core import QuadliftError
+from . import _tables
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,7 +54,8 @@ class Cameras:
         else:
             _tables.require(names, ["intrinsics", "cam_from_world"], "cameras")
         if ("width" in names) != ("height" in names):
-            raise QuadliftError("cameras: expected width and height, or none of them; found one")
+            found = "width" if "width" in names else "height"
+            raise QuadliftError(f"cameras: expected width and height, or none of them; found {found} alone")
         self.has_scenes = "scene" in names
         self._table = table.select([name for name in ("scene", "frame", *CAMERA) if name in names])
         frame = _tables.ids(_tables.column(table, "frame"), "frame of cameras")
@@ -130,27 +132,23 @@ class Cameras:
             fx, fy, cx, cy = intrinsics.T
             zero, one = np.zeros(len(indices)), np.ones(len(indices))
             intrinsics = np.stack([fx, zero, cx, zero, fy, cy, zero, zero, one], axis=1).reshape(-1, 3, 3)
-        return {
-            "projections": _matrices(numbers.get("projection")),
-            "intrinsics": intrinsics,
-            "cam_from_world": _matrices(numbers.get("cam_from_world")),
-            "image_sizes": numbers.get("size"),
-            "frame_ids": [str(k) for k in range(len(indices))],
-            "images": None,
-            "name": None,
-            "length_unit": None,
-            "up": None,
-        }
+        return _arrays.core_frames(
+            [str(k) for k in range(len(indices))],
+            projections=_matrices(numbers.get("projection")),
+            intrinsics=intrinsics,
+            cam_from_world=_matrices(numbers.get("cam_from_world")),
+            image_sizes=numbers.get("size"),
+        )
 
     def _key(self, scene: Any, row: NDArray[np.int64], frame: Any) -> NDArray[np.int64]:
         """Numbers of pairs of scene and frame, in their order; -1 where one is null or unknown."""
-        scenes = _index_in(scene, self._scenes, "scene")[row]
-        frames = _index_in(frame, self._frames, "frame")
+        scenes = _places(scene, self._scenes, "scene")[row]
+        frames = _places(frame, self._frames, "frame")
         return np.where((scenes < 0) | (frames < 0), -1, scenes * len(self._frames) + frames)
 
 
-def _index_in(values: Any, known: Any, name: str) -> NDArray[np.int64]:
-    """Indices of ids, -1 where they are null or unknown."""
+def _places(values: Any, known: Any, name: str) -> NDArray[np.int64]:
+    """Indices of the detections' ids among those of the cameras, -1 where they are null or unknown."""
     if values.type != known.type:
         if values.null_count == len(values) or not len(known):
             return np.full(len(values), -1)
@@ -177,4 +175,5 @@ def _numbers(table: Any) -> tuple[dict[str, NDArray[np.float64]], dict[int, str]
 
 
 def _matrices(rows: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    """(F, 3, 4) of (F, 12)."""
     return None if rows is None else rows.reshape(-1, 3, 4)

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._arrow import pa, pc
-from ._core import QuadliftError
+from .._arrow import pa, pc
+from .._core import QuadliftError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from .. import _arrays
 
 BOX = ("x0", "y0", "x1", "y1")
 
@@ -61,7 +63,7 @@ def without_place(problem: str) -> str:
 
 
 def numbers(values: Any, name: str) -> NDArray[np.float64]:
-    """Numbers, NaN where there is none."""
+    """Numbers as float64, NaN where there is none."""
     kind = values.type
     if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
         raise QuadliftError(f"{name} has the type {kind}; expected numbers")
@@ -131,11 +133,16 @@ class Views:
         """All entries of a column, one after the other."""
         return self._flat[name]
 
+    def refuse_ragged(self) -> None:
+        """For tables all of whose rows are needed."""
+        for row, problem in self.ragged.items():
+            raise QuadliftError(f"row {row} has {problem}")
+
     def boxes(self) -> NDArray[np.float64]:
         """The boxes, shape (M, 4)."""
         return np.column_stack([numbers(self[name], name) for name in BOX])
 
-    def codes(self, name: str) -> tuple[NDArray[np.int64] | None, list[str]]:
+    def codes(self, name: str) -> _arrays.Names:
         """Texts of a column as indices into a sorted list of them, -1 where there is none; None without the column."""
         if name not in self:
             return None, []
