@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -80,9 +81,14 @@ def from_detections(
     ------
     QuadliftError
         Names the file, and what is wrong with it; also where none of its images is a frame.
+
+    Warns
+    -----
+    UserWarning
+        What is left out: detections of images without a frame, boxes without width or height.
     """
     size = None if image_size is None else _checks.array("image_size", image_size, (2,))
-    scene = cameras._core.with_detections_of(
+    scene, lost = _checks.scene("cameras", cameras).with_detections_of(
         path,
         names=names,
         frame_column=None if frame_column is None else _checks.text("frame_column", frame_column),
@@ -90,6 +96,8 @@ def from_detections(
         min_score=None if min_score is None else _checks.number("min_score", min_score),
         image_size=None if size is None else (float(size[0]), float(size[1])),
     )
+    for words in lost:
+        warnings.warn(words, stacklevel=2)
     return cls(scene)
 
 
@@ -120,6 +128,7 @@ def from_supervision(
     source : str
         Name of the detector.
     """
+    _checks.scene("cameras", cameras)
     table = _Table(cameras)
     for frame, found in _by_frame(detections, frames, cameras.frame_ids):
         data = getattr(found, "data", None) or {}
@@ -149,8 +158,12 @@ def from_ultralytics(
     source : str
         Name of the detector.
     """
+    _checks.scene("cameras", cameras)
     # A stream of results can be read once.
     results, known = list(results), cameras.frame_ids
+    for k, result in enumerate(results):
+        if not hasattr(result, "path"):
+            raise QuadliftError(f"results[{k}] is a {type(result).__name__}; expected Ultralytics' Results")
     if frames is None:
         frames = _frames_of_paths([str(result.path) for result in results], known)
     table = _Table(cameras)

@@ -117,7 +117,7 @@ def _matrices(
         words = " and ".join(found) or "none of them"
         raise QuadliftError(f"expected projections, or intrinsics and cam_from_world; found {words}")
     poses = _poses(cam_from_world)
-    cameras = _checks.array("intrinsics", intrinsics, (3, 3) if np.ndim(intrinsics) == 2 else ("F", 3, 3))
+    cameras = _checks.array("intrinsics", intrinsics, ("F", 3, 3), (3, 3))
     if cameras.ndim == 2:
         cameras = cameras[np.newaxis]
     else:
@@ -127,9 +127,9 @@ def _matrices(
 
 def _poses(cam_from_world: ArrayLike) -> NDArray[np.float64]:
     """(F, 3, 4) of (F, 3, 4) or (F, 4, 4)."""
-    if np.shape(cam_from_world)[1:] != (4, 4):
-        return _checks.array("cam_from_world", cam_from_world, ("F", 3, 4))
-    poses = _checks.array("cam_from_world", cam_from_world, ("F", 4, 4))
+    poses = _checks.array("cam_from_world", cam_from_world, ("F", 3, 4), ("F", 4, 4))
+    if poses.shape[1] == 3:
+        return poses
     wrong = np.flatnonzero((poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any(axis=1))
     if wrong.size:
         row = poses[wrong[0], 3].tolist()
@@ -139,7 +139,7 @@ def _poses(cam_from_world: ArrayLike) -> NDArray[np.float64]:
 
 def _sizes(image_sizes: ArrayLike, like: str, count: int) -> NDArray[np.float64]:
     """(F, 2) of (2,) or (F, 2), pixels."""
-    sizes = _checks.array("image_sizes", image_sizes, (2,) if np.ndim(image_sizes) == 1 else ("F", 2))
+    sizes = _checks.array("image_sizes", image_sizes, ("F", 2), (2,))
     if sizes.ndim == 1:
         sizes = np.broadcast_to(sizes, (count, 2))
     _checks.rows("image_sizes", len(sizes), like, count)

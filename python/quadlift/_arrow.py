@@ -6,6 +6,6 @@ try:
     import pyarrow as pa
     import pyarrow.compute as pc
 except ImportError as error:
-    raise ImportError('tables need pyarrow: pip install "quadlift[arrow]"') from error
+    raise ImportError("tables need pyarrow: pip install pyarrow") from error
 
 __all__ = ["pa", "pc"]

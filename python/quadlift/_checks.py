@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from . import _core
 from ._core import QuadliftError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def array(name: str, value: Any, shape: tuple[int | str, ...], *, nan: bool = False) -> NDArray[np.float64]:
-    """Numbers of a shape, without a copy where they are float64 already.
+Shape = tuple[int | str, ...]
+"""A shape; letters stand for any length."""
+
+
+def array(name: str, value: Any, shape: Shape, *others: Shape, nan: bool = False) -> NDArray[np.float64]:
+    """Numbers of a shape, without a copy where they are float64 already. An empty list has any shape without rows.
 
     Parameters
     ----------
@@ -24,8 +29,8 @@ def array(name: str, value: Any, shape: tuple[int | str, ...], *, nan: bool = Fa
         The argument, for messages.
     value : array_like
         What was given.
-    shape : tuple
-        The shape; letters stand for any length.
+    shape, *others : tuple
+        The shapes that are expected.
     nan : bool
         Whether NaN is allowed.
     """
@@ -36,11 +41,11 @@ def array(name: str, value: Any, shape: tuple[int | str, ...], *, nan: bool = Fa
             found = value.to_numpy(dtype=np.float64, na_value=np.nan)
     if found.dtype.kind not in "fiu":
         raise QuadliftError(f"{name} has the dtype {found.dtype}; expected real numbers")
-    fits = found.ndim == len(shape) and all(
-        isinstance(wanted, str) or size == wanted for size, wanted in zip(found.shape, shape, strict=True)
-    )
-    if not fits:
-        raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected {_words(shape)}")
+    if found.shape == (0,) and isinstance(shape[0], str):
+        found = found.reshape(tuple(0 if isinstance(size, str) else size for size in shape))
+    if not any(_fits(found.shape, wanted) for wanted in (shape, *others)):
+        expected = " or ".join(_words(wanted) for wanted in (shape, *others))
+        raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected {expected}")
     numbers = np.asarray(found, dtype=np.float64)
     wrong = np.isinf(numbers) if nan else ~np.isfinite(numbers)
     if wrong.any():
@@ -49,14 +54,24 @@ def array(name: str, value: Any, shape: tuple[int | str, ...], *, nan: bool = Fa
     return numbers
 
 
+def _fits(shape: tuple[int, ...], wanted: Shape) -> bool:
+    return len(shape) == len(wanted) and all(
+        isinstance(size, str) or found == size for found, size in zip(shape, wanted, strict=True)
+    )
+
+
 def indices(name: str, value: Any) -> NDArray[np.int64]:
-    """Whole numbers of the shape (M,)."""
+    """Whole numbers of the shape (M,), also as numbers with a point, which tables make of them."""
     found = _as_array(name, value)
     if found.ndim != 1:
         raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected (M,)")
     if found.size == 0:
         return np.zeros(0, dtype=np.int64)
-    if found.dtype.kind not in "iu":
+    if found.dtype.kind == "f":
+        wrong = np.flatnonzero(~np.isfinite(found) | (found != np.floor(found)))
+        if wrong.size:
+            raise QuadliftError(f"{name}[{wrong[0]}] is {found[wrong[0]]}; expected a whole number")
+    elif found.dtype.kind not in "iu":
         raise QuadliftError(f"{name} has the dtype {found.dtype}; expected whole numbers")
     if found.dtype.kind == "u" and found.max() > np.iinfo(np.int64).max:
         raise QuadliftError(f"{name} holds {found.max()}; expected numbers below 2^63")
@@ -110,6 +125,15 @@ def _is_none(item: Any) -> bool:
         # The latter is pandas' word for a gap, which is neither equal nor unequal to anything.
         return True
     return (isinstance(item, float) and math.isnan(item)) or bool(item == "")
+
+
+def scene(name: str, value: Any) -> _core.Scene:
+    """What a `Scene` holds."""
+    core = getattr(value, "_core", None)
+    if isinstance(core, _core.Scene):
+        return core
+    hint = " (its to_scene())" if hasattr(value, "to_scene") else ""
+    raise QuadliftError(f"{name} is a {type(value).__name__}; expected a quadlift.Scene{hint}")
 
 
 def whole(name: str, value: Any, least: int, most: int | None = None) -> int:

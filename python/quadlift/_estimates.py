@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _core, _rerun
+from . import _checks, _core, _rerun
 
 if TYPE_CHECKING:
     import pandas
@@ -196,8 +196,11 @@ class Estimates:
         ok: NDArray[np.bool_] = self.status == "ok"
         return ok
 
+    def __reduce__(self) -> Any:
+        raise TypeError("estimates cannot be pickled; hand over to_arrow(), to_pandas(), to_scene() or their arrays")
+
     def to_pandas(self) -> pandas.DataFrame:
-        """A table with a row for each object; needs ``quadlift[pandas]``.
+        """A table with a row for each object; needs pandas.
 
         Returns
         -------
@@ -208,7 +211,7 @@ class Estimates:
         try:
             import pandas as pd
         except ImportError as error:
-            raise ImportError('to_pandas needs pandas: pip install "quadlift[pandas]"') from error
+            raise ImportError("to_pandas needs pandas: pip install pandas") from error
         columns: dict[str, Any] = {"object": self.object_ids, "category": self.categories, "status": self.status}
         columns |= {name: self.centers[:, k] for k, name in enumerate("xyz")}
         columns |= {f"semi_axis_{k}": self.semi_axes[:, k] for k in range(3)}
@@ -222,13 +225,13 @@ class Estimates:
         return pd.DataFrame(columns)
 
     def to_arrow(self) -> pyarrow.Table:
-        """A table with a row for each object; needs ``quadlift[arrow]``.
+        """A table with a row for each object; needs pyarrow.
 
         Returns
         -------
         pyarrow.Table
             Columns `object`, `category`, `status`, `center`, `semi_axes`, `quaternion`, `enclosing_semi_axes` and
-            `covariance` (lists of fixed sizes 3, 3, 4, 3 and 81; null where there is none), `center_sd`, `views_used`,
+            `covariance` (lists of 3, 3, 4, 3 and 81 numbers; null where there is none), `center_sd`, `views_used`,
             `rms_residual_px`.
         """
         from ._arrow import pa
@@ -236,7 +239,9 @@ class Estimates:
         def lists(values: NDArray[np.float64]) -> Any:
             flat = values.reshape(len(self), int(np.prod(values.shape[1:])))
             none = pa.array(np.isnan(flat).all(axis=1))
-            return pa.FixedSizeListArray.from_arrays(pa.array(flat.reshape(-1)), flat.shape[1], mask=none)
+            fixed = pa.FixedSizeListArray.from_arrays(pa.array(flat.reshape(-1)), flat.shape[1], mask=none)
+            # Lists of a fixed size that hold nulls can be written to Parquet, but not read from it.
+            return fixed.cast(pa.list_(pa.float64()))
 
         def numbers(values: NDArray[np.float64]) -> Any:
             return pa.array(values, from_pandas=True)
@@ -281,11 +286,12 @@ class Estimates:
         title : str
             Title of the page.
         """
-        page = self._localized.report(title, None if truth is None else truth._core)
+        of_truth = None if truth is None else _checks.scene("truth", truth)
+        page = self._localized.report(_checks.text("title", title), of_truth)
         _core.write_text(path, page)
 
     def to_rerun(self, path: str | os.PathLike[str] | None = None, *, truth: Scene | None = None) -> None:
-        """Logs frames, detections and estimates with Rerun (https://rerun.io); needs ``quadlift[rerun]``.
+        """Logs frames, detections and estimates with Rerun (https://rerun.io); needs its SDK.
 
         Parameters
         ----------
@@ -295,7 +301,8 @@ class Estimates:
             A scene whose objects are the truth, logged beside the estimates.
         """
         given = self._localized.given
-        recorded = self._localized.recording(given.name or "quadlift", None if truth is None else truth._core)
+        of_truth = None if truth is None else _checks.scene("truth", truth)
+        recorded = self._localized.recording(given.name or "quadlift", of_truth)
         _rerun.log_recorded(recorded, given, path)
 
     def _repr_html_(self) -> str:

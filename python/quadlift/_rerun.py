@@ -37,7 +37,7 @@ Record = dict[str, Any]
 
 
 def log_recording(folder: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> None:
-    """Logs what the program has written with ``quadlift export rerun``; needs ``quadlift[rerun]``.
+    """Logs what the program has written with ``quadlift export rerun``; needs its SDK.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def _rerun() -> Any:
     try:
         import rerun
     except ImportError as error:
-        raise ImportError('recordings need Rerun\'s SDK: pip install "quadlift[rerun]"') from error
+        raise ImportError("recordings need Rerun's SDK: pip install rerun-sdk") from error
     return rerun
 
 

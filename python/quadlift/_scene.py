@@ -48,7 +48,7 @@ class Scene:
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Scene:
         """The scene of a document as in a scene file."""
-        return cls(_core.Scene.parse(json.dumps(document).encode()))
+        return cls(_core.Scene.parse(json.dumps(document).encode(), ""))
 
     def to_dict(self) -> dict[str, Any]:
         """The document of the scene file."""
@@ -172,6 +172,9 @@ class Scene:
     from_ultralytics = classmethod(_adapters.from_ultralytics)
 
     # What it holds
+
+    def __reduce__(self) -> Any:
+        return _read_again, (self._core.to_json(), self._core.path)
 
     def __len__(self) -> int:
         """Number of detections."""
@@ -363,7 +366,7 @@ class Scene:
             Where there is nothing to compare.
         """
         source = None if source is None else _checks.text("source", source)
-        scores = self._core.evaluate(truth._core, _checks.text("match", match), source)
+        scores = self._core.evaluate(_checks.scene("truth", truth), _checks.text("match", match), source)
         return _estimates.Evaluation(**json.loads(scores))
 
     def report(self, path: Path, *, title: str | None = None) -> None:
@@ -376,10 +379,10 @@ class Scene:
         title : str, optional
             Its title; the name of the scene without it.
         """
-        _core.write_text(path, self._core.report(title or self.name or "quadlift"))
+        _core.write_text(path, self._core.report(_checks.text("title", title or self.name or "quadlift")))
 
     def to_rerun(self, path: Path | None = None) -> None:
-        """Logs frames, detections and objects with Rerun (https://rerun.io); needs ``quadlift[rerun]``.
+        """Logs frames, detections and objects with Rerun (https://rerun.io); needs its SDK.
 
         Parameters
         ----------
@@ -390,3 +393,8 @@ class Scene:
 
     def _repr_html_(self) -> str:
         return _estimates.in_notebook(self._core.report(self.name or "quadlift"))
+
+
+def _read_again(text: str, path: Path) -> Scene:
+    """A scene that was pickled."""
+    return Scene(_core.Scene.parse(text.encode(), path))

@@ -169,13 +169,7 @@ def _map(rows: DataFrame, work: Any, schema: T.StructType) -> DataFrame:
 
     def on_batches(found: Iterable[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in found:
-            table = work(batch)
-            # Spark knows no lists of a fixed size.
-            fields = [
-                field.with_type(pa.list_(field.type.value_type)) if pa.types.is_fixed_size_list(field.type) else field
-                for field in table.schema
-            ]
-            yield from table.cast(pa.schema(fields)).to_batches()
+            yield from work(batch).to_batches()
 
     return rows.mapInArrow(on_batches, schema)
 

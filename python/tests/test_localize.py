@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import signal
 import threading
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -216,8 +217,27 @@ def test_tables(made: Arrays) -> None:
     np.testing.assert_array_equal(frame[["x", "y", "z"]].to_numpy(), estimates.centers)
     table = estimates.to_arrow()
     assert table["semi_axes"].to_pylist() == [*estimates.semi_axes[:3].tolist(), None]
-    assert table["covariance"].type == pa.list_(pa.float64(), 81)
+    assert table["covariance"].type == pa.list_(pa.float64())
     assert table["rms_residual_px"].null_count == 1
+
+
+def test_tables_survive_parquet(made: Arrays, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    one = made.frame == 0
+    arguments = {**made.arguments(), "frame": made.frame[one], "boxes": made.boxes[one], "object": made.object[one]}
+    table = quadlift.localize(**arguments).to_arrow()
+    assert table["center"].null_count == len(table)
+    parquet.write_table(table, tmp_path / "estimates.parquet")
+    assert parquet.read_table(tmp_path / "estimates.parquet").equals(table)
+
+
+def test_an_empty_list_is_no_detection(made: Arrays) -> None:
+    cameras = quadlift.Scene.from_arrays(projections=made.projections)
+    assert len(cameras.with_detections(frame=[], boxes=[])) == 0
+    # Numbers with a point, as tables make of whole ones.
+    arguments = {**made.arguments(), "frame": made.frame * 1.0}
+    expected = quadlift.localize(**made.arguments())
+    np.testing.assert_array_equal(quadlift.localize(**arguments).centers, expected.centers)
 
 
 def test_progress_is_told_and_other_threads_go_on(made: Arrays) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -233,3 +234,33 @@ def test_priors(made: Arrays) -> None:
     assert (pulled.semi_axes.mean(axis=1) > 1.05 * plain.semi_axes.mean(axis=1)).all()
     builtin = quadlift.localize(**{**arguments, "categories": ["cup"] * 6}, length_unit="m", priors="builtin")
     assert not np.array_equal(builtin.semi_axes, plain.semi_axes)
+
+
+def test_pickled_scenes(made: Arrays, tmp_path: Path) -> None:
+    scene = quadlift.Scene.from_arrays(projections=made.projections, images=[f"{k}.png" for k in range(6)])
+    scene = scene.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    again = pickle.loads(pickle.dumps(scene))
+    assert again.to_dict() == scene.to_dict()
+    estimates = scene.localize()
+    np.testing.assert_array_equal(again.localize().centers, estimates.centers)
+    # Paths of images go on to mean the same.
+    scene.write(tmp_path / "scene.json")
+    read = pickle.loads(pickle.dumps(quadlift.Scene.read(tmp_path / "scene.json")))
+    assert read._core.path == tmp_path / "scene.json"
+    with pytest.raises(TypeError, match="estimates cannot be pickled; hand over to_arrow"):
+        pickle.dumps(estimates)
+
+
+def test_detections_that_are_left_out_are_told_of(made: Arrays, tmp_path: Path) -> None:
+    cameras = quadlift.Scene.from_arrays(projections=made.projections, frame_ids=list("abcdef"))
+    (tmp_path / "boxes.csv").write_text(
+        "image,x0,y0,x1,y1\na.png,1,2,30,40\nb.png,5,5,5,9\nz.png,1,2,3,4\nz.png,1,2,3,9\n"
+    )
+    with pytest.warns(UserWarning, match="are left out") as told:
+        scene = quadlift.Scene.from_detections(tmp_path / "boxes.csv", cameras)
+    assert [str(warning.message) for warning in told] == [
+        '2 detections are left out: 1 images have no frame, such as "z.png"',
+        "1 detections are left out: their boxes have no width or no height",
+    ]
+    assert len(scene) == 1
+    assert told[0].filename == __file__

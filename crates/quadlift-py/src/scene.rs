@@ -60,8 +60,15 @@ impl PyScene {
 
     /// The scene in the bytes of a scene file.
     #[staticmethod]
-    fn parse(bytes: &[u8]) -> PyResult<Self> {
-        Self::new(parse_scene_file("scene.json".as_ref(), bytes).map_err(refuse)?, PathBuf::new())
+    fn parse(bytes: &[u8], path: PathBuf) -> PyResult<Self> {
+        Self::new(parse_scene_file("the document".as_ref(), bytes).map_err(refuse)?, path)
+    }
+
+    /// What paths of images and masks are relative to: the file that was read, or nothing.
+    #[getter]
+    fn path(&self) -> PyResult<PathBuf> {
+        let path = &self.loaded.path;
+        if path.as_os_str().is_empty() { Ok(PathBuf::new()) } else { absolute(path).map_err(refuse) }
     }
 
     /// Posed frames without detections.
@@ -107,7 +114,7 @@ impl PyScene {
         source: Option<&str>,
         min_score: Option<f64>,
         image_size: Option<[f64; 2]>,
-    ) -> PyResult<Self> {
+    ) -> PyResult<(Self, Vec<String>)> {
         let class_names = names.as_deref().map(read_names).transpose().map_err(refuse)?;
         let names = class_names.as_ref();
         let table = TableOptions { frame_column, names };
@@ -123,8 +130,17 @@ impl PyScene {
         };
         let mut file = self.loaded.file().clone();
         let options = AddOptions { source: source.unwrap_or(name), min_score, image_size, ..Default::default() };
-        add_detections(&mut file, files.map_err(refuse)?, &options).map_err(refuse)?;
-        Self::new(file, self.loaded.path.clone())
+        let added = add_detections(&mut file, files.map_err(refuse)?, &options).map_err(refuse)?;
+        let mut lost = Vec::new();
+        if added.in_no_frame > 0 {
+            let (images, count) = (added.images_without_frame.len(), added.in_no_frame);
+            let first = added.images_without_frame.first().map_or("", String::as_str);
+            lost.push(format!("{count} detections are left out: {images} images have no frame, such as \"{first}\""));
+        }
+        if added.empty > 0 {
+            lost.push(format!("{} detections are left out: their boxes have no width or no height", added.empty));
+        }
+        Ok((Self::new(file, self.loaded.path.clone())?, lost))
     }
 
     /// Writes a scene file. Paths of images and masks become absolute where the file goes to another folder.

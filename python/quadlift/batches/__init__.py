@@ -4,7 +4,7 @@ An engine that spreads tables over machines groups detections to one row for eac
 detections show the same object, to one row for each scene), and calls these functions on batches of rows. Columns that
 have an entry for each view are lists. What they give does not depend on how the rows are cut into batches.
 
-Needs pyarrow: ``pip install "quadlift[arrow]"``. `quadlift.spark` does all of it on Spark.
+Needs pyarrow. `quadlift.spark` does all of it on Spark.
 """
 
 from __future__ import annotations
@@ -69,20 +69,17 @@ def schema(object_type: Any = None, scene_type: Any = None) -> Any:
         `scene`, then the columns of `Estimates.to_arrow`, then `problem` (string): what is wrong with the row where
         `status` is ``"invalid"`` or ``"failed"``.
     """
-
-    def vector(width: int) -> Any:
-        return pa.list_(pa.float64(), width)
-
+    vector = pa.list_(pa.float64())
     fields = [] if scene_type is None else [("scene", scene_type)]
     fields += [
         ("object", object_type or pa.string()),
         ("category", pa.string()),
         ("status", pa.string()),
-        ("center", vector(3)),
-        ("semi_axes", vector(3)),
-        ("quaternion", vector(4)),
-        ("enclosing_semi_axes", vector(3)),
-        ("covariance", vector(81)),
+        ("center", vector),
+        ("semi_axes", vector),
+        ("quaternion", vector),
+        ("enclosing_semi_axes", vector),
+        ("covariance", vector),
         ("center_sd", pa.float64()),
         ("views_used", pa.int64()),
         ("rms_residual_px", pa.float64()),
