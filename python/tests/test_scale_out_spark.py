@@ -119,6 +119,8 @@ def test_noise_from_a_sample(fleet: Fleet, detections: DataFrame, cameras: DataF
         some = detections.repartition(parts)
         found = quadlift.spark.localize(some, cameras, sample_objects=9, broadcast_cameras=limit)
         assert_same(found.toArrow(), expected)
+    # Found apart, to be kept.
+    assert quadlift.spark.noise(detections, cameras, sample_objects=9) == (sigmas, body)
     # One of the two may be given.
     cuboids = batches.noise(batches.sample(rows, 9), fleet.cameras, body="cuboid")[0]
     expected = batches.localize_objects(rows, fleet.cameras, sigmas=cuboids, body="cuboid")
@@ -254,7 +256,7 @@ def test_empty(detections: DataFrame, cameras: DataFrame) -> None:
 
 
 def test_refusals(detections: DataFrame, cameras: DataFrame) -> None:
-    def localize(d: DataFrame = detections, c: DataFrame = cameras, **options: Any) -> Any:
+    def localize(d: Any = detections, c: Any = cameras, **options: Any) -> Any:
         return lambda: quadlift.spark.localize(d, c, **options)
 
     texts = {
@@ -266,7 +268,14 @@ def test_refusals(detections: DataFrame, cameras: DataFrame) -> None:
         "the column 'object' of detections is double": localize(detections.withColumn("object", F.lit(1.0))),
         "the column 'x1' of detections is string": localize(detections.withColumn("x1", F.lit("9"))),
         "the column 'frame' is int in cameras and string": localize(c=cameras.withColumn("frame", F.lit(1))),
-        "the column 'box' of detections is string": localize(detections.withColumn("box", F.lit("1 2 3 4"))),
+        "the column 'box' of detections is string": localize(
+            detections.drop("x0", "y0", "x1", "y1").withColumn("box", F.lit("1 2 3 4"))
+        ),
+        "detections has the columns 'box' and 'x0'; expected one or the other": localize(
+            detections.withColumn("box", F.array("x0", "y0", "x1", "y1"))
+        ),
+        "detections is a pyarrow.lib.Table; expected a Spark DataFrame": localize(detections.toArrow()),
+        "cameras is a builtins.NoneType; expected a Spark DataFrame": localize(c=None),
         "ground_plane is an option of whole scenes": localize(ground_plane=True),
         "there is no option 'threads' here": localize(threads=3),
         'body is "sphere"': localize(body="sphere"),
@@ -277,6 +286,20 @@ def test_refusals(detections: DataFrame, cameras: DataFrame) -> None:
         with pytest.raises(quadlift.QuadliftError) as refused:
             call()
         assert text in str(refused.value)
+
+
+def test_a_column_that_may_have_been_meant_is_named(
+    detections: DataFrame, cameras: DataFrame, caplog: pytest.LogCaptureFixture
+) -> None:
+    quadlift.spark.localize(detections.withColumnRenamed("object", "track_id"), cameras)
+    assert "detections has no column 'object', so identities are found scene by scene; not looked at: track_id" in (
+        caplog.messages
+    )
+    caplog.clear()
+    quadlift.spark.localize(detections.drop("object"), cameras)
+    assert not caplog.messages
+    with pytest.raises(quadlift.QuadliftError, match="detections has no column 'object'"):
+        quadlift.spark.noise(detections.drop("object"), cameras)
 
 
 # Workers that die
