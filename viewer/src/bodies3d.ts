@@ -63,6 +63,14 @@ export function bodyMeshes(report: Report, which: Which, origin: Vec3, material:
   });
 }
 
+/** The meshes in one group. */
+export function groupOf(meshes: BodyMesh[]): THREE.Group {
+  const group = new THREE.Group();
+  // One by one: three.js complains when there is nothing to add.
+  for (const { mesh } of meshes) group.add(mesh);
+  return group;
+}
+
 /** Gives each body the colour of its object; where one is selected, the others pale. */
 export function colorBodies(meshes: BodyMesh[], colors: Colors, selected: number, paper: string): void {
   const color = new THREE.Color();

@@ -53,6 +53,8 @@ export const REJECTED: DetectionState = 2;
 
 export interface ReportObject {
   id: string;
+  /** Id of the true object that the estimate is paired with, where it is another one. */
+  trueId: string | null;
   /** Index of the category, -1 where there is none. */
   category: number;
   /** How the estimation ended; null where none was made. */

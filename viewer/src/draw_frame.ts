@@ -31,7 +31,8 @@ export function detectedRegion(frame: Frame): Region {
   }
   const [w, h] = frame.size;
   const share = 1.3 * Math.max((x1 - x0) / w, (y1 - y0) / h);
-  if (!(share < 0.7)) return wholeFrame(frame);
+  // Without detections the share is no positive number.
+  if (!(share > 0 && share < 0.7)) return wholeFrame(frame);
   const [width, height] = [share * w, share * h];
   return { x: (x0 + x1 - width) / 2, y: (y0 + y1 - height) / 2, width, height };
 }
@@ -46,6 +47,8 @@ export interface FrameStyle {
   selected: number;
   /** Colour of the sheet where there is no image. */
   blank: string;
+  /** Colour of its edge. */
+  edge: string;
 }
 
 /** The images of frames as the browser has decoded them; only those that are looked at. */
@@ -90,6 +93,11 @@ export function drawFrame(
   const [w, h] = frame.size.map((side) => side * scale) as [number, number];
   context.fillStyle = style.blank;
   context.fillRect(0, 0, w, h);
+  if (frame.image === null) {
+    context.strokeStyle = style.edge;
+    context.lineWidth = 1;
+    context.strokeRect(0.5, 0.5, w - 1, h - 1);
+  }
   if (image !== null) context.drawImage(image, 0, 0, w, h);
   const pen = new Pen(context, scale, width < 200 ? 1 : 1.5);
   const { object, state, box } = frame.detections;

@@ -19,7 +19,9 @@ export class FrameView {
   readonly picture: HTMLElement;
   readonly measurements: HTMLElement;
   private readonly canvas = element("canvas");
-  private readonly sheet = element("div", { class: "sheet" }, this.canvas);
+  /** What stands on a sheet on which nothing is drawn. */
+  private readonly nothing = element("p", { class: "dim" }, "no image and no detections");
+  private readonly sheet = element("div", { class: "sheet" }, this.canvas, this.nothing);
   private readonly title = element("h2");
   private readonly table: Table<Measured>;
   /** Largest residual of the frame, for bars. */
@@ -100,6 +102,7 @@ export class FrameView {
     this.largest = rows.reduce((most, row) => Math.max(most, row.residual ?? 0), 1e-9);
     this.table.show(rows, object);
     this.table.mark(this.selection.object);
+    this.nothing.hidden = frame.image !== null || object.length > 0;
     const text = `Frame ${frame.id}`;
     this.title.textContent = text;
     this.canvas.setAttribute("aria-label", `${text}: ${count(object.length, "detection")} and outlines of the bodies`);
@@ -126,6 +129,7 @@ export class FrameView {
       truth: this.truth.checked,
       selected: this.selection.object,
       blank: themeColor("--sheet"),
+      edge: themeColor("--line"),
     });
   }
 

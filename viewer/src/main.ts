@@ -48,7 +48,7 @@ function show(page: HTMLElement, report: Report): void {
     const strip = new Strip(report, selection, images, colors);
     parts.push(element("div", { class: "frames" }, frameView.picture, frameView.measurements, strip.element));
   }
-  const objects = report.objects.length === 0 ? [] : [
+  const objects = report.objects.length === 0 ? [element("p", { class: "dim" }, "There are no objects.")] : [
     element("section", { "aria-label": "Objects" }, element("h2", {}, "Objects"), objectTable(report, selection, colors)),
     objectDetails(report, selection, colors, view === null ? null : (index) => view.lookAt(index)),
   ];

@@ -44,6 +44,7 @@ export function objectDetails(
     const { lengthUnit } = report;
     const facts: [string, string][] = [
       ["status", statusName(object.status)],
+      ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),
       ["body", object.body === null ? "none" : object.body.kind],
       ["size", object.body === null ? "–" : `${extents(object.body)} ${lengthUnit ?? ""}`],
       ["centre", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${lengthUnit ?? ""}`],

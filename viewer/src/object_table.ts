@@ -41,7 +41,7 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
       number: true,
     },
     {
-      title: `± centre${unit}`,
+      title: `±\u00a0centre${unit}`,
       hint: "standard deviation of the centre per coordinate",
       value: (k) => objects[k]?.centerSd ?? null,
       text: (k) => short(objects[k]?.centerSd ?? null),

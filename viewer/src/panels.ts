@@ -52,8 +52,13 @@ export function scores(report: Report, selection: Selection, colors: Colors): HT
     const column = scores.columns[c];
     return column === undefined ? "" : score(value ?? null, column);
   };
+  const trueId = (k: number): string => report.objects[scores.rows[k]?.object ?? -1]?.trueId ?? id(k);
   const columns: Column<number>[] = [
     { title: "object", value: id, text: id, mark: (k) => colors.ofObject(scores.rows[k]?.object ?? -1) },
+    // Ids of an association are not those of the truth.
+    ...(report.objects.some((object) => object.trueId !== null)
+      ? [{ title: "true object", value: trueId, text: trueId }]
+      : []),
     {
       title: "status",
       value: (k) => scores.rows[k]?.status ?? null,

@@ -8,9 +8,9 @@ export interface Space {
   up: Vec3;
   /** Whether the report says where up is; otherwise it is where the cameras have it. */
   upIsKnown: boolean;
-  /** The middle of the objects. */
+  /** The middle of the objects; without objects, of the cameras. */
   origin: Vec3;
-  /** About how far the objects reach from it. */
+  /** About how far the objects reach from it; without objects, how far the cameras do. */
   objectRadius: number;
   /** About how far objects and cameras reach from it. */
   radius: number;
@@ -33,8 +33,12 @@ export function makeSpace(report: Report): Space {
   const origin: Vec3 = [0, 1, 2].map((axis) => middle(points.map((point) => point[axis] ?? 0))) as Vec3;
   const distance = (point: Vec3): number => norm(subtract(point, origin));
   const sizes = bodies.map((body) => Math.max(...body.half));
-  // A few objects that are far off must not make all the others tiny.
-  const objectRadius = quantile(centers.map(distance), 0.9) + quantile(sizes, 0.9) || 1;
+  // A few objects that are far off must not make all the others tiny. Where there are cameras only all of them are
+  // shown, with room for the lines that stand for them.
+  const objectRadius =
+    (centers.length > 0
+      ? quantile(centers.map(distance), 0.9) + quantile(sizes, 0.9)
+      : 1.15 * quantile(cameras.map(distance), 1)) || 1;
   const radius = Math.max(objectRadius, Math.min(quantile(cameras.map(distance), 0.9), 20 * objectRadius));
   const firstRadius = 1.1 * (radius > 4 * objectRadius ? 1.3 * objectRadius : radius);
   const heights = bodies.map((body) => dot(subtract(body.center, origin), up) - Math.min(...body.half));

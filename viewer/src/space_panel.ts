@@ -51,7 +51,8 @@ export function spacePanel(
     box.addEventListener("change", () => view.show(layer, box.checked));
     tools.append(element("label", {}, box, ` ${name}`));
   }
-  const buttons: [string, () => void][] = [["Objects", () => view.lookAtObjects()], ["Everything", () => view.lookAtAll()]];
+  const buttons: [string, () => void][] = [["Everything", () => view.lookAtAll()]];
+  if (report.objects.length > 0) buttons.unshift(["Objects", () => view.lookAtObjects()]);
   for (const [name, look] of buttons) {
     const button = element("button", { type: "button", title: `look at ${name.toLowerCase()}` }, name);
     button.addEventListener("click", look);

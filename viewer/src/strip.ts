@@ -116,6 +116,7 @@ export class Strip {
       truth: false,
       selected: this.selection.object,
       blank: themeColor("--sheet"),
+      edge: themeColor("--line"),
     });
   }
 

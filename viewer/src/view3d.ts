@@ -4,7 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Report } from "./data.ts";
 import {
-  MANY, bodyMeshes, bodyWires, colorBodies, lines, placement, unitGeometry, type BodyMesh, type Which,
+  MANY, bodyMeshes, bodyWires, colorBodies, groupOf, lines, placement, unitGeometry, type BodyMesh, type Which,
 } from "./bodies3d.ts";
 import { wireframe } from "./body_shape.ts";
 import { Cameras3d } from "./cameras3d.ts";
@@ -56,11 +56,10 @@ export class View3d {
     this.cameras = new Cameras3d(report, space, this.redraw);
     this.surroundings = new Surroundings3d(space);
     this.gridStep = this.surroundings.step;
-    const group = (meshes: BodyMesh[]): THREE.Group => new THREE.Group().add(...meshes.map(({ mesh }) => mesh));
     this.layers = {
-      body: group(this.bodies),
-      centerShell: group(shells),
-      enclosing: group(enclosing),
+      body: groupOf(this.bodies),
+      centerShell: groupOf(shells),
+      enclosing: groupOf(enclosing),
       truth: bodyWires(report, "truth", origin, this.wires),
       cameras: this.cameras.group,
       path: this.cameras.path,

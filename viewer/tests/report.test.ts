@@ -30,6 +30,20 @@ function data(path: string): Report {
   return JSON.parse(html.slice(start, html.indexOf("</script>", start))) as Report;
 }
 
+/** What the tests change in scene files. */
+interface SceneText {
+  detections: { object?: string }[];
+  objects: { id: string }[];
+}
+
+function readScene(path: string): SceneText {
+  return JSON.parse(readFileSync(join(folder, path), "utf8")) as SceneText;
+}
+
+function writeScene(path: string, scene: object): void {
+  writeFileSync(join(folder, path), JSON.stringify(scene));
+}
+
 test("the demo opens in silence, draws, turns, and selects what is clicked", async () => {
   const { page, problems } = await open(browser, "demo.html");
   const space = page.locator(".stage");
@@ -158,6 +172,73 @@ test("outlines of the page give the residuals that the program has computed", ()
     });
   }
   assert.ok(compared > 100, `${compared}`);
+});
+
+test("true objects with other ids than their estimates are shown as one with them", async () => {
+  const truth = readScene("plain.json");
+  const boxes = truth.detections.map(({ object: _, ...box }) => box);
+  const { objects, ...scene } = truth;
+  writeScene("unnamed.json", { ...scene, detections: boxes });
+  // One more than there is to be found.
+  const far = { id: "unseen", ellipsoid: { center: [50, 50, 0], semi_axes: [1, 1, 1], rotation: [1, 0, 0, 0] } };
+  const things = objects.map((object, k) => ({ ...object, id: `thing_${k}` }));
+  writeScene("things.json", { ...scene, detections: [], objects: [...things, far] });
+  quadlift("localize", "unnamed.json", "--associate", "always", "-o", "associated.json");
+  quadlift("evaluate", "associated.json", "things.json", "--report", "associated.html");
+  const { page, problems } = await open(browser, "associated.html");
+  const rows = page.locator("table[aria-label=Objects] tbody tr");
+  const shown = (await rows.allInnerTexts()).map((text) => text.split("\t").map((cell) => cell.trim()));
+  assert.equal(shown.length, objects.length + 1, `${shown.map(([id]) => id)}`);
+  assert.deepEqual(shown.filter(([, status]) => status === "no estimate").map(([id]) => id), ["unseen"]);
+  const scored = page.locator("table[aria-label='Scores against the truth'] tbody tr");
+  const pairs = await scored.evaluateAll((lines) => lines.map((line) => [...line.children].map((c) => c.textContent)));
+  assert.deepEqual(pairs.map(([, thing]) => thing).sort(), [...things, far].map(({ id }) => id).sort());
+  const [id, thing] = pairs[2]!;
+  await scored.nth(2).click();
+  assert.equal(await page.locator(".details h2").textContent(), id);
+  assert.equal(await page.locator(".details dt", { hasText: "true object" }).locator("+ dd").textContent(), thing);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("cameras alone are all in sight, and a frame without anything says so", async () => {
+  const { objects: _, ...scene } = readScene("plain.json");
+  writeScene("cameras.json", { ...scene, detections: [] });
+  const path = quadlift("view", "cameras.json", "--no-browser").trim();
+  const { page, problems } = await open(browser, path, { width: 1200, height: 780 });
+  for (const layer of ["grid", "path"]) await page.getByRole("checkbox", { name: layer }).uncheck();
+  const { width, height, data } = await pixels(page, page.locator(".stage canvas"));
+  const drawn = (x: number, y: number): boolean => {
+    const at = 4 * (y * width + x);
+    return [0, 1, 2].some((c) => Math.abs(data[at + c]! - data[c]!) > 24);
+  };
+  let [inside, border] = [0, 0];
+  for (let y = 0; y < height; y++) {
+    for (let x = 0; x < width; x++) {
+      if (!drawn(x, y)) continue;
+      // At the very edge lies the frame of the view, and a little below its upper edge the legend.
+      const deep = Math.min(x, y, width - 1 - x, height - 1 - y);
+      if (deep >= 2 && deep < 6) border += 1;
+      else if (y > 30) inside += 1;
+    }
+  }
+  assert.ok(inside > 300, `${inside} pixels are drawn`);
+  assert.equal(border, 0, "no line is cut off");
+  const sheet = await page.locator(".sheet canvas").boundingBox();
+  assert.ok(sheet !== null && sheet.width > 100 && sheet.height > 100, "the frame has its size");
+  assert.ok(await page.getByText("no image and no detections").isVisible());
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("all columns of the objects can be read in a window of medium width", async () => {
+  for (const path of ["demo.html", "plain.html"]) {
+    const { page } = await open(browser, path, { width: 1200, height: 800 });
+    const table = page.locator(".table", { has: page.locator("table[aria-label=Objects]") });
+    const [room, needed] = await table.evaluate((place) => [place.clientWidth, place.scrollWidth]);
+    assert.ok(needed! <= room!, `${path}: ${needed} pixels in ${room}`);
+    await page.close();
+  }
 });
 
 test("names with HTML and scripts are shown as text", async () => {

@@ -75,6 +75,8 @@ pub struct ReportDetections {
 pub struct ReportObject {
     /// Id.
     pub id: String,
+    /// Id of the true object that the estimate is paired with, where it is another one.
+    pub true_id: Option<String>,
     /// Index into [`Report::categories`], -1 without one.
     pub category: i64,
     /// How the estimation ended (see [`quadlift::solve::Status::name`]); absent where none was made.

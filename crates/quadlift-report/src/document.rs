@@ -46,17 +46,30 @@ pub struct Content<'a> {
     pub scores: Option<&'a Scores>,
 }
 
-/// Scores of estimates, by the ids of the objects.
+/// Scores of estimates, which also say which estimate and which true object are the same.
 #[derive(Debug, Clone, Default)]
 pub struct Scores {
     /// What is scored.
     pub columns: Vec<ScoreColumn>,
-    /// Of each true object: id, status of the estimate if there is one, one value for each column.
-    pub rows: Vec<(String, Option<String>, Vec<Option<f64>>)>,
+    /// One row for each true object.
+    pub rows: Vec<TrueObjectScores>,
     /// Means over the objects.
     pub mean: Vec<Option<f64>>,
     /// How many objects failed, in a sentence.
     pub failures: String,
+}
+
+/// Scores of one true object.
+#[derive(Debug, Clone, Default)]
+pub struct TrueObjectScores {
+    /// Id of the true object.
+    pub id: String,
+    /// Id of the estimate that it is paired with; absent when there is none.
+    pub estimate: Option<String>,
+    /// Status of that estimate.
+    pub status: Option<String>,
+    /// One value for each column.
+    pub values: Vec<Option<f64>>,
 }
 
 impl Scores {
@@ -68,12 +81,17 @@ impl Scores {
             Unit::Degrees => "degrees",
             Unit::Length => "length",
         };
-        let values = |o: &ObjectScore| COLUMNS.iter().map(|column| (column.of)(o)).collect();
+        let row = |o: &ObjectScore| TrueObjectScores {
+            id: o.id.clone(),
+            estimate: o.estimate.clone(),
+            status: o.status.clone(),
+            values: COLUMNS.iter().map(|column| (column.of)(o)).collect(),
+        };
         Self {
             columns: (COLUMNS.iter())
                 .map(|column| ScoreColumn { title: column.title.to_owned(), unit: unit(column.unit) })
                 .collect(),
-            rows: evaluation.objects.iter().map(|o| (o.id.clone(), o.status.clone(), values(o))).collect(),
+            rows: evaluation.objects.iter().map(row).collect(),
             mean: COLUMNS.iter().map(|column| (column.mean)(&evaluation.mean).map(|mean| mean.value)).collect(),
             failures: failures_in_words(evaluation),
         }
@@ -156,8 +174,14 @@ fn gather_objects(content: &Content, is_shown: impl Fn(&&Detection) -> bool) -> 
         }
     }
     if let Some(file) = content.truth {
+        let rows = content.scores.map_or(&[][..], |scores| &scores.rows);
+        let partners: HashMap<&str, Option<&str>> =
+            rows.iter().map(|row| (&*row.id, row.estimate.as_deref())).collect();
         for bodies in file.to_objects()? {
-            objects.truth(bodies);
+            // Ids may be those of an association, which mean nothing to the truth: then the scores have the pairs.
+            let id = bodies.id.clone();
+            let partner = partners.get(&*id).copied().unwrap_or(Some(&id));
+            objects.truth(bodies, partner);
         }
     }
     for detection in scene.detections.iter().filter(is_shown) {
@@ -194,7 +218,9 @@ fn extent(detections: &ReportDetections) -> [f64; 2] {
 struct Objects {
     list: Vec<ReportObject>,
     categories: Vec<String>,
+    /// By the ids that detections name: those of the estimates first, then those of the truth.
     by_id: HashMap<String, usize>,
+    by_true_id: HashMap<String, usize>,
 }
 
 impl Objects {
@@ -202,12 +228,21 @@ impl Objects {
     fn entry(&mut self, id: &str, category: Option<&String>) -> &mut ReportObject {
         let index = match self.by_id.get(id) {
             Some(&index) => index,
-            None => {
-                self.by_id.insert(id.to_owned(), self.list.len());
-                self.list.push(ReportObject { id: id.to_owned(), category: -1, ..Default::default() });
-                self.list.len() - 1
-            }
+            None => self.add(id),
         };
+        self.of_category(index, category)
+    }
+
+    /// A new entry; `by_id` leads to the first with its id.
+    fn add(&mut self, id: &str) -> usize {
+        let index = self.list.len();
+        self.by_id.entry(id.to_owned()).or_insert(index);
+        self.list.push(ReportObject { id: id.to_owned(), category: -1, ..Default::default() });
+        index
+    }
+
+    /// An entry, in this category where it had none.
+    fn of_category(&mut self, index: usize, category: Option<&String>) -> &mut ReportObject {
         let object = &mut self.list[index];
         if let (Some(name), -1) = (category, object.category) {
             let known = self.categories.iter().position(|known| known == name);
@@ -223,7 +258,7 @@ impl Objects {
     fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies) {
         if record.status.is_none() {
             // An object without a status is no estimate: in a scene that was never localised it is the truth.
-            return self.truth(bodies);
+            return self.truth(bodies, Some(&record.id));
         }
         let shell = bodies.covariance.as_ref().zip(bodies.center).and_then(|(covariance, center)| {
             let shape: Matrix3<f64> = covariance.matrix.fixed_view::<3, 3>(0, 0) * CHI2_95;
@@ -244,8 +279,14 @@ impl Objects {
         object.warnings = record.warnings.clone();
     }
 
-    fn truth(&mut self, bodies: ObjectBodies) {
-        let object = self.entry(&bodies.id, bodies.category.as_ref());
+    /// A true object, in the entry of the object with the id `partner` where there is one.
+    fn truth(&mut self, bodies: ObjectBodies, partner: Option<&str>) {
+        let paired = partner.and_then(|id| self.by_id.get(id).copied());
+        let index = paired.unwrap_or_else(|| self.add(&bodies.id));
+        self.by_true_id.insert(bodies.id.clone(), index);
+        self.by_id.entry(bodies.id.clone()).or_insert(index);
+        let object = self.of_category(index, bodies.category.as_ref());
+        object.true_id = Some(bodies.id.clone()).filter(|id| *id != object.id);
         let like = object.body.as_ref().map(|body| body.kind);
         object.truth = body(&bodies, like);
         if object.status.is_none() {
@@ -254,9 +295,9 @@ impl Objects {
     }
 
     fn scores(&self, scores: &Scores) -> ReportScores {
-        let row = |(id, status, values): &(String, Option<String>, Vec<Option<f64>>)| {
-            let object = self.by_id.get(id).copied().filter(|&index| index < MOST_OBJECTS)?;
-            Some(ScoreRow { object, status: status.clone(), values: values.clone() })
+        let row = |row: &TrueObjectScores| {
+            let object = self.by_true_id.get(&row.id).copied().filter(|&index| index < MOST_OBJECTS)?;
+            Some(ScoreRow { object, status: row.status.clone(), values: row.values.clone() })
         };
         ReportScores {
             columns: scores.columns.clone(),
@@ -423,6 +464,57 @@ mod tests {
         let detections = &report.frames[1].detections;
         assert_eq!((&*detections.object, &*detections.state), (&[1, 0][..], &[0, 1][..]));
         assert_eq!(detections.boxes[4..], [None; 4]);
+    }
+
+    #[test]
+    fn true_objects_are_paired_as_the_scores_have_them_else_by_id() {
+        let ball = |id: &str, x: f64| {
+            let ellipsoid = json!({ "center": [x, 0, 5], "semi_axes": [1, 1, 1], "rotation": [1, 0, 0, 0] });
+            json!({ "id": id, "category": "cup", "ellipsoid": ellipsoid })
+        };
+        let file = |objects: Vec<serde_json::Value>| -> SceneFile {
+            serde_json::from_value(json!({ "format": "quadlift.scene", "version": 1, "objects": objects })).unwrap()
+        };
+        let mut objects = vec![ball("0", 0.0), ball("1", 10.0)];
+        for object in &mut objects {
+            object["status"] = json!("ok");
+        }
+        let estimate = file(objects);
+        // The first true object has the id of another estimate, the second of none, and no estimate shows the third.
+        let truth = file(vec![ball("1", 0.1), ball("cup", 10.1), ball("0", 50.0)]);
+        let row = |id: &str, estimate: Option<&str>| TrueObjectScores {
+            id: id.to_owned(),
+            estimate: estimate.map(str::to_owned),
+            ..Default::default()
+        };
+        let scores =
+            Scores { rows: vec![row("1", Some("0")), row("cup", Some("1")), row("0", None)], ..Default::default() };
+        let scene = scene(1);
+        let content = Content { truth: Some(&truth), scores: Some(&scores), ..content(&scene, &estimate) };
+        let paired = report(&content).unwrap();
+        let told = |report: &Report| -> Vec<(String, Option<String>, bool, Option<f64>)> {
+            let of = |o: &ReportObject| {
+                (o.id.clone(), o.true_id.clone(), o.status.is_some(), o.truth.as_ref().map(|body| body.center[0]))
+            };
+            report.objects.iter().map(of).collect()
+        };
+        let line = |id: &str, true_id: Option<&str>, estimated, x| {
+            (id.to_owned(), true_id.map(str::to_owned), estimated, Some(x))
+        };
+        assert_eq!(
+            told(&paired),
+            [line("0", Some("1"), true, 0.1), line("1", Some("cup"), true, 10.1), line("0", None, false, 50.0)]
+        );
+        let rows: Vec<usize> = paired.scores.unwrap().rows.iter().map(|row| row.object).collect();
+        assert_eq!(rows, [0, 1, 2]);
+        // The detections name the second object as the truth does.
+        assert_eq!(paired.frames[0].detections.object, [1, 1]);
+
+        let by_id = report(&Content { scores: None, ..content }).unwrap();
+        assert_eq!(
+            told(&by_id),
+            [line("0", None, true, 50.0), line("1", None, true, 0.1), line("cup", None, false, 10.1)]
+        );
     }
 
     #[test]

@@ -17,7 +17,9 @@ mod run;
 mod thumbnails;
 
 pub use data::{Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow};
-pub use document::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS, Scores, report, report_of_frames};
+pub use document::{
+    Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS, Scores, TrueObjectScores, report, report_of_frames,
+};
 pub use frame_image::{FrameImage, frame_image, frame_jpeg};
 pub use page::page;
 pub use picture::Picture;
