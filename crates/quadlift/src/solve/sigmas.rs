@@ -109,7 +109,10 @@ mod tests {
         let sigmas = Sigmas::new([("edge_px", 2.0), ("edge_relative", 0.03), ("pose_rotation", 0.1)]).unwrap();
         assert_eq!(sigmas.levels().collect::<Vec<_>>(), [("edge_relative", 0.03), ("edge_px", 2.0)]);
         let error = |name, value| Sigmas::new([(name, value)]).unwrap_err().to_string();
-        assert!(error("edge", 0.1).starts_with("\"edge\" is no noise level; expected one of edge_relative, edge_px"));
+        assert!(
+            error("edge", 0.1)
+                .starts_with("\"edge\" is no noise level; expected one of edge_relative, hidden_edge_relative")
+        );
         assert_eq!(error("shape", 0.0), "shape is 0; expected a finite number above 0");
         assert_eq!(error("edge_relative", f64::NAN), "edge_relative is NaN; expected a finite number above 0");
         assert_eq!(
