@@ -54,6 +54,8 @@ def log_recording(folder: str | os.PathLike[str], path: str | os.PathLike[str] |
     file = Path(folder) / "recording.json"
     try:
         recording = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise QuadliftError(f"{file}: there is no such file; expected what `quadlift export rerun` writes") from error
     except (OSError, ValueError) as error:
         raise QuadliftError(f"{file} is no recording: {error}") from error
     found = (recording.get("format"), recording.get("version")) if isinstance(recording, dict) else None
