@@ -3,7 +3,7 @@
 use quadlift::geometry::Intrinsics;
 use quadlift::synthetic::SyntheticScene;
 use quadlift_io::SceneFile;
-use quadlift_io::scene_file::{CameraRecord, DetectionRecord, EllipseRecord, FrameRecord, ObjectRecord};
+use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord};
 
 /// The same scene whose detections name the true objects.
 pub fn with_true_ids(mut file: SceneFile, synthetic: &SyntheticScene) -> SceneFile {
@@ -54,14 +54,7 @@ pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
             frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into()),
             bounding_box: detection.bounding_box.map(|b| b.edges()),
-            ellipse: detection.ellipse.map(|e| {
-                Box::new(EllipseRecord {
-                    center: e.center.into(),
-                    semi_axes: e.semi_axes.into(),
-                    angle: e.angle,
-                    ..Default::default()
-                })
-            }),
+            ellipse: detection.ellipse.map(|ellipse| Box::new(ellipse.into())),
             ..Default::default()
         });
     }

@@ -73,6 +73,7 @@ fn object_json(scene: &Scene, object: &AssociatedObject) -> Value {
     }
     Value::Object(json)
 }
+
 /// The detections that took no part, to be added to a sentence.
 pub fn not_used_in_words(not_used: NotUsed) -> String {
     let reasons = [(not_used.low_score, "with a low score"), (not_used.duplicate, "that overlap a better one")];

@@ -48,6 +48,21 @@ pub enum DetectionFormat {
     LabelMe,
 }
 
+impl DetectionFormat {
+    /// The name in the words of `quadlift import-detections`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Coco => "coco",
+            Self::Mot => "mot",
+            Self::Yolo => "yolo",
+            Self::Kitti => "kitti",
+            Self::Csv => "csv",
+            Self::Supervision => "supervision",
+            Self::LabelMe => "labelme",
+        }
+    }
+}
+
 /// The format of cameras and poses, and the path at which its reader finds them.
 ///
 /// # Errors

@@ -6,9 +6,9 @@ use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
-use quadlift::scene::{Detection, Scene, Undistorted, edges_hidden_in_frame};
+use quadlift::scene::{self, Detection, Scene, Undistorted};
 use quadlift_io::SceneFile;
-use quadlift_io::scene_file::{DetectionRecord, EllipseRecord, MaskRecord, RleCounts, RleRecord};
+use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord};
 
 use crate::error::refuse;
 
@@ -68,11 +68,8 @@ impl Originals {
             category: name(detection.category_index, &scene.categories),
             source: name(detection.source_index, &scene.sources),
             score: detection.score,
-            bounding_box: bounding_box.map(|b| [b.x0, b.y0, b.x1, b.y1]),
-            ellipse: ellipse.map(|e| {
-                let (center, semi_axes) = (e.center.into(), e.semi_axes.into());
-                Box::new(EllipseRecord { center, semi_axes, angle: e.angle, ..Default::default() })
-            }),
+            bounding_box: bounding_box.map(|b| b.edges()),
+            ellipse: ellipse.map(|ellipse| Box::new(ellipse.into())),
             mask: self.masks.get(row).and_then(Option::as_ref).map(|(size, runs)| {
                 let rle = RleRecord { size: *size, counts: RleCounts::Runs(runs.clone()), ..Default::default() };
                 Box::new(MaskRecord { rle: Some(rle), ..Default::default() })
@@ -241,19 +238,12 @@ pub fn hidden_edges<'py>(
     boxes: PyReadonlyArray2<'py, f64>,
 ) -> Bound<'py, PyArray2<bool>> {
     let (frame, boxes) = (frame.as_array(), boxes.as_array());
-    let mut by_frame: HashMap<i64, (Vec<usize>, Vec<BoundingBox>)> = HashMap::new();
-    for (row, frame) in frame.iter().enumerate() {
-        if let Ok(found) = BoundingBox::new(std::array::from_fn(|k| boxes[[row, k]])) {
-            let (rows, boxes) = by_frame.entry(*frame).or_default();
-            rows.push(row);
-            boxes.push(found);
-        }
-    }
-    let mut hidden = Array2::from_elem((frame.len(), 4), false);
-    for (rows, boxes) in by_frame.values() {
-        for (row, edges) in rows.iter().zip(edges_hidden_in_frame(boxes)) {
-            edges.into_iter().enumerate().for_each(|(k, edge)| hidden[[*row, k]] = edge);
-        }
-    }
+    let place = |(row, frame): (usize, &i64)| {
+        let found = BoundingBox::new(std::array::from_fn(|k| boxes[[row, k]])).ok()?;
+        Some((*frame, found))
+    };
+    let places: Vec<_> = frame.iter().enumerate().map(place).collect();
+    let edges = scene::hidden_edges(&places);
+    let hidden = Array2::from_shape_fn((edges.len(), 4), |(row, k)| edges[row][k]);
     PyArray2::from_owned_array(py, hidden)
 }

@@ -16,15 +16,18 @@ pub struct Loaded {
     pub scene: Scene,
     /// The path to which those in the file are relative, as that of the file is.
     pub path: PathBuf,
-    file: OnceLock<SceneFile>,
-    /// Where the file is made only when it is asked for: arrays become estimates without it.
-    added: Option<Added>,
+    source: Source,
 }
 
-/// Detections that are not in a file yet.
-struct Added {
-    base: Arc<Loaded>,
-    originals: Originals,
+/// Where the scene file comes from.
+enum Source {
+    File(SceneFile),
+    /// More detections than another one has. The file is made when it is asked for: arrays become estimates without it.
+    Added {
+        base: Arc<Loaded>,
+        originals: Originals,
+        file: OnceLock<SceneFile>,
+    },
 }
 
 impl Loaded {
@@ -34,24 +37,26 @@ impl Loaded {
             true => refuse(format!("{}: {}", error.entry, error.problem)),
             false => refuse(error.in_file(&path)),
         })?;
-        Ok(Self { scene, path, file: file.into(), added: None })
+        Ok(Self { scene, path, source: Source::File(file) })
     }
 
     /// A scene with more detections.
     pub fn with_detections(base: &Arc<Self>, detections: DetectionArrays) -> PyResult<Self> {
         let mut scene = base.scene.clone();
         let originals = detections.add_to(&mut scene)?;
-        let added = Some(Added { base: Arc::clone(base), originals });
-        Ok(Self { scene, path: base.path.clone(), file: OnceLock::new(), added })
+        let source = Source::Added { base: Arc::clone(base), originals, file: OnceLock::new() };
+        Ok(Self { scene, path: base.path.clone(), source })
     }
 
     /// The scene file.
     pub fn file(&self) -> &SceneFile {
-        self.file.get_or_init(|| {
-            let Some(Added { base, originals }) = &self.added else { return SceneFile::default() };
-            let mut file = base.file().clone();
-            originals.add_records(&mut file, &self.scene, base.scene.detections.len());
-            file
-        })
+        match &self.source {
+            Source::File(file) => file,
+            Source::Added { base, originals, file } => file.get_or_init(|| {
+                let mut file = base.file().clone();
+                originals.add_records(&mut file, &self.scene, base.scene.detections.len());
+                file
+            }),
+        }
     }
 }

@@ -11,12 +11,12 @@ use pyo3::types::PyDict;
 use quadlift::associate::Association;
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::Scene;
-use quadlift::solve::{CovarianceCoordinates, Estimate};
+use quadlift::solve::Estimate;
 use quadlift::{Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
-use quadlift_io::scene_file::{body_name, noise_record, settings_record};
+use quadlift_io::scene_file::{body_name, coordinates_name, noise_record, settings_record};
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::association::associated;
@@ -137,12 +137,7 @@ impl PyLocalized {
         };
         dict.set_item("doubtful", estimates.iter().map(|e| self.doubt(e)).collect::<Vec<_>>())?;
         dict.set_item("warnings", estimates.iter().map(warnings).collect::<Vec<_>>())?;
-        let coordinates = |e: &Estimate| {
-            e.covariance.map(|covariance| match covariance.coordinates {
-                CovarianceCoordinates::CenterVechShape => "center_vech_shape",
-                CovarianceCoordinates::CenterRotationLogAxes => "center_rotation_log_axes",
-            })
-        };
+        let coordinates = |e: &Estimate| e.covariance.map(|covariance| coordinates_name(covariance.coordinates));
         dict.set_item("covariance_coordinates", estimates.iter().map(coordinates).collect::<Vec<_>>())?;
         let rows = |name: &str, width: usize, of: &dyn Fn(&Estimate, &mut Vec<f64>)| {
             let mut values = Vec::with_capacity(width * estimates.len());

@@ -6,17 +6,11 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use quadlift_io::association::write_objects;
-use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
+use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
 use quadlift_io::read::colmap::read_colmap;
-use quadlift_io::read::detections::coco::read_coco;
-use quadlift_io::read::detections::csv::{TableOptions, read_csv};
-use quadlift_io::read::detections::kitti::read_kitti_labels;
-use quadlift_io::read::detections::labelme::read_labelme;
-use quadlift_io::read::detections::mot::{MotOptions, read_mot};
+use quadlift_io::read::detections::csv::TableOptions;
 use quadlift_io::read::detections::names::read_names;
-use quadlift_io::read::detections::supervision::read_supervision;
-use quadlift_io::read::detections::yolo::{YoloOptions, read_yolo};
-use quadlift_io::read::detections::{AddOptions, add_detections};
+use quadlift_io::read::detections::{AddOptions, add_detections, read_detections};
 use quadlift_io::scene_file::{parse_scene_file, write_scene};
 use quadlift_io::{SceneFile, read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
@@ -116,21 +110,13 @@ impl PyScene {
         image_size: Option<[f64; 2]>,
     ) -> PyResult<(Self, Vec<String>)> {
         let class_names = names.as_deref().map(read_names).transpose().map_err(refuse)?;
-        let names = class_names.as_ref();
-        let table = TableOptions { frame_column, names };
-        let path = path.as_path();
-        let (name, files) = match detect_detections(path).map_err(refuse)? {
-            DetectionFormat::Coco => ("coco", read_coco(path, None)),
-            DetectionFormat::Mot => ("mot", read_mot(path, &MotOptions { names, ..Default::default() })),
-            DetectionFormat::Yolo => ("yolo", read_yolo(path, &YoloOptions { names, ..Default::default() })),
-            DetectionFormat::Kitti => ("kitti", read_kitti_labels(path)),
-            DetectionFormat::Csv => ("csv", read_csv(path, &table)),
-            DetectionFormat::Supervision => ("supervision", read_supervision(path, &table)),
-            DetectionFormat::LabelMe => ("labelme", read_labelme(path)),
-        };
+        let table = TableOptions { frame_column, names: class_names.as_ref() };
+        let format = detect_detections(&path).map_err(refuse)?;
+        let found = read_detections(format, &path, None, &table).map_err(refuse)?;
         let mut file = self.loaded.file().clone();
-        let options = AddOptions { source: source.unwrap_or(name), min_score, image_size, ..Default::default() };
-        let added = add_detections(&mut file, files.map_err(refuse)?, &options).map_err(refuse)?;
+        let source = source.unwrap_or(format.name());
+        let options = AddOptions { source, min_score, image_size, ..Default::default() };
+        let added = add_detections(&mut file, found, &options).map_err(refuse)?;
         let mut lost = Vec::new();
         if added.in_no_frame > 0 {
             let (images, count) = (added.images_without_frame.len(), added.in_no_frame);
@@ -151,9 +137,7 @@ impl PyScene {
             return write_scene_file(&path, self.loaded.file()).map_err(refuse);
         }
         let mut file = self.loaded.file().clone();
-        let images = file.frames.iter_mut().filter_map(|frame| frame.image.as_mut());
-        let masks = file.detections.iter_mut().filter_map(|d| d.mask.as_mut()?.path.as_mut());
-        for place in images.chain(masks) {
+        for place in file.paths_mut() {
             *place = absolute(here.join(&*place)).map_err(refuse)?.display().to_string();
         }
         write_scene_file(&path, &file).map_err(refuse)

@@ -22,7 +22,7 @@ mod write;
 #[cfg(test)]
 mod tests;
 
-pub use bodies::ObjectBodies;
+pub use bodies::{ObjectBodies, coordinates_name};
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
     CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,

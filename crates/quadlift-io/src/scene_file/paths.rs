@@ -12,13 +12,14 @@ impl SceneFile {
     /// [`WriteError`] when one of the folders does not exist.
     pub fn move_paths(&mut self, folders: [&Path; 2]) -> Result<(), WriteError> {
         let move_path = relocation(folders)?;
-        for image in self.frames.iter_mut().filter_map(|frame| frame.image.as_mut()) {
-            *image = move_path(image);
-        }
-        for path in self.detections.iter_mut().filter_map(|d| d.mask.as_mut()?.path.as_mut()) {
-            *path = move_path(path);
-        }
+        self.paths_mut().for_each(|path| *path = move_path(path));
         Ok(())
+    }
+
+    /// The paths of images and masks.
+    pub fn paths_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let images = self.frames.iter_mut().filter_map(|frame| frame.image.as_mut());
+        images.chain(self.detections.iter_mut().filter_map(|detection| detection.mask.as_mut()?.path.as_mut()))
     }
 }
 

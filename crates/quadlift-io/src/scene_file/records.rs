@@ -5,6 +5,7 @@
 
 use std::fmt;
 
+use quadlift::geometry::Ellipse;
 use quadlift_segment::Contacts;
 use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
@@ -209,6 +210,13 @@ pub struct EllipseRecord {
     /// Fields that this version does not know.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
+}
+
+impl From<Ellipse> for EllipseRecord {
+    fn from(ellipse: Ellipse) -> Self {
+        let Ellipse { center, semi_axes, angle } = ellipse;
+        Self { center: center.into(), semi_axes: semi_axes.into(), angle, extra: Map::new() }
+    }
 }
 
 /// How the ellipse and the mask of a detection were found in its image (`quadlift segment`), and what they are worth.

@@ -11,7 +11,7 @@ use crate::error::WriteError;
 use crate::file_names::FileNames;
 use crate::images::write_label_image;
 use crate::scene_file::{
-    DetectionRecord, EllipseRecord, MaskRecord, RleCounts, RleRecord, SceneFile, SegmentationRecord, way_to_file,
+    DetectionRecord, MaskRecord, RleCounts, RleRecord, SceneFile, SegmentationRecord, way_to_file,
 };
 
 /// Label images with more pixels than this are not written.
@@ -83,12 +83,7 @@ fn describe(record: &mut DetectionRecord, found: &Found, method: Method) {
         (None, Method::Image(SegmentMethod::Box)) => "box",
         (None, _) => "ok",
     };
-    record.ellipse = Some(Box::new(EllipseRecord {
-        center: found.ellipse.center.into(),
-        semi_axes: found.ellipse.semi_axes.into(),
-        angle: found.ellipse.angle,
-        ..Default::default()
-    }));
+    record.ellipse = Some(Box::new(found.ellipse.into()));
     let share = |share: f64| (share > 0.0).then_some(share);
     record.segmentation = Some(Box::new(SegmentationRecord {
         method: method.name().to_owned(),

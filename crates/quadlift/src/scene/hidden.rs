@@ -18,45 +18,41 @@ const OVERLAP: f64 = 0.3;
 
 impl Scene {
     /// For each detection, which edges of its box (left, top, right, bottom) another detection of its frame probably hides:
-    /// what is known of it ([`Detection::hidden_edges`]), or what [`edges_hidden_in_frame`] says. Detections that `keep`
+    /// what is known of it ([`Detection::hidden_edges`]), or what [`hidden_edges`] says. Detections that `keep`
     /// refuses neither hide nor are hidden.
     pub fn hidden_edges(&self, keep: impl Fn(&Detection) -> bool) -> Vec<[bool; 4]> {
-        let mut by_frame: Vec<Vec<usize>> = vec![Vec::new(); self.frames.len()];
-        for (index, detection) in self.detections.iter().enumerate().filter(|(_, d)| keep(d)) {
-            if detection.bounding_box.is_some() {
-                by_frame[detection.frame_index as usize].push(index);
-            }
-        }
-        let mut hidden = vec![[false; 4]; self.detections.len()];
-        for indices in by_frame {
-            let boxes: Vec<BoundingBox> = indices.iter().filter_map(|&i| self.detections[i].bounding_box).collect();
-            for (index, found) in indices.into_iter().zip(edges_hidden_in_frame(&boxes)) {
-                hidden[index] = self.detections[index].hidden_edges.unwrap_or(found);
+        let place = |d: &Detection| Some((d.frame_index, d.bounding_box?));
+        let boxes: Vec<_> = self.detections.iter().map(|d| if keep(d) { place(d) } else { None }).collect();
+        let mut hidden = hidden_edges(&boxes);
+        for ((hidden, detection), place) in hidden.iter_mut().zip(&self.detections).zip(&boxes) {
+            if let (Some(known), Some(_)) = (detection.hidden_edges, place) {
+                *hidden = known;
             }
         }
         hidden
     }
 }
 
-/// For each box of a frame, which of its edges (left, top, right, bottom) lie inside another one that reaches lower in the
-/// image, and is therefore nearer where things stand on the ground. Only left and right edges are found.
-pub fn edges_hidden_in_frame(boxes: &[BoundingBox]) -> Vec<[bool; 4]> {
+/// For each box with its frame, which of its edges (left, top, right, bottom) lie inside another box of the frame that
+/// reaches lower in the image, and is therefore nearer where things stand on the ground. Only left and right edges are
+/// found; what is no box neither hides nor is hidden.
+pub fn hidden_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 4]> {
     let mut hidden = vec![[false; 4]; boxes.len()];
-    if boxes.len() > MOST_BOXES {
-        return hidden;
-    }
-    // From the lowest to the highest bottom edge in space, so that a box is hidden by earlier ones only.
-    let mut order: Vec<usize> = (0..boxes.len()).collect();
-    order.sort_by(|&a, &b| boxes[b].y1.total_cmp(&boxes[a].y1));
-    for (k, &index) in order.iter().enumerate() {
-        let far = &boxes[index];
-        for near in order[..k].iter().map(|&index| &boxes[index]) {
-            let overlap = far.y1.min(near.y1) - far.y0.max(near.y0);
-            if near.y1 <= far.y1 + LOWER_PX || overlap < OVERLAP * (far.y1 - far.y0) {
-                continue;
-            }
-            for (edge, x) in [(0, far.x0), (2, far.x1)] {
-                hidden[index][edge] |= near.x0 - REACH_PX < x && x < near.x1 + REACH_PX;
+    let mut places: Vec<(usize, &F, &BoundingBox)> = Vec::with_capacity(boxes.len());
+    places.extend(boxes.iter().enumerate().filter_map(|(k, place)| place.as_ref().map(|(frame, b)| (k, frame, b))));
+    places.sort_by_key(|(_, frame, _)| *frame);
+    for of_frame in places.chunk_by_mut(|a, b| a.1 == b.1).filter(|of_frame| of_frame.len() <= MOST_BOXES) {
+        // From the lowest to the highest bottom edge in space, so that a box is hidden by earlier ones only.
+        of_frame.sort_by(|(.., a), (.., b)| b.y1.total_cmp(&a.y1));
+        for (k, (index, _, far)) in of_frame.iter().enumerate() {
+            for (.., near) in &of_frame[..k] {
+                let overlap = far.y1.min(near.y1) - far.y0.max(near.y0);
+                if near.y1 <= far.y1 + LOWER_PX || overlap < OVERLAP * (far.y1 - far.y0) {
+                    continue;
+                }
+                for (edge, x) in [(0, far.x0), (2, far.x1)] {
+                    hidden[*index][edge] |= near.x0 - REACH_PX < x && x < near.x1 + REACH_PX;
+                }
             }
         }
     }

@@ -8,7 +8,7 @@ mod sources;
 mod views;
 
 pub use builder::{DetectionInput, SceneBuilder, SceneError};
-pub use hidden::edges_hidden_in_frame;
+pub use hidden::hidden_edges;
 pub use sources::SourceError;
 pub use views::{ObjectViews, View};
 

@@ -6,14 +6,8 @@ use anyhow::Context;
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
 use quadlift_io::read::bop::{BopOptions, read_bop};
 use quadlift_io::read::colmap::read_colmap;
-use quadlift_io::read::detections::coco::read_coco;
-use quadlift_io::read::detections::csv::{TableOptions, read_csv};
-use quadlift_io::read::detections::kitti::read_kitti_labels;
-use quadlift_io::read::detections::labelme::read_labelme;
-use quadlift_io::read::detections::mot::{MotOptions, read_mot};
-use quadlift_io::read::detections::supervision::read_supervision;
-use quadlift_io::read::detections::yolo::{YoloOptions, read_yolo};
-use quadlift_io::read::detections::{DetectionFiles, add_detections};
+use quadlift_io::read::detections::csv::TableOptions;
+use quadlift_io::read::detections::{add_detections, read_detections};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
 use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
 use quadlift_io::read::nerfstudio::read_nerfstudio;
@@ -91,13 +85,15 @@ impl DirectArgs {
         let (camera_format, camera_path) = detect_cameras(cameras)?;
         let detection_format = detect_detections(detections)?;
         let (mut file, camera_notes) = self.read_cameras(camera_format, &camera_path, detections, output)?;
-        let found = self.read_detections(detection_format, detections)?;
+        let names = self.names.read()?;
+        let table = TableOptions { frame_column: self.frame_column.as_deref(), names: names.as_ref() };
+        let found = read_detections(detection_format, detections, self.annotations.as_deref(), &table)?;
         let found_notes = found.notes.clone();
         let pixel_centers = match detection_format {
             DetectionFormat::Kitti | DetectionFormat::Csv | DetectionFormat::Supervision => self.pixels.centers(),
             _ => PixelCenters::Half,
         };
-        let source = source.unwrap_or(detection_name(detection_format));
+        let source = source.unwrap_or(detection_format.name());
         let mut options = self.matching.options(source, pixel_centers);
         // Cameras may bring detections of their own, such as KITTI's labels.
         options.replace = true;
@@ -109,7 +105,7 @@ impl DirectArgs {
             camera_name(camera_format),
             file.frames.len(),
             detections.display(),
-            detection_name(detection_format),
+            detection_format.name(),
             one_line(&in_words(&added, source))
         );
         for note in [camera_notes, found_notes, notes(&added)].concat() {
@@ -185,21 +181,6 @@ impl DirectArgs {
         }
         Ok((scene, notes))
     }
-
-    fn read_detections(&self, format: DetectionFormat, path: &Path) -> anyhow::Result<DetectionFiles> {
-        let names = self.names.read()?;
-        let names = names.as_ref();
-        let table = TableOptions { frame_column: self.frame_column.as_deref(), names };
-        Ok(match format {
-            DetectionFormat::Coco => read_coco(path, self.annotations.as_deref())?,
-            DetectionFormat::Mot => read_mot(path, &MotOptions { names, ..MotOptions::default() })?,
-            DetectionFormat::Yolo => read_yolo(path, &YoloOptions { names, ..YoloOptions::default() })?,
-            DetectionFormat::Kitti => read_kitti_labels(path)?,
-            DetectionFormat::Csv => read_csv(path, &table)?,
-            DetectionFormat::Supervision => read_supervision(path, &table)?,
-            DetectionFormat::LabelMe => read_labelme(path)?,
-        })
-    }
 }
 
 /// The format of cameras in the words of `quadlift import`.
@@ -213,18 +194,5 @@ fn camera_name(format: CameraFormat) -> &'static str {
         CameraFormat::KittiRaw => "kitti-raw",
         CameraFormat::Bop => "bop",
         CameraFormat::Projections => "projections",
-    }
-}
-
-/// The format of detections in the words of `quadlift import-detections`.
-fn detection_name(format: DetectionFormat) -> &'static str {
-    match format {
-        DetectionFormat::Coco => "coco",
-        DetectionFormat::Mot => "mot",
-        DetectionFormat::Yolo => "yolo",
-        DetectionFormat::Kitti => "kitti",
-        DetectionFormat::Csv => "csv",
-        DetectionFormat::Supervision => "supervision",
-        DetectionFormat::LabelMe => "labelme",
     }
 }

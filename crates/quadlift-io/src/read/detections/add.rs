@@ -10,7 +10,7 @@ use super::matching::{MatchBy, MatchOptions, match_frames, stem};
 use super::{Detected, DetectionFiles, ImageKey, Outline, extent};
 use crate::error::ReadError;
 use crate::read::PixelCenters;
-use crate::scene_file::{DetectionRecord, EllipseRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
+use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
 
 /// Names that a message lists.
 const LISTED: usize = 3;
@@ -230,14 +230,7 @@ fn record(detected: &Detected, scale: [f64; 2], shift: f64) -> Option<DetectionR
         category: detected.category.as_deref().map(Into::into),
         score: detected.score,
         bounding_box: Some(BoundingBox::new(edges).ok()?.edges()),
-        ellipse: ellipse.map(|ellipse| {
-            Box::new(EllipseRecord {
-                center: ellipse.center.into(),
-                semi_axes: ellipse.semi_axes.into(),
-                angle: ellipse.angle,
-                ..EllipseRecord::default()
-            })
-        }),
+        ellipse: ellipse.map(|ellipse| Box::new(ellipse.into())),
         mask: mask.map(Box::new),
         occluded: detected.occluded,
         truncated: detected.truncated,

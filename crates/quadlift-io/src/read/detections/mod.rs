@@ -27,6 +27,10 @@ use std::path::{Path, PathBuf};
 pub use add::{AddOptions, AddedDetections, add_detections};
 pub use matching::MatchBy;
 
+use self::csv::TableOptions;
+use self::mot::MotOptions;
+use self::yolo::YoloOptions;
+use crate::detect::DetectionFormat;
 use crate::error::{ReadError, read_bytes};
 use crate::scene_file::RleRecord;
 
@@ -130,6 +134,31 @@ pub enum Outline {
     TurnedBox([[f64; 2]; 4]),
     /// Centre and radius.
     Circle([f64; 3]),
+}
+
+/// Reads detections of a format that was recognised, as each reader does by default.
+///
+/// `annotations` is the data set that names images and categories of a list of COCO results; the options are for those
+/// formats that have them.
+///
+/// # Errors
+/// [`ReadError`] as the reader of the format.
+pub fn read_detections(
+    format: DetectionFormat,
+    path: &Path,
+    annotations: Option<&Path>,
+    options: &TableOptions,
+) -> Result<DetectionFiles, ReadError> {
+    let names = options.names;
+    match format {
+        DetectionFormat::Coco => coco::read_coco(path, annotations),
+        DetectionFormat::Mot => mot::read_mot(path, &MotOptions { names, ..Default::default() }),
+        DetectionFormat::Yolo => yolo::read_yolo(path, &YoloOptions { names, ..Default::default() }),
+        DetectionFormat::Kitti => kitti::read_kitti_labels(path),
+        DetectionFormat::Csv => csv::read_csv(path, options),
+        DetectionFormat::Supervision => supervision::read_supervision(path, options),
+        DetectionFormat::LabelMe => labelme::read_labelme(path),
+    }
 }
 
 /// Edges of a box by left, top, width and height. An error, in words, when they are no box; one of width or height 0 is

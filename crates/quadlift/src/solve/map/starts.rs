@@ -70,7 +70,8 @@ pub(super) fn oriented_starts(
         }
         (None, Some(size)) => {
             let sizes = Vector3::from(size.map(|(mean, _)| mean.exp()));
-            for rotation in rotations(ellipsoid, seed) {
+            let own = right_handed(*ellipsoid.axes());
+            for rotation in std::iter::once(own).chain(random_rotations(seed)) {
                 starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, exponent));
             }
         }
@@ -80,7 +81,7 @@ pub(super) fn oriented_starts(
                 let semi_axes = semi_axes * relative_size(exponent);
                 starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, exponent));
             }
-            for rotation in rotations(ellipsoid, seed).into_iter().skip(1) {
+            for rotation in random_rotations(seed) {
                 starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, exponent));
             }
         }
@@ -144,11 +145,9 @@ fn upright_axes(up: &Vector3<f64>) -> [Matrix3<f64>; 4] {
     })
 }
 
-/// The ellipsoid's axes, then random rotations.
-fn rotations(ellipsoid: &EllipsoidModel, seed: u64) -> Vec<Matrix3<f64>> {
+fn random_rotations(seed: u64) -> impl Iterator<Item = Matrix3<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let random = (0..RANDOM_ROTATIONS).map(|_| *random_rotation(&mut rng).matrix());
-    std::iter::once(right_handed(*ellipsoid.axes())).chain(random).collect()
+    (0..RANDOM_ROTATIONS).map(move |_| *random_rotation(&mut rng).matrix())
 }
 
 fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
