@@ -2,19 +2,15 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Matrix3, Point3};
-use quadlift::geometry::Ellipsoid;
-use quadlift::metrics::{Evaluation, ObjectScore};
 use quadlift::scene::{Detection, Scene};
-use quadlift_io::evaluation::{COLUMNS, Unit, failures_in_words};
-use quadlift_io::scene_file::{ObjectBodies, ObjectRecord, SceneImages, ViewRecord};
+use quadlift_io::scene_file::{SceneImages, ViewRecord};
 use quadlift_io::{EntryError, SceneFile};
 
-use crate::data::{
-    Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow,
-};
+use crate::data::{Report, ReportDetections, ReportFrame};
+use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
 use crate::run::{run_notes, run_settings, run_source};
+use crate::scores::Scores;
 use crate::thumbnails::{evenly_spread, thumbnails};
 
 /// Bytes that a page should not exceed: images fill what the rest leaves.
@@ -25,9 +21,6 @@ pub const MOST_FRAMES: usize = 10_000;
 pub const MOST_OBJECTS: usize = 10_000;
 /// Detections in a report; with more, only every second frame keeps its own, or every third, and so on.
 pub const MOST_DETECTIONS: usize = 500_000;
-
-/// Of a centre with normal errors, this many squared standard deviations hold 95 % (chi squared, three degrees).
-const CHI2_95: f64 = 7.814_727_903_251_178;
 
 /// What a report is made of.
 #[derive(Debug, Clone, Copy)]
@@ -44,58 +37,6 @@ pub struct Content<'a> {
     pub truth: Option<&'a SceneFile>,
     /// Scores of the estimates against the truth.
     pub scores: Option<&'a Scores>,
-}
-
-/// Scores of estimates, which also say which estimate and which true object are the same.
-#[derive(Debug, Clone, Default)]
-pub struct Scores {
-    /// What is scored.
-    pub columns: Vec<ScoreColumn>,
-    /// One row for each true object.
-    pub rows: Vec<TrueObjectScores>,
-    /// Means over the objects.
-    pub mean: Vec<Option<f64>>,
-    /// How many objects failed, in a sentence.
-    pub failures: String,
-}
-
-/// Scores of one true object.
-#[derive(Debug, Clone, Default)]
-pub struct TrueObjectScores {
-    /// Id of the true object.
-    pub id: String,
-    /// Id of the estimate that it is paired with; absent when there is none.
-    pub estimate: Option<String>,
-    /// Status of that estimate.
-    pub status: Option<String>,
-    /// One value for each column.
-    pub values: Vec<Option<f64>>,
-}
-
-impl Scores {
-    /// Those of an evaluation.
-    pub fn of(evaluation: &Evaluation) -> Self {
-        let unit = |unit: Unit| match unit {
-            Unit::Share => "share",
-            Unit::Percent => "percent",
-            Unit::Degrees => "degrees",
-            Unit::Length => "length",
-        };
-        let row = |o: &ObjectScore| TrueObjectScores {
-            id: o.id.clone(),
-            estimate: o.estimate.clone(),
-            status: o.status.clone(),
-            values: COLUMNS.iter().map(|column| (column.of)(o)).collect(),
-        };
-        Self {
-            columns: (COLUMNS.iter())
-                .map(|column| ScoreColumn { title: column.title.to_owned(), unit: unit(column.unit) })
-                .collect(),
-            rows: evaluation.objects.iter().map(row).collect(),
-            mean: COLUMNS.iter().map(|column| (column.mean)(&evaluation.mean).map(|mean| mean.value)).collect(),
-            failures: failures_in_words(evaluation),
-        }
-    }
 }
 
 /// Gathers the data of a report and reads its images. An image that cannot be read is told in the notes.
@@ -131,7 +72,7 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
     let source = content.estimate.and_then(run_source);
     let source = source.and_then(|name| scene.sources.iter().position(|known| known == name));
     let is_shown = |d: &&Detection| source.is_none() || d.source_index.map(|s| s as usize) == source;
-    let objects = gather_objects(content, is_shown)?;
+    let objects = Objects::gather(content, is_shown)?;
     let mut notes = content.estimate.map(run_notes).unwrap_or_default();
     let total = objects.list.len();
     if total > MOST_OBJECTS {
@@ -164,35 +105,6 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
     })
 }
 
-/// Estimates first, then what only the truth has, then what was only detected.
-fn gather_objects(content: &Content, is_shown: impl Fn(&&Detection) -> bool) -> Result<Objects, EntryError> {
-    let scene = content.scene;
-    let mut objects = Objects::default();
-    if let Some(file) = content.estimate {
-        for (record, bodies) in file.objects.iter().zip(file.to_objects()?) {
-            objects.estimate(record, bodies);
-        }
-    }
-    if let Some(file) = content.truth {
-        let rows = content.scores.map_or(&[][..], |scores| &scores.rows);
-        let partners: HashMap<&str, Option<&str>> =
-            rows.iter().map(|row| (&*row.id, row.estimate.as_deref())).collect();
-        for bodies in file.to_objects()? {
-            // Ids may be those of an association, which mean nothing to the truth: then the scores have the pairs.
-            let id = bodies.id.clone();
-            let partner = partners.get(&*id).copied().unwrap_or(Some(&id));
-            objects.truth(bodies, partner);
-        }
-    }
-    for detection in scene.detections.iter().filter(is_shown) {
-        let category = detection.category_index.and_then(|index| scene.categories.get(index as usize));
-        if let Some(id) = detection.object_index.and_then(|index| scene.object_ids.get(index as usize)) {
-            objects.entry(id, category);
-        }
-    }
-    Ok(objects)
-}
-
 /// Bytes that are left for images.
 fn bytes_left(report: &Report) -> usize {
     let data = serde_json::to_string(report).map_or(MOST_BYTES, |json| json.len());
@@ -211,110 +123,6 @@ fn extent(detections: &ReportDetections) -> [f64; 2] {
         hold(x + a.max(b), y + a.max(b));
     }
     size.map(|side| 1.02 * side)
-}
-
-/// The objects of a report and where they are in it.
-#[derive(Debug, Default)]
-struct Objects {
-    list: Vec<ReportObject>,
-    categories: Vec<String>,
-    /// By the ids that detections name: those of the estimates first, then those of the truth.
-    by_id: HashMap<String, usize>,
-    by_true_id: HashMap<String, usize>,
-}
-
-impl Objects {
-    /// The entry of an object, made if there is none.
-    fn entry(&mut self, id: &str, category: Option<&String>) -> &mut ReportObject {
-        let index = match self.by_id.get(id) {
-            Some(&index) => index,
-            None => self.add(id),
-        };
-        self.of_category(index, category)
-    }
-
-    /// A new entry; `by_id` leads to the first with its id.
-    fn add(&mut self, id: &str) -> usize {
-        let index = self.list.len();
-        self.by_id.entry(id.to_owned()).or_insert(index);
-        self.list.push(ReportObject { id: id.to_owned(), category: -1, ..Default::default() });
-        index
-    }
-
-    /// An entry, in this category where it had none.
-    fn of_category(&mut self, index: usize, category: Option<&String>) -> &mut ReportObject {
-        let object = &mut self.list[index];
-        if let (Some(name), -1) = (category, object.category) {
-            let known = self.categories.iter().position(|known| known == name);
-            let place = known.unwrap_or_else(|| {
-                self.categories.push(name.clone());
-                self.categories.len() - 1
-            });
-            object.category = place as i64;
-        }
-        object
-    }
-
-    fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies) {
-        if record.status.is_none() {
-            // An object without a status is no estimate: in a scene that was never localised it is the truth.
-            return self.truth(bodies, Some(&record.id));
-        }
-        let shell = bodies.covariance.as_ref().zip(bodies.center).and_then(|(covariance, center)| {
-            let shape: Matrix3<f64> = covariance.matrix.fixed_view::<3, 3>(0, 0) * CHI2_95;
-            Ellipsoid::from_shape(center, &shape).ok()
-        });
-        let object = self.entry(&record.id, record.category.as_ref());
-        object.status = record.status.clone();
-        object.center = bodies.center.map(|center: Point3<f64>| center.coords.into());
-        object.center_sd = record.center_sd;
-        object.center_shell = shell.as_ref().map(Into::into);
-        object.body = body(&bodies, None);
-        object.enclosing = (bodies.enclosing_cuboid.as_ref().map(ReportBody::from))
-            .or(bodies.enclosing_superellipsoid.as_ref().map(Into::into))
-            .or(bodies.enclosing_ellipsoid.as_ref().map(Into::into));
-        object.views_rejected = record.views_rejected.len();
-        object.views_used = record.views_used.unwrap_or(0);
-        object.residual = record.residual_px;
-        object.warnings = record.warnings.clone();
-    }
-
-    /// A true object, in the entry of the object with the id `partner` where there is one.
-    fn truth(&mut self, bodies: ObjectBodies, partner: Option<&str>) {
-        let paired = partner.and_then(|id| self.by_id.get(id).copied());
-        let index = paired.unwrap_or_else(|| self.add(&bodies.id));
-        self.by_true_id.insert(bodies.id.clone(), index);
-        self.by_id.entry(bodies.id.clone()).or_insert(index);
-        let object = self.of_category(index, bodies.category.as_ref());
-        object.true_id = Some(bodies.id.clone()).filter(|id| *id != object.id);
-        let like = object.body.as_ref().map(|body| body.kind);
-        object.truth = body(&bodies, like);
-        if object.status.is_none() {
-            object.center = bodies.center.map(|center| center.coords.into());
-        }
-    }
-
-    fn scores(&self, scores: &Scores) -> ReportScores {
-        let row = |row: &TrueObjectScores| {
-            let object = self.by_true_id.get(&row.id).copied().filter(|&index| index < MOST_OBJECTS)?;
-            Some(ScoreRow { object, status: row.status.clone(), values: row.values.clone() })
-        };
-        ReportScores {
-            columns: scores.columns.clone(),
-            rows: scores.rows.iter().filter_map(row).collect(),
-            mean: scores.mean.clone(),
-            failures: scores.failures.clone(),
-        }
-    }
-}
-
-/// The body of an object: of the kind `like` where it has one, else cuboid, superellipsoid or ellipsoid.
-fn body(bodies: &ObjectBodies, like: Option<&str>) -> Option<ReportBody> {
-    let ellipsoid = bodies.ellipsoid.as_ref().map(ReportBody::from);
-    if like == Some("ellipsoid") && ellipsoid.is_some() {
-        return ellipsoid;
-    }
-    (bodies.cuboid.as_ref().map(Into::into)).or(bodies.superellipsoid.as_ref().map(Into::into)).or(ellipsoid)
 }
 
 /// The detections of each frame, with what the estimates say about them.
@@ -398,6 +206,7 @@ fn thin_out(detections: &mut [ReportDetections], frames: &[usize]) -> Option<Str
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{ReportObject, TrueObjectScores};
     use nalgebra::Matrix3x4;
     use quadlift::geometry::{BoundingBox, Projection};
     use quadlift::scene::{DetectionInput, SceneBuilder};

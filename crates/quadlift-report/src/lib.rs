@@ -9,19 +9,20 @@ mod colors;
 mod data;
 mod document;
 mod frame_image;
+mod objects;
 mod outline;
 mod page;
 mod picture;
 mod recording;
 mod run;
+mod scores;
 mod thumbnails;
 
 pub use data::{Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow};
-pub use document::{
-    Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS, Scores, TrueObjectScores, report, report_of_frames,
-};
+pub use document::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS, report, report_of_frames};
 pub use frame_image::{FrameImage, frame_image, frame_jpeg};
 pub use page::page;
 pub use picture::Picture;
 pub use recording::{Recording, RecordingFrame, recording};
+pub use scores::{Scores, TrueObjectScores};
 pub use thumbnails::LONG_SIDE;

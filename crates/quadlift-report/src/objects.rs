@@ -1,0 +1,152 @@
+//! The objects of a report: estimated, true and detected ones, joined.
+
+use std::collections::HashMap;
+
+use nalgebra::{Matrix3, Point3};
+use quadlift::geometry::Ellipsoid;
+use quadlift::scene::Detection;
+use quadlift_io::EntryError;
+use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
+
+use crate::data::{ReportBody, ReportObject, ReportScores, ScoreRow};
+use crate::document::{Content, MOST_OBJECTS};
+use crate::scores::{Scores, TrueObjectScores};
+
+/// Of a centre with normal errors, this many squared standard deviations hold 95 % (chi squared, three degrees).
+const CHI2_95: f64 = 7.814_727_903_251_178;
+
+/// The objects of a report and where they are in it.
+#[derive(Debug, Default)]
+pub struct Objects {
+    /// The objects: estimates, then what only the truth has, then what was only detected.
+    pub list: Vec<ReportObject>,
+    /// Names of the categories.
+    pub categories: Vec<String>,
+    /// By the ids that detections name: those of the estimates first, then those of the truth.
+    pub by_id: HashMap<String, usize>,
+    by_true_id: HashMap<String, usize>,
+}
+
+impl Objects {
+    /// Estimates first, then what only the truth has, then what was only detected.
+    pub fn gather(content: &Content, is_shown: impl Fn(&&Detection) -> bool) -> Result<Self, EntryError> {
+        let scene = content.scene;
+        let mut objects = Self::default();
+        if let Some(file) = content.estimate {
+            for (record, bodies) in file.objects.iter().zip(file.to_objects()?) {
+                objects.estimate(record, bodies);
+            }
+        }
+        if let Some(file) = content.truth {
+            let rows = content.scores.map_or(&[][..], |scores| &scores.rows);
+            let partners: HashMap<&str, Option<&str>> =
+                rows.iter().map(|row| (&*row.id, row.estimate.as_deref())).collect();
+            for bodies in file.to_objects()? {
+                // Ids may be those of an association, which mean nothing to the truth: then the scores have the pairs.
+                let id = bodies.id.clone();
+                let partner = partners.get(&*id).copied().unwrap_or(Some(&id));
+                objects.truth(bodies, partner);
+            }
+        }
+        for detection in scene.detections.iter().filter(is_shown) {
+            let category = detection.category_index.and_then(|index| scene.categories.get(index as usize));
+            if let Some(id) = detection.object_index.and_then(|index| scene.object_ids.get(index as usize)) {
+                objects.entry(id, category);
+            }
+        }
+        Ok(objects)
+    }
+
+    /// The entry of an object, made if there is none.
+    fn entry(&mut self, id: &str, category: Option<&String>) -> &mut ReportObject {
+        let index = match self.by_id.get(id) {
+            Some(&index) => index,
+            None => self.add(id),
+        };
+        self.of_category(index, category)
+    }
+
+    /// A new entry; `by_id` leads to the first with its id.
+    fn add(&mut self, id: &str) -> usize {
+        let index = self.list.len();
+        self.by_id.entry(id.to_owned()).or_insert(index);
+        self.list.push(ReportObject { id: id.to_owned(), category: -1, ..Default::default() });
+        index
+    }
+
+    /// An entry, in this category where it had none.
+    fn of_category(&mut self, index: usize, category: Option<&String>) -> &mut ReportObject {
+        let object = &mut self.list[index];
+        if let (Some(name), -1) = (category, object.category) {
+            let known = self.categories.iter().position(|known| known == name);
+            let place = known.unwrap_or_else(|| {
+                self.categories.push(name.clone());
+                self.categories.len() - 1
+            });
+            object.category = place as i64;
+        }
+        object
+    }
+
+    fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies) {
+        if record.status.is_none() {
+            // An object without a status is no estimate: in a scene that was never localised it is the truth.
+            return self.truth(bodies, Some(&record.id));
+        }
+        let shell = bodies.covariance.as_ref().zip(bodies.center).and_then(|(covariance, center)| {
+            let shape: Matrix3<f64> = covariance.matrix.fixed_view::<3, 3>(0, 0) * CHI2_95;
+            Ellipsoid::from_shape(center, &shape).ok()
+        });
+        let object = self.entry(&record.id, record.category.as_ref());
+        object.status = record.status.clone();
+        object.center = bodies.center.map(|center: Point3<f64>| center.coords.into());
+        object.center_sd = record.center_sd;
+        object.center_shell = shell.as_ref().map(Into::into);
+        object.body = body(&bodies, None);
+        object.enclosing = (bodies.enclosing_cuboid.as_ref().map(ReportBody::from))
+            .or(bodies.enclosing_superellipsoid.as_ref().map(Into::into))
+            .or(bodies.enclosing_ellipsoid.as_ref().map(Into::into));
+        object.views_rejected = record.views_rejected.len();
+        object.views_used = record.views_used.unwrap_or(0);
+        object.residual = record.residual_px;
+        object.warnings = record.warnings.clone();
+    }
+
+    /// A true object, in the entry of the object with the id `partner` where there is one.
+    fn truth(&mut self, bodies: ObjectBodies, partner: Option<&str>) {
+        let paired = partner.and_then(|id| self.by_id.get(id).copied());
+        let index = paired.unwrap_or_else(|| self.add(&bodies.id));
+        self.by_true_id.insert(bodies.id.clone(), index);
+        self.by_id.entry(bodies.id.clone()).or_insert(index);
+        let object = self.of_category(index, bodies.category.as_ref());
+        object.true_id = Some(bodies.id.clone()).filter(|id| *id != object.id);
+        let like = object.body.as_ref().map(|body| body.kind);
+        object.truth = body(&bodies, like);
+        if object.status.is_none() {
+            object.center = bodies.center.map(|center| center.coords.into());
+        }
+    }
+
+    /// The scores, row by row with the object that they are of.
+    pub fn scores(&self, scores: &Scores) -> ReportScores {
+        let row = |row: &TrueObjectScores| {
+            let object = self.by_true_id.get(&row.id).copied().filter(|&index| index < MOST_OBJECTS)?;
+            Some(ScoreRow { object, status: row.status.clone(), values: row.values.clone() })
+        };
+        ReportScores {
+            columns: scores.columns.clone(),
+            rows: scores.rows.iter().filter_map(row).collect(),
+            mean: scores.mean.clone(),
+            failures: scores.failures.clone(),
+        }
+    }
+}
+
+/// The body of an object: of the kind `like` where it has one, else cuboid, superellipsoid or ellipsoid.
+fn body(bodies: &ObjectBodies, like: Option<&str>) -> Option<ReportBody> {
+    let ellipsoid = bodies.ellipsoid.as_ref().map(ReportBody::from);
+    if like == Some("ellipsoid") && ellipsoid.is_some() {
+        return ellipsoid;
+    }
+    (bodies.cuboid.as_ref().map(Into::into)).or(bodies.superellipsoid.as_ref().map(Into::into)).or(ellipsoid)
+}
