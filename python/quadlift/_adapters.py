@@ -91,9 +91,9 @@ def from_detections(
     scene, lost = _checks.scene("cameras", cameras).with_detections_of(
         path,
         names=names,
-        frame_column=None if frame_column is None else _checks.text("frame_column", frame_column),
-        source=None if source is None else _checks.text("source", source),
-        min_score=None if min_score is None else _checks.number("min_score", min_score),
+        frame_column=_checks.optional(_checks.text, "frame_column", frame_column),
+        source=_checks.optional(_checks.text, "source", source),
+        min_score=_checks.optional(_checks.number, "min_score", min_score),
         image_size=None if size is None else (float(size[0]), float(size[1])),
     )
     for words in lost:

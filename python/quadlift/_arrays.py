@@ -97,9 +97,9 @@ def frames(
         **matrices,
         image_sizes=None if image_sizes is None else _sizes(image_sizes, like, count),
         images=None if images is None else _checks.texts("images", images, count),
-        name=None if name is None else _checks.text("name", name),
+        name=_checks.optional(_checks.text, "name", name),
         up=None if up is None else _checks.array("up", up, (3,)).tolist(),
-        length_unit=None if length_unit is None else _checks.text("length_unit", length_unit),
+        length_unit=_checks.optional(_checks.text, "length_unit", length_unit),
     )
 
 
@@ -180,7 +180,7 @@ def detections(
         masks=None if masks is None else _masks(masks, count),
         object=_checks.names("object", object, count, "frame"),
         category=_checks.names("categories", categories, count, "frame"),
-        source=None if source is None else _checks.text("source", source),
+        source=_checks.optional(_checks.text, "source", source),
     )
 
 

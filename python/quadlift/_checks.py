@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+Checked = TypeVar("Checked")
 Shape = tuple[int | str, ...]
 """A shape; letters stand for any length."""
 
@@ -125,6 +126,11 @@ def _is_none(item: Any) -> bool:
         # The latter is pandas' word for a gap, which is neither equal nor unequal to anything.
         return True
     return (isinstance(item, float) and math.isnan(item)) or bool(item == "")
+
+
+def optional(check: Callable[[str, Any], Checked], name: str, value: Any) -> Checked | None:
+    """What may be None, else checked."""
+    return None if value is None else check(name, value)
 
 
 def scene(name: str, value: Any) -> _core.Scene:

@@ -132,12 +132,8 @@ class Estimates:
         """The arrays of a result; `ids` tells whether they are "numbers", "texts" (sorted both) or as "found"."""
         found = localized.arrays()
         names: list[str] = found["object_ids"]
-        object_ids: NDArray[Any] = np.array(names, dtype=np.str_)
-        order = np.arange(len(names))
-        if ids != "found":
-            if ids == "numbers":
-                object_ids = np.array([int(name) for name in names], dtype=np.int64)
-            order = np.argsort(object_ids, kind="stable")
+        object_ids: NDArray[Any] = np.array(names, dtype=np.int64 if ids == "numbers" else np.str_)
+        order = np.arange(len(names)) if ids == "found" else np.argsort(object_ids, kind="stable")
         in_order = bool((order[1:] > order[:-1]).all())
         places = np.empty(len(names) + 1, dtype=np.int64)
         places[order], places[-1] = np.arange(len(names)), -1
@@ -286,7 +282,7 @@ class Estimates:
         title : str
             Title of the page.
         """
-        of_truth = None if truth is None else _checks.scene("truth", truth)
+        of_truth = _checks.optional(_checks.scene, "truth", truth)
         page = self._localized.report(_checks.text("title", title), of_truth)
         _core.write_text(path, page)
 
@@ -301,7 +297,7 @@ class Estimates:
             A scene whose objects are the truth, logged beside the estimates.
         """
         given = self._localized.given
-        of_truth = None if truth is None else _checks.scene("truth", truth)
+        of_truth = _checks.optional(_checks.scene, "truth", truth)
         recorded = self._localized.recording(given.name or "quadlift", of_truth)
         _rerun.log_recorded(recorded, given, path)
 

@@ -104,11 +104,9 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     for name in ("method", "body", "observations", "associate"):
         _checks.text(name, keywords[name])
     for name in ("source", "ids"):
-        if keywords[name] is not None:
-            _checks.text(name, keywords[name])
+        _checks.optional(_checks.text, name, keywords[name])
     for name in ("max_occluded", "max_truncated", "camera_height", "reg_lambda"):
-        if keywords[name] is not None:
-            keywords[name] = _checks.number(name, keywords[name])
+        keywords[name] = _checks.optional(_checks.number, name, keywords[name])
     if keywords["pose_noise"] is not None:
         keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
     if keywords["sigmas"] is not None:
@@ -124,7 +122,7 @@ def of_segmentation(method: str, source: str | None, out_masks: Path | None, see
     """The core's keywords of a segmentation."""
     return {
         "method": _checks.text("method", method),
-        "source": None if source is None else _checks.text("source", source),
+        "source": _checks.optional(_checks.text, "source", source),
         "out_masks": None if out_masks is None else os.fspath(out_masks),
         "seed": _checks.whole("seed", seed, 0, 2**64 - 1),
     }
@@ -145,11 +143,11 @@ def of_association(
     name, text = _priors(priors)
     return {
         "ids": _checks.text("ids", ids),
-        "source": None if source is None else _checks.text("source", source),
+        "source": _checks.optional(_checks.text, "source", source),
         "thorough": _checks.flag("thorough", thorough),
         "min_views": _checks.whole("min_views", min_views, 2, 2**32),
-        "min_score": None if min_score is None else _checks.number("min_score", min_score),
-        "max_overlap": None if max_overlap is None else _checks.number("max_overlap", max_overlap),
+        "min_score": _checks.optional(_checks.number, "min_score", min_score),
+        "max_overlap": _checks.optional(_checks.number, "max_overlap", max_overlap),
         "pixel_sd": _checks.number("pixel_sd", pixel_sd),
         "priors": name,
         "priors_text": text,

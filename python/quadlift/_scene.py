@@ -365,7 +365,7 @@ class Scene:
         QuadliftError
             Where there is nothing to compare.
         """
-        source = None if source is None else _checks.text("source", source)
+        source = _checks.optional(_checks.text, "source", source)
         scores = self._core.evaluate(_checks.scene("truth", truth), _checks.text("match", match), source)
         return _estimates.Evaluation(**json.loads(scores))
 

@@ -115,8 +115,7 @@ def localize(
         return _map(_scenes(flat, joined, partitions), work, _schema(flat, T.StringType()))
     hide = hidden_edges and settings.keywords["method"] == "map"
     if not settings.is_complete():
-        sample = batches.sample(_objects(_sample(flat, count, hide), joined).toArrow(), count)
-        given["sigmas"], given["body"] = batches.noise(sample, shared, **world, **given)
+        given["sigmas"], given["body"] = _noise(flat, shared, joined, count, hide, {**world, **given})
     rows = _objects(_with_hidden_edges(flat) if hide else flat, joined, partitions)
     work = partial(batches.localize_objects, cameras=shared, **world, **given)
     return _map(rows, work, _schema(flat, flat.schema["object"].dataType))
@@ -153,8 +152,20 @@ def noise(
     count = _checks.whole("sample_objects", sample_objects, 1, 2000)
     shared, joined = _shared_or_joined(_cameras(cameras, flat), broadcast_cameras)
     hide = hidden_edges and settings.keywords["method"] == "map"
+    return _noise(flat, shared, joined, count, hide, {**options, "up": up, "length_unit": length_unit})
+
+
+def _noise(
+    flat: DataFrame,
+    shared: batches.Cameras | None,
+    joined: DataFrame | None,
+    count: int,
+    hide: bool,
+    options: Mapping[str, Any],
+) -> tuple[dict[str, float], str]:
+    """Noise levels and kind of body of a sample of the objects, brought to the driver."""
     sample = batches.sample(_objects(_sample(flat, count, hide), joined).toArrow(), count)
-    return batches.noise(sample, shared, up=up, length_unit=length_unit, **options)
+    return batches.noise(sample, shared, **options)
 
 
 def _shared_or_joined(cameras: DataFrame, limit: int) -> tuple[batches.Cameras | None, DataFrame | None]:

@@ -242,9 +242,8 @@ def _localized(cameras: Cameras, detections: Detections, names: list[str], setti
     hidden = np.zeros_like(detections.boxes, dtype=np.bool_)
     if detections.hidden is not None:
         hidden = (detections.hidden[:, np.newaxis] & EDGES) != 0
-    scene = settings.scene(cameras.frames(used))
     of_core = detections.dictionary(frame.astype(np.int64), names, hidden)
-    return Estimates._of(scene.with_detections(of_core).localize(settings.keywords, 1, None))
+    return Estimates._of(settings.localized(cameras.frames(used), of_core))
 
 
 def _estimates(
@@ -348,7 +347,6 @@ def _scene(cameras: Cameras, used: NDArray[np.int64], detections: Detections, se
     """The estimates of a scene with these cameras."""
     if not len(detections.row):
         return schema().empty_table()
-    scene = settings.scene(cameras.frames(used))
     of_core = detections.dictionary(np.searchsorted(used, detections.camera), None, None)
-    estimates = Estimates._of(scene.with_detections(of_core).localize(settings.keywords, 1, None)).to_arrow()
+    estimates = Estimates._of(settings.localized(cameras.frames(used), of_core)).to_arrow()
     return estimates.append_column("problem", pa.nulls(len(estimates), pa.string()))

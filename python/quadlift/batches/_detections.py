@@ -50,7 +50,7 @@ class Settings:
         settings = cls(
             _options.split(given, "localize")[0],
             None if up is None else _checks.array("up", up, (3,)).tolist(),
-            None if length_unit is None else _checks.text("length_unit", length_unit),
+            _checks.optional(_checks.text, "length_unit", length_unit),
         )
         if known == OF_OBJECTS and up is not None and _may_share_ground(options.get("priors")):
             raise QuadliftError(
@@ -59,13 +59,13 @@ class Settings:
             )
         # One good detection: all that can be wrong is the options.
         probe = Detections(np.array([0]), np.array([0]), np.array([[0.0, 0.0, 1.0, 1.0]]), None, (None, []), None)
-        of_core = probe.dictionary(np.array([0]), ["probe"], None)
-        settings.scene(_PROBE).with_detections(of_core).localize(settings.keywords, 1, None)
+        settings.localized(_PROBE, probe.dictionary(np.array([0]), ["probe"], None))
         return settings
 
-    def scene(self, frames: dict[str, Any]) -> _core.Scene:
-        """Frames with what the options say of the world."""
-        return _core.Scene.from_frames({**frames, "up": self.up, "length_unit": self.length_unit})
+    def localized(self, frames: dict[str, Any], detections: dict[str, Any]) -> _core.Localized:
+        """The result for detections in frames, both as the core takes them."""
+        scene = _core.Scene.from_frames({**frames, "up": self.up, "length_unit": self.length_unit})
+        return scene.with_detections(detections).localize(self.keywords, 1, None)
 
     def is_complete(self) -> bool:
         """Whether nothing is left to find out from all objects together."""
