@@ -35,7 +35,7 @@ _SHAPES = {
 class Estimates:
     """Estimates of N objects from M detections.
 
-    What an object does not have (a body, where its status is not ``"ok"``) is NaN.
+    What an object does not have is NaN. There is a body where the status is ``"ok"`` or ``"inconsistent"``.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Estimates:
     categories : list of str or None, length N
         The category of most of the object's detections.
     status : ndarray of str, shape (N,)
-        ``"ok"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
+        ``"ok"``, ``"inconsistent"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
     centers : ndarray, shape (N, 3)
         Centres in the world, whenever there is one.
     semi_axes : ndarray, shape (N, 3)
@@ -188,7 +188,7 @@ class Estimates:
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Which objects have a body, shape (N,)."""
+        """Which objects are localised, shape (N,): those with the status ``"ok"``."""
         ok: NDArray[np.bool_] = self.status == "ok"
         return ok
 

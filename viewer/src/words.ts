@@ -23,6 +23,7 @@ export function extents(body: Body | null): string {
 
 const STATUS: Record<string, string> = {
   ok: "ok",
+  inconsistent: "inconsistent",
   not_an_ellipsoid: "not an ellipsoid",
   too_few_views: "too few views",
   degenerate: "degenerate",
@@ -30,6 +31,7 @@ const STATUS: Record<string, string> = {
 };
 
 const REASON: Record<string, string> = {
+  inconsistent: "no body agrees with its views; the one shown does not count",
   not_an_ellipsoid: "the quadric that fits best is not an ellipsoid; only its centre is known",
   too_few_views: "it has fewer views than the method needs",
   degenerate: "its views do not determine it: they are all from one place, or contradict each other",

@@ -142,7 +142,7 @@ fn table(scene: &Scene, rows: &[Summary]) -> String {
 fn status_style(status: &str) -> Style {
     if status == Status::Ok.name() {
         GOOD
-    } else if status == Status::NotAnEllipsoid.name() {
+    } else if [Status::Inconsistent, Status::NotAnEllipsoid].map(Status::name).contains(&status) {
         WARNING
     } else {
         BAD
@@ -164,11 +164,12 @@ fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> 
     notes.into_iter().map(|(text, ids)| format!("{}: {text}", some_of(&ids))).collect()
 }
 
-/// Why there is no body.
+/// Why an object does not count as localised.
 fn reason(status: Status, method: Method, min_views: usize) -> Option<String> {
     let fewest = min_views.max(method.fewest_views());
     Some(match status {
         Status::Ok => return None,
+        Status::Inconsistent => "no body agrees with the views; the one that is given does not count".to_owned(),
         Status::NotAnEllipsoid => "the quadric that fits best is not an ellipsoid; only its centre is known".to_owned(),
         Status::TooFewViews => format!("too few views; {} needs {fewest} here", method_name(method)),
         Status::Degenerate => {

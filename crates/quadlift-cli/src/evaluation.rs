@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use quadlift::metrics::{Evaluation, FoundScore, PairedBy};
+use quadlift::solve::Status;
 use quadlift_io::evaluation::identities::{Division, DivisionOutcome};
 use quadlift_io::evaluation::{COLUMNS, Column, LEAST_IOU, Matching, Unit, failures_in_words};
 
@@ -53,7 +54,7 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
     for object in &evaluation.objects {
         let status = match object.status.as_deref() {
             None => Cell::styled("missing", BAD),
-            Some(status) if object.has_body => Cell::styled(status, GOOD),
+            Some(status) if object.has_body && status != Status::Inconsistent.name() => Cell::styled(status, GOOD),
             Some(status) => Cell::styled(status, BAD),
         };
         let scores = columns.iter().map(|column| show(column, (column.of)(object)).into());

@@ -150,7 +150,7 @@ fn unit_rotation(quaternion: &[f64; 4], place: String) -> Result<Rotation3<f64>,
 }
 
 fn status(name: &str, place: String) -> Result<Status, EntryError> {
-    let all = [Status::Ok, Status::NotAnEllipsoid, Status::TooFewViews, Status::Degenerate, Status::Diverged];
+    let all = Status::ALL;
     all.into_iter().find(|status| status.name() == name).ok_or_else(|| {
         let problem = format!("unknown status \"{name}\"; expected one of {}", all.map(Status::name).join(", "));
         EntryError::new(place, problem)

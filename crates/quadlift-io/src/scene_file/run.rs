@@ -68,7 +68,7 @@ pub fn settings_record(options: &Options, priors: Option<&str>) -> Value {
     json
 }
 
-/// Number of objects of which a body was found.
+/// Number of localised objects: those with the status `ok`.
 pub fn count_localised(estimates: &[Estimate]) -> usize {
     estimates.iter().filter(|estimate| estimate.status == Status::Ok).count()
 }

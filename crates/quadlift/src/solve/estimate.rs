@@ -12,6 +12,9 @@ pub type Matrix9 = SMatrix<f64, 9, 9>;
 pub enum Status {
     /// A body was found.
     Ok,
+    /// A body was found, but its measurements contradict each other, or the scene contradicts itself: the body is given
+    /// so that it can be looked at, and does not count as localised.
+    Inconsistent,
     /// The quadric that fits best is not an ellipsoid; its centre is reported. Nothing is repaired.
     NotAnEllipsoid,
     /// Fewer views than the method needs.
@@ -23,10 +26,15 @@ pub enum Status {
 }
 
 impl Status {
+    /// All of them, in the order of the documentation.
+    pub const ALL: [Self; 6] =
+        [Self::Ok, Self::Inconsistent, Self::NotAnEllipsoid, Self::TooFewViews, Self::Degenerate, Self::Diverged];
+
     /// The name in files and on the terminal.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
+            Self::Inconsistent => "inconsistent",
             Self::NotAnEllipsoid => "not_an_ellipsoid",
             Self::TooFewViews => "too_few_views",
             Self::Degenerate => "degenerate",
