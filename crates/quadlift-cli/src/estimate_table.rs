@@ -90,16 +90,34 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
         let n = count(left_out.beyond_lens, "detection");
         let _ = writeln!(text, "left out {n} where the lens cannot be undistorted (80 degrees from the axis or more)");
     }
-    if !localization.noise.is_empty() {
-        let level = |(name, x): &(&str, f64)| format!("{} {x:.3}", name.replace('_', " "));
-        let levels: Vec<String> = localization.noise.iter().map(level).collect();
-        let _ = writeln!(
-            text,
-            "{DIM}noise of the detections (relative to their half size, or in px): {}{DIM:#}",
-            levels.join(", ")
-        );
+    if let Some(noise) = typical_error(localization) {
+        let _ = writeln!(text, "{DIM}{noise}{DIM:#}");
     }
     text
+}
+
+/// How far measurements are off, in plain words: edges of boxes, or centres and sizes of ellipses where there are no boxes.
+/// The scene's full list is for `--verbose` ([`noise_levels`]).
+fn typical_error(localization: &Localization) -> Option<String> {
+    let level = |name: &str| localization.noise.iter().find(|(known, _)| *known == name).map(|(_, x)| *x);
+    let percent = |x: f64| format!("{} %", number(Some(100.0 * x), decimals(100.0 * x, 2)));
+    if let Some(relative) = level("edge_relative") {
+        let pixels =
+            level("edge_px").map_or(String::new(), |px| format!(" and {} px", number(Some(px), decimals(px, 2))));
+        return Some(format!("typical error of a box edge: {} of the box's half size{pixels}", percent(relative)));
+    }
+    let (center, size) = (level("ellipse_center")?, level("ellipse_size")?);
+    Some(format!(
+        "typical error of an ellipse: {} of its half size in place, {} in size",
+        percent(center),
+        percent(size)
+    ))
+}
+
+/// The noise levels by the names that results and `--sigmas` have for them; `None` when there are none.
+pub fn noise_levels(localization: &Localization) -> Option<String> {
+    let levels: Vec<String> = localization.noise.iter().map(|(name, x)| format!("{name} {x:.4}")).collect();
+    (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
 }
 
 fn table(scene: &Scene, rows: &[Summary]) -> String {

@@ -4,15 +4,45 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use quadlift::scene::Scene;
-use quadlift_io::{SceneFile, read_scene_file};
+use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
+use quadlift_io::{ReadError, SceneFile, read_scene_file};
 
 use crate::error::usage;
 
 /// Reads a scene file and checks it.
 pub fn read_scene(path: &Path) -> anyhow::Result<(SceneFile, Scene)> {
-    let file = read_scene_file(path)?;
+    let file = read_scene_file(path).map_err(|error| with_hint(path, error))?;
     let scene = file.to_scene().map_err(|error| error.in_file(path))?;
     Ok((file, scene))
+}
+
+/// The error, with the way to read a path that holds another program's cameras or detections.
+fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
+    if let Some(hint) = other_format(path) {
+        error.problem.push_str(&format!("; {hint}"));
+    }
+    error
+}
+
+/// What to do with a path that holds no scene file but another program's cameras or detections.
+fn other_format(path: &Path) -> Option<String> {
+    let shown = path.display();
+    match detect_cameras(path) {
+        Ok((CameraFormat::Scene, _)) => return None,
+        // Any JSON object may be a list of projections.
+        Ok((CameraFormat::Projections, _)) | Err(_) => {}
+        Ok((format, _)) => {
+            return Some(format!(
+                "it holds cameras ({}): `quadlift localize --cameras {shown} --detections PATH` reads them",
+                format.name()
+            ));
+        }
+    }
+    let format = detect_detections(path).ok()?;
+    Some(format!(
+        "it holds detections ({}): `quadlift localize --cameras PATH --detections {shown}` reads them",
+        format.name()
+    ))
 }
 
 /// The scene files that the arguments name.
@@ -53,7 +83,8 @@ fn scenes_in_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         }
     }
     if paths.is_empty() {
-        bail!("there is no .json file in the folder {}", folder.display());
+        let hint = other_format(folder).map_or(String::new(), |hint| format!("; {hint}"));
+        bail!("there is no .json file in the folder {}{hint}", folder.display());
     }
     paths.sort();
     Ok(paths)
@@ -102,6 +133,34 @@ pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
     }
     make_folder(output)?;
     Ok(paths)
+}
+
+/// Refuses a name that promises another format than that of scene files, which are JSON. `with_objects`: the result has
+/// objects, which `quadlift export` can write in other formats.
+pub fn check_result_name(output: &Path, with_objects: bool) -> anyhow::Result<()> {
+    let Some(extension) = output.extension().map(|extension| extension.to_string_lossy().to_lowercase()) else {
+        return Ok(());
+    };
+    let json = output.with_extension("json");
+    let (json, output) = (json.display(), output.display());
+    match extension.as_str() {
+        "json" => Ok(()),
+        "ply" | "glb" | "gltf" | "obj" | "stl" | "csv" | "parquet" | "rrd" | "txt" | "yaml" if !with_objects => {
+            usage(format!("the result is a scene file in JSON: write it with -o {json}"))
+        }
+        "html" | "htm" => usage(format!("the result is a JSON file, not a page: -o {json} --report {output}")),
+        "ply" | "glb" | "csv" | "parquet" | "rrd" => {
+            let format = if extension == "rrd" { "rerun" } else { &extension };
+            usage(format!(
+                "the result is a JSON file: write it with -o {json}, then `quadlift export {format} {json} -o {output}`"
+            ))
+        }
+        "gltf" | "obj" | "stl" | "txt" | "yaml" | "yml" | "xml" | "pcd" | "png" | "jpg" => usage(format!(
+            "the result is a JSON file: write it with -o {json}; `quadlift export` makes ply, glb, csv and other formats \
+             of it"
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// Refuses a file that cannot be written because its folder does not exist or because it is a folder itself.

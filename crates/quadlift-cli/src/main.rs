@@ -52,7 +52,7 @@ struct Cli {
     #[arg(long, global = true, help_heading = "Output")]
     json: bool,
 
-    /// Print details (rejected views, times) on the standard error stream
+    /// Print details (rejected views, noise levels, times) on the standard error stream
     #[arg(short, long, global = true, help_heading = "Output")]
     verbose: bool,
 

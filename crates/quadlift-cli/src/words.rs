@@ -1,5 +1,7 @@
 //! Small pieces of text that several reports share.
 
+use std::time::Duration;
+
 pub use quadlift_io::wording::{count, some_of};
 
 /// What is said where Parquet is asked for and the program was built without it.
@@ -7,10 +9,33 @@ pub use quadlift_io::wording::{count, some_of};
 pub const NO_PARQUET: &str = "this program was built without Parquet; build it with it: cargo install --path crates/quadlift-cli \
                               --features parquet";
 
+/// A time that a step took: in milliseconds or seconds, with two digits after the point where it is short.
+pub fn duration(time: Duration) -> String {
+    let milliseconds = 1e3 * time.as_secs_f64();
+    match milliseconds {
+        ..10.0 => format!("{milliseconds:.2} ms"),
+        ..1000.0 => format!("{milliseconds:.0} ms"),
+        ..100_000.0 => format!("{:.2} s", 1e-3 * milliseconds),
+        _ => format!("{:.0} s", 1e-3 * milliseconds),
+    }
+}
+
 /// A title of a column with lengths; the unit is named where it is known.
 pub fn with_unit(title: &str, length_unit: Option<&str>) -> String {
     match length_unit {
         Some(unit) => format!("{title} [{unit}]"),
         None => title.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_in_milliseconds_or_seconds() {
+        let text = |microseconds: u64| duration(Duration::from_micros(microseconds));
+        assert_eq!([text(110), text(3456), text(12_300)], ["0.11 ms", "3.46 ms", "12 ms"]);
+        assert_eq!([text(1_234_000), text(123_400_000)], ["1.23 s", "123 s"]);
     }
 }

@@ -55,6 +55,11 @@ fn called(title: &'static str, code: i32, arguments: &'static str) -> Case {
     Case { arguments, code, ..changed(title, |_| {}) }
 }
 
+/// A folder of the tutorial's data.
+fn tutorial(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/data/tutorial-colmap-yolo").join(name)
+}
+
 /// A good scene, as text, after a change of the text.
 fn replaced(title: &'static str, from: &'static str, to: &'static str) -> Case {
     let make = move |folder: &Folder| {
@@ -248,6 +253,9 @@ fn images() -> Vec<Case> {
         rendered("an image of another size than the camera's", 1, SEGMENT, move |_, folder| smaller(folder, "images")),
         rendered("a frame without an image", 1, SEGMENT, |scene, _| without(&mut scene["frames"][2], "image")),
         rendered("no image at all", 1, SEGMENT, |scene, _| every(scene, "frames", |frame| without(frame, "image"))),
+        rendered("images that do not exist", 1, SEGMENT, |_, folder| {
+            std::fs::remove_dir_all(folder.path("images")).unwrap();
+        }),
         rendered("a box outside of the image", 1, SEGMENT, |scene, _| {
             scene["detections"][3]["box"] = json!([170, 20, 210, 60]);
         }),
@@ -548,6 +556,25 @@ fn paths() -> Vec<Case> {
     };
     vec![
         called("an output in a folder that does not exist", 1, "localize scene.json -o no/out.json"),
+        called("a result in another format", 2, "localize scene.json -o out.ply"),
+        called("a page in place of the result", 2, "localize scene.json -o out.html"),
+        called("an associated scene in another format", 2, "associate scene.json -o out.csv"),
+        Case {
+            make: Box::new(|folder| folder.copy(&tutorial("sparse"))),
+            ..called("cameras of another program in place of a scene", 1, "localize 0 -o out.json")
+        },
+        Case {
+            make: Box::new(|folder| folder.copy(&tutorial("sparse"))),
+            ..called("the same in associate", 1, "associate 0 -o out.json")
+        },
+        Case {
+            make: Box::new(|folder| folder.copy(&tutorial("sparse/0"))),
+            ..called("a file of another program's cameras", 1, "localize images.txt -o out.json")
+        },
+        Case {
+            make: Box::new(|folder| folder.write("coco.json", r#"{"images": [], "annotations": []}"#)),
+            ..called("detections of another program in place of a scene", 1, "localize coco.json -o out.json")
+        },
         folder,
         called("an output that is the scene", 2, "localize scene.json -o scene.json"),
         Case {

@@ -48,6 +48,22 @@ pub enum DetectionFormat {
     LabelMe,
 }
 
+impl CameraFormat {
+    /// The name in the words of `quadlift import`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scene => "scene file",
+            Self::Colmap => "colmap",
+            Self::Nerfstudio => "nerfstudio",
+            Self::Tum => "tum",
+            Self::Kitti => "kitti",
+            Self::KittiRaw => "kitti-raw",
+            Self::Bop => "bop",
+            Self::Projections => "projections",
+        }
+    }
+}
+
 impl DetectionFormat {
     /// The name in the words of `quadlift import-detections`.
     pub fn name(self) -> &'static str {

@@ -14,10 +14,11 @@ use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use crate::args;
 use crate::association::{IdsName, associate_scene, associated_scene, in_words};
 use crate::error::{Outcome, usage};
-use crate::files::{Inputs, outputs, read_scene};
+use crate::files::{Inputs, check_result_name, outputs, read_scene};
 use crate::localization::check_metres;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
+use crate::words::duration;
 
 /// Find out which detections show the same object
 ///
@@ -90,6 +91,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
     }
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
+    check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;
     let options = AssociateOptions {
         source: args.source.clone(),
@@ -118,7 +120,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let title = args.scene.display().to_string();
     let start = Instant::now();
     let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
-    out.detail(&format!("associated in {:.2?}", start.elapsed()));
+    out.detail(&format!("associated in {}", duration(start.elapsed())));
     let associated = associated_scene(&scene, &association, args.source.as_deref())?;
     write_objects(&mut file.detections, &associated);
     // The true objects, if the scene has any, have other ids.

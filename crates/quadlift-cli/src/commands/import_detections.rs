@@ -96,11 +96,15 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 /// What was added, in one line.
 pub fn in_words(added: &AddedDetections, source: &str) -> String {
     let images = added.matched_images + added.images_without_frame.len();
-    let of = if images == added.matched_images { String::new() } else { format!(" of {images}") };
+    let found = if images == added.matched_images {
+        count(images, "image")
+    } else {
+        format!("{} of {}", added.matched_images, count(images, "image"))
+    };
+    let are = if added.matched_images == 1 { "is a frame" } else { "are frames" };
     format!(
-        "{} of the source {source} in {}{of} images, which are frames of the scene (by {})",
+        "{} of the source {source} in {found}, which {are} of the scene (by {})",
         count(added.added, "detection"),
-        added.matched_images,
         added.matched_by.name()
     )
 }

@@ -151,10 +151,6 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     }
     for source in &report.sources {
         let of = source.name.as_ref().map(|name| format!(" of \"{name}\"")).unwrap_or_default();
-        if source.without_object > 0 {
-            let n = count(source.without_object, "detection");
-            oddities.push(format!("{n}{of} without an object id"));
-        }
         if !source.objects_seen_once.is_empty() {
             oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&source.objects_seen_once)));
         }
@@ -243,6 +239,16 @@ fn objects_of_several_categories(scene: &Scene) -> Vec<String> {
     scene.object_ids.iter().zip(several).filter(|(_, several)| *several).map(|(id, _)| id.clone()).collect()
 }
 
+/// Whether the detections say which objects they show.
+fn object_ids(report: &Report) -> String {
+    match report.sources.iter().map(|source| source.without_object).sum::<usize>() {
+        0 => "every detection has one".to_owned(),
+        n if n == report.detections => "none: localize finds out which detections show the same object".to_owned(),
+        1 => format!("1 of {} has none", count(report.detections, "detection")),
+        n => format!("{n} of {} have none", count(report.detections, "detection")),
+    }
+}
+
 fn render(report: &Report) -> String {
     let mut text = String::new();
     let mut line = |title: &str, value: String| {
@@ -259,6 +265,9 @@ fn render(report: &Report) -> String {
     line("categories", if report.categories.is_empty() { "none".to_owned() } else { some_of(&report.categories) });
     line("true objects", report.true_objects.to_string());
     line("detections", report.detections.to_string());
+    if report.detections > 0 {
+        line("object ids", object_ids(report));
+    }
     if !report.sources.is_empty() {
         let mut table = Table::new(["<source", "detections", "objects", "frames", "boxes", "ellipses", "masks"]);
         for source in &report.sources {

@@ -19,12 +19,12 @@ use serde_json::{Value, json};
 use crate::args::{self, BodyChoice, SigmaSource};
 use crate::association::{IdsName, When, associate_scene, associated_scene, localize_in_words};
 use crate::error::{Outcome, in_words, usage};
-use crate::estimate_table::{render, summaries};
-use crate::files::{check_file, expand, outputs, read_scene};
+use crate::estimate_table::{noise_levels, render, summaries};
+use crate::files::{check_file, check_result_name, expand, outputs, read_scene};
 use crate::localization::{PriorSource, Settings, localize_scene, read_masks, result_file};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::{check_report, report_paths, write_localized};
-use crate::words::count;
+use crate::words::{count, duration};
 
 /// Localise the objects that the detections of a scene show
 ///
@@ -226,6 +226,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         // Before anything else: the first call of the library starts the threads.
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
     }
+    args.output.as_deref().map_or(Ok(()), |output| check_result_name(output, true))?;
     let settings = args.settings()?;
     if let Some((cameras, detections)) = args.direct.paths() {
         let [output, report] = [&args.output, &args.report].map(Option::as_deref);
@@ -353,7 +354,10 @@ fn one_scene(
             out.detail(&one_line(&format!("{id}: rejected the views {}", rejected.join(", "))));
         }
     }
-    out.detail(&format!("read in {read:.2?}, localised in {:.2?}", solved - read));
+    if let Some(levels) = noise_levels(&localization) {
+        out.detail(&levels);
+    }
+    out.detail(&format!("read in {}, localised in {}", duration(read), duration(solved - read)));
     if out.json {
         document["objects"] = serde_json::to_value(summaries(&scene, &localization))?;
         document["localised"] = localised.into();

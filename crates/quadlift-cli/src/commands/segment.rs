@@ -12,12 +12,12 @@ use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
 use crate::error::{Outcome, usage};
-use crate::files::{Inputs, make_folder, outputs, read_scene};
+use crate::files::{Inputs, check_result_name, make_folder, outputs, read_scene};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
 use crate::table::{Cell, Table, number};
-use crate::words::count;
+use crate::words::{count, duration};
 
 /// Find the masks of detected objects in their images, and the ellipses of the masks
 ///
@@ -95,6 +95,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
     }
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
+    check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;
     check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
@@ -129,7 +130,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Some(report) = &args.report {
         Gathered::new(vec![(args.output.clone(), file)])?.write_report(report, None)?;
     }
-    out.detail(&format!("segmented in {segmented:.2?}, written in {:.2?}", start.elapsed() - segmented));
+    let written = start.elapsed() - segmented;
+    out.detail(&format!("segmented in {}, written in {}", duration(segmented), duration(written)));
     out.report(&report(args, &segmentation))?;
     out.document(&json!({
         "scene": title,

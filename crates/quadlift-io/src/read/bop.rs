@@ -16,6 +16,7 @@ use super::{Import, camera_id};
 use crate::error::{ReadError, read_bytes};
 use crate::images::read_image_size;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, MaskRecord, ObjectRecord, SceneFile};
+use crate::wording::count;
 
 /// Metres in a millimetre.
 const MM: f64 = 1e-3;
@@ -187,7 +188,8 @@ pub fn parse_bop(
         }
     }
     if without_world > 0 {
-        notes.push(format!("{without_world} frames without the world object were left out"));
+        let were = if without_world == 1 { "was" } else { "were" };
+        notes.push(format!("{} without the world object {were} left out", count(without_world, "frame")));
     }
     if let Some((path, bytes)) = files.info {
         scene.detections = detections(path, bytes, &poses, &world_from_cam)?;

@@ -4,6 +4,7 @@
 mod result;
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use nalgebra::Vector2;
 use quadlift::geometry::Ellipse;
@@ -58,6 +59,10 @@ pub enum Step {
 /// Called with the number of things done and their total, from any thread.
 pub type Progress<'a> = &'a (dyn Fn(Step, usize, usize) + Sync);
 
+/// How frames get their images, for messages.
+const HOW_TO_NAME_IMAGES: &str = "`quadlift import FORMAT ... --images DIR` names the folder of the images; `quadlift \
+                                  localize` works without images";
+
 /// Why a scene cannot be segmented at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SegmentSceneError {
@@ -68,8 +73,23 @@ pub enum SegmentSceneError {
     #[error("there is nothing to {0}")]
     Nothing(&'static str),
     /// The frames name no images.
-    #[error("no frame has an \"image\"; expected the path of an image file, relative to the scene file")]
+    #[error(
+        "no frame has an \"image\"; expected the path of an image file, relative to the scene file ({HOW_TO_NAME_IMAGES})"
+    )]
     NoImage,
+    /// None of the images that the frames name exists.
+    #[error(
+        "{}, such as {}; paths are relative to the scene file ({HOW_TO_NAME_IMAGES})",
+        if *.count == 1 { "the image that a frame names does not exist".to_owned() }
+        else { format!("none of the {} images that the frames name exists", .count) },
+        first.display()
+    )]
+    MissingImages {
+        /// How many images are named.
+        count: usize,
+        /// The first of them.
+        first: PathBuf,
+    },
     /// An option is outside of its range.
     #[error(transparent)]
     Segment(#[from] SegmentError),
@@ -187,8 +207,13 @@ pub fn segment_scene(
             return nothing("segment: no detection has a \"box\"");
         }
     }
-    if (!reads_masks || settings.with_crops) && images.images.iter().all(Option::is_none) {
-        return Err(SegmentSceneError::NoImage);
+    if !reads_masks || settings.with_crops {
+        let mut named = images.images.iter().flatten();
+        let first = named.clone().next().ok_or(SegmentSceneError::NoImage)?;
+        if !named.any(|path| path.exists()) {
+            let count = images.images.iter().flatten().count();
+            return Err(SegmentSceneError::MissingImages { count, first: first.clone() });
+        }
     }
     let frames = by_frame(scene, &detections);
     segmentation.groups = by_object(scene, &frames);

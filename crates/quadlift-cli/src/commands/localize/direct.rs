@@ -21,6 +21,7 @@ use crate::commands::import::paths::{prefix_images, relative_to_file};
 use crate::commands::import_detections::{Matching, Names, in_words, notes};
 use crate::error::usage;
 use crate::output::{Output, one_line};
+use crate::words::count;
 
 /// Cameras and detections in other programs' files.
 #[derive(clap::Args)]
@@ -100,10 +101,10 @@ impl DirectArgs {
         file.objects.clear();
         let added = add_detections(&mut file, found, &options)?;
         let mut text = format!(
-            "{}: {}, {} frames\n{}: {}, {}\n",
+            "{}: {}, {}\n{}: {}, {}\n",
             cameras.display(),
-            camera_name(camera_format),
-            file.frames.len(),
+            camera_format.name(),
+            count(file.frames.len(), "frame"),
             detections.display(),
             detection_format.name(),
             one_line(&in_words(&added, source))
@@ -180,19 +181,5 @@ impl DirectArgs {
             prefix_images(&mut scene, &prefix);
         }
         Ok((scene, notes))
-    }
-}
-
-/// The format of cameras in the words of `quadlift import`.
-fn camera_name(format: CameraFormat) -> &'static str {
-    match format {
-        CameraFormat::Scene => "scene file",
-        CameraFormat::Colmap => "colmap",
-        CameraFormat::Nerfstudio => "nerfstudio",
-        CameraFormat::Tum => "tum",
-        CameraFormat::Kitti => "kitti",
-        CameraFormat::KittiRaw => "kitti-raw",
-        CameraFormat::Bop => "bop",
-        CameraFormat::Projections => "projections",
     }
 }
