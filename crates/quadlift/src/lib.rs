@@ -24,12 +24,13 @@
 //! ```
 //!
 //! Each folder uses only those above it in this order: [`geometry`] (the vocabulary), [`scene`] (what users bring),
-//! [`solve`] (the method), [`mod@associate`] (objects from detections that name none), [`metrics`] (how good an estimate
-//! is), [`synthetic`] (scenes with known truth), and [`localize()`], the one call. The library reads no files and prints
-//! nothing.
+//! [`solve`] (the method), [`cross_validation`] (how well views that were left out are predicted), [`mod@associate`]
+//! (objects from detections that name none), [`metrics`] (how good an estimate is), [`synthetic`] (scenes with known
+//! truth), and [`localize()`], the one call. The library reads no files and prints nothing.
 #![forbid(unsafe_code)]
 
 pub mod associate;
+pub mod cross_validation;
 pub mod geometry;
 mod localize;
 pub mod metrics;

@@ -2,10 +2,13 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::cross_validation::{CrossValidation, CrossValidationOptions, choose_folds, summarise};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SourceError, View};
 use crate::solve::map::{MapContext, map};
-use crate::solve::{BodyKind, Estimate, MapOptions, Method, PoseNoise, RegOptions, ViewReport, solve_closed_form};
+use crate::solve::{
+    BodyKind, Estimate, Fold, MapOptions, Method, PoseNoise, RegOptions, ViewReport, predict_fold, solve_closed_form,
+};
 
 /// Which of a detection's measurements are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -72,6 +75,8 @@ pub struct Options {
     pub map: MapOptions,
     /// Options of [`Method::Reg`].
     pub reg: RegOptions,
+    /// How much is cross-validated, and how.
+    pub cross_validation: CrossValidationOptions,
 }
 
 /// Why a scene cannot be localised at all.
@@ -107,6 +112,8 @@ pub struct Localization {
     pub noise: Vec<(&'static str, f64)>,
     /// The kind of body that was fitted: the one that was asked for, or the one that was chosen.
     pub body: BodyKind,
+    /// How well the views of an object predict those that were left out.
+    pub cross_validation: CrossValidation,
 }
 
 /// Called with the number of objects done and their total, from any thread.
@@ -167,20 +174,28 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         }
         object
     };
-    let (mut estimates, noise, body) = if options.method == Method::Map {
+    let folds_of =
+        |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
+    let (mut estimates, noise, body, folds, predicted) = if options.method == Method::Map {
         let cameras = scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect();
         let context = MapContext::new(&scene.categories, scene.up, cameras, options.seed, &options.map);
-        let solution = map(objects.len(), &views_of, &context, &report);
-        (solution.estimates, solution.noise, solution.body)
+        let solution = map(objects.len(), &views_of, &context, &folds_of, &report);
+        (solution.estimates, solution.noise, solution.body, solution.folds, solution.predicted)
     } else {
+        let solve = |views| solve_closed_form(&views, options.method, &options.reg, options.map.enclosing_quantile);
         let estimates = map_indices(objects.len(), |k| {
-            let estimate =
-                solve_closed_form(&views_of(k), options.method, &options.reg, options.map.enclosing_quantile);
+            let estimate = solve(views_of(k));
             report();
             estimate
         });
-        (estimates, Vec::new(), BodyKind::Ellipsoid)
+        let folds = folds_of(&estimates);
+        let predicted = map_indices(folds.len(), |index| {
+            let Fold { object, views } = &folds[index];
+            predict_fold(&views_of(*object), views, options.map.border_margin, |others| solve(others).body)
+        });
+        (estimates, Vec::new(), BodyKind::Ellipsoid, folds, predicted)
     };
+    let cross_validation = summarise(&estimates, &folds, predicted, &options.cross_validation);
     // The views of objects with too few of them are listed all the same.
     for (estimate, &object) in estimates.iter_mut().zip(&objects) {
         if estimate.views.is_empty() {
@@ -191,7 +206,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
                 .collect();
         }
     }
-    Ok(Localization { estimates, left_out, noise, body })
+    Ok(Localization { estimates, left_out, noise, body, cross_validation })
 }
 
 fn check(options: &Options) -> Result<(), LocalizeError> {

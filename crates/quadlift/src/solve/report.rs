@@ -52,7 +52,7 @@ pub(super) fn describe_center(mut estimate: Estimate, center: Point3<f64>, views
 }
 
 /// The box that stands for a measurement: the box itself, or the one around the ellipse.
-fn measured_box(view: &View) -> Option<BoundingBox> {
+pub(super) fn measured_box(view: &View) -> Option<BoundingBox> {
     view.bounding_box.or_else(|| view.ellipse.as_ref().map(|ellipse| ellipse.bounding_box()))
 }
 

@@ -36,6 +36,7 @@ use self::first_fit::FirstFit;
 use self::scene_fit::SceneFit;
 use super::estimate::Estimate;
 use super::options::{BodyKind, MapOptions};
+use super::prediction::{Fold, FoldPrediction, predict_fold};
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
@@ -88,14 +89,26 @@ pub struct MapSolution {
     pub noise: Vec<(&'static str, f64)>,
     /// The kind of body that was fitted.
     pub body: BodyKind,
+    /// The folds that were chosen.
+    pub folds: Vec<Fold>,
+    /// What the other views of the objects tell about those that were left out, for each fold.
+    pub predicted: Vec<FoldPrediction>,
 }
+
+/// Chooses which views of which objects are left out, one fit for each fold, once the estimates are there.
+pub type ChooseFolds<'a> = &'a (dyn Fn(&[Estimate]) -> Vec<Fold> + Sync);
 
 /// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. `done` is called
 /// once for each finished object.
+///
+/// The views of each fold are then left out, the object is fitted again from its starts to the others, and its views are
+/// predicted. What the objects of the scene share is kept as it was found with all views: noise levels, ground plane, the
+/// corrections of the poses of the views that are left in, and the kind of body.
 pub fn map(
     count: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &MapContext,
+    folds: ChooseFolds,
     done: &(dyn Fn() + Sync),
 ) -> MapSolution {
     let options = context.options;
@@ -107,7 +120,7 @@ pub fn map(
     let finish_oriented = |body| {
         let context = fitted(body);
         let scene = SceneFit::<OrientedModel>::new(together.len(), &|k| views_of(together[k]), &context);
-        finish(&scene, count, stride, views_of, &context, done)
+        finish(&scene, [count, stride], views_of, &context, folds, done)
     };
     let body = options.body.unwrap_or_default();
     if body != BodyKind::Ellipsoid {
@@ -121,18 +134,20 @@ pub fn map(
     match exponent {
         Some(exponent) => finish_oriented(BodyKind::Superellipsoid(exponent)),
         // The kind of body was chosen from objects that are not fitted together.
-        None if scene.len() > together.len() => finish(&scene_of(together), count, stride, views_of, &context, done),
-        None => finish(&scene, count, stride, views_of, &context, done),
+        None if scene.len() > together.len() => {
+            finish(&scene_of(together), [count, stride], views_of, &context, folds, done)
+        }
+        None => finish(&scene, [count, stride], views_of, &context, folds, done),
     }
 }
 
-/// The estimates of all objects, those of the sample and the others.
+/// The estimates of all objects, those of the sample (one of `stride`) and the others, and the folds.
 fn finish<B: FirstFit>(
     scene: &SceneFit<B>,
-    count: usize,
-    stride: usize,
+    [count, stride]: [usize; 2],
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &MapContext,
+    folds: ChooseFolds,
     done: &(dyn Fn() + Sync),
 ) -> MapSolution {
     let estimates = map_indices(count, |index| {
@@ -144,5 +159,11 @@ fn finish<B: FirstFit>(
         done();
         estimate
     });
-    MapSolution { estimates, noise: scene.noise_report(context), body: context.body }
+    let folds = folds(&estimates);
+    let predicted = map_indices(folds.len(), |index| {
+        let Fold { object, views } = &folds[index];
+        let fit = |others| scene.body_of_other(others, context);
+        predict_fold(&views_of(*object), views, context.options.border_margin, fit)
+    });
+    MapSolution { estimates, noise: scene.noise_report(context), body: context.body, folds, predicted }
 }

@@ -10,6 +10,7 @@ use super::ground::{GroundPlane, LowestPoint};
 use super::noise::{NoiseLevels, NoiseStatistics};
 use super::object::Prepared;
 use super::poses::PoseCorrections;
+use crate::geometry::Body;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
@@ -149,20 +150,26 @@ impl<B: FirstFit> SceneFit<B> {
     }
 
     /// The estimate of another object of the scene.
-    pub(super) fn estimate_other(&self, mut views: ObjectViews, context: &MapContext) -> Estimate {
+    pub(super) fn estimate_other(&self, views: ObjectViews, context: &MapContext) -> Estimate {
+        self.fit_other(views, context).map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, context))
+    }
+
+    /// The body of another object of the scene, in the world.
+    pub(super) fn body_of_other(&self, views: ObjectViews, context: &MapContext) -> Option<Body> {
+        let fit = self.fit_other(views, context).ok()?;
+        Some(fit.body.body_in_world(&fit.prepared.measurements.frame, context.body))
+    }
+
+    /// Another object of the scene, fitted from its starts under what the scene shares.
+    fn fit_other(&self, mut views: ObjectViews, context: &MapContext) -> Result<Fit<B>, Box<Estimate>> {
         self.poses.apply(&mut views);
-        let fit = Prepared::new(views, context).and_then(|object| object.first_fit::<B>(&self.noise, context));
-        fit.map_or_else(
-            |failed| *failed,
-            |mut fit| {
-                if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
-                    fit.stand_on(ground, up);
-                }
-                let rounds = if B::SEVERAL_STARTS { RECONSIDERED } else { 1 };
-                let fit = (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
-                fit.refined(&self.noise, true).estimate(&self.noise, context)
-            },
-        )
+        let mut fit = Prepared::new(views, context)?.first_fit::<B>(&self.noise, context)?;
+        if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+            fit.stand_on(ground, up);
+        }
+        let rounds = if B::SEVERAL_STARTS { RECONSIDERED } else { 1 };
+        let fit = (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
+        Ok(fit.refined(&self.noise, true))
     }
 
     /// Noise levels by name: those that were given, or those of what has data.

@@ -1,0 +1,45 @@
+//! Cross-validation: how good the estimates are, without the truth (ours).
+//!
+//! A view of an object is left out, the object is fitted to the others, and its box in the view that was left out is
+//! predicted. How well measured and predicted boxes agree (IoU, errors of the edges) tells about the estimate what its
+//! residuals cannot: a body that follows three boxes has small residuals, and predicts a fourth one badly. Noise levels,
+//! the kind of body, the ground plane and corrections of poses are kept as all views gave them; to judge noise levels,
+//! give them ([`crate::solve::MapOptions::sigmas`]) and compare the errors.
+//!
+//! [`crate::localize()`] does it for a few views of each scene, or for all of them ([`Extent`]).
+
+mod folds;
+mod summary;
+
+pub use folds::view_folds;
+pub use summary::{CrossValidation, ObjectCrossValidation};
+pub(crate) use {folds::choose_folds, summary::summarise};
+
+/// How much is cross-validated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Extent {
+    /// Nothing.
+    Nothing,
+    /// A few views of the scene, for its summary: [`CrossValidationOptions::sampled_fits`].
+    #[default]
+    Sample,
+    /// Every view of every object.
+    All,
+}
+
+/// Options of the cross-validation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CrossValidationOptions {
+    /// How much is cross-validated.
+    pub extent: Extent,
+    /// Fits for each object, at most (2 at least): in objects with more views several of them are left out together.
+    pub fits_per_object: usize,
+    /// Fits for the scene with [`Extent::Sample`], at most, evenly spread over its objects.
+    pub sampled_fits: usize,
+}
+
+impl Default for CrossValidationOptions {
+    fn default() -> Self {
+        Self { extent: Extent::default(), fits_per_object: 10, sampled_fits: 16 }
+    }
+}

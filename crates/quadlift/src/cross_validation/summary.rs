@@ -1,0 +1,137 @@
+//! From predictions of single views to what they say about objects and the scene.
+
+use super::{CrossValidationOptions, Extent};
+use crate::solve::{Estimate, Fold, FoldPrediction, Prediction};
+
+/// What the left-out views of a scene tell.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CrossValidation {
+    /// How much was cross-validated.
+    pub extent: Extent,
+    /// The objects of which views were left out, in the order of the estimates. With [`Extent::Sample`] only some of their
+    /// views were.
+    pub objects: Vec<ObjectCrossValidation>,
+}
+
+/// What the left-out views of an object tell.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ObjectCrossValidation {
+    /// Index of its estimate in [`crate::Localization::estimates`].
+    pub estimate_index: usize,
+    /// The predictions, in the order of the object's views.
+    pub predictions: Vec<Prediction>,
+    /// Views that were left out and could not be predicted, because the others give no body.
+    pub not_predicted: usize,
+    /// The view that the others contradict, as an index into `predictions`.
+    pub odd: Option<usize>,
+}
+
+/// Error of a prediction, relative to what the fit leaves in the views that it uses, from which a view is odd.
+const ODD_RATIO: f64 = 5.0;
+
+/// Error of a prediction (relative to the half size) below which no view is odd.
+const ODD_ERROR: f64 = 0.2;
+
+/// Parameters of a body.
+const PARAMETERS: f64 = 9.0;
+
+/// Error of a fit that is taken for exact.
+const EXACT: f64 = 1e-3;
+
+impl ObjectCrossValidation {
+    /// Mean IoU of the predicted and the measured boxes of the left-out views; absent where none could be predicted.
+    pub fn iou(&self) -> Option<f64> {
+        mean(self.predictions.iter().map(|prediction| prediction.iou))
+    }
+
+    /// The view that the others contradict: a fit to the others agrees with each of them much better than with it. It takes
+    /// four views to tell; of several the oddest is named.
+    pub fn odd_view(&self) -> Option<&Prediction> {
+        self.predictions.get(self.odd?)
+    }
+}
+
+impl CrossValidation {
+    /// Mean IoU of the predicted and the measured boxes: the mean over the objects of [`ObjectCrossValidation::iou`], or
+    /// over the views of a sample.
+    pub fn iou(&self) -> Option<f64> {
+        match self.extent {
+            Extent::All => mean(self.objects.iter().filter_map(ObjectCrossValidation::iou)),
+            _ => mean(self.predictions().map(|prediction| prediction.iou)),
+        }
+    }
+
+    /// Median of the errors of the predicted edges ([`Prediction::edge_errors`]), without their signs.
+    pub fn edge_error(&self) -> Option<f64> {
+        let mut errors: Vec<f64> =
+            self.predictions().flat_map(Prediction::edge_errors).flatten().map(f64::abs).collect();
+        errors.sort_by(f64::total_cmp);
+        errors.get(errors.len() / 2).copied()
+    }
+
+    /// All predictions, in the order of the objects and their views.
+    pub fn predictions(&self) -> impl Iterator<Item = &Prediction> {
+        self.objects.iter().flat_map(|object| &object.predictions)
+    }
+
+    /// What is known of the object of an estimate, by the estimate's index.
+    pub fn of_estimate(&self, index: usize) -> Option<&ObjectCrossValidation> {
+        let position = self.objects.binary_search_by_key(&index, |object| object.estimate_index).ok()?;
+        Some(&self.objects[position])
+    }
+}
+
+/// Sorts the predictions by object; `folds` are in the order of the objects.
+pub(crate) fn summarise(
+    estimates: &[Estimate],
+    folds: &[Fold],
+    predicted: Vec<FoldPrediction>,
+    options: &CrossValidationOptions,
+) -> CrossValidation {
+    let mut objects: Vec<ObjectCrossValidation> = Vec::new();
+    // The oddness of each prediction beside it.
+    let mut oddness: Vec<Vec<f64>> = Vec::new();
+    for (fold, predicted) in folds.iter().zip(predicted) {
+        if objects.last().is_none_or(|object| object.estimate_index != fold.object) {
+            objects.push(ObjectCrossValidation { estimate_index: fold.object, ..Default::default() });
+            oddness.push(Vec::new());
+        }
+        let (Some(object), Some(oddness)) = (objects.last_mut(), oddness.last_mut()) else { continue };
+        if predicted.predictions.is_empty() {
+            object.not_predicted += fold.views.len();
+        }
+        oddness.extend(predicted.predictions.iter().map(|prediction| oddness_of(prediction, &predicted)));
+        object.predictions.extend(predicted.predictions);
+    }
+    for (object, oddness) in objects.iter_mut().zip(oddness) {
+        let mut paired: Vec<(Prediction, f64)> =
+            std::mem::take(&mut object.predictions).into_iter().zip(oddness).collect();
+        let place = |prediction: &Prediction| {
+            let views = &estimates[object.estimate_index].views;
+            views.iter().position(|view| view.frame_index == prediction.frame_index)
+        };
+        paired.sort_by_key(|(prediction, _)| place(prediction));
+        let oddest = (0..paired.len()).max_by(|&a, &b| paired[a].1.total_cmp(&paired[b].1));
+        object.odd = oddest.filter(|&index| paired[index].1 > ODD_RATIO);
+        object.predictions = paired.into_iter().map(|(prediction, _)| prediction).collect();
+    }
+    CrossValidation { extent: options.extent, objects }
+}
+
+/// Error of a prediction over the noise that the fit to the other views shows; 0 where it is small, or where the fit has
+/// too few views to show any.
+fn oddness_of(prediction: &Prediction, fold: &FoldPrediction) -> f64 {
+    let freedom = 1.0 - PARAMETERS / (4.0 * fold.fitted_views as f64);
+    match (prediction.error(), fold.fitted_error) {
+        (Some(error), Some(fitted)) if error > ODD_ERROR && freedom > 0.0 => {
+            // What a fit leaves in its views is less than their noise, because it follows them.
+            error / (fitted / freedom.sqrt()).max(EXACT)
+        }
+        _ => 0.0,
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / count as f64)
+}
