@@ -31,6 +31,7 @@
 
 pub mod associate;
 pub mod cross_validation;
+pub mod diagnose;
 pub mod geometry;
 mod localize;
 pub mod metrics;

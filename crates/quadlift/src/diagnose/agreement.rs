@@ -1,0 +1,231 @@
+//! How well the views of each object agree with each other: do the rays through its boxes' centres meet?
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::camera::CameraParts;
+use super::correction::Correction;
+use super::sample::{Sample, Seen};
+use crate::geometry::BoundingBox;
+use crate::geometry::linalg::solve_spd;
+
+/// Rounds of reweighting.
+const ROUNDS: usize = 8;
+
+/// Misses beyond this, in half sizes, are equally bad: the box shows something else.
+const LARGEST_MISS: f64 = 3.0;
+
+/// Misses below this are as good as none: pixels are rounded, and a box's centre is not quite the object's.
+const SMALLEST_MISS: f64 = 0.003;
+
+/// A box that misses by less than this many half sizes agrees with the others of its object.
+const AGREES: f64 = 0.5;
+
+/// A box that reaches farther out of the image than this share of the image's size was not measured in it.
+const OUTSIDE_MARGIN: f64 = 0.1;
+
+/// How well a scene agrees with itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agreement {
+    /// Typical distance between the centre of a box and the object's projected centre, in half sizes of the box: the
+    /// geometric mean, each between 0.003 and 3.
+    pub miss: f64,
+    /// Share of the boxes that miss by less than half of their half size, in [0, 1].
+    pub share: f64,
+    /// Number of boxes that were looked at.
+    pub boxes: usize,
+}
+
+/// A ray through the centre of a box.
+#[derive(Debug, Clone, Copy)]
+struct Ray {
+    rotation: Matrix3<f64>,
+    translation: Vector3<f64>,
+    /// Where it meets the plane at depth one.
+    direction: Vector2<f64>,
+    /// Half size of the box at depth one.
+    half_size: f64,
+}
+
+impl Ray {
+    /// The ray through the middle of a box: the planes halfway between those of opposite edges meet in it. Through the
+    /// centre of a sphere it goes exactly.
+    fn new(camera: &CameraParts, b: &BoundingBox, half_size: f64) -> Self {
+        let k = &camera.intrinsics;
+        let middle = |low: f64, high: f64| (0.5 * (low.atan() + high.atan())).tan();
+        Self {
+            rotation: camera.rotation,
+            translation: camera.translation,
+            direction: Vector2::new(
+                middle((b.x0 - k.cx) / k.fx, (b.x1 - k.cx) / k.fx),
+                middle((b.y0 - k.cy) / k.fy, (b.y1 - k.cy) / k.fy),
+            ),
+            half_size: half_size / (k.fx * k.fy).sqrt(),
+        }
+    }
+
+    /// Distance of the projected point from the centre of the box, in half sizes.
+    fn miss(&self, point: &Vector3<f64>) -> f64 {
+        let p = self.rotation * point + self.translation;
+        if p.z.is_nan() || p.z <= 0.0 {
+            return LARGEST_MISS;
+        }
+        ((p.xy() / p.z - self.direction).norm() / self.half_size).min(LARGEST_MISS)
+    }
+}
+
+/// The misses of one object's boxes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct ObjectMisses {
+    /// Number of boxes.
+    pub boxes: usize,
+    /// Sum of the logarithms of the misses.
+    pub sum_log: f64,
+    /// Number of boxes that miss by less than half of their half size.
+    pub agreeing: usize,
+}
+
+/// The misses of all objects of a sample.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Misses {
+    pub objects: Vec<ObjectMisses>,
+}
+
+impl Misses {
+    /// Mean logarithm of the boxes' misses.
+    pub(super) fn mean_log(&self) -> f64 {
+        self.objects.iter().map(|o| o.sum_log).sum::<f64>() / self.boxes().max(1) as f64
+    }
+
+    fn boxes(&self) -> usize {
+        self.objects.iter().map(|o| o.boxes).sum()
+    }
+
+    /// What users see of it.
+    pub(super) fn agreement(&self) -> Agreement {
+        let agreeing = self.objects.iter().map(|o| o.agreeing).sum::<usize>() as f64;
+        let boxes = self.boxes();
+        Agreement { miss: self.mean_log().exp(), share: agreeing / boxes.max(1) as f64, boxes }
+    }
+}
+
+/// Share of the boxes after which a correction may be given up.
+const ENOUGH_TO_GIVE_UP: f64 = 0.25;
+
+/// The misses of a sample after some corrections; `None` where they cannot be made, or where the mean logarithm of the
+/// first quarter of the boxes is beyond `limit`, by far.
+pub(super) fn misses(sample: &Sample, corrections: &[Correction], limit: f64) -> Option<Misses> {
+    let corrected = Corrected::new(sample, corrections)?;
+    let mut all = Misses { objects: Vec::with_capacity(sample.objects.len()) };
+    let total = sample.boxes() as f64;
+    let (mut boxes, mut sum) = (0.0, 0.0);
+    for object in &sample.objects {
+        let rays: Vec<Ray> = object.iter().filter_map(|seen| corrected.ray(sample, seen)).collect();
+        // Boxes without a place after the correction speak against it.
+        let without_place = std::iter::repeat_n(LARGEST_MISS, object.len() - rays.len());
+        let mut own = ObjectMisses { boxes: object.len(), ..Default::default() };
+        for miss in object_misses(&rays).into_iter().chain(without_place) {
+            own.sum_log += 0.5 * (miss * miss + SMALLEST_MISS * SMALLEST_MISS).ln();
+            own.agreeing += usize::from(miss < AGREES);
+        }
+        boxes += own.boxes as f64;
+        sum += own.sum_log;
+        all.objects.push(own);
+        if boxes > ENOUGH_TO_GIVE_UP * total && boxes < total && sum / boxes > limit + 0.7 {
+            return None;
+        }
+    }
+    (!all.objects.is_empty()).then_some(all)
+}
+
+/// Cameras after corrections, and what else is needed to correct boxes.
+struct Corrected<'a> {
+    cameras: Vec<Option<CameraParts>>,
+    frames: Option<Vec<Option<usize>>>,
+    corrections: &'a [Correction],
+}
+
+impl<'a> Corrected<'a> {
+    fn new(sample: &Sample, corrections: &'a [Correction]) -> Option<Self> {
+        let ids: Vec<&str> = sample.frame_ids.iter().map(String::as_str).collect();
+        let mut cameras = Vec::with_capacity(sample.frames.len());
+        for frame in &sample.frames {
+            let mut camera = frame.camera;
+            for correction in corrections {
+                camera = camera.and_then(|camera| correction.camera(&camera, frame.image_size));
+            }
+            cameras.push(camera);
+        }
+        let frames = corrections.iter().find_map(|correction| correction.frames(&ids));
+        Some(Self { cameras, frames, corrections })
+    }
+
+    fn ray(&self, sample: &Sample, seen: &Seen) -> Option<Ray> {
+        let given = seen.frame as usize;
+        let frame = self.frames.as_ref().map_or(Some(given), |frames| frames[given])?;
+        let camera = self.cameras[frame].as_ref()?;
+        let image_size = sample.frames[given].image_size;
+        let mut bounding_box = seen.bounding_box;
+        // The unit of a miss is the half size that was measured, so that boxes that a correction enlarges do not seem to
+        // agree better.
+        let mut half_size = bounding_box.mean_half_size();
+        for correction in self.corrections {
+            bounding_box = correction.bounding_box(&bounding_box, &camera.intrinsics, image_size)?;
+            let (factor, _) = correction.pixel_map(image_size)?;
+            half_size *= (factor.x * factor.y).sqrt();
+        }
+        if !lies_in_image(&bounding_box, sample.frames[frame].image_size) {
+            return None;
+        }
+        Some(Ray::new(camera, &bounding_box, half_size))
+    }
+}
+
+/// Whether a box lies in an image, but for a margin; where the size of the image is not known it does.
+fn lies_in_image(b: &BoundingBox, image_size: Option<Vector2<f64>>) -> bool {
+    image_size.is_none_or(|size| {
+        let margin = size * OUTSIDE_MARGIN;
+        b.x0 > -margin.x && b.y0 > -margin.y && b.x1 < size.x + margin.x && b.y1 < size.y + margin.y
+    })
+}
+
+/// The miss of each ray by the point that most of them agree with, as large as if the point had not been fitted to them.
+fn object_misses(rays: &[Ray]) -> Vec<f64> {
+    let Some(point) = meeting_point(rays) else { return vec![LARGEST_MISS; rays.len()] };
+    let count = 2.0 * rays.len() as f64;
+    let freedom = (count / (count - 3.0).max(1.0)).sqrt();
+    rays.iter().map(|ray| (ray.miss(&point) * freedom).min(LARGEST_MISS)).collect()
+}
+
+/// The point where most of the rays meet: squared misses, those beyond a shrinking scale count less and less.
+fn meeting_point(rays: &[Ray]) -> Option<Vector3<f64>> {
+    if rays.len() < 2 {
+        return None;
+    }
+    let mut weights = vec![1.0; rays.len()];
+    let mut point = None;
+    for round in 0..ROUNDS {
+        let mut normal = Matrix3::zeros();
+        let mut right = Vector3::zeros();
+        for (ray, weight) in rays.iter().zip(&weights) {
+            for axis in 0..2 {
+                let row = (ray.rotation.row(axis) - ray.rotation.row(2) * ray.direction[axis]).transpose();
+                let value = ray.direction[axis] * ray.translation.z - ray.translation[axis];
+                normal += row * row.transpose() * *weight;
+                right += row * (value * weight);
+            }
+        }
+        let solution = solve_spd(&normal, &right).filter(|p| p.iter().all(|x| x.is_finite()))?;
+        point = Some(solution);
+        let misses: Vec<f64> = rays.iter().map(|ray| ray.miss(&solution)).collect();
+        let mut sorted = misses.clone();
+        sorted.sort_by(f64::total_cmp);
+        let scale = (2.0 * sorted[sorted.len() / 2]).clamp(0.02, if round < 3 { 3.0 } else { 1.0 });
+        for ((weight, ray), miss) in weights.iter_mut().zip(rays).zip(misses) {
+            // The linear residual is the miss times depth and half size.
+            let depth = (ray.rotation.row(2).transpose().dot(&solution) + ray.translation.z).abs().max(1e-12);
+            let robust = 1.0 / (1.0 + (miss / scale).powi(2)).powi(2);
+            *weight = robust / (depth * ray.half_size).powi(2);
+        }
+    }
+    point
+}
