@@ -3,11 +3,13 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::cross_validation::{CrossValidation, CrossValidationOptions, choose_folds, summarise};
+use crate::diagnose::{Diagnosis, diagnose};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SourceError, View};
 use crate::solve::map::{MapContext, map};
 use crate::solve::{
-    BodyKind, Estimate, Fold, MapOptions, Method, PoseNoise, RegOptions, ViewReport, predict_fold, solve_closed_form,
+    BodyKind, Estimate, Fold, MapOptions, Method, PoseNoise, RegOptions, Status, ViewReport, predict_fold,
+    solve_closed_form,
 };
 
 /// Which of a detection's measurements are used.
@@ -69,6 +71,9 @@ pub struct Options {
     pub max_truncated: Option<f64>,
     /// Which of a detection's measurements are used.
     pub measurements: UsedMeasurements,
+    /// Report objects of a scene that does not agree with itself (see [`crate::diagnose`]) as if it did; otherwise
+    /// none of them is [`Status::Ok`].
+    pub accept_inconsistent: bool,
     /// Seed of everything that is drawn at random.
     pub seed: u64,
     /// Options of [`Method::Map`].
@@ -114,6 +119,9 @@ pub struct Localization {
     pub body: BodyKind,
     /// How well the views of an object predict those that were left out.
     pub cross_validation: CrossValidation,
+    /// Whether the scene agrees with itself. Where it does not, objects have the status [`Status::Inconsistent`] instead
+    /// of [`Status::Ok`], unless [`Options::accept_inconsistent`] is set.
+    pub diagnosis: Diagnosis,
 }
 
 /// Called with the number of objects done and their total, from any thread.
@@ -206,7 +214,11 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
                 .collect();
         }
     }
-    Ok(Localization { estimates, left_out, noise, body, cross_validation })
+    let diagnosis = diagnose(scene, |d| from_source(d) && visible(d));
+    if !diagnosis.consistent && !options.accept_inconsistent {
+        estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
+    }
+    Ok(Localization { estimates, left_out, noise, body, cross_validation, diagnosis })
 }
 
 fn check(options: &Options) -> Result<(), LocalizeError> {

@@ -14,6 +14,8 @@ mod frame_order;
 mod hypotheses;
 mod sample;
 mod search;
+#[cfg(test)]
+mod tests;
 
 pub use agreement::Agreement;
 pub use camera::CameraParts;
@@ -31,7 +33,7 @@ const INCONSISTENT_MISS: f64 = 0.5;
 const EXPLAINS: f64 = 0.35;
 
 /// ...and by so many standard deviations of that.
-const SIGNIFICANT: f64 = 4.0;
+const SIGNIFICANT: f64 = 3.0;
 
 /// Explanations that are reported, at most.
 const MOST_CAUSES: usize = 3;

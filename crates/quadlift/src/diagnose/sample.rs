@@ -23,8 +23,6 @@ pub(super) struct SampleFrame {
 /// A box of an object.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
-    /// Index of the detection in the scene.
-    pub detection: u32,
     /// Index of the frame.
     pub frame: u32,
     pub bounding_box: BoundingBox,
@@ -62,7 +60,7 @@ impl Sample {
             let view_stride = group.len().div_ceil(per_object.max(3));
             let views = group.iter().step_by(view_stride.max(1)).filter_map(|&index| {
                 let detection = &scene.detections[index as usize];
-                Some(Seen { detection: index, frame: detection.frame_index, bounding_box: box_of(detection)? })
+                Some(Seen { frame: detection.frame_index, bounding_box: box_of(detection)? })
             });
             views.collect::<Vec<Seen>>()
         });

@@ -76,7 +76,11 @@ fn narrowed(family: &Family, try_one: &impl Fn(Correction) -> Option<Explanation
     for _ in 0..NARROWING {
         let [left, right] = [GOLDEN, 1.0 - GOLDEN].map(|share| family.between(low, high, share));
         let [at_left, at_right] = [left, right].map(try_value);
-        if gain(&at_left) > gain(&at_right) { high = right } else { low = left }
+        if gain(&at_left) > gain(&at_right) {
+            high = right
+        } else {
+            low = left
+        }
         for found in [at_left, at_right].into_iter().flatten() {
             if found.gain > best_found.gain {
                 best_found = found;
@@ -97,7 +101,8 @@ impl Misses {
             .map(|(a, b)| (a.sum_log - b.sum_log - gain * a.boxes as f64).powi(2))
             .sum();
         // One object tells nothing of the differences: as if each box were apart.
-        let sd = if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
+        let sd =
+            if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
         (gain, sd)
     }
 }
