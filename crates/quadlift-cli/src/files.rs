@@ -17,7 +17,7 @@ pub fn read_scene(path: &Path) -> anyhow::Result<(SceneFile, Scene)> {
 }
 
 /// The error, with the way to read a path that holds another program's cameras or detections.
-fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
+pub fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
     if let Some(hint) = other_format(path) {
         error.problem.push_str(&format!("; {hint}"));
     }

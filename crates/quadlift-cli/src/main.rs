@@ -5,6 +5,7 @@ mod args;
 mod association;
 mod commands;
 mod contact_sheet;
+mod corrections;
 mod error;
 mod estimate_table;
 mod evaluation;

@@ -9,6 +9,7 @@
 
 pub mod association;
 mod atomic;
+pub mod correct;
 pub mod detect;
 mod error;
 pub mod evaluation;

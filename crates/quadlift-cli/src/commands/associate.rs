@@ -10,11 +10,13 @@ use quadlift::associate::AssociateOptions;
 use quadlift::scene::Scene;
 use quadlift_io::association::{association_record, write_objects};
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
+use serde_json::json;
 
 use crate::args;
 use crate::association::{IdsName, associate_scene, associated_scene, in_words};
+use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
 use crate::error::{Outcome, usage};
-use crate::files::{Inputs, check_result_name, outputs, read_scene};
+use crate::files::{Inputs, check_result_name, outputs};
 use crate::localization::check_metres;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
@@ -83,6 +85,9 @@ pub struct Args {
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
+
+    #[command(flatten)]
+    corrections: SceneCorrections,
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -113,7 +118,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Err(error) = associate(&Scene::default(), &without_source, &|_, _| {}) {
         return usage(error.to_string());
     }
-    let (mut file, scene) = read_scene(&args.scene)?;
+    let CorrectedScene { mut file, scene, notes, .. } = CorrectedScene::read(&args.scene, &args.corrections.list())?;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
         check_metres(&scene)?;
     }
@@ -138,13 +143,17 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         ]);
     }
     out.report(&format!(
-        "{HEADING}{}{HEADING:#}: {}\n\n{}wrote {}\n",
+        "{HEADING}{}{HEADING:#}: {}\n{}\n{}wrote {}\n",
         one_line(&title),
         in_words(&association),
+        corrected_in_words(&notes),
         table.render(),
         args.output.display()
     ))?;
     let mut document = association_record(&scene, &association);
+    if !notes.is_empty() {
+        document["corrections"] = json!(notes);
+    }
     document["output"] = args.output.display().to_string().into();
     out.document(&document)?;
     Ok(Outcome::Fine)

@@ -8,8 +8,8 @@ use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use serde::Serialize;
 
+use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
 use crate::error::Outcome;
-use crate::files::read_scene;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
 use crate::table::Table;
@@ -35,6 +35,9 @@ pub struct Args {
     /// The scene file
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
+
+    #[command(flatten)]
+    corrections: SceneCorrections,
 }
 
 /// What a scene file holds.
@@ -54,6 +57,7 @@ struct Report {
     detections: usize,
     sources: Vec<Source>,
     oddities: Vec<String>,
+    corrections: Vec<String>,
 }
 
 /// The detections of one source.
@@ -72,7 +76,7 @@ struct Source {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let (file, scene) = read_scene(&args.scene)?;
+    let CorrectedScene { file, scene, notes, .. } = CorrectedScene::read(&args.scene, &args.corrections.list())?;
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;
     let mut report = Report {
@@ -89,6 +93,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         detections: scene.detections.len(),
         sources: sources(&file, &scene),
         oddities: Vec::new(),
+        corrections: notes,
     };
     report.oddities = oddities(&file, &scene, &report);
     out.report(&render(&report))?;
@@ -250,7 +255,7 @@ fn object_ids(report: &Report) -> String {
 }
 
 fn render(report: &Report) -> String {
-    let mut text = String::new();
+    let mut text = corrected_in_words(&report.corrections);
     let mut line = |title: &str, value: String| {
         let _ = writeln!(text, "{title:<13}{}", one_line(&value));
     };

@@ -8,19 +8,19 @@ use std::time::Instant;
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
-use quadlift::scene::Scene;
 use quadlift::solve::{Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::scene_file::{count_localised, left_out_record, noise_record};
-use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
+use quadlift_io::{read_scene_file, write_scene_file};
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice, SigmaSource};
 use crate::association::{IdsName, When, associate_scene, associated_scene, localize_in_words};
+use crate::corrections::{CorrectedScene, Corrections, corrected_in_words};
 use crate::error::{Outcome, in_words, usage};
 use crate::estimate_table::{noise_levels, render, summaries};
-use crate::files::{check_file, check_result_name, expand, outputs, read_scene};
+use crate::files::{check_file, check_result_name, expand, outputs};
 use crate::localization::{PriorSource, Settings, localize_scene, read_masks, result_file};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::{check_report, report_paths, write_localized};
@@ -136,6 +136,9 @@ pub struct Args {
     threads: Option<usize>,
 
     #[command(flatten)]
+    corrections: Corrections,
+
+    #[command(flatten)]
     direct: direct::DirectArgs,
 }
 
@@ -236,9 +239,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         // What the paths of images are relative to.
         let place = output.or(report);
         let scene = || {
-            let file = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
-            let scene = file.to_scene().map_err(|error| error.in_file(detections))?;
-            Ok((file, scene))
+            let (file, frame_offset) = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
+            // The size of the images and the numbers of the frames are dealt with where detections are added.
+            let scene = CorrectedScene::of(file, &args.corrections.list(None, None), detections)?;
+            Ok(CorrectedScene { frame_offset, ..scene })
         };
         let mut document =
             json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
@@ -260,7 +264,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if index > 0 {
             out.report("\n")?;
         }
-        match one_scene([input, input], || read_scene(input), [output, report], args, &settings, out, &mut document) {
+        let (image_size, frame_offset) = args.direct.pixels_and_frames();
+        let corrections = args.corrections.list(image_size, frame_offset);
+        let scene = || CorrectedScene::read(input, &corrections);
+        match one_scene([input, input], scene, [output, report], args, &settings, out, &mut document) {
             Ok(Outcome::Fine) => {}
             Ok(failed) => outcome = failed,
             Err(error) => {
@@ -279,7 +286,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 /// in it are relative to the file `place`.
 fn one_scene(
     [input, place]: [&Path; 2],
-    read: impl FnOnce() -> anyhow::Result<(SceneFile, Scene)>,
+    read: impl FnOnce() -> anyhow::Result<CorrectedScene>,
     [output, report]: [Option<&Path>; 2],
     args: &Args,
     settings: &Settings,
@@ -287,8 +294,9 @@ fn one_scene(
     document: &mut Value,
 ) -> anyhow::Result<Outcome> {
     let start = Instant::now();
-    let (mut file, mut scene) = read()?;
+    let CorrectedScene { mut file, mut scene, notes, .. } = read()?;
     let title = input.display().to_string();
+    let corrected = corrected_in_words(&notes);
     let problems =
         read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
     file.objects = Vec::new();
@@ -322,6 +330,10 @@ fn one_scene(
     let estimates = &localization.estimates;
     let found = identities.as_ref().map_or(String::new(), |(.., words)| format!("{words}\n\n"));
     let mut result = result_file(&file, &scene, &localization, settings);
+    if let (Some(about), false) = (&mut result.localization, notes.is_empty()) {
+        about["corrections"] = json!(notes);
+        document["corrections"] = json!(notes);
+    }
     if let Some((detections, association, _)) = identities {
         add_to_result(&mut result, detections, &scene, source, &association);
     }
@@ -340,6 +352,7 @@ fn one_scene(
         count(estimates.len(), "object"),
         settings.in_words(localization.body)
     );
+    text.push_str(&corrected);
     text.push_str(&found);
     text.push_str(&render(&scene, &localization, settings));
     for path in [output, report].into_iter().flatten() {

@@ -11,8 +11,9 @@ use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
+use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
 use crate::error::{Outcome, usage};
-use crate::files::{Inputs, check_result_name, make_folder, outputs, read_scene};
+use crate::files::{Inputs, check_result_name, make_folder, outputs};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
@@ -82,6 +83,9 @@ pub struct Args {
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
+
+    #[command(flatten)]
+    corrections: SceneCorrections,
 }
 
 fn method(text: &str) -> Result<Method, String> {
@@ -99,7 +103,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     outputs(&inputs, &args.output)?;
     check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
-    let (mut file, scene) = read_scene(&args.scene)?;
+    let CorrectedScene { mut file, scene, notes, .. } = CorrectedScene::read(&args.scene, &args.corrections.list())?;
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;
     check_folders(args, &images)?;
     let settings = Settings {
@@ -132,7 +136,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let written = start.elapsed() - segmented;
     out.detail(&format!("segmented in {}, written in {}", duration(segmented), duration(written)));
-    out.report(&report(args, &segmentation))?;
+    out.report(&report(args, &segmentation, &notes))?;
     out.document(&json!({
         "scene": title,
         "output": args.output.display().to_string(),
@@ -142,6 +146,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "objects": segmentation.groups.iter().map(|group| Summary::of(group, &segmentation).to_json()).collect::<Vec<_>>(),
         "without_box": segmentation.without_box.len(),
         "problems": problems,
+        "corrections": notes,
     }))?;
     Ok(if problems.is_empty() { Outcome::Fine } else { Outcome::SomethingFailed })
 }
@@ -237,7 +242,7 @@ impl Summary {
     }
 }
 
-fn report(args: &Args, segmentation: &Segmentation) -> String {
+fn report(args: &Args, segmentation: &Segmentation, notes: &[String]) -> String {
     let summaries: Vec<Summary> = segmentation.groups.iter().map(|group| Summary::of(group, segmentation)).collect();
     let total = |f: fn(&Summary) -> usize| summaries.iter().map(f).sum::<usize>();
     let mut table = Table::new([
@@ -252,11 +257,12 @@ fn report(args: &Args, segmentation: &Segmentation) -> String {
     ]);
     summaries.iter().for_each(|summary| table.push(summary.cells()));
     let mut text = format!(
-        "{HEADING}{}{HEADING:#}: {} of {} segmented ({})\n\n{}",
+        "{HEADING}{}{HEADING:#}: {} of {} segmented ({})\n{}\n{}",
         one_line(&args.scene.display().to_string()),
         total(|s| s.detections - s.failed),
         count(total(|s| s.detections), "detection"),
         args.method.name(),
+        corrected_in_words(notes),
         table.render()
     );
     let fell_back = total(|s| s.fell_back);

@@ -12,7 +12,7 @@ use quadlift::geometry::BoundingBox;
 use quadlift::scene::Scene;
 use quadlift_segment::{LabelImage, Mask, Polygons, Rle};
 
-use super::records::{MaskRecord, RleCounts, SceneFile};
+use super::records::{FrameRecord, MaskRecord, RleCounts, SceneFile};
 use crate::error::{EntryError, ReadError};
 use crate::images::{read_image, read_label_image};
 
@@ -52,6 +52,18 @@ pub struct SceneImages {
 }
 
 impl SceneFile {
+    /// For each frame, width and height of its image in pixels, where frame or camera know them.
+    pub fn image_sizes(&self) -> Vec<Option<[f64; 2]>> {
+        let size = |width: Option<f64>, height: Option<f64>| width.zip(height).map(|(width, height)| [width, height]);
+        let of_camera: HashMap<&str, Option<[f64; 2]>> =
+            self.cameras.iter().map(|camera| (camera.id.as_str(), size(camera.width, camera.height))).collect();
+        let of_frame = |frame: &FrameRecord| {
+            let camera = frame.camera.as_deref().and_then(|id| of_camera.get(id).copied().flatten());
+            size(frame.width, frame.height).or(camera)
+        };
+        self.frames.iter().map(of_frame).collect()
+    }
+
     /// The images and masks that the scene names; `path` is that of the scene file, to which theirs are relative. No
     /// other file is looked at.
     ///

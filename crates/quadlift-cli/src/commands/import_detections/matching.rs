@@ -12,9 +12,10 @@ pub struct Matching {
     #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = By::Auto, hide_possible_values = true)]
     by: By,
 
-    /// Number that the detections give to the frame number 0 of the scene (default: told by format and names)
+    /// Number that the detections give to the frame number 0 of the scene (default: told by format and names). Of a scene
+    /// file, or where images are matched by name: the detections of frame number N belong to frame number 0
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    frame_offset: Option<i64>,
+    pub frame_offset: Option<i64>,
 
     /// Largest difference of the times of an image and a frame, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
@@ -24,7 +25,8 @@ pub struct Matching {
     #[arg(long, value_name = "S", value_parser = args::finite)]
     min_score: Option<f64>,
 
-    /// Width and height of the images in pixels, where neither the scene nor the detections know them
+    /// Width and height in pixels of the images in which the detections were made: boxes are scaled to the cameras' images
+    /// where these have another size, or none that is known
     #[arg(long, value_name = "WxH", value_parser = args::image_size)]
     pub image_size: Option<[f64; 2]>,
 }

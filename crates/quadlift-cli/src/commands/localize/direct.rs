@@ -69,20 +69,26 @@ pub struct DirectArgs {
 }
 
 impl DirectArgs {
+    /// Size of the images in which the boxes of a scene file were measured, and the number of the frame whose detections
+    /// belong to frame 0.
+    pub fn pixels_and_frames(&self) -> (Option<[f64; 2]>, Option<i64>) {
+        (self.matching.image_size, self.matching.frame_offset)
+    }
+
     /// Paths of cameras and detections, where they are given.
     pub fn paths(&self) -> Option<(&Path, &Path)> {
         self.cameras.as_deref().zip(self.detections.as_deref())
     }
 
     /// The scene, with the detections of one source. Paths of images are relative to the output. What was read is
-    /// reported.
+    /// reported. Returns the number that the detections give to the frame number 0 too.
     pub fn read(
         &self,
         [cameras, detections]: [&Path; 2],
         output: Option<&Path>,
         source: Option<&str>,
         out: &Output,
-    ) -> anyhow::Result<SceneFile> {
+    ) -> anyhow::Result<(SceneFile, i64)> {
         let (camera_format, camera_path) = detect_cameras(cameras)?;
         let detection_format = detect_detections(detections)?;
         let (mut file, camera_notes) = self.read_cameras(camera_format, &camera_path, detections, output)?;
@@ -113,7 +119,7 @@ impl DirectArgs {
             text.push_str(&format!("- {}\n", one_line(&note)));
         }
         out.report(&format!("{text}\n"))?;
-        Ok(file)
+        Ok((file, added.frame_offset))
     }
 
     fn read_cameras(

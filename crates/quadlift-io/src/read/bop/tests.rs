@@ -80,7 +80,7 @@ fn frames_without_the_world_object_are_left_out() {
     scene[1]["2"] = json!([object(7, [0.0, 0.0, 500.0])]);
     let import = parse(&scene, Some(5)).unwrap();
     assert_eq!(import.scene.frames.len(), 1);
-    assert!(import.notes.contains(&"1 frames without the world object were left out".to_owned()));
+    assert!(import.notes.contains(&"1 frame without the world object was left out".to_owned()));
 }
 
 #[test]

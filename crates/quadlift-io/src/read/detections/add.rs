@@ -1,8 +1,9 @@
 //! Adding detections to a scene, in its frames and in its convention.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use nalgebra::{Matrix2, Vector2};
+use quadlift::diagnose::Correction;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift_segment::Rle;
 
@@ -20,11 +21,13 @@ const LISTED: usize = 3;
 pub struct AddOptions<'a> {
     /// How images are matched with frames.
     pub match_by: MatchBy,
-    /// The number that the detections give to the frame number 0 of the scene, where it is known.
+    /// The number that the detections give to the frame number 0 of the scene, where it is known. Where images are
+    /// matched by name or time: the detections of frame number N belong to frame number 0, and so on.
     pub frame_offset: Option<i64>,
     /// Largest difference of the times of an image and a frame, in seconds.
     pub time_tolerance: f64,
-    /// Width and height in pixels of images of which neither the scene nor the file knows them.
+    /// Width and height in pixels of the images in which the detections were made. Where the camera has another size,
+    /// coordinates are scaled to it; where it has none, this is the size of its images too.
     pub image_size: Option<[f64; 2]>,
     /// The source of the new detections.
     pub source: &'a str,
@@ -60,6 +63,9 @@ pub struct AddedDetections {
     pub with_object: usize,
     /// How images were matched with frames.
     pub matched_by: MatchBy,
+    /// The number that the detections give to the frame number 0: as it was told or found where images are matched by
+    /// number, otherwise as [`AddOptions::frame_offset`] has it.
+    pub frame_offset: i64,
     /// Number of images with a frame.
     pub matched_images: usize,
     /// Images without a frame.
@@ -103,19 +109,32 @@ pub fn add_detections(
         time_tolerance: options.time_tolerance,
         numbering: files.numbering,
     };
-    let matching = match_frames(scene, &files.images, &matching).map_err(error)?;
+    let mut matching = match_frames(scene, &files.images, &matching).map_err(error)?;
     if matching.count() == 0 {
         return Err(error(nothing_matches(scene, &files, options)));
     }
-    let mut report =
-        AddedDetections { matched_by: matching.by, matched_images: matching.count(), ..Default::default() };
+    if let (None, Some(offset)) = (matching.frame_offset, options.frame_offset.filter(|offset| *offset != 0)) {
+        // A shift by more frames than there are leaves nothing in its place, whatever the number.
+        let shift = Correction::FrameOffset(i32::try_from(-offset).unwrap_or(i32::MAX));
+        let ids: Vec<&str> = scene.frames.iter().map(|frame| frame.id.as_str()).collect();
+        let frames = shift.frames(&ids).unwrap_or_default();
+        for frame in &mut matching.frame_of_image {
+            *frame = frame.and_then(|frame| frames.get(frame).copied().flatten());
+        }
+    }
+    let mut report = AddedDetections {
+        matched_by: matching.by,
+        frame_offset: matching.frame_offset.or(options.frame_offset).unwrap_or(0),
+        matched_images: matching.count(),
+        ..Default::default()
+    };
     report.notes.extend(matching.note);
     if options.pixel_centers == PixelCenters::Integer {
         report.notes.push("pixel centres at integers: 0.5 was added to the coordinates".to_owned());
     }
-    let mut detections = Vec::new();
+    let (mut detections, mut scaled) = (Vec::new(), 0);
     let mut seen = vec![false; scene.frames.len()];
-    let sizes = frame_sizes(scene);
+    let sizes = scene.image_sizes();
     for (image, frame) in files.images.iter().zip(&matching.frame_of_image) {
         let Some(frame) = *frame else {
             report.images_without_frame.push(image.key.words());
@@ -125,7 +144,12 @@ pub fn add_detections(
         seen[frame] = true;
         let size = image_size(sizes[frame], &scene.frames[frame], &image.key, options).map_err(error)?;
         let scale = match (files.normalized, size) {
-            (false, _) => [1.0, 1.0],
+            (false, Some(of_camera)) => {
+                let factor = scale_from(options.image_size, of_camera);
+                scaled += usize::from(factor != [1.0, 1.0]);
+                factor
+            }
+            (false, None) => [1.0, 1.0],
             (true, Some(size)) => size,
             (true, None) => {
                 let name = image.key.words();
@@ -135,13 +159,15 @@ pub fn add_detections(
                 )));
             }
         };
+        // Half a pixel of the image in which the detection was made.
+        let shift = scale.map(|scale| options.pixel_centers.shift() * if files.normalized { 1.0 } else { scale });
         let mut tracks = HashSet::new();
         for detected in &image.detections {
             if options.min_score.zip(detected.score).is_some_and(|(least, score)| score < least) {
                 report.low_score += 1;
                 continue;
             }
-            let Some(mut record) = record(detected, scale, options.pixel_centers.shift()) else {
+            let Some(mut record) = record(detected, scale, shift) else {
                 report.empty += 1;
                 continue;
             };
@@ -160,24 +186,18 @@ pub fn add_detections(
     let without = scene.frames.iter().zip(&seen).filter(|(_, seen)| !**seen);
     report.frames_without_image = without.map(|(frame, _)| frame.id.clone()).collect();
     report.added = detections.len();
+    if let (1.., Some([width, height])) = (scaled, options.image_size) {
+        let images = if scaled == 1 { "1 image".to_owned() } else { format!("{scaled} images") };
+        report
+            .notes
+            .push(format!("the detections of {images} were scaled from {width} x {height} pixels (--image-size)"));
+    }
     if options.replace {
         report.removed = scene.detections.len();
         scene.detections.clear();
     }
     scene.detections.extend(detections);
     Ok(report)
-}
-
-/// For each frame, width and height of its image, where the scene knows them.
-fn frame_sizes(scene: &SceneFile) -> Vec<Option<[f64; 2]>> {
-    let size = |width: Option<f64>, height: Option<f64>| width.zip(height).map(|(width, height)| [width, height]);
-    let of_camera: HashMap<&str, Option<[f64; 2]>> =
-        scene.cameras.iter().map(|camera| (camera.id.as_str(), size(camera.width, camera.height))).collect();
-    let of_frame = |frame: &FrameRecord| {
-        let camera = frame.camera.as_deref().and_then(|id| of_camera.get(id).copied().flatten());
-        size(frame.width, frame.height).or(camera)
-    };
-    scene.frames.iter().map(of_frame).collect()
 }
 
 /// The size of the image of a frame, where it is known; what the scene and the file know must agree.
@@ -188,19 +208,28 @@ fn image_size(
     options: &AddOptions,
 ) -> Result<Option<[f64; 2]>, String> {
     match (known, key.size) {
-        (Some([w, h]), Some([found_w, found_h])) if [w, h] != [found_w, found_h] => Err(format!(
-            "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the detections must \
-             be those of the images that belong to the camera",
-            key.words(),
-            frame.id
-        )),
+        (Some([w, h]), Some([found_w, found_h]))
+            if [w, h] != [found_w, found_h] && options.image_size != Some([found_w, found_h]) =>
+        {
+            Err(format!(
+                "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the detections \
+                 must be those of the images that belong to the camera (--image-size {found_w}x{found_h} scales them)",
+                key.words(),
+                frame.id
+            ))
+        }
         (known, of_file) => Ok(known.or(of_file).or(options.image_size)),
     }
 }
 
+/// What coordinates are multiplied by, from images of one size to those of the camera.
+fn scale_from(measured: Option<[f64; 2]>, of_camera: [f64; 2]) -> [f64; 2] {
+    measured.map_or([1.0, 1.0], |[width, height]| [of_camera[0] / width, of_camera[1] / height])
+}
+
 /// A detection in pixels from the corner of the image; `None` when its box has no width or no height.
-fn record(detected: &Detected, scale: [f64; 2], shift: f64) -> Option<DetectionRecord> {
-    let place = |[x, y]: [f64; 2]| [x * scale[0] + shift, y * scale[1] + shift];
+fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<DetectionRecord> {
+    let place = |[x, y]: [f64; 2]| [x * scale[0] + shift[0], y * scale[1] + shift[1]];
     let (mut around, mut ellipse, mut mask) = (None, None, None);
     match &detected.outline {
         Outline::Unknown => {}
@@ -211,7 +240,9 @@ fn record(detected: &Detected, scale: [f64; 2], shift: f64) -> Option<DetectionR
             mask = Some(MaskRecord { polygons: Some(polygons), ..MaskRecord::default() });
         }
         Outline::Rle(rle) => {
-            around = box_of_runs(rle);
+            // Runs count pixels; files with shares of the image have none.
+            let place = |[x0, y0, x1, y1]: [f64; 4]| [x0 * scale[0], y0 * scale[1], x1 * scale[0], y1 * scale[1]];
+            around = box_of_runs(rle).map(place);
             mask = Some(MaskRecord { rle: Some(rle.clone()), ..MaskRecord::default() });
         }
         Outline::TurnedBox(corners) => ellipse = Some(ellipse_in(corners.map(place))?),

@@ -51,6 +51,8 @@ pub struct Matching {
     pub by: MatchBy,
     /// For each image, the index of its frame; no frame twice.
     pub frame_of_image: Vec<Option<usize>>,
+    /// The number that the detections give to the frame number 0, where they were matched by number.
+    pub frame_offset: Option<i64>,
     /// What was assumed, in words.
     pub note: Option<String>,
 }
@@ -141,7 +143,7 @@ fn by_name(scene: &SceneFile, images: &[DetectedImage], by: MatchBy) -> Matching
         let frame = best.next()?;
         (best.all(|other| other == frame) && taken.insert(frame)).then_some(frame)
     };
-    Matching { by, frame_of_image: images.iter().map(frame_of).collect(), note: None }
+    Matching { by, frame_of_image: images.iter().map(frame_of).collect(), frame_offset: None, note: None }
 }
 
 /// The number at the end of a name, such as 12 in "left/frame_0012.png".
@@ -187,7 +189,7 @@ fn by_number(scene: &SceneFile, images: &[DetectedImage], options: &MatchOptions
         let id = &scene.frames[frame].id;
         format!("frames were matched by {kind}: number {number} of the detections is frame \"{id}\" (--frame-offset)")
     });
-    Ok(Matching { by: MatchBy::Index, frame_of_image, note })
+    Ok(Matching { by: MatchBy::Index, frame_of_image, frame_offset: Some(offset), note })
 }
 
 /// The number that the detections give to the frame number 0 of the scene.
@@ -253,7 +255,7 @@ fn by_time(scene: &SceneFile, images: &[DetectedImage], tolerance: f64) -> Match
         frame_of_image[image] = Some(frame);
     }
     let note = Some(format!("frames were matched by time, to {tolerance} s (--time-tolerance)"));
-    Matching { by: MatchBy::Time, frame_of_image, note }
+    Matching { by: MatchBy::Time, frame_of_image, frame_offset: None, note }
 }
 
 #[cfg(test)]

@@ -381,6 +381,7 @@ fn adding_keeps_what_is_there_and_tells_what_is_left_out() {
             added: 1,
             with_object: 1,
             matched_by: MatchBy::Name,
+            frame_offset: 0,
             matched_images: 2,
             images_without_frame: vec!["c.png".to_owned()],
             frames_without_image: vec!["d.png".to_owned()],
@@ -411,6 +412,29 @@ fn adding_keeps_what_is_there_and_tells_what_is_left_out() {
     insta::assert_snapshot!(error.problem, @r#"no image of the detections is a frame of the scene: the detections have the images "left/0001.png", "left/0002.png", "left/0003.png", the scene has the frames "a.png", "b.png", "d.png"; --match index compares the numbers in the names"#);
     scene.frames[0].id = "0001.png".to_owned();
     scene.cameras[0].width = Some(128.0);
-    let error = add_detections(&mut scene, other, &options).unwrap_err();
-    insta::assert_snapshot!(error.problem, @r#"the image left/0001.png has 64 x 48 pixels, the camera of frame "0001.png" has 128 x 48; the detections must be those of the images that belong to the camera"#);
+    let error = add_detections(&mut scene, other.clone(), &options).unwrap_err();
+    insta::assert_snapshot!(error.problem, @r#"the image left/0001.png has 64 x 48 pixels, the camera of frame "0001.png" has 128 x 48; the detections must be those of the images that belong to the camera (--image-size 64x48 scales them)"#);
+    // Told so, they are scaled: here the camera's images are twice as wide.
+    let scaled = AddOptions { image_size: Some([64.0, 48.0]), replace: true, ..options };
+    scene.cameras[0].width = Some(64.0);
+    add_detections(&mut scene, other.clone(), &scaled).unwrap();
+    let small: Vec<[f64; 4]> = scene.detections.iter().map(|d| d.bounding_box.unwrap()).collect();
+    scene.cameras[0].width = Some(128.0);
+    let report = add_detections(&mut scene, other, &scaled).unwrap();
+    assert!(report.notes.iter().any(|note| note.contains("scaled from 64 x 48 pixels")), "{report:?}");
+    assert!(!small.is_empty());
+    for (found, [x0, y0, x1, y1]) in scene.detections.iter().zip(small) {
+        assert_eq!(found.bounding_box, Some([2.0 * x0, y0, 2.0 * x1, y1]));
+    }
+}
+
+#[test]
+fn detections_that_are_matched_by_name_may_be_moved_to_other_frames() {
+    let mut scene = scene(&["a.png", "b.png", "d.png"]);
+    let table = b"image,x0,y0,x1,y1\na.png,1,2,3,4\nb.png,5,6,7,8\n";
+    let files = parse_csv(Path::new("a.csv"), table, &TableOptions::default()).unwrap();
+    let options = AddOptions { frame_offset: Some(-1), ..AddOptions::default() };
+    let report = add_detections(&mut scene, files, &options).unwrap();
+    let frames: Vec<&str> = scene.detections.iter().map(|d| &*d.frame).collect();
+    assert_eq!((frames, report.frame_offset), (vec!["b.png", "d.png"], -1));
 }

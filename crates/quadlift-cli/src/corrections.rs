@@ -1,0 +1,175 @@
+//! Options that undo the usual mistakes in a scene: what `localize`, `associate`, `segment` and `info` share.
+
+use std::path::Path;
+
+use quadlift::diagnose::Correction;
+use quadlift::scene::Scene;
+use quadlift_io::SceneFile;
+use quadlift_io::correct::{RecordCorrection, correct, options};
+use quadlift_io::read_scene_file;
+
+use crate::args;
+use crate::files::with_hint;
+use crate::output::one_line;
+
+/// What the numbers of the scene really are. The names and values of the options are those that the self-check proposes.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Corrections of the scene")]
+pub struct Corrections {
+    /// What the poses are instead of OpenCV's cam_from_world: world-from-camera, opengl, opengl-world-from-camera, body,
+    /// left-handed (Unity), camera-center (as translation), transposed-rotation, quaternion-wxyz, quaternion-xyzw, ...
+    #[arg(long, value_name = "NAME", value_parser = options::pose_convention)]
+    pose_convention: Option<Correction>,
+
+    /// Unit of the poses' translations: mm, cm, m, km, in or ft; the scene is in metres then
+    #[arg(long, value_name = "UNIT", value_parser = options::pose_unit)]
+    pose_unit: Option<f64>,
+
+    /// World direction against gravity: x, y, z, -x, -y, -z or X,Y,Z
+    #[arg(long, value_name = "AXIS", value_parser = up, allow_hyphen_values = true)]
+    up: Option<Up>,
+
+    /// The focal lengths are to be multiplied by this
+    #[arg(long, value_name = "F", value_parser = args::positive)]
+    focal_factor: Option<f64>,
+
+    /// What the intrinsics are instead of pixels: normalized (by width and height) or transposed
+    #[arg(long, value_name = "NAME", value_parser = options::intrinsics_format)]
+    intrinsics_format: Option<Correction>,
+
+    /// The lens has this radial coefficient (k of COLMAP's SIMPLE_RADIAL), which the cameras lack
+    #[arg(long, value_name = "K", value_parser = args::finite, allow_negative_numbers = true)]
+    radial_distortion: Option<f64>,
+
+    /// What the numbers of boxes are: xywh, cxcywh or yxyx instead of the corners xyxy; or how they were misread:
+    /// xyxy-as-xywh, cxcywh-as-xywh, xywh-as-cxcywh
+    #[arg(long, value_name = "NAME", value_parser = box_format)]
+    box_format: Option<BoxNumbers>,
+
+    /// The boxes are shares of the image's width and height
+    #[arg(long)]
+    normalized_boxes: bool,
+
+    /// The pixels of the boxes are to be multiplied by this
+    #[arg(long, value_name = "F", value_parser = args::positive)]
+    box_scale: Option<f64>,
+
+    /// The boxes were measured in a letterboxed square image of this size, such as 640x640
+    #[arg(long, value_name = "WxH", value_parser = letterbox)]
+    letterbox: Option<Correction>,
+
+    /// The order in which frames were numbered when detections were made: alphabetical, numeric or reversed
+    #[arg(long, value_name = "ORDER", value_parser = options::frame_order)]
+    frame_order: Option<Correction>,
+}
+
+/// The same options where a command has no options of `quadlift import-detections`.
+#[derive(clap::Args)]
+pub struct SceneCorrections {
+    #[command(flatten)]
+    corrections: Corrections,
+
+    /// Width and height of the images in which the boxes were measured, where they are not those of the cameras
+    #[arg(long, value_name = "WxH", value_parser = args::image_size, help_heading = "Corrections of the scene")]
+    image_size: Option<[f64; 2]>,
+
+    /// The detections of frame number N belong to frame number 0, and so on
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Corrections of the scene")]
+    frame_offset: Option<i64>,
+}
+
+/// What the self-check does with a scene that does not agree with itself.
+#[derive(clap::Args)]
+pub struct CheckArgs {
+    /// Apply the correction that the self-check proposes, if it proposes one
+    #[arg(long, help_heading = "Corrections of the scene")]
+    pub fix: bool,
+
+    /// Go on with a scene that does not agree with itself, as if it did
+    #[arg(long, help_heading = "Corrections of the scene")]
+    pub accept_inconsistent: bool,
+}
+
+/// A direction, as one value of an option.
+#[derive(Debug, Clone, Copy)]
+struct Up([f64; 3]);
+
+fn up(text: &str) -> Result<Up, String> {
+    options::up(text).map(Up)
+}
+
+/// The format of boxes, as one value of an option.
+#[derive(Debug, Clone, Copy)]
+struct BoxNumbers(Option<Correction>);
+
+fn box_format(text: &str) -> Result<BoxNumbers, String> {
+    options::box_format(text).map(BoxNumbers)
+}
+
+fn letterbox(text: &str) -> Result<Correction, String> {
+    options::letterbox(args::image_size(text)?)
+}
+
+impl Corrections {
+    /// What is asked for; size of the images of the detections and offset of frames are options of their own.
+    pub fn list(&self, image_size: Option<[f64; 2]>, frame_offset: Option<i64>) -> Vec<RecordCorrection> {
+        let known = [
+            self.pose_convention,
+            self.focal_factor.map(Correction::FocalFactor),
+            self.intrinsics_format,
+            self.radial_distortion.map(Correction::RadialDistortion),
+            self.box_format.and_then(|format| format.0),
+            self.normalized_boxes.then_some(Correction::NormalizedBoxes),
+            self.box_scale.map(Correction::ImageScale),
+            self.letterbox,
+            self.frame_order,
+            // A shift by more frames than there are leaves nothing in its place, whatever the number.
+            frame_offset
+                .filter(|offset| *offset != 0)
+                .map(|offset| Correction::FrameOffset(i32::try_from(-offset).unwrap_or(i32::MAX))),
+        ];
+        let mut list: Vec<RecordCorrection> = known.into_iter().flatten().map(RecordCorrection::Known).collect();
+        list.extend(image_size.map(RecordCorrection::ImageSize));
+        list.extend(self.pose_unit.map(RecordCorrection::PoseUnit));
+        list.extend(self.up.map(|up| RecordCorrection::Up(up.0)));
+        list
+    }
+}
+
+impl SceneCorrections {
+    /// What is asked for.
+    pub fn list(&self) -> Vec<RecordCorrection> {
+        self.corrections.list(self.image_size, self.frame_offset)
+    }
+}
+
+/// A scene that was read and corrected.
+pub struct CorrectedScene {
+    /// The corrected records.
+    pub file: SceneFile,
+    /// The scene that they describe.
+    pub scene: Scene,
+    /// What was corrected, in words.
+    pub notes: Vec<String>,
+    /// The number that the detections gave to the frame number 0.
+    pub frame_offset: i64,
+}
+
+/// What was corrected, a line each.
+pub fn corrected_in_words(notes: &[String]) -> String {
+    notes.iter().map(|note| format!("corrected: {}\n", one_line(note))).collect()
+}
+
+impl CorrectedScene {
+    /// Reads a scene file, corrects it and checks it.
+    pub fn read(path: &Path, corrections: &[RecordCorrection]) -> anyhow::Result<Self> {
+        Self::of(read_scene_file(path).map_err(|error| with_hint(path, error))?, corrections, path)
+    }
+
+    /// Corrects and checks what was read from a path.
+    pub fn of(mut file: SceneFile, corrections: &[RecordCorrection], path: &Path) -> anyhow::Result<Self> {
+        let notes = correct(&mut file, corrections).map_err(|error| error.in_file(path))?;
+        let scene = file.to_scene().map_err(|error| error.in_file(path))?;
+        Ok(Self { file, scene, notes, frame_offset: 0 })
+    }
+}

@@ -1,0 +1,94 @@
+//! Boxes, ellipses and polygons of detections, corrected.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector2;
+use quadlift::diagnose::Correction;
+use quadlift::geometry::Ellipse;
+
+use crate::error::EntryError;
+use crate::scene_file::{DetectionRecord, SceneFile};
+
+/// Corrects the boxes, ellipses and polygons of all detections; returns their number. Label images and runs stay as they
+/// are: they have their own size.
+pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<usize, EntryError> {
+    let needs_size = matches!(correction, Correction::NormalizedBoxes | Correction::Letterbox(_));
+    change(file, |record, size| {
+        if needs_size && size.is_none() {
+            return Err("the size of the image is needed and not known: give the camera a \"width\" and a \"height\"");
+        }
+        map(record, correction, size)
+    })
+}
+
+/// Scales boxes that were measured in images of one size to the images of the cameras; cameras without a size get this
+/// one. Returns what was done, in words.
+pub(super) fn from_image_size(file: &mut SceneFile, measured: [f64; 2]) -> Result<String, EntryError> {
+    let mut scaled = 0;
+    let sizes = file.cameras.iter_mut().map(|camera| (&mut camera.width, &mut camera.height));
+    let of_projections = file.frames.iter_mut().filter(|frame| frame.projection.is_some());
+    for (width, height) in sizes.chain(of_projections.map(|frame| (&mut frame.width, &mut frame.height))) {
+        if width.is_none() && height.is_none() {
+            (*width, *height) = (Some(measured[0]), Some(measured[1]));
+        }
+    }
+    let detections = change(file, |record, size| {
+        let Some(size) = size else {
+            return Err("the size of the camera's image is not known: give the camera a \"width\" and a \"height\"");
+        };
+        let factor = size.component_div(&Vector2::from(measured));
+        if factor != Vector2::repeat(1.0) {
+            scaled += 1;
+            // A share of the measured image, times the size of the camera's.
+            map(record, &Correction::NormalizedBoxes, Some(factor))?;
+        }
+        Ok(())
+    })?;
+    let [width, height] = measured;
+    Ok(format!("{scaled} of {detections} detections were scaled from images of {width} x {height} pixels"))
+}
+
+/// Changes every detection, with the size of its frame's image; returns their number.
+fn change(
+    file: &mut SceneFile,
+    mut map: impl FnMut(&mut DetectionRecord, Option<Vector2<f64>>) -> Result<(), &'static str>,
+) -> Result<usize, EntryError> {
+    let sizes = file.image_sizes();
+    let size_of: HashMap<&str, Option<Vector2<f64>>> =
+        file.frames.iter().zip(&sizes).map(|(frame, size)| (frame.id.as_str(), size.map(Vector2::from))).collect();
+    for (index, record) in file.detections.iter_mut().enumerate() {
+        let size = size_of.get(&*record.frame).copied().flatten();
+        map(record, size).map_err(|problem| EntryError::new(format!("detections[{index}]"), problem))?;
+    }
+    Ok(file.detections.len())
+}
+
+fn map(
+    record: &mut DetectionRecord,
+    correction: &Correction,
+    image_size: Option<Vector2<f64>>,
+) -> Result<(), &'static str> {
+    if let Some(edges) = &mut record.bounding_box {
+        *edges = correction.edges(*edges, image_size).ok_or("the box cannot be corrected")?;
+    }
+    let Some((factor, shift)) = correction.pixel_map(image_size) else { return Ok(()) };
+    if (factor, shift) == (Vector2::repeat(1.0), Vector2::zeros()) {
+        return Ok(());
+    }
+    if let Some(ellipse) = &mut record.ellipse {
+        // What is no ellipse is left for `to_scene` to tell.
+        let given = Ellipse::new(ellipse.center.into(), ellipse.semi_axes.into(), ellipse.angle).ok();
+        if let Some(corrected) = given.and_then(|given| correction.ellipse(&given, image_size)) {
+            let extra = std::mem::take(&mut ellipse.extra);
+            **ellipse = corrected.into();
+            ellipse.extra = extra;
+        }
+    }
+    let polygons = record.mask.as_mut().and_then(|mask| mask.polygons.as_mut());
+    for coordinates in polygons.into_iter().flatten() {
+        for (index, x) in coordinates.iter_mut().enumerate() {
+            *x = *x * factor[index % 2] + shift[index % 2];
+        }
+    }
+    Ok(())
+}

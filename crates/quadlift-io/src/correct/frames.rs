@@ -1,0 +1,32 @@
+//! The frames of detections, corrected.
+
+use std::collections::HashMap;
+
+use quadlift::diagnose::Correction;
+
+use crate::scene_file::SceneFile;
+use crate::wording::count;
+
+/// Moves detections to the frames to which they belong; those that belong to none are left out. Returns what was done,
+/// in words.
+pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> String {
+    let ids: Vec<&str> = file.frames.iter().map(|frame| frame.id.as_str()).collect();
+    let Some(frames) = correction.frames(&ids) else { return "no detection was moved".to_owned() };
+    let frame_of: HashMap<&str, Option<&str>> =
+        ids.iter().zip(&frames).map(|(&id, &frame)| (id, frame.map(|frame| ids[frame]))).collect();
+    let before = file.detections.len();
+    file.detections.retain_mut(|record| match frame_of.get(&*record.frame) {
+        Some(Some(frame)) => {
+            record.frame = (*frame).into();
+            true
+        }
+        Some(None) => false,
+        // An unknown frame is for `to_scene` to tell.
+        None => true,
+    });
+    let (after, moved) = (file.detections.len(), "moved to another frame");
+    match before - after {
+        0 => format!("{} were {moved}", count(after, "detection")),
+        out => format!("{} were {moved}, {out} of no frame left out", count(after, "detection")),
+    }
+}
