@@ -9,7 +9,37 @@ pub enum Outcome {
     Fine,
     /// Exit code 1: a part failed, and has been reported.
     SomethingFailed,
+    /// Exit code 3: a scene does not agree with itself, and that has been reported.
+    Inconsistent,
 }
+
+impl Outcome {
+    /// The outcome of two parts: a failure counts more than a scene that does not agree with itself.
+    pub fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::SomethingFailed, _) | (_, Self::SomethingFailed) => Self::SomethingFailed,
+            (Self::Inconsistent, _) | (_, Self::Inconsistent) => Self::Inconsistent,
+            (Self::Fine, Self::Fine) => Self::Fine,
+        }
+    }
+}
+
+/// A scene that does not agree with itself, so that nothing can be done with it: exit code 3.
+#[derive(Debug)]
+pub struct InconsistentError {
+    /// What is wrong, in words.
+    pub text: String,
+    /// The diagnosis, for `--json`.
+    pub diagnosis: serde_json::Value,
+}
+
+impl fmt::Display for InconsistentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl std::error::Error for InconsistentError {}
 
 /// Wrong usage, exit code 2: what can be said from the command line alone.
 #[derive(Debug)]
@@ -30,7 +60,13 @@ pub fn usage<T>(text: impl Into<String>) -> anyhow::Result<T> {
 
 /// The exit code of an error.
 pub fn exit_code(error: &anyhow::Error) -> u8 {
-    if error.is::<UsageError>() { 2 } else { 1 }
+    if error.is::<UsageError>() {
+        2
+    } else if error.is::<InconsistentError>() {
+        3
+    } else {
+        1
+    }
 }
 
 /// An error with its causes, in one line.

@@ -6,6 +6,7 @@ mod association;
 mod commands;
 mod contact_sheet;
 mod corrections;
+mod diagnosis;
 mod error;
 mod estimate_table;
 mod evaluation;
@@ -38,6 +39,7 @@ Exit codes:
   1  a file could not be read or written, a detection could not be segmented, or no object could be localised (of
      several scenes: in at least one)
   2  wrong usage: unknown options, values out of range, options that contradict each other
+  3  a scene does not agree with itself: poses, cameras and boxes do not fit together (--accept-inconsistent goes on)
 
 Start with:
   quadlift demo";
@@ -102,10 +104,15 @@ fn main() -> ExitCode {
     match result {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::SomethingFailed) => ExitCode::from(1),
+        Ok(Outcome::Inconsistent) => ExitCode::from(3),
         Err(error) => {
             out.error(&error::in_words(&error));
             // Best effort: the error has been told already.
-            let _ = out.document(&serde_json::json!({ "error": error::in_words(&error) }));
+            let mut document = serde_json::json!({ "error": error::in_words(&error) });
+            if let Some(error::InconsistentError { diagnosis, .. }) = error.downcast_ref() {
+                document["diagnosis"] = diagnosis.clone();
+            }
+            let _ = out.document(&document);
             ExitCode::from(error::exit_code(&error))
         }
     }

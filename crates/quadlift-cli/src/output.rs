@@ -69,6 +69,13 @@ impl Output {
         to_stderr(&format!("{style}error:{style:#} {}", one_line(text)));
     }
 
+    /// Prints a warning on the standard error stream, unless errors alone are asked for.
+    pub fn warning(&self, text: &str) {
+        if !self.quiet {
+            to_stderr(&format!("{WARNING}warning:{WARNING:#} {}", one_line(text)));
+        }
+    }
+
     /// Prints errors; of many, the first ones and how many more there are.
     pub fn errors(&self, texts: &[String]) {
         texts.iter().take(MOST_ERRORS).for_each(|text| self.error(text));

@@ -11,6 +11,7 @@ pub mod association;
 mod atomic;
 pub mod correct;
 pub mod detect;
+pub mod diagnosis;
 mod error;
 pub mod evaluation;
 pub mod file_names;

@@ -33,6 +33,16 @@ pub enum RecordCorrection {
 }
 
 impl RecordCorrection {
+    /// What undoes one of the usual mistakes in a scene whose images have one size, in pixels, where that is known. Sizes
+    /// of images that were found by the self-check are rounded to whole pixels.
+    pub fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {
+        match (*correction, image_size) {
+            (Correction::ImageScale(factor), Some(size)) => Self::ImageSize(size.map(|x| (x / factor).round().max(1.0))),
+            (Correction::Letterbox(side), _) => Self::Known(Correction::Letterbox(side.round())),
+            (other, _) => Self::Known(other),
+        }
+    }
+
     /// The place in the order in which corrections are applied: the format of boxes before their pixels, everything that
     /// belongs to a frame before detections move to other frames.
     fn place(&self) -> u8 {

@@ -173,11 +173,9 @@ pub fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_of
         Correction::FocalFactor(factor) => format!("--focal-factor {}", short(factor)),
         Correction::RadialDistortion(coefficient) => format!("--radial-distortion {}", short(coefficient)),
         Correction::NormalizedBoxes => "--normalized-boxes".to_owned(),
-        Correction::ImageScale(factor) => match image_size {
-            Some([width, height]) => {
-                format!("--image-size {}x{}", (width / factor).round(), (height / factor).round())
-            }
-            None => format!("--box-scale {}", short(factor)),
+        Correction::ImageScale(factor) => match RecordCorrection::of(correction, image_size) {
+            RecordCorrection::ImageSize([width, height]) => format!("--image-size {width}x{height}"),
+            _ => format!("--box-scale {}", short(factor)),
         },
         Correction::Letterbox(side) => format!("--letterbox {0}x{0}", side.round()),
         Correction::FrameOffset(frames) => format!("--frame-offset {}", frame_offset - i64::from(frames)),

@@ -1,0 +1,218 @@
+//! What the self-check of a scene found ([`quadlift::diagnose`]), in words, as options that mend it, and as JSON.
+
+use quadlift::diagnose::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
+use serde_json::{Value, json};
+
+use crate::correct::RecordCorrection;
+use crate::correct::options::option_of;
+use crate::scene_file::SceneFile;
+
+/// What is known of a scene file when its mistakes are named.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Context {
+    /// Width and height of all images in pixels, where they are known and the same.
+    pub image_size: Option<[f64; 2]>,
+    /// The number that the detections give to frame 0, see [`crate::read::detections::AddedDetections::frame_offset`].
+    pub frame_offset: i64,
+}
+
+impl Context {
+    /// The context of a scene file.
+    pub fn of(file: &SceneFile, frame_offset: i64) -> Self {
+        let sizes = file.image_sizes();
+        let first = sizes.first().copied().flatten();
+        Self { image_size: first.filter(|_| sizes.iter().all(|size| *size == first)), frame_offset }
+    }
+
+    /// The option that mends a cause, where one does.
+    pub fn option(&self, cause: &Cause) -> Option<String> {
+        match cause.correction {
+            Some(correction) => Some(option_of(&correction, self.image_size, self.frame_offset)),
+            None if cause.name == CauseName::ObjectIds => Some("--associate always --ids ignore".to_owned()),
+            None => None,
+        }
+    }
+
+    /// What to do with the records of the scene to mend a cause, where something can be done.
+    pub fn correction(&self, cause: &Cause) -> Option<RecordCorrection> {
+        Some(RecordCorrection::of(&cause.correction?, self.image_size))
+    }
+}
+
+/// The diagnosis as results have it: `{consistent, score, causes: [{name, value, before, after, option}]}`. `score`,
+/// `before` and `after` are typical misses ([`Agreement::miss`]); `score` is `null` where there was nothing to look at.
+pub fn diagnosis_record(diagnosis: &Diagnosis, context: &Context) -> Value {
+    let cause = |cause: &Cause| {
+        json!({
+            "name": cause.name.name(),
+            "value": cause.value,
+            "before": cause.before.miss,
+            "after": cause.after.miss,
+            "option": context.option(cause),
+        })
+    };
+    json!({
+        "consistent": diagnosis.consistent,
+        "score": diagnosis.agreement.map(|agreement: Agreement| agreement.miss),
+        "causes": diagnosis.causes.iter().map(cause).collect::<Vec<_>>(),
+    })
+}
+
+/// What is wrong, in words, with the evidence and the option that mends it; `None` where nothing is.
+pub fn diagnosis_in_words(diagnosis: &Diagnosis, context: &Context) -> Option<String> {
+    let Some(cause) = diagnosis.causes.first() else {
+        let agreement = diagnosis.agreement.filter(|_| !diagnosis.consistent)?;
+        return Some(format!(
+            "the boxes of an object do not agree with each other: {}; none of the usual mistakes explains it",
+            miss_in_words(agreement)
+        ));
+    };
+    let mut text = format!("{}: {}", cause_in_words(cause), miss_in_words(cause.before));
+    if cause.after.miss < cause.before.miss {
+        text.push_str(&format!(", by {} once that is undone", half_sizes(cause.after.miss)));
+    }
+    if let Some(option) = context.option(cause) {
+        text.push_str(&format!(" ({option})"));
+    }
+    Some(text)
+}
+
+/// How far the boxes of an object miss each other, in words.
+fn miss_in_words(agreement: Agreement) -> String {
+    format!("boxes miss their object by {}", half_sizes(agreement.miss))
+}
+
+fn half_sizes(miss: f64) -> String {
+    match miss {
+        // Larger misses are all counted as the largest one.
+        2.5.. => "more than their size".to_owned(),
+        _ if miss < 0.095 => format!("{:.1} % of their half size", 100.0 * miss),
+        _ => format!("{:.0} % of their half size", 100.0 * miss),
+    }
+}
+
+/// What a cause is, in words.
+pub fn cause_in_words(cause: &Cause) -> String {
+    let value = |digits: usize| cause.value.map_or(String::new(), |x| format!("{x:.digits$}"));
+    match cause.name {
+        CauseName::CameraToWorld => "the poses are camera-to-world, not cam_from_world".to_owned(),
+        CauseName::OpenGlAxes => "the cameras have OpenGL axes (y up, z backwards), not OpenCV's".to_owned(),
+        CauseName::OpenGlCameraToWorld => {
+            "the poses are camera-to-world with OpenGL axes, as nerfstudio and Blender write them".to_owned()
+        }
+        CauseName::BodyAxes => "the camera axes are those of a robot's body (x forward, y left, z up)".to_owned(),
+        CauseName::BodyToWorld => "the poses are body-to-world, with a robot's axes (x forward, y left, z up)".to_owned(),
+        CauseName::LeftHandedAxes => "the axes are left-handed, as Unity's".to_owned(),
+        CauseName::LeftHandedCameraToWorld => "the poses are camera-to-world with left-handed axes, as Unity's".to_owned(),
+        CauseName::CenterAsTranslation => {
+            "the translations are the camera centres, not those of cam_from_world".to_owned()
+        }
+        CauseName::TransposedRotation => "the rotations of the poses are transposed".to_owned(),
+        CauseName::QuaternionOrder => "the quaternions were read in the wrong order (xyzw and wxyz)".to_owned(),
+        CauseName::FocalLength => format!("the focal length is wrong, the right one is {} times as long", value(3)),
+        CauseName::NormalizedIntrinsics => {
+            "the intrinsics are normalised (shares of the image's width and height), not pixels".to_owned()
+        }
+        CauseName::PrincipalPoint => {
+            "the principal point is far from the middle of the image, as after reading a transposed K".to_owned()
+        }
+        CauseName::MissingDistortion => {
+            format!("the lens distortion is missing: the radial coefficient is about {}", value(3))
+        }
+        CauseName::ImageSize => {
+            format!("the boxes are of another image size: their pixels are to be multiplied by {}", value(3))
+        }
+        CauseName::Letterbox => {
+            format!("the boxes were measured in a letterboxed image of {0} x {0} pixels", value(0))
+        }
+        CauseName::NormalizedBoxes => {
+            "the boxes are normalised (shares of the image's width and height), not pixels".to_owned()
+        }
+        CauseName::BoxFormat => format!("the numbers of the boxes are not x0, y0, x1, y1: {}", box_format(cause)),
+        CauseName::SwappedXy => "x and y of the boxes are exchanged".to_owned(),
+        CauseName::FrameOffset => frame_offset(cause.value.unwrap_or_default()),
+        CauseName::FrameOrder => "the detections are in another frame order than the poses".to_owned(),
+        CauseName::ObjectIds => "the object ids do not stay with their objects".to_owned(),
+        CauseName::DuplicatePoses => "frames that show different things have the same pose".to_owned(),
+        CauseName::ScaleJump => "the trajectory changes its scale".to_owned(),
+        CauseName::Up => "\"up\" is not the direction in which cameras and objects stand upright".to_owned(),
+        CauseName::LengthUnit => format!(
+            "the lengths are not in the unit that the scene names: {} times as long would fit what is known",
+            value(4)
+        ),
+        other => other.name().replace('_', " "),
+    }
+}
+
+fn box_format(cause: &Cause) -> &'static str {
+    let Some(Correction::Boxes(format)) = cause.correction else { return "they are in another order" };
+    match format {
+        BoxFormat::SizeReadAsCorners => "they are x, y, width, height",
+        BoxFormat::CenterSizeReadAsCorners => "they are centre x, centre y, width, height",
+        BoxFormat::CornersReadAsSize => "two corners were read as a corner and a size",
+        BoxFormat::CenterReadAsCorner => "centre and size were read as corner and size",
+        BoxFormat::CornerReadAsCenter => "corner and size were read as centre and size",
+        BoxFormat::SwappedAxes => "they are y0, x0, y1, x1",
+    }
+}
+
+fn frame_offset(frames: f64) -> String {
+    let (n, way) = (frames.abs(), if frames > 0.0 { "earlier" } else { "later" });
+    let frames = if n == 1.0 { "1 frame".to_owned() } else { format!("{n} frames") };
+    format!("the frame order is off by {frames}: the detections are given to frames {frames} {way} than their own")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cause(correction: Correction) -> Cause {
+        let miss = |miss: f64| Agreement { miss, share: 0.5, boxes: 100 };
+        Cause {
+            name: correction.cause(),
+            value: correction.value(),
+            correction: Some(correction),
+            before: miss(0.8),
+            after: miss(0.021),
+        }
+    }
+
+    #[test]
+    fn causes_are_named_with_evidence_and_option() {
+        let context = Context { image_size: Some([1280.0, 960.0]), frame_offset: 0 };
+        let text = |correction: Correction| {
+            let diagnosis = Diagnosis { consistent: false, agreement: None, causes: vec![cause(correction)] };
+            diagnosis_in_words(&diagnosis, &context).unwrap()
+        };
+        assert_eq!(
+            text(Correction::InvertPoses),
+            "the poses are camera-to-world, not cam_from_world: boxes miss their object by 80 % of their half size, by \
+             2.1 % of their half size once that is undone (--pose-convention world-from-camera)"
+        );
+        for (correction, words) in [
+            (Correction::OpenGlAxes, "OpenGL axes"),
+            (Correction::ImageScale(2.0), "image size"),
+            (Correction::Letterbox(640.0), "letterboxed image of 640 x 640"),
+            (Correction::FocalFactor(0.5), "focal length is wrong, the right one is 0.500 times"),
+            (Correction::FrameOffset(-2), "frame order is off by 2 frames"),
+            (Correction::NumericFrames, "frame order"),
+            (Correction::NormalizedBoxes, "boxes are normalised"),
+            (Correction::NormalizedIntrinsics, "intrinsics are normalised"),
+            (Correction::Boxes(BoxFormat::SizeReadAsCorners), "x, y, width, height"),
+        ] {
+            assert!(text(correction).contains(words), "{}", text(correction));
+        }
+    }
+
+    #[test]
+    fn every_cause_has_its_words() {
+        for name in CauseName::ALL {
+            let words = cause_in_words(&Cause { name, ..cause(Correction::InvertPoses) });
+            assert!(words.len() > 15 && words != name.name().replace('_', " "), "{words}");
+        }
+        let agreement = Agreement { miss: 0.7, share: 0.1, boxes: 9 };
+        let unknown = Diagnosis { consistent: false, agreement: Some(agreement), causes: Vec::new() };
+        assert!(diagnosis_in_words(&unknown, &Context::default()).unwrap().contains("70 % of their half size; none"));
+        assert_eq!(diagnosis_in_words(&Diagnosis::default(), &Context::default()), None);
+    }
+}
