@@ -6,6 +6,7 @@ use quadlift::associate::{AssociateError, AssociateOptions, Association, IdUse, 
 use quadlift::scene::{Detection, Scene, SourceError};
 use quadlift_io::association::not_used_in_words;
 
+use crate::diagnosis::Check;
 use crate::output::{Output, one_line};
 use crate::progress::counting_bar;
 use crate::words::{count, some_of};
@@ -87,11 +88,12 @@ pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, associ
 }
 
 /// Associates the detections of a scene; `title` stands before the progress bar. That nothing is found is an error that
-/// says why.
+/// says why; what the self-check has found is a part of it.
 pub fn associate_scene(
     title: &str,
     scene: &Scene,
     options: &AssociateOptions,
+    check: &Check,
     out: &Output,
 ) -> anyhow::Result<Association> {
     let bar = counting_bar(title, "steps of association", out);
@@ -104,6 +106,9 @@ pub fn associate_scene(
         Err(error @ AssociateError::Source(SourceError::Several(_))) => bail!("{error} (--source NAME)"),
         result => result?,
     };
+    if association.outcome == Outcome::NothingAgrees {
+        return Err(check.nothing_agrees(&not_used_in_words(association.not_used)).into());
+    }
     if association.outcome != Outcome::Found {
         bail!("no object was found: {}{}", association.outcome.text(), not_used_in_words(association.not_used));
     }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use quadlift::associate::Outcome as AssociationOutcome;
 use quadlift::diagnose::{Diagnosis, diagnose};
 use quadlift::scene::Scene;
 use quadlift_io::correct::correct;
@@ -9,7 +10,7 @@ use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
 use serde_json::Value;
 
 use crate::corrections::{CheckArgs, CorrectedScene};
-use crate::error::Outcome;
+use crate::error::{InconsistentError, Outcome};
 use crate::output::Output;
 
 /// What the self-check found, and what it was told to do about it.
@@ -32,7 +33,8 @@ impl Check {
         path: &Path,
     ) -> anyhow::Result<Self> {
         let context = Context::of(&scene.file, scene.frame_offset);
-        let mut check = Self { diagnosis: of_source(&scene.scene, source), context, accepted: args.accept_inconsistent };
+        let mut check =
+            Self { diagnosis: of_source(&scene.scene, source), context, accepted: args.accept_inconsistent };
         let fix = check.diagnosis.causes.first().filter(|_| args.fix && !check.diagnosis.consistent);
         let Some((cause, correction)) = fix.and_then(|cause| Some((cause, context.correction(cause)?))) else {
             return Ok(check);
@@ -67,11 +69,23 @@ impl Check {
         diagnosis_in_words(&self.diagnosis, &self.context)
     }
 
+    /// The error of a scene in which association finds nothing; `left_out` says which detections took no part.
+    pub fn nothing_agrees(&self, left_out: &str) -> InconsistentError {
+        let why = self.in_words().unwrap_or_else(|| {
+            "the self-check finds no usual mistake that explains it; see \"When it does not work\" in the manual"
+                .to_owned()
+        });
+        let found = AssociationOutcome::NothingAgrees.text();
+        let mut diagnosis = self.record();
+        diagnosis["consistent"] = false.into();
+        InconsistentError { text: format!("no object was found: {found}{left_out}: {why}"), diagnosis }
+    }
+
     /// Tells what is wrong with a scene; the outcome of a command that has done its work.
     pub fn tell(&self, title: &str, out: &Output) -> Outcome {
         match self.in_words() {
             Some(words) if self.refuses() => {
-                out.error(&format!("{title}: {}", refusal(&words)));
+                out.error(&format!("{title}: the scene does not agree with itself: {words}"));
                 Outcome::Inconsistent
             }
             Some(words) => {
@@ -83,13 +97,8 @@ impl Check {
     }
 }
 
-/// Why a scene is refused, and what can be done about it.
-pub fn refusal(words: &str) -> String {
-    format!("the scene does not agree with itself: {words}")
-}
-
 /// The diagnosis of the detections of a source; an unclear source is for what comes next to tell.
-fn of_source(scene: &Scene, source: Option<&str>) -> Diagnosis {
+pub fn of_source(scene: &Scene, source: Option<&str>) -> Diagnosis {
     let source = scene.source_index(source).unwrap_or_default();
     diagnose(scene, |detection| source.is_none() || detection.source_index == source)
 }

@@ -1,7 +1,7 @@
-//! Do poses and detections fit together? Wrong conventions (camera axes, direction of the transform, units) give valid
-//! scenes in which nothing is where it was seen.
+//! Where objects lie, by the centres of their boxes: behind their cameras, or farther away than anything is seen. Whether
+//! they agree with the poses is for the self-check ([`quadlift::diagnose`]).
 
-use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Vector2};
+use nalgebra::{Point3, Vector2};
 use quadlift::geometry::Projection;
 use quadlift::scene::Scene;
 use quadlift::solve::triangulate;
@@ -13,17 +13,11 @@ const MOST_OBJECTS: usize = 100;
 /// Objects in fewer views fit to almost any poses.
 const FEWEST_VIEWS: usize = 3;
 
-/// Poses are suspicious when the centres of the boxes miss by more than this share of the boxes' half sizes...
-const BAD_FIT: f64 = 0.5;
-
-/// ...and another convention has this share of the error.
-const MUCH_BETTER: f64 = 0.3;
-
 /// Nothing that a detector sees well is farther away than this, in metres.
 const FAR_AWAY: f64 = 300.0;
 
-/// The views of one object: its projections, and centre and half size of its measurements, in pixels.
-type Seen = Vec<(usize, Vector2<f64>, f64)>;
+/// The views of one object: the frames, and the centres of its measurements in pixels.
+type Seen = Vec<(usize, Vector2<f64>)>;
 
 /// Oddities in words.
 pub fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
@@ -33,14 +27,8 @@ pub fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
     if objects.is_empty() {
         return oddities;
     }
-    let as_given: Vec<Projection> = scene.frames.iter().map(|frame| frame.projection).collect();
-    let given = fit(&objects, &as_given);
-    let better = ALTERNATIVES.iter().find_map(|(what, change)| {
-        let projections = changed(file, scene, change)?;
-        let other = fit(&objects, &projections);
-        let much_better = given.error > BAD_FIT && other.error < MUCH_BETTER * given.error;
-        (other.in_front > 0.9 && (much_better || given.in_front < 0.5 && other.error < BAD_FIT)).then_some(what)
-    });
+    let projections: Vec<Projection> = scene.frames.iter().map(|frame| frame.projection).collect();
+    let given = fit(&objects, &projections);
     if given.in_front < 0.5 {
         oddities.push(format!(
             "{} of {} objects lie behind most cameras that see them, by the centres of their boxes",
@@ -48,40 +36,11 @@ pub fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
             objects.len()
         ));
     }
-    if let Some(what) = better {
-        oddities.push(format!("the detections fit much better to other poses: {what}"));
-    }
     if scene.length_unit.as_deref() == Some("m") && given.depth > FAR_AWAY {
         oddities
             .push(format!("the objects are {:.0} m away, by their boxes: are the lengths millimetres?", given.depth));
     }
     oddities
-}
-
-/// What may have gone wrong, and the matrix that undoes it, from the given `cam_from_world` to the true one.
-type Change = fn(&Matrix4<f64>) -> Option<Matrix4<f64>>;
-
-const ALTERNATIVES: [(&str, Change); 3] = [
-    ("the camera axes may be OpenGL's (y up, z backwards) instead of OpenCV's", |pose| Some(opengl() * pose)),
-    ("the poses may map from the camera to the world instead of the other way", |pose| pose.try_inverse()),
-    ("the poses may map from the camera to the world, with OpenGL's axes", |pose| Some(opengl() * pose.try_inverse()?)),
-];
-
-fn opengl() -> Matrix4<f64> {
-    Matrix4::from_diagonal(&nalgebra::Vector4::new(1.0, -1.0, -1.0, 1.0))
-}
-
-/// The projections with changed poses; `None` when a frame has no pose of its own.
-fn changed(file: &SceneFile, scene: &Scene, change: &Change) -> Option<Vec<Projection>> {
-    let projection = |(record, frame): (&quadlift_io::scene_file::FrameRecord, &quadlift::scene::Frame)| {
-        let rows = record.cam_from_world?;
-        let pose = Matrix4::from_fn(|i, j| if i < 3 { rows[i][j] } else { f64::from(u8::from(j == 3)) });
-        let rotation: Matrix3<f64> = pose.fixed_view::<3, 3>(0, 0).into_owned();
-        let intrinsics = frame.projection.m() * rotation.try_inverse()?;
-        let changed = change(&pose)?;
-        Projection::from_matrix(intrinsics * Matrix3x4::from(changed.fixed_view::<3, 4>(0, 0))).ok()
-    };
-    file.frames.iter().zip(&scene.frames).map(projection).collect()
 }
 
 /// The measurements of the objects with enough views, by source.
@@ -94,7 +53,7 @@ fn objects(scene: &Scene) -> Vec<Seen> {
                 .filter_map(|&index| {
                     let detection = &scene.detections[index as usize];
                     let ellipse = scene.view(detection).ellipse_or_inscribed()?;
-                    Some((detection.frame_index as usize, ellipse.center, ellipse.semi_axes.mean()))
+                    Some((detection.frame_index as usize, ellipse.center))
                 })
                 .collect();
             if views.len() >= FEWEST_VIEWS {
@@ -108,10 +67,8 @@ fn objects(scene: &Scene) -> Vec<Seen> {
     seen
 }
 
-/// How objects fit to projections.
+/// Where objects lie, by the centres of their boxes.
 struct Fit {
-    /// Median error of the centres, in half sizes.
-    error: f64,
     /// Share of the objects in front of most of their cameras, and the number of the others.
     in_front: f64,
     behind: usize,
@@ -120,28 +77,15 @@ struct Fit {
 }
 
 fn fit(objects: &[Seen], projections: &[Projection]) -> Fit {
-    let (mut errors, mut depths, mut in_front) = (Vec::new(), Vec::new(), 0);
+    let (mut depths, mut in_front) = (Vec::new(), 0);
     for views in objects {
-        let observations: Vec<_> = views.iter().map(|(frame, center, _)| (projections[*frame], *center)).collect();
-        let Some(point) = triangulate(&observations) else {
-            errors.push(f64::INFINITY);
-            continue;
-        };
-        let miss = |(frame, center, half_size): &(usize, Vector2<f64>, f64)| {
-            let h = projections[*frame].matrix() * point.to_homogeneous();
-            (Vector2::new(h.x / h.z, h.y / h.z) - center).norm() / half_size
-        };
-        errors.push(median(views.iter().map(miss).collect()));
-        let depth = median(views.iter().map(|(frame, _, _)| projections[*frame].depth(&point)).collect());
+        let observations: Vec<_> = views.iter().map(|(frame, center)| (projections[*frame], *center)).collect();
+        let Some(point) = triangulate(&observations) else { continue };
+        let depth = median(views.iter().map(|(frame, _)| projections[*frame].depth(&point)).collect());
         in_front += usize::from(depth > 0.0);
         depths.push(depth);
     }
-    Fit {
-        error: median(errors),
-        in_front: in_front as f64 / objects.len() as f64,
-        behind: objects.len() - in_front,
-        depth: median(depths),
-    }
+    Fit { in_front: in_front as f64 / objects.len() as f64, behind: objects.len() - in_front, depth: median(depths) }
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -167,7 +111,7 @@ fn true_objects_behind(file: &SceneFile, scene: &Scene) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector3;
+    use nalgebra::{Matrix4, Vector3, Vector4};
     use quadlift::synthetic::{SyntheticOptions, generate};
 
     /// A synthetic scene whose poses are written in another convention.
@@ -186,15 +130,11 @@ mod tests {
     }
 
     #[test]
-    fn wrong_conventions_are_named() {
+    fn objects_behind_cameras_and_lengths_of_millimetres_are_told() {
         assert_eq!(oddities(|pose| pose), Vec::<String>::new());
         let named = |oddities: &[String], words: &str| oddities.iter().any(|text| text.contains(words));
-        let flipped = oddities(|pose| opengl() * pose);
-        assert!(named(&flipped, "may be OpenGL's (y up"), "{flipped:?}");
-        let inverted = oddities(|pose| pose.try_inverse().unwrap());
-        assert!(named(&inverted, "instead of the other way"), "{inverted:?}");
-        let both = oddities(|pose| (opengl() * pose).try_inverse().unwrap());
-        assert!(named(&both, "with OpenGL's axes"), "{both:?}");
+        let backwards = oddities(|pose| Matrix4::from_diagonal(&Vector4::new(-1.0, 1.0, -1.0, 1.0)) * pose);
+        assert!(named(&backwards, "5 of 5 objects lie behind"), "{backwards:?}");
         let millimetres = oddities(|mut pose| {
             let moved: Vector3<f64> = pose.fixed_view::<3, 1>(0, 3) * 1000.0;
             pose.fixed_view_mut::<3, 1>(0, 3).copy_from(&moved);

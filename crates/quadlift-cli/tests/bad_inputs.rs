@@ -509,18 +509,19 @@ fn associations() -> Vec<Case> {
         })
     };
     let code_2 = |case: Case| Case { code: 2, ..case };
+    let code_3 = |case: Case| Case { code: 3, ..case };
     vec![
         nameless("no detections to associate", ASSOCIATE, |scene| scene["detections"] = json!([])),
         nameless("all detections in one frame", ASSOCIATE, |scene| keep_frames(scene, &["000002"])),
         nameless("all detections in two frames", ASSOCIATE, |scene| keep_frames(scene, &["000002", "000004"])),
         nameless("the same in localize", LOCALIZE, |scene| keep_frames(scene, &["000002", "000004"])),
-        nameless("cameras that see nothing in common", ASSOCIATE, |scene| {
+        code_3(nameless("cameras that see nothing in common", ASSOCIATE, |scene| {
             // Each looks another way from the same place.
             for (index, frame) in scene["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
                 let (sin, cos) = (std::f64::consts::TAU * index as f64 / 6.0).sin_cos();
                 frame["cam_from_world"] = json!([[cos, 0, -sin, 0], [0, 1, 0, 0], [sin, 0, cos, 0]]);
             }
-        }),
+        })),
         nameless("scores that are all too low", "associate scene.json -o out.json --min-score 0.5", |scene| {
             scene["detections"].as_array_mut().unwrap().iter_mut().for_each(|d| d["score"] = json!(0.1));
         }),
@@ -721,7 +722,8 @@ const INTRODUCTION: &str = "\
 
 What `quadlift` says when an input is wrong, one line per mistake. Errors go to the standard error stream and begin with
 the file, the line and column or the entry. Lists count from zero: `detections[2]` is the third one. Nothing is written
-when a file is refused. The exit code is 1 when a file is at fault and 2 when the command line is.
+when a file is refused. The exit code is 1 when a file is at fault, 2 when the command line is, and 3 when poses, cameras and
+boxes do not fit together: see [When it does not work](troubleshooting.md).
 
 This table is written by the tests; do not edit it. After a change of a message:
 `QUADLIFT_UPDATE_DOCS=1 cargo test -p quadlift-cli --test bad_inputs`

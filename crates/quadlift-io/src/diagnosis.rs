@@ -101,9 +101,13 @@ pub fn cause_in_words(cause: &Cause) -> String {
             "the poses are camera-to-world with OpenGL axes, as nerfstudio and Blender write them".to_owned()
         }
         CauseName::BodyAxes => "the camera axes are those of a robot's body (x forward, y left, z up)".to_owned(),
-        CauseName::BodyToWorld => "the poses are body-to-world, with a robot's axes (x forward, y left, z up)".to_owned(),
+        CauseName::BodyToWorld => {
+            "the poses are body-to-world, with a robot's axes (x forward, y left, z up)".to_owned()
+        }
         CauseName::LeftHandedAxes => "the axes are left-handed, as Unity's".to_owned(),
-        CauseName::LeftHandedCameraToWorld => "the poses are camera-to-world with left-handed axes, as Unity's".to_owned(),
+        CauseName::LeftHandedCameraToWorld => {
+            "the poses are camera-to-world with left-handed axes, as Unity's".to_owned()
+        }
         CauseName::CenterAsTranslation => {
             "the translations are the camera centres, not those of cam_from_world".to_owned()
         }

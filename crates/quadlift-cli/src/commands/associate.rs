@@ -14,7 +14,8 @@ use serde_json::json;
 
 use crate::args;
 use crate::association::{IdsName, associate_scene, associated_scene, in_words};
-use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
+use crate::corrections::{CheckArgs, CorrectedScene, SceneCorrections, corrected_in_words};
+use crate::diagnosis::{Check, of_source};
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, outputs};
 use crate::localization::check_metres;
@@ -39,7 +40,8 @@ Examples:
   quadlift associate street.json -o associated.json --source rrc --min-score 0.5 --pixel-sd 3
   quadlift localize associated.json -o objects.json
 
-Exit codes: 0 fine; 1 a file cannot be read or written, or no object was found; 2 wrong usage."
+Exit codes: 0 fine; 1 a file cannot be read or written, or there is too little to associate; 2 wrong usage; 3 the scene does
+not agree with itself, or no object was found because nothing agrees."
 )]
 pub struct Args {
     /// The scene file
@@ -88,6 +90,9 @@ pub struct Args {
 
     #[command(flatten)]
     corrections: SceneCorrections,
+
+    #[command(flatten)]
+    check: CheckArgs,
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -118,16 +123,19 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Err(error) = associate(&Scene::default(), &without_source, &|_, _| {}) {
         return usage(error.to_string());
     }
-    let CorrectedScene { mut file, scene, notes, .. } = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let mut check = Check::new(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
+    let CorrectedScene { mut file, scene, notes, .. } = corrected;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
         check_metres(&scene)?;
     }
     let title = args.scene.display().to_string();
     let start = Instant::now();
-    let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
+    let association = associate_scene(&title, &scene, &options, &check, out).with_context(|| title.clone())?;
     out.detail(&format!("associated in {}", duration(start.elapsed())));
     let associated = associated_scene(&scene, &association, args.source.as_deref())?;
     write_objects(&mut file.detections, &associated);
+    check.update(&of_source(&associated, args.source.as_deref()));
     // The true objects, if the scene has any, have other ids.
     file.objects = Vec::new();
     write_scene_file(&args.output, &file)?;
@@ -155,6 +163,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         document["corrections"] = json!(notes);
     }
     document["output"] = args.output.display().to_string().into();
+    document["diagnosis"] = check.record();
     out.document(&document)?;
-    Ok(Outcome::Fine)
+    Ok(check.tell(&title, out))
 }

@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use quadlift::diagnose::Diagnosis;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
+use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
 use serde::Serialize;
 
 use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
+use crate::diagnosis::of_source;
 use crate::error::Outcome;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
@@ -20,7 +23,8 @@ const OUTSIDE_TOLERANCE: f64 = 1.0;
 
 /// Show what a scene file holds, and what looks wrong in it
 ///
-/// The file is checked as for localisation; oddities that are no errors are listed and do not change the exit code.
+/// The file is checked as for localisation; oddities that are no errors are listed and do not change the exit code, not even
+/// that the scene does not agree with itself.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -58,6 +62,7 @@ struct Report {
     sources: Vec<Source>,
     oddities: Vec<String>,
     corrections: Vec<String>,
+    diagnosis: serde_json::Value,
 }
 
 /// The detections of one source.
@@ -77,6 +82,7 @@ struct Source {
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let CorrectedScene { file, scene, notes, .. } = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let context = Context::of(&file, 0);
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;
     let mut report = Report {
@@ -94,8 +100,16 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         sources: sources(&file, &scene),
         oddities: Vec::new(),
         corrections: notes,
+        diagnosis: serde_json::Value::Null,
     };
     report.oddities = oddities(&file, &scene, &report);
+    // The source that agrees least with the poses, or the only one.
+    let diagnoses = report.sources.iter().map(|source| of_source(&scene, source.name.as_deref()));
+    let miss = |d: &Diagnosis| d.agreement.map_or(0.0, |agreement| agreement.miss);
+    let worst = |a: &Diagnosis, b: &Diagnosis| b.consistent.cmp(&a.consistent).then(miss(a).total_cmp(&miss(b)));
+    let diagnosis = diagnoses.max_by(worst).unwrap_or_default();
+    report.diagnosis = diagnosis_record(&diagnosis, &context);
+    report.oddities.extend(diagnosis_in_words(&diagnosis, &context));
     out.report(&render(&report))?;
     out.document(&report)?;
     Ok(Outcome::Fine)

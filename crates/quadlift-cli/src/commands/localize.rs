@@ -17,8 +17,9 @@ use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice, SigmaSource};
 use crate::association::{IdsName, When, associate_scene, associated_scene, localize_in_words};
-use crate::corrections::{CorrectedScene, Corrections, corrected_in_words};
-use crate::error::{Outcome, in_words, usage};
+use crate::corrections::{CheckArgs, CorrectedScene, Corrections, corrected_in_words};
+use crate::diagnosis::Check;
+use crate::error::{InconsistentError, Outcome, in_words, usage};
 use crate::estimate_table::{noise_levels, render, summaries};
 use crate::files::{check_file, check_result_name, expand, outputs};
 use crate::localization::{PriorSource, Settings, localize_scene, read_masks, result_file};
@@ -47,7 +48,8 @@ Examples:
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
 
-Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised; 2 wrong usage."
+Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised; 2 wrong usage; 3 a scene does not agree
+with itself (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
 pub struct Args {
     /// Scene files, folders that hold them, or patterns in quotes
@@ -139,6 +141,9 @@ pub struct Args {
     corrections: Corrections,
 
     #[command(flatten)]
+    check: CheckArgs,
+
+    #[command(flatten)]
     direct: direct::DirectArgs,
 }
 
@@ -199,6 +204,7 @@ impl Args {
                 ObservationName::Mask => UsedMeasurements::Mask,
             },
             seed: self.seed,
+            accept_inconsistent: self.check.accept_inconsistent,
             ..Default::default()
         };
         options.map.body = self.body.0;
@@ -268,12 +274,17 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let corrections = args.corrections.list(image_size, frame_offset);
         let scene = || CorrectedScene::read(input, &corrections);
         match one_scene([input, input], scene, [output, report], args, &settings, out, &mut document) {
-            Ok(Outcome::Fine) => {}
-            Ok(failed) => outcome = failed,
+            Ok(ended) => outcome = outcome.and(ended),
             Err(error) => {
                 out.error(&in_words(&error));
                 document["error"] = in_words(&error).into();
-                outcome = Outcome::SomethingFailed;
+                outcome = outcome.and(match error.downcast_ref::<InconsistentError>() {
+                    Some(InconsistentError { diagnosis, .. }) => {
+                        document["diagnosis"] = diagnosis.clone();
+                        Outcome::Inconsistent
+                    }
+                    None => Outcome::SomethingFailed,
+                });
             }
         }
         documents.push(document);
@@ -294,16 +305,18 @@ fn one_scene(
     document: &mut Value,
 ) -> anyhow::Result<Outcome> {
     let start = Instant::now();
-    let CorrectedScene { mut file, mut scene, notes, .. } = read()?;
     let title = input.display().to_string();
-    let corrected = corrected_in_words(&notes);
+    let mut corrected = read()?;
+    let source = settings.options.source.as_deref();
+    let mut check = Check::new(&mut corrected, &args.check, source, input)?;
+    let CorrectedScene { mut file, mut scene, notes, .. } = corrected;
     let problems =
         read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
     file.objects = Vec::new();
     // Detections are the bulk of a large scene; a result has them where their identities are found.
     let detections = std::mem::take(&mut file.detections);
     let read = start.elapsed();
-    let source = settings.options.source.as_deref();
+    document["diagnosis"] = check.record();
     let ids = args.associate.ids_for(&scene, source, args.ids);
     let mut identities = None;
     if let Some(ids) = ids {
@@ -313,7 +326,7 @@ fn one_scene(
             priors: settings.options.map.priors.clone(),
             ..Default::default()
         };
-        let association = associate_scene(&title, &scene, &options, out).with_context(|| title.clone())?;
+        let association = associate_scene(&title, &scene, &options, &check, out).with_context(|| title.clone())?;
         let words = localize_in_words(&scene, source, ids, &association);
         scene = associated_scene(&scene, &association, source)?;
         document["association"] = association_record(&scene, &association);
@@ -326,13 +339,18 @@ fn one_scene(
         // Told with the identities.
         localization.left_out.without_object = 0;
     }
+    check.update(&localization.diagnosis);
+    document["diagnosis"] = check.record();
     let solved = start.elapsed();
     let estimates = &localization.estimates;
     let found = identities.as_ref().map_or(String::new(), |(.., words)| format!("{words}\n\n"));
     let mut result = result_file(&file, &scene, &localization, settings);
-    if let (Some(about), false) = (&mut result.localization, notes.is_empty()) {
-        about["corrections"] = json!(notes);
-        document["corrections"] = json!(notes);
+    if let Some(about) = &mut result.localization {
+        about["diagnosis"] = check.record();
+        if !notes.is_empty() {
+            about["corrections"] = json!(notes);
+            document["corrections"] = json!(notes);
+        }
     }
     if let Some((detections, association, _)) = identities {
         add_to_result(&mut result, detections, &scene, source, &association);
@@ -352,7 +370,7 @@ fn one_scene(
         count(estimates.len(), "object"),
         settings.in_words(localization.body)
     );
-    text.push_str(&corrected);
+    text.push_str(&corrected_in_words(&notes));
     text.push_str(&found);
     text.push_str(&render(&scene, &localization, settings));
     for path in [output, report].into_iter().flatten() {
@@ -381,8 +399,9 @@ fn one_scene(
     if !problems.is_empty() {
         document["problems"] = json!(problems);
     }
-    if localised == 0 {
+    let outcome = check.tell(&title, out);
+    if localised == 0 && outcome == Outcome::Fine {
         return Err(anyhow!("{title}: no object could be localised"));
     }
-    Ok(if problems.is_empty() { Outcome::Fine } else { Outcome::SomethingFailed })
+    Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }

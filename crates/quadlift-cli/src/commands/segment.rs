@@ -11,7 +11,8 @@ use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
-use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
+use crate::corrections::{CheckArgs, CorrectedScene, SceneCorrections, corrected_in_words};
+use crate::diagnosis::Check;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
@@ -45,7 +46,8 @@ Examples:
   quadlift segment scene.json -o segmented.json --method masks
   quadlift localize segmented.json -o objects.json
 
-Exit codes: 0 fine; 1 at least one detection could not be segmented, or none; 2 wrong usage."
+Exit codes: 0 fine; 1 at least one detection could not be segmented, or none; 2 wrong usage; 3 the scene does not agree with
+itself (its masks are written all the same)."
 )]
 pub struct Args {
     /// The scene file; its frames name their images
@@ -86,6 +88,9 @@ pub struct Args {
 
     #[command(flatten)]
     corrections: SceneCorrections,
+
+    #[command(flatten)]
+    check: CheckArgs,
 }
 
 fn method(text: &str) -> Result<Method, String> {
@@ -103,7 +108,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     outputs(&inputs, &args.output)?;
     check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
-    let CorrectedScene { mut file, scene, notes, .. } = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let check = Check::new(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
+    let CorrectedScene { mut file, scene, notes, .. } = corrected;
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;
     check_folders(args, &images)?;
     let settings = Settings {
@@ -147,8 +154,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "without_box": segmentation.without_box.len(),
         "problems": problems,
         "corrections": notes,
+        "diagnosis": check.record(),
     }))?;
-    Ok(if problems.is_empty() { Outcome::Fine } else { Outcome::SomethingFailed })
+    let outcome = check.tell(&title, out);
+    Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
 
 /// Refuses folders for masks and sheets that are files or that hold what the scene names: it could be overwritten.

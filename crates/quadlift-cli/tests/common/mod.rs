@@ -1,6 +1,8 @@
 //! What the end-to-end tests share: a temporary folder in which the built program runs.
 #![allow(dead_code)] // Each test file uses a part of it.
 
+pub mod mistakes;
+
 use std::path::{Path, PathBuf};
 use std::process::Output;
 

@@ -37,7 +37,9 @@ impl RecordCorrection {
     /// of images that were found by the self-check are rounded to whole pixels.
     pub fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {
         match (*correction, image_size) {
-            (Correction::ImageScale(factor), Some(size)) => Self::ImageSize(size.map(|x| (x / factor).round().max(1.0))),
+            (Correction::ImageScale(factor), Some(size)) => {
+                Self::ImageSize(size.map(|x| (x / factor).round().max(1.0)))
+            }
             (Correction::Letterbox(side), _) => Self::Known(Correction::Letterbox(side.round())),
             (other, _) => Self::Known(other),
         }

@@ -7,6 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::records::SceneFile;
 use super::results::estimates_to_objects;
+use crate::diagnosis::{Context, diagnosis_record};
 use crate::error::EntryError;
 
 /// The name of the used measurements on the command line and in files.
@@ -131,6 +132,7 @@ impl SceneFile {
             "status": status_counts(&localization.estimates),
             "left_out": left_out_record(localization),
             "noise": noise_record(localization),
+            "diagnosis": diagnosis_record(&localization.diagnosis, &Context::of(self, 0)),
         });
         self.with_results(estimates_to_objects(scene, localization), about)
     }

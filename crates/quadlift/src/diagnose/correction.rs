@@ -148,9 +148,23 @@ impl Correction {
         intrinsics: &Intrinsics,
         image_size: Option<Vector2<f64>>,
     ) -> Option<BoundingBox> {
-        let [x0, y0, x1, y1] = b.edges();
-        let (w, h) = (x1 - x0, y1 - y0);
         let edges = match *self {
+            Self::RadialDistortion(k) => {
+                let [x0, y0, x1, y1] = b.edges();
+                let low = undistorted(&Vector2::new(x0, y0), intrinsics, k)?;
+                let high = undistorted(&Vector2::new(x1, y1), intrinsics, k)?;
+                [low.x, low.y, high.x, high.y]
+            }
+            _ => self.edges(b.edges(), image_size)?,
+        };
+        BoundingBox::new(edges).ok()
+    }
+
+    /// The corrected four numbers of a box, which need not be those of a box before; `None` where the image size, in
+    /// pixels, is needed and not known. Lenses change nothing here.
+    pub fn edges(&self, [x0, y0, x1, y1]: [f64; 4], image_size: Option<Vector2<f64>>) -> Option<[f64; 4]> {
+        let (w, h) = (x1 - x0, y1 - y0);
+        Some(match *self {
             Self::Boxes(BoxFormat::CornersReadAsSize) => [x0, y0, w, h],
             Self::Boxes(BoxFormat::CenterReadAsCorner) => [x0 - 0.5 * w, y0 - 0.5 * h, x1 - 0.5 * w, y1 - 0.5 * h],
             Self::Boxes(BoxFormat::CornerReadAsCenter) => [x0 + 0.5 * w, y0 + 0.5 * h, x1 + 0.5 * w, y1 + 0.5 * h],
@@ -159,17 +173,11 @@ impl Correction {
                 [x0 - 0.5 * x1, y0 - 0.5 * y1, x0 + 0.5 * x1, y0 + 0.5 * y1]
             }
             Self::Boxes(BoxFormat::SwappedAxes) => [y0, x0, y1, x1],
-            Self::RadialDistortion(k) => {
-                let low = undistorted(&Vector2::new(x0, y0), intrinsics, k)?;
-                let high = undistorted(&Vector2::new(x1, y1), intrinsics, k)?;
-                [low.x, low.y, high.x, high.y]
-            }
             _ => {
                 let (factor, shift) = self.pixel_map(image_size)?;
                 [x0 * factor.x + shift.x, y0 * factor.y + shift.y, x1 * factor.x + shift.x, y1 * factor.y + shift.y]
             }
-        };
-        BoundingBox::new(edges).ok()
+        })
     }
 
     /// The corrected ellipse; `None` where there is none. Orders of a box's numbers and lenses do not change ellipses.

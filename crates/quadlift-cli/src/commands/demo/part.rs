@@ -15,6 +15,7 @@ use quadlift_io::association::{add_to_result, write_objects};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 
 use crate::association::{associate_scene, associated_scene};
+use crate::diagnosis::Check;
 use crate::localization::{Settings, localize_scene, result_file};
 use crate::output::{HEADING, Output};
 use crate::table::{Cell, Table, number};
@@ -33,7 +34,7 @@ pub fn apart(whole: SceneFile) -> (SceneFile, SceneFile) {
 /// Finds out which detections show the same object and writes it into them.
 pub fn find_identities(file: &mut SceneFile, out: &Output) -> anyhow::Result<(Scene, Association)> {
     let scene = file.to_scene().context("cannot use the scene")?;
-    let association = associate_scene("demo", &scene, &AssociateOptions::default(), out)?;
+    let association = associate_scene("demo", &scene, &AssociateOptions::default(), &Check::default(), out)?;
     let associated = associated_scene(&scene, &association, None)?;
     write_objects(&mut file.detections, &associated);
     Ok((associated, association))

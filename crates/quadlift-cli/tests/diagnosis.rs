@@ -1,0 +1,86 @@
+//! The self-check through the built program: each mistake is named, its option mends it, and the exit code is 3 until it
+//! is mended or accepted.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+mod common;
+
+use common::Folder;
+use common::mistakes::{Mistake, mistakes, right_scene};
+use serde_json::{Value, json};
+
+#[test]
+fn mistakes_are_named_and_mended_by_their_options() {
+    let folder = Folder::new();
+    let right = right_scene(&folder);
+    let mistakes = mistakes(&right);
+    folder.succeed("localize right.json -o right_result.json");
+    let right = folder.json("right_result.json");
+    assert_eq!(right["localization"]["diagnosis"]["consistent"], true);
+    assert_eq!(right["localization"]["diagnosis"]["causes"], json!([]));
+    for Mistake { words, name, scene, .. } in mistakes {
+        folder.write_json("wrong.json", &scene);
+        let run = folder.run("localize wrong.json -o out.json");
+        assert_eq!(run.code, 3, "{name}: {}{}", run.stdout, run.stderr);
+        assert!(run.stderr.contains(words), "{name}: {}", run.stderr);
+        let result = folder.json("out.json");
+        assert!(result["objects"].as_array().unwrap().iter().all(|o| o["status"] != "ok"), "{name}");
+        let diagnosis = &result["localization"]["diagnosis"];
+        let cause = &diagnosis["causes"][0];
+        assert_eq!((&diagnosis["consistent"], &cause["name"]), (&json!(false), &json!(name)));
+        let [before, after] = ["before", "after"].map(|key| cause[key].as_f64().unwrap());
+        assert!(after < 0.5 * before, "{name}: {cause}");
+        let document: Value = serde_json::from_str(&folder.run("localize wrong.json --json").stdout).unwrap();
+        assert_eq!(document["scenes"][0]["diagnosis"], *diagnosis);
+
+        // `info` says the same, and is no judge.
+        let info = folder.succeed("info wrong.json");
+        assert!(info.contains(words), "{name}: {info}");
+
+        // Accepted, the scene is localised as it is.
+        let run = folder.run("localize wrong.json -o accepted.json --accept-inconsistent");
+        assert!(run.code != 3, "{name}: {}", run.stderr);
+
+        // The option that is proposed mends it, and so does --fix.
+        let option = cause["option"].as_str().unwrap();
+        assert!(run.stderr.contains(option) && option.starts_with("--"), "{name}: {option}: {}", run.stderr);
+        for (file, option) in [("mended.json", option), ("fixed.json", "--fix")] {
+            let text = folder.succeed(&format!("localize wrong.json -o {file} {option}"));
+            assert!(text.contains("corrected: "), "{name} {option}: {text}");
+            let mended = folder.json(file);
+            assert_eq!(mended["localization"]["diagnosis"]["consistent"], true, "{name} {option}");
+            assert!(!mended["localization"]["corrections"].as_array().unwrap().is_empty());
+            for object in mended["objects"].as_array().unwrap() {
+                let same = right["objects"].as_array().unwrap().iter().find(|o| o["id"] == object["id"]).unwrap();
+                let distance = (0..3)
+                    .map(|k| (object["center"][k].as_f64().unwrap() - same["center"][k].as_f64().unwrap()).powi(2));
+                let distance = distance.sum::<f64>().sqrt();
+                assert!(object["status"] == "ok" && distance < 0.5, "{name} {option}: {distance} {object}");
+            }
+        }
+    }
+}
+
+/// The commands that write scenes tell it too; what was mended is in the scenes that they write.
+#[test]
+fn scenes_that_are_written_are_mended() {
+    let folder = Folder::new();
+    let right = right_scene(&folder);
+    let wrong = mistakes(&right).into_iter().find(|mistake| mistake.name == "camera_to_world").unwrap();
+    folder.write_json("wrong.json", &wrong.scene);
+    let run = folder.run("associate wrong.json -o out.json --ids trust");
+    assert!(run.code == 3 && run.stderr.contains("camera-to-world"), "{}", run.stderr);
+    folder.succeed("associate wrong.json -o out.json --ids trust --fix");
+    let mended = folder.json("out.json");
+    for (a, b) in mended["frames"].as_array().unwrap().iter().zip(right["frames"].as_array().unwrap()) {
+        for (i, j) in (0..3).flat_map(|i| (0..4).map(move |j| (i, j))) {
+            let [a, b] = [a, b].map(|frame| frame["cam_from_world"][i][j].as_f64().unwrap());
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+    }
+    folder.succeed("localize out.json -o result.json");
+    assert_eq!(folder.run("localize wrong.json right.json -o results").code, 3);
+    assert!(folder.json("results/right.json")["objects"][0]["status"] == "ok");
+    folder.write("broken.json", "{");
+    assert_eq!(folder.run("localize wrong.json broken.json -o results").code, 1);
+}
