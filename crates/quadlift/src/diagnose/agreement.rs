@@ -26,8 +26,8 @@ const OUTSIDE_MARGIN: f64 = 0.1;
 /// How well a scene agrees with itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
-    /// Typical distance between the centre of a box and the object's projected centre, in half sizes of the box: the
-    /// geometric mean, each between 0.003 and 3.
+    /// Typical distance between the middle of a box and the object's projected centre, in half sizes of the box: the
+    /// scale of a distribution with heavy tails (Student's t, two degrees of freedom), between 0.003 and 3.
     pub miss: f64,
     /// Share of the boxes that miss by less than half of their half size, in [0, 1].
     pub share: f64,
@@ -73,68 +73,104 @@ impl Ray {
     }
 }
 
-/// The misses of one object's boxes.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ObjectMisses {
-    /// Number of boxes.
-    pub boxes: usize,
-    /// Sum of the logarithms of the misses.
-    pub sum_log: f64,
-    /// Number of boxes that miss by less than half of their half size.
-    pub agreeing: usize,
-}
-
-/// The misses of all objects of a sample.
+/// The misses of all boxes of a sample, object by object.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Misses {
-    pub objects: Vec<ObjectMisses>,
+    /// In half sizes, from 0 to [`LARGEST_MISS`].
+    values: Vec<f64>,
+    /// Where each object's misses end.
+    ends: Vec<usize>,
+    /// Scale of the misses, see [`scale_of`].
+    scale: f64,
 }
 
 impl Misses {
-    /// Mean logarithm of the boxes' misses.
-    pub(super) fn mean_log(&self) -> f64 {
-        self.objects.iter().map(|o| o.sum_log).sum::<f64>() / self.boxes().max(1) as f64
-    }
-
-    fn boxes(&self) -> usize {
-        self.objects.iter().map(|o| o.boxes).sum()
+    fn new(values: Vec<f64>, ends: Vec<usize>) -> Self {
+        let scale = scale_of(&values);
+        Self { values, ends, scale }
     }
 
     /// What users see of it.
     pub(super) fn agreement(&self) -> Agreement {
-        let agreeing = self.objects.iter().map(|o| o.agreeing).sum::<usize>() as f64;
-        let boxes = self.boxes();
-        Agreement { miss: self.mean_log().exp(), share: agreeing / boxes.max(1) as f64, boxes }
+        let agreeing = self.values.iter().filter(|miss| **miss < AGREES).count() as f64;
+        let boxes = self.values.len();
+        Agreement { miss: self.scale, share: agreeing / boxes.max(1) as f64, boxes }
     }
+
+    /// How much better others explain the boxes: the mean decrease of half the negative log likelihood of a box, which
+    /// is about that of the logarithm of its miss, and the standard deviation of that mean from the differences between
+    /// objects (the boxes of an object err together).
+    pub(super) fn gain_of(&self, after: &Self) -> (f64, f64, f64) {
+        let total = self.values.len() as f64;
+        let (mut start, mut sums) = (0, Vec::with_capacity(self.ends.len()));
+        for &end in &self.ends {
+            let sum = |misses: &Self| misses.values[start..end].iter().map(|m| cost(*m, misses.scale)).sum::<f64>();
+            sums.push((sum(self) - sum(after), (end - start) as f64));
+            start = end;
+        }
+        let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / total;
+        let objects = sums.len() as f64;
+        let squares: f64 = sums.iter().map(|(sum, boxes)| (sum - gain * boxes).powi(2)).sum();
+        // One object tells nothing of the differences: as if each box were apart.
+        let sd =
+            if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
+        let better: f64 = sums.iter().map(|(sum, _)| sum.max(0.0)).sum();
+        let all: f64 = sums.iter().map(|(sum, _)| sum.abs()).sum();
+        (gain, sd, if all > 0.0 { better / all } else { 0.0 })
+    }
+
+    /// Mean cost of the first boxes.
+    fn mean_cost(&self, boxes: usize) -> f64 {
+        self.values[..boxes].iter().map(|m| cost(*m, self.scale)).sum::<f64>() / boxes.max(1) as f64
+    }
+}
+
+/// Half the negative log likelihood of a box that misses by `miss`, up to a constant: Student's t distribution in the
+/// plane with two degrees of freedom, whose tails hold the outliers.
+fn cost(miss: f64, scale: f64) -> f64 {
+    scale.ln() + (1.0 + 0.5 * (miss / scale).powi(2)).ln()
+}
+
+/// The scale of the misses by maximum likelihood; no smaller than [`SMALLEST_MISS`].
+fn scale_of(misses: &[f64]) -> f64 {
+    let mut sorted = misses.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let mut scale = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0).max(SMALLEST_MISS);
+    for _ in 0..20 {
+        // Expectation and maximisation: weights 4 / (2 + m^2 / s^2) of two residuals each.
+        let sum: f64 = misses.iter().map(|m| m * m * 4.0 / (2.0 + (m / scale).powi(2))).sum();
+        scale = (sum / (2.0 * misses.len().max(1) as f64)).sqrt().max(SMALLEST_MISS);
+    }
+    scale
 }
 
 /// Share of the boxes after which a correction may be given up.
 const ENOUGH_TO_GIVE_UP: f64 = 0.25;
 
-/// The misses of a sample after some corrections; `None` where they cannot be made, or where the mean logarithm of the
-/// first quarter of the boxes is beyond `limit`, by far.
-pub(super) fn misses(sample: &Sample, corrections: &[Correction], limit: f64) -> Option<Misses> {
+/// A correction whose first boxes cost so much more than they do as they are is given up.
+const HOPELESS: f64 = 0.7;
+
+/// The misses of a sample after some corrections. `None` where they cannot be made, or where they are hopeless beside
+/// `given`, the misses of the sample as it is.
+pub(super) fn misses(sample: &Sample, corrections: &[Correction], given: Option<&Misses>) -> Option<Misses> {
     let corrected = Corrected::new(sample, corrections)?;
-    let mut all = Misses { objects: Vec::with_capacity(sample.objects.len()) };
-    let total = sample.boxes() as f64;
-    let (mut boxes, mut sum) = (0.0, 0.0);
+    let total = sample.boxes();
+    let (mut values, mut ends) = (Vec::with_capacity(total), Vec::with_capacity(sample.objects.len()));
     for object in &sample.objects {
         let rays: Vec<Ray> = object.iter().filter_map(|seen| corrected.ray(sample, seen)).collect();
         // Boxes without a place after the correction speak against it.
-        let without_place = std::iter::repeat_n(LARGEST_MISS, object.len() - rays.len());
-        let mut own = ObjectMisses { boxes: object.len(), ..Default::default() };
-        for miss in object_misses(&rays).into_iter().chain(without_place) {
-            own.sum_log += 0.5 * (miss * miss + SMALLEST_MISS * SMALLEST_MISS).ln();
-            own.agreeing += usize::from(miss < AGREES);
-        }
-        boxes += own.boxes as f64;
-        sum += own.sum_log;
-        all.objects.push(own);
-        if boxes > ENOUGH_TO_GIVE_UP * total && boxes < total && sum / boxes > limit + 0.7 {
-            return None;
+        values.extend(std::iter::repeat_n(LARGEST_MISS, object.len() - rays.len()));
+        values.extend(object_misses(&rays));
+        ends.push(values.len());
+        let enough = values.len() as f64 > ENOUGH_TO_GIVE_UP * total as f64 && values.len() < total;
+        if let Some(given) = given.filter(|_| enough) {
+            let so_far = values.iter().map(|m| cost(*m, given.scale)).sum::<f64>() / values.len() as f64;
+            if so_far > given.mean_cost(values.len()) + HOPELESS {
+                return None;
+            }
         }
     }
-    (!all.objects.is_empty()).then_some(all)
+    (!values.is_empty()).then(|| Misses::new(values, ends))
 }
 
 /// Cameras after corrections, and what else is needed to correct boxes.

@@ -4,6 +4,7 @@
 //! 2. `agreement`: how far the rays through the middles of an object's boxes miss each other, in half sizes of the boxes.
 //! 3. `correction`, `hypotheses`, `search`: the usual mistakes are undone one by one; the one that makes the scene agree
 //!    much better is its cause.
+//! 4. `without_ids`: where no objects are known, they are sought under each hypothesis.
 
 mod agreement;
 mod apply;
@@ -16,24 +17,28 @@ mod sample;
 mod search;
 #[cfg(test)]
 mod tests;
+mod without_ids;
+
+use std::collections::BTreeSet;
 
 pub use agreement::Agreement;
 pub use camera::CameraParts;
 pub use cause::{Cause, CauseName};
 pub use correction::{BoxFormat, Correction, Mistake};
+pub use without_ids::diagnose_association;
 
 use crate::scene::{Detection, Scene};
 use sample::Sample;
 use search::Explanation;
 
-/// Scenes whose boxes typically miss by more than this do not agree with themselves, whatever the cause.
+/// Boxes from which on a sample says something.
+const FEWEST_BOXES: usize = 8;
+
+/// Scenes whose boxes typically miss by more than this many half sizes...
 const INCONSISTENT_MISS: f64 = 0.5;
 
-/// A correction explains a disagreement when it makes the misses smaller by this factor (a logarithm)...
-const EXPLAINS: f64 = 0.35;
-
-/// ...and by so many standard deviations of that.
-const SIGNIFICANT: f64 = 3.0;
+/// ...and of whose boxes fewer than this share agree do not agree with themselves, whatever the cause.
+const INCONSISTENT_SHARE: f64 = 0.3;
 
 /// Explanations that are reported, at most.
 const MOST_CAUSES: usize = 3;
@@ -45,7 +50,8 @@ pub struct Diagnosis {
     pub consistent: bool,
     /// How well it agrees; `None` where there was nothing to look at (no object with two boxes).
     pub agreement: Option<Agreement>,
-    /// What explains the disagreement, the best explanation first.
+    /// What explains the disagreement, the best explanation first. Of a consistent scene: what makes it agree a little
+    /// better, and may be wrong.
     pub causes: Vec<Cause>,
 }
 
@@ -63,7 +69,7 @@ impl Default for Diagnosis {
 pub fn diagnose(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Diagnosis {
     let sample = Sample::new(scene, is_used);
     let Some(search) = search::search(&sample) else { return Diagnosis::default() };
-    let explains = |e: &&Explanation| e.gain > EXPLAINS && e.gain > SIGNIFICANT * e.gain_sd;
+    let (boxes, objects) = (sample.boxes(), sample.objects.len());
     let cause = |e: &Explanation| Cause {
         name: e.correction.cause(),
         value: e.correction.value(),
@@ -71,10 +77,19 @@ pub fn diagnose(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Diagnosi
         before: search.before,
         after: e.after,
     };
-    let causes: Vec<Cause> = search.explanations.iter().filter(explains).take(MOST_CAUSES).map(cause).collect();
-    Diagnosis {
-        consistent: causes.is_empty() && search.before.miss < INCONSISTENT_MISS,
-        agreement: Some(search.before),
-        causes,
+    let find = |explains: &dyn Fn(&Explanation) -> bool| -> Vec<Cause> {
+        let mut causes: Vec<Cause> = search.explanations.iter().filter(|e| explains(e)).map(cause).collect();
+        let mut named = BTreeSet::new();
+        causes.retain(|cause| named.insert(cause.name));
+        causes.truncate(MOST_CAUSES);
+        causes
+    };
+    let causes = find(&|e| e.explains(boxes, objects));
+    let disagrees =
+        boxes >= FEWEST_BOXES && search.before.miss > INCONSISTENT_MISS && search.before.share < INCONSISTENT_SHARE;
+    if !causes.is_empty() || disagrees {
+        return Diagnosis { consistent: false, agreement: Some(search.before), causes };
     }
+    let causes = find(&|e| e.is_likely(boxes, objects));
+    Diagnosis { consistent: true, agreement: Some(search.before), causes }
 }

@@ -1,6 +1,6 @@
 //! The search for the mistake that explains a scene whose objects are known.
 
-use super::agreement::{Agreement, Misses, misses};
+use super::agreement::{Agreement, misses};
 use super::correction::Correction;
 use super::hypotheses::{FAMILIES, Family, discrete};
 use super::sample::Sample;
@@ -16,15 +16,58 @@ const GOLDEN: f64 = 0.381_966_011_250_105_1;
 /// correction that comes first in the list is named.
 const AS_GOOD: f64 = 0.03;
 
+/// A correction explains a disagreement when it makes the misses smaller by this factor (a logarithm: 1.5 times)...
+const EXPLAINS: f64 = 0.4;
+
+/// ...and by so many standard deviations of that, from the differences between objects...
+const SIGNIFICANT: f64 = 4.0;
+
+/// ...or nearly all objects gain.
+const UNANIMOUS: f64 = 0.97;
+
+/// From so many boxes and objects on; with fewer it must explain more, and all objects must gain.
+const ENOUGH_BOXES: usize = 20;
+const ENOUGH_OBJECTS: usize = 4;
+const EXPLAINS_FEW_OBJECTS: f64 = 0.8;
+const EXPLAINS_FEW_BOXES: f64 = 1.2;
+
+/// A correction that makes the misses smaller by this (a logarithm) is worth a warning, when it is significant.
+const WORTH_A_WARNING: f64 = 0.2;
+
+/// After a correction that explains a disagreement the boxes agree.
+const AGREES: f64 = 0.5;
+
 /// A correction with what it does.
 #[derive(Debug, Clone)]
 pub(super) struct Explanation {
     pub correction: Correction,
     pub after: Agreement,
-    /// Mean decrease of the logarithm of the boxes' misses.
+    /// How much better it explains the boxes: about the decrease of the logarithm of their misses.
     pub gain: f64,
     /// Its standard deviation, from the differences between objects.
     pub gain_sd: f64,
+    /// Share of all changes, summed over the objects, that are for the better, in [0, 1].
+    pub unanimity: f64,
+}
+
+impl Explanation {
+    /// Whether the mistake that it undoes was made, as far as so many boxes of so many objects tell.
+    pub(super) fn explains(&self, boxes: usize, objects: usize) -> bool {
+        if self.after.miss > AGREES || boxes < super::FEWEST_BOXES {
+            return false;
+        }
+        if boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS {
+            return self.gain >= EXPLAINS && (self.gain >= SIGNIFICANT * self.gain_sd || self.unanimity >= UNANIMOUS);
+        }
+        let least = if boxes >= ENOUGH_BOXES { EXPLAINS_FEW_OBJECTS } else { EXPLAINS_FEW_BOXES };
+        self.gain >= least && self.unanimity >= UNANIMOUS
+    }
+
+    /// Whether it may have been made.
+    pub(super) fn is_likely(&self, boxes: usize, objects: usize) -> bool {
+        let enough = boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS;
+        enough && self.gain >= WORTH_A_WARNING && self.gain >= SIGNIFICANT * self.gain_sd && self.unanimity >= UNANIMOUS
+    }
 }
 
 /// How well a sample agrees as it is, and corrections that make it agree better, the best ones first.
@@ -36,15 +79,13 @@ pub(super) struct Search {
 
 /// Tries all corrections; `None` where there is nothing to look at.
 pub(super) fn search(sample: &Sample) -> Option<Search> {
-    let given = misses(sample, &[], f64::INFINITY)?;
+    let given = misses(sample, &[], None)?;
     let ids: Vec<&str> = sample.frame_ids.iter().map(String::as_str).collect();
-    // More than this and a correction is out of the question.
-    let limit = given.mean_log() + 0.1;
     let discrete = discrete(&ids);
     let try_one = |correction: Correction| {
-        let after = misses(sample, &[correction], limit)?;
-        let (gain, gain_sd) = given.gain_of(&after);
-        Some(Explanation { correction, after: after.agreement(), gain, gain_sd })
+        let after = misses(sample, &[correction], Some(&given))?;
+        let (gain, gain_sd, unanimity) = given.gain_of(&after);
+        Some(Explanation { correction, after: after.agreement(), gain, gain_sd, unanimity })
     };
     let mut found: Vec<Explanation> =
         map_indices(discrete.len(), |k| try_one(discrete[k])).into_iter().flatten().collect();
@@ -88,21 +129,4 @@ fn narrowed(family: &Family, try_one: &impl Fn(Correction) -> Option<Explanation
         }
     }
     Some(best_found)
-}
-
-impl Misses {
-    /// Mean decrease of the logarithm of the boxes' misses from these to others, with its standard deviation from the
-    /// differences between objects (as clusters: the boxes of an object err together).
-    fn gain_of(&self, after: &Self) -> (f64, f64) {
-        let total: f64 = self.objects.iter().map(|o| o.boxes as f64).sum();
-        let gain = self.mean_log() - after.mean_log();
-        let objects = self.objects.len() as f64;
-        let squares: f64 = (self.objects.iter().zip(&after.objects))
-            .map(|(a, b)| (a.sum_log - b.sum_log - gain * a.boxes as f64).powi(2))
-            .sum();
-        // One object tells nothing of the differences: as if each box were apart.
-        let sd =
-            if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
-        (gain, sd)
-    }
 }

@@ -1,6 +1,7 @@
 //! Right scenes are called right, and mistakes by their names.
 
-use super::{BoxFormat, CauseName, Correction, Mistake, diagnose};
+use super::{BoxFormat, CauseName, Correction, Diagnosis, Mistake, diagnose, diagnose_association};
+use crate::associate::{AssociateOptions, associate};
 use crate::scene::Scene;
 use crate::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 
@@ -57,12 +58,9 @@ fn corrections_undo_their_mistakes() {
     for correction in mistakes() {
         let restored = correction.apply(&Mistake(correction).apply(&right));
         for (a, b) in right.frames.iter().zip(&restored.frames) {
-            let expected = match correction {
-                // The principal point of the synthetic cameras is in the middle.
-                Correction::NormalizedIntrinsics | Correction::CenteredPrincipalPoint => a.projection,
-                _ => a.projection,
-            };
-            let difference = (expected.matrix() - b.projection.matrix()).norm() / expected.matrix().norm();
+            // The principal point of the synthetic cameras is in the middle.
+            let expected = a.projection.matrix();
+            let difference = (expected - b.projection.matrix()).norm() / expected.norm();
             assert!(difference < 1e-9, "{correction:?}: {difference}");
         }
         // Detections that an offset moves out of the trajectory are lost.
@@ -110,4 +108,37 @@ fn names_are_all_different() {
 fn a_scene_without_objects_has_nothing_to_disagree() {
     let diagnosis = diagnose(&Scene::default(), |_| true);
     assert!(diagnosis.consistent && diagnosis.agreement.is_none());
+}
+
+fn diagnose_without_ids(scene: &Scene) -> Diagnosis {
+    let mut scene = scene.clone();
+    scene.detections.iter_mut().for_each(|detection| detection.object_index = None);
+    scene.object_ids.clear();
+    let options = AssociateOptions::default();
+    let association = associate(&scene, &options, &|_, _| {}).unwrap();
+    diagnose_association(&scene, &association, &options).unwrap()
+}
+
+#[test]
+fn mistakes_are_named_without_ids() {
+    let right = scene(Trajectory::Orbit, 2);
+    assert!(diagnose_without_ids(&right).consistent);
+    let mistakes = [
+        Correction::InvertPoses,
+        Correction::OpenGlAxes,
+        Correction::InvertOpenGlPoses,
+        Correction::NormalizedIntrinsics,
+        Correction::ImageScale(1.6),
+        Correction::Letterbox(640.0),
+        Correction::NormalizedBoxes,
+        Correction::FrameOffset(1),
+    ];
+    for correction in mistakes {
+        let diagnosis = diagnose_without_ids(&Mistake(correction).apply(&right));
+        assert!(!diagnosis.consistent, "{correction:?}: {diagnosis:?}");
+        let cause = diagnosis.causes.first();
+        assert_eq!(cause.map(|cause| cause.name), Some(correction.cause()), "{correction:?}: {diagnosis:?}");
+        let (found, expected) = (cause.unwrap().value, correction.value());
+        assert!(found.zip(expected).is_none_or(|(a, b)| (a / b - 1.0).abs() < 0.1), "{found:?} {expected:?}");
+    }
 }

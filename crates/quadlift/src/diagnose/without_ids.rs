@@ -1,0 +1,244 @@
+//! The self-check of a scene whose detections name no objects: objects are sought under each hypothesis.
+//!
+//! Association finds objects in wrong scenes, too, but explains its boxes with less evidence. Where an association has
+//! little evidence, the usual mistakes are undone one by one and a part of the scene is associated again; the one with
+//! much more evidence is the cause.
+
+use nalgebra::Vector2;
+
+use super::agreement::Agreement;
+use super::correction::{BoxFormat, Correction};
+use super::hypotheses::{FAMILIES, Family, discrete};
+use super::{Cause, Diagnosis, FEWEST_BOXES, diagnose};
+use crate::associate::{AssociateError, AssociateOptions, Association, associate};
+use crate::parallel::map_indices;
+use crate::scene::{Detection, Scene};
+
+/// Frames of the part that is associated again, at most.
+const MOST_FRAMES: usize = 20;
+
+/// Every so many frames of a longer scene, at most: views that are far apart do not show the same objects.
+const LONGEST_STRIDE: usize = 3;
+
+/// Boxes of the part that is associated again, at most: the largest ones of each frame.
+const MOST_BOXES: usize = 200;
+
+/// How often the distance between two numbers of a family is halved.
+const HALVINGS: usize = 3;
+
+/// Evidence for each detection (nats) from which on an association needs no second look.
+const PLENTY_OF_EVIDENCE: f64 = 6.0;
+
+/// Typical miss of the objects that an association found, in half sizes, up to which it needs no second look.
+const SMALL_MISS: f64 = 0.12;
+
+/// The evidence for each detection must grow by so many nats...
+const MORE_NATS: f64 = 1.5;
+
+/// ...and by this factor.
+const MORE_TIMES: f64 = 1.6;
+
+/// Evidence below which nothing agrees.
+const NO_EVIDENCE: f64 = 0.3;
+
+/// A correction that changes nothing.
+const NOTHING: Correction = Correction::FrameOffset(0);
+
+/// Checks the association of a scene whose detections name no objects, or whose ids are only evidence.
+///
+/// Where association has found much evidence this takes a few milliseconds; otherwise a part of the scene is associated
+/// under each hypothesis, which may take seconds.
+///
+/// # Errors
+/// Those of [`associate()`] with the same options.
+pub fn diagnose_association(
+    scene: &Scene,
+    association: &Association,
+    options: &AssociateOptions,
+) -> Result<Diagnosis, AssociateError> {
+    let source = scene.source_index(options.source.as_deref())?;
+    let is_used = |d: &Detection| source.is_none() || d.source_index == source;
+    let named = association.applied_to(scene, source);
+    let found = diagnose(&named, is_used);
+    if !found.consistent && !found.causes.is_empty() {
+        return Ok(found);
+    }
+    let used = scene.detections.iter().filter(|d| is_used(d)).count();
+    let agrees = found.agreement.is_some_and(|agreement| agreement.miss < SMALL_MISS);
+    if (agrees && evidence(association) >= PLENTY_OF_EVIDENCE * used as f64) || used < FEWEST_BOXES {
+        return Ok(found);
+    }
+    let tried = Tried::new(scene, &is_used, options);
+    let before = tried.given()?;
+    let ids: Vec<&str> = scene.frames.iter().map(|frame| frame.id.as_str()).collect();
+    let mut discrete = discrete(&ids);
+    // Larger boxes agree with anything.
+    discrete.retain(|correction| {
+        !matches!(correction, Correction::Boxes(BoxFormat::SizeReadAsCorners | BoxFormat::CenterSizeReadAsCorners))
+    });
+    let mut results = map_indices(discrete.len(), |k| tried.with(discrete[k]));
+    results.extend(map_indices(FAMILIES.len(), |k| tried.narrowed(&FAMILIES[k])));
+    let best = results.into_iter().fold(None, better);
+    let Some(best) = best.filter(|best| {
+        best.evidence > (before.evidence + MORE_NATS).max(before.evidence * MORE_TIMES) && best.evidence > NO_EVIDENCE
+    }) else {
+        let consistent = found.consistent && before.evidence > NO_EVIDENCE;
+        return Ok(Diagnosis { consistent, ..found });
+    };
+    // The objects that are found with the coarse number tell the exact one.
+    let correction = best.refined(&is_used);
+    let cause = Cause {
+        name: correction.cause(),
+        value: correction.value(),
+        correction: Some(correction),
+        before: before.agreement,
+        after: best.agreement,
+    };
+    Ok(Diagnosis { consistent: false, agreement: Some(before.agreement), causes: vec![cause] })
+}
+
+/// The trial with more evidence, the first of equals.
+fn better(first: Option<Trial>, second: Option<Trial>) -> Option<Trial> {
+    if evidence_of(&second) > evidence_of(&first) { second } else { first }
+}
+
+fn evidence_of(trial: &Option<Trial>) -> f64 {
+    trial.as_ref().map_or(f64::NEG_INFINITY, |trial| trial.evidence)
+}
+
+/// The evidence of all objects, in nats.
+fn evidence(association: &Association) -> f64 {
+    association.objects.iter().filter_map(|object| object.evidence).sum()
+}
+
+/// A part of a scene that is associated again and again.
+struct Tried<'a> {
+    scene: &'a Scene,
+    /// Which frames take part.
+    frames: Vec<bool>,
+    boxes_in_frame: usize,
+    source: Option<u32>,
+    options: AssociateOptions,
+}
+
+/// A part of a scene, corrected and associated.
+struct Trial {
+    correction: Correction,
+    /// Evidence for each detection, nats.
+    evidence: f64,
+    agreement: Agreement,
+    named: Scene,
+}
+
+impl<'a> Tried<'a> {
+    fn new(scene: &'a Scene, is_used: &impl Fn(&Detection) -> bool, options: &AssociateOptions) -> Self {
+        let mut counts = vec![0usize; scene.frames.len()];
+        let used = scene.detections.iter().filter(|d| is_used(d));
+        used.for_each(|d| counts[d.frame_index as usize] += 1);
+        let with_boxes: Vec<usize> = (0..counts.len()).filter(|&k| counts[k] > 0).collect();
+        let stride = with_boxes.len().div_ceil(MOST_FRAMES).clamp(1, LONGEST_STRIDE);
+        let strided: Vec<usize> = with_boxes.into_iter().step_by(stride).collect();
+        // The part of the trajectory with most boxes.
+        let in_window = |start: usize| strided[start..].iter().take(MOST_FRAMES).map(|&k| counts[k]).sum::<usize>();
+        let starts = 0..strided.len().saturating_sub(MOST_FRAMES) + 1;
+        let start = starts.rev().max_by_key(|&start| in_window(start)).unwrap_or(0);
+        let mut frames = vec![false; scene.frames.len()];
+        let window = &strided[start..strided.len().min(start + MOST_FRAMES)];
+        window.iter().for_each(|&frame| frames[frame] = true);
+        Self {
+            scene,
+            frames,
+            boxes_in_frame: MOST_BOXES.div_ceil(window.len().max(1)),
+            source: scene.source_index(options.source.as_deref()).unwrap_or_default(),
+            options: AssociateOptions { thorough: false, ..options.clone() },
+        }
+    }
+
+    fn given(&self) -> Result<Trial, AssociateError> {
+        self.associated(self.scene.clone(), NOTHING)
+    }
+
+    fn with(&self, correction: Correction) -> Option<Trial> {
+        let corrected = correction.apply(self.scene);
+        boxes_fit(&corrected).then(|| self.associated(corrected, correction).ok()).flatten()
+    }
+
+    /// The best correction of a family: from the best one of its grid, by halving the distance to its neighbours.
+    fn narrowed(&self, family: &Family) -> Option<Trial> {
+        let grid = family.grid;
+        let trials = map_indices(grid.len(), |k| self.with((family.make)(grid[k])));
+        let best = (0..grid.len()).max_by(|&a, &b| evidence_of(&trials[a]).total_cmp(&evidence_of(&trials[b])))?;
+        let (low, high) = (grid[best.saturating_sub(1)], grid[(best + 1).min(grid.len() - 1)]);
+        let mut found = trials.into_iter().nth(best)?;
+        let (mut center, mut sides) = (grid[best], [low, high]);
+        for _ in 0..HALVINGS {
+            for side in &mut sides {
+                *side = family.between(center, *side, 0.5);
+            }
+            let trials = map_indices(2, |k| self.with((family.make)(sides[k])));
+            for (trial, side) in trials.into_iter().zip(sides) {
+                if evidence_of(&trial) > evidence_of(&found) {
+                    (found, center) = (trial, side);
+                }
+            }
+        }
+        found
+    }
+
+    fn associated(&self, mut scene: Scene, correction: Correction) -> Result<Trial, AssociateError> {
+        let area = |d: &Detection| {
+            let b = d.bounding_box.or_else(|| d.ellipse.map(|e| e.bounding_box()));
+            b.map_or(0.0, |b| b.size().product())
+        };
+        let mut by_frame: Vec<Vec<(f64, usize)>> = vec![Vec::new(); scene.frames.len()];
+        for (index, d) in scene.detections.iter().enumerate() {
+            if self.frames[d.frame_index as usize] && (self.source.is_none() || d.source_index == self.source) {
+                by_frame[d.frame_index as usize].push((area(d), index));
+            }
+        }
+        let mut kept = vec![false; scene.detections.len()];
+        for boxes in &mut by_frame {
+            boxes.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            boxes.iter().take(self.boxes_in_frame).for_each(|&(_, index)| kept[index] = true);
+        }
+        let mut kept = kept.into_iter();
+        scene.detections.retain(|_| kept.next().unwrap_or_default());
+        let association = associate(&scene, &self.options, &|_, _| {})?;
+        let boxes = scene.detections.len().max(1) as f64;
+        let named = association.applied_to(&scene, self.source);
+        let assigned = association.objects.iter().map(|o| o.views as f64).sum::<f64>() / boxes;
+        let agreement = diagnose_agreement(&named, assigned);
+        Ok(Trial { correction, evidence: evidence(&association) / boxes, agreement, named })
+    }
+}
+
+impl Trial {
+    /// Its correction, with a number that suits the objects that were found.
+    fn refined(&self, is_used: &impl Fn(&Detection) -> bool) -> Correction {
+        let correction = self.correction;
+        let better = diagnose(&self.named, is_used).causes.first().and_then(|cause| cause.correction);
+        match (correction, better) {
+            (Correction::ImageScale(a), Some(Correction::ImageScale(b))) => Correction::ImageScale(a * b),
+            (Correction::FocalFactor(a), Some(Correction::FocalFactor(b))) => Correction::FocalFactor(a * b),
+            _ => correction,
+        }
+    }
+}
+
+/// Agreement of the objects that an association found; boxes without an object do not agree with any.
+fn diagnose_agreement(named: &Scene, assigned: f64) -> Agreement {
+    let found = diagnose(named, |_| true).agreement;
+    let Some(found) = found else { return Agreement { miss: 3.0, share: 0.0, boxes: named.detections.len() } };
+    Agreement { share: found.share * assigned, boxes: named.detections.len(), ..found }
+}
+
+/// Whether nearly all boxes lie in their images, but for a margin.
+fn boxes_fit(scene: &Scene) -> bool {
+    let outside = scene.detections.iter().filter(|d| {
+        let size: Option<Vector2<f64>> = scene.frames[d.frame_index as usize].image_size;
+        let (Some(b), Some(size)) = (d.bounding_box, size) else { return false };
+        let center = b.center();
+        center.x < 0.0 || center.y < 0.0 || center.x > size.x || center.y > size.y
+    });
+    outside.count() * 20 <= scene.detections.len()
+}
