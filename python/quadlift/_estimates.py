@@ -69,6 +69,11 @@ class Estimates:
         Numbers of views that the estimates rest on.
     rms_residuals : ndarray, shape (N,)
         Root mean square residuals of the used views, pixels.
+    predicted_ious : ndarray, shape (N,)
+        With ``cross_validate=True``: how well the other views of an object predict the box of each of its views, the mean
+        IoU with the measured boxes; NaN where the others determine no body, as with two views.
+    odd_views : list of str or None, length N
+        With ``cross_validate=True``: the frame whose detection the other views contradict.
     warnings : list of list of str, length N
         What makes an estimate weak.
     doubtful : list of str or None, length N
@@ -86,6 +91,10 @@ class Estimates:
         ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
         ellipses as shares of the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
         ``ellipse_correlation`` are correlations between views that follow each other.
+    cross_validation : dict or None
+        How well left-out views are predicted, over the scene: `iou` (mean, of the predicted and the measured boxes),
+        `edge_error` (median, relative to half the box's size), the numbers of `views` and `objects`, and the `extent`:
+        ``"sample"``, or ``"all"`` with ``cross_validate=True``. None where no view can be left out.
     left_out : dict
         Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
         where the lens cannot be undistorted).
@@ -114,6 +123,8 @@ class Estimates:
     center_sd: NDArray[np.float64]
     views_used: NDArray[np.int64]
     rms_residuals: NDArray[np.float64]
+    predicted_ious: NDArray[np.float64]
+    odd_views: list[str | None]
     warnings: list[list[str]]
     doubtful: list[str | None]
     object_indices: NDArray[np.int64]
@@ -121,6 +132,7 @@ class Estimates:
     residuals: NDArray[np.float64]
     body: str
     noise: dict[str, float]
+    cross_validation: dict[str, Any] | None
     left_out: dict[str, int]
     association: dict[str, Any] | None
     problems: list[str]
@@ -165,6 +177,8 @@ class Estimates:
             center_sd=rows("center_sd"),
             views_used=rows("views_used"),
             rms_residuals=rows("residuals_px"),
+            predicted_ious=rows("predicted_ious"),
+            odd_views=items("odd_views"),
             warnings=items("warnings"),
             doubtful=items("doubtful"),
             object_indices=places[found["object_indices"]],
@@ -172,6 +186,7 @@ class Estimates:
             residuals=found["detection_residuals_px"],
             body=localized.body,
             noise=json.loads(localized.noise_json),
+            cross_validation=json.loads(localized.cross_validation_json),
             left_out=dict(left_out),
             association=None if association is None else json.loads(association),
             problems=localized.problems,

@@ -48,6 +48,9 @@ class Options(TypedDict, total=False):
     """What ids that detections have are worth then (`trust`; with `associate="always"`: `evidence`)."""
     priors: Path | Mapping[str, Prior] | None
     """What is known about categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
+    cross_validate: bool
+    """Leave out each view of each object and predict it from the others: the quality of the result without a truth. Takes
+    several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""
     min_views: int
     """Objects with fewer views are not localised, nor ever with fewer than the method needs (two or three)."""
     max_occluded: float | None
@@ -81,6 +84,7 @@ DEFAULTS: dict[str, Any] = {
     "associate": "auto",
     "ids": None,
     "priors": None,
+    "cross_validate": False,
     "min_views": 0,
     "max_occluded": None,
     "max_truncated": None,
@@ -111,6 +115,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
     if keywords["sigmas"] is not None:
         keywords["sigmas"] = _sigmas(keywords["sigmas"])
+    keywords["cross_validate"] = _checks.flag("cross_validate", keywords["cross_validate"])
     keywords["ground_plane"] = _checks.flag("ground_plane", keywords["ground_plane"])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)

@@ -72,6 +72,10 @@ export interface ReportObject {
   viewsRejected: number;
   /** Root mean square over the used views, pixels. */
   residual: number | null;
+  /** Mean IoU of the boxes that its other views predict for each of its views, and the measured ones. */
+  predictedIou: number | null;
+  /** The frame whose detection the other views contradict. */
+  oddView: string | null;
   warnings: string[];
 }
 

@@ -50,6 +50,9 @@ export function objectDetails(
       ["centre", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${lengthUnit ?? ""}`],
       ["centre's deviation", `± ${withUnit(object.centerSd, lengthUnit)} per coordinate`],
       ["residual", object.residual === null ? "–" : `${short(object.residual)} px over ${object.viewsUsed} views`],
+      ...(object.predictedIou === null
+        ? []
+        : [["left-out views", `predicted by the others with IoU ${object.predictedIou.toFixed(2)}`] as [string, string]]),
     ];
     place.append(factList(facts));
     for (const remark of remarks(object)) place.append(element("p", { class: "remark" }, remark));

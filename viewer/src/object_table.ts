@@ -66,6 +66,15 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
       number: true,
     },
   ];
+  if (objects.some((object) => object.predictedIou !== null)) {
+    columns.push({
+      title: "left-out IoU",
+      hint: "how well the other views predict the box of each view: mean intersection over union with the measured box",
+      value: (k) => objects[k]?.predictedIou ?? null,
+      text: (k) => objects[k]?.predictedIou?.toFixed(2) ?? "–",
+      number: true,
+    });
+  }
   if (categories.length > 0) {
     const category = (k: number): string => categories[objects[k]?.category ?? -1] ?? "";
     columns.splice(1, 0, { title: "category", value: category, text: category });

@@ -46,7 +46,8 @@ export function statusName(status: string | null): string {
 /** What is to be said about an object, in sentences. */
 export function remarks(object: ReportObject): string[] {
   const reason = object.status === null ? undefined : REASON[object.status];
-  return reason === undefined ? object.warnings : [`not localised: ${reason}`, ...object.warnings];
+  const odd = object.oddView === null ? [] : [`the view ${object.oddView} contradicts the others`];
+  return [...(reason === undefined ? [] : [`not localised: ${reason}`]), ...object.warnings, ...odd];
 }
 
 /** A score; angles are given in radians and shown in degrees, shares as they are. */

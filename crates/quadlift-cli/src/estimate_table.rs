@@ -4,10 +4,11 @@ use std::fmt::Write;
 
 use anstyle::Style;
 use quadlift::Localization;
+use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Method, Status};
-use quadlift_io::scene_file::method_name;
+use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object, method_name};
 use serde::Serialize;
 
 use crate::localization::Settings;
@@ -28,12 +29,19 @@ pub struct Summary<'a> {
     size: Option<[f64; 3]>,
     center_sd: Option<f64>,
     residual_px: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cross_validation: Option<CrossValidationRecord>,
     warnings: Vec<String>,
 }
 
 /// The main figures of all estimates.
 pub fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Vec<Summary<'a>> {
-    let summary = |estimate: &Estimate| Summary {
+    let checked = &localization.cross_validation;
+    let of_object = |index| {
+        let object = checked.of_estimate(index).filter(|_| checked.extent == Extent::All)?;
+        cross_validation_of_object(scene, object)
+    };
+    let summary = |(index, estimate): (usize, &Estimate)| Summary {
         id: &scene.object_ids[estimate.object_index],
         category: estimate.category_index.map(|index| scene.categories[index].as_str()),
         status: estimate.status.name(),
@@ -43,9 +51,10 @@ pub fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Vec<Summa
         size: estimate.body.as_ref().map(full_lengths),
         center_sd: estimate.center_sd().filter(|sd| sd.is_finite()),
         residual_px: estimate.rms_residual_px().filter(|r| r.is_finite()),
+        cross_validation: of_object(index),
         warnings: estimate.warnings.iter().map(ToString::to_string).collect(),
     };
-    localization.estimates.iter().map(summary).collect()
+    localization.estimates.iter().enumerate().map(summary).collect()
 }
 
 fn full_lengths(body: &Body) -> [f64; 3] {
@@ -62,7 +71,7 @@ fn full_lengths(body: &Body) -> [f64; 3] {
 /// The table and what is to say about it.
 pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -> String {
     let rows = summaries(scene, localization);
-    let mut text = table(scene, &rows);
+    let mut text = table(scene, &rows, localization.cross_validation.extent == Extent::All);
     for note in notes(&rows, localization, settings) {
         let _ = writeln!(text, "{WARNING}note:{WARNING:#} {}", one_line(&note));
     }
@@ -93,6 +102,9 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     if let Some(noise) = typical_error(localization) {
         let _ = writeln!(text, "{DIM}{noise}{DIM:#}");
     }
+    if let Some(agreement) = agreement(&localization.cross_validation) {
+        let _ = writeln!(text, "{DIM}{agreement}{DIM:#}");
+    }
     text
 }
 
@@ -114,19 +126,27 @@ fn typical_error(localization: &Localization) -> Option<String> {
     ))
 }
 
+/// How well left-out views are predicted, in one line; `None` where none was.
+fn agreement(checked: &CrossValidation) -> Option<String> {
+    let iou = number(checked.iou(), 2);
+    let views = count(checked.predictions().count(), "view");
+    let views = if checked.extent == Extent::All { views } else { format!("a sample of {views}") };
+    checked.iou().map(|_| format!("boxes predicted from the other views: IoU {iou} with the measured ones ({views})"))
+}
+
 /// The noise levels by the names that results and `--sigmas` have for them; `None` when there are none.
 pub fn noise_levels(localization: &Localization) -> Option<String> {
     let levels: Vec<String> = localization.noise.iter().map(|(name, x)| format!("{name} {x:.4}")).collect();
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
 }
 
-fn table(scene: &Scene, rows: &[Summary]) -> String {
+fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {
     // Lengths get as many decimals as three digits of the typical object need.
     let mut lengths: Vec<f64> = rows.iter().filter_map(|row| row.size).map(|size| size[1]).collect();
     lengths.sort_by(f64::total_cmp);
     let places = decimals(lengths.get(lengths.len() / 2).copied().unwrap_or(1.0), 3);
     let unit = scene.length_unit.as_deref();
-    let mut table = Table::new([
+    let mut columns = vec![
         "<object".to_owned(),
         "<category".to_owned(),
         "<status".to_owned(),
@@ -137,11 +157,15 @@ fn table(scene: &Scene, rows: &[Summary]) -> String {
         with_unit("size", unit),
         with_unit("sd of centre", unit),
         "residual [px]".to_owned(),
-    ]);
+    ];
+    if cross_validated {
+        columns.push("left-out IoU".to_owned());
+    }
+    let mut table = Table::new(columns);
     for row in rows {
         let coordinate = |axis: usize| number(row.center.map(|center| center[axis]), places).into();
         let size = row.size.map_or("-".to_owned(), |s| s.map(|x| number(Some(x), places)).join(" x "));
-        table.push(vec![
+        let mut cells = vec![
             row.id.into(),
             row.category.unwrap_or_default().into(),
             Cell::styled(row.status, status_style(row.status)),
@@ -152,7 +176,11 @@ fn table(scene: &Scene, rows: &[Summary]) -> String {
             size.into(),
             number(row.center_sd, row.center_sd.map_or(0, |sd| decimals(sd, 2))).into(),
             number(row.residual_px, 2).into(),
-        ]);
+        ];
+        if cross_validated {
+            cells.push(number(row.cross_validation.as_ref().map(|checked| checked.iou), 2).into());
+        }
+        table.push(cells);
     }
     table.render()
 }
@@ -171,8 +199,10 @@ fn status_style(status: &str) -> Style {
 fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> Vec<String> {
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for (row, estimate) in rows.iter().zip(&localization.estimates) {
+        let odd = row.cross_validation.as_ref().and_then(|checked| checked.odd_view.as_deref());
+        let odd = odd.map(|view| format!("the view {view} contradicts the others"));
         let reason = reason(estimate.status, settings.options.method, settings.options.min_views);
-        for text in reason.into_iter().chain(row.warnings.iter().cloned()) {
+        for text in reason.into_iter().chain(row.warnings.iter().cloned()).chain(odd) {
             match notes.iter_mut().find(|(known, _)| *known == text) {
                 Some((_, ids)) => ids.push(row.id),
                 None => notes.push((text, vec![row.id])),

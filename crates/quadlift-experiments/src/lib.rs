@@ -7,6 +7,7 @@
 
 mod accv;
 mod association;
+mod cross_validation;
 pub mod data;
 mod error;
 pub mod held_out;
@@ -51,12 +52,22 @@ pub enum Experiment {
     Segmentation,
     /// Objects from detections without ids; not in the paper.
     Association,
+    /// What left-out views tell about the quality of estimates; not in the paper.
+    CrossValidation,
 }
 
 impl Experiment {
     /// All experiments, in the order of the paper; then what it describes without figures of its own, and what is ours.
-    pub const ALL: [Self; 7] =
-        [Self::Synthetic, Self::Accv, Self::Tuw, Self::Kitti, Self::Minimal, Self::Segmentation, Self::Association];
+    pub const ALL: [Self; 8] = [
+        Self::Synthetic,
+        Self::Accv,
+        Self::Tuw,
+        Self::Kitti,
+        Self::Minimal,
+        Self::Segmentation,
+        Self::Association,
+        Self::CrossValidation,
+    ];
 
     /// Whether it needs the real data.
     pub fn needs_data(self) -> bool {
@@ -81,5 +92,6 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Minimal => minimal::run(&folder()?, seed, progress),
         Experiment::Segmentation => segmentation::run(data, segmentation::Extent::Whole, seed, progress),
         Experiment::Association => association::run(data, seed, progress),
+        Experiment::CrossValidation => cross_validation::run(&folder()?, seed, progress),
     }
 }

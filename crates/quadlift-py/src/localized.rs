@@ -9,6 +9,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadlift::associate::Association;
+use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::Scene;
 use quadlift::solve::Estimate;
@@ -16,7 +17,7 @@ use quadlift::{Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
-use quadlift_io::scene_file::{body_name, coordinates_name, noise_record, settings_record};
+use quadlift_io::scene_file::{body_name, coordinates_name, cross_validation_record, noise_record, settings_record};
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::association::associated;
@@ -171,6 +172,12 @@ impl PyLocalized {
         })?;
         rows("center_sd", 1, &|e, to| to.extend(e.center_sd()))?;
         rows("residuals_px", 1, &|e, to| to.extend(e.rms_residual_px()))?;
+        let checked = &self.localization.cross_validation;
+        let of_object = |index| checked.of_estimate(index).filter(|_| checked.extent == Extent::All);
+        let ious = (0..estimates.len()).map(|k| of_object(k).and_then(ObjectCrossValidation::iou).unwrap_or(f64::NAN));
+        dict.set_item("predicted_ious", PyArray1::from_vec(py, ious.collect()))?;
+        let odd = |k| Some(self.scene().frames.get(of_object(k)?.odd_view()?.frame_index)?.id.as_str());
+        dict.set_item("odd_views", (0..estimates.len()).map(odd).collect::<Vec<_>>())?;
         let views: Vec<i64> = estimates.iter().map(|e| e.views_used() as i64).collect();
         dict.set_item("views_used", PyArray1::from_vec(py, views))?;
         self.set_detections(py, &dict)?;
@@ -220,6 +227,12 @@ impl PyLocalized {
     #[getter]
     fn noise_json(&self) -> String {
         serde_json::Value::from(noise_record(&self.localization)).to_string()
+    }
+
+    /// What the left-out views tell about the scene, as JSON.
+    #[getter]
+    fn cross_validation_json(&self) -> String {
+        cross_validation_record(&self.localization).to_string()
     }
 
     /// Detections that took no part: without object, occluded or truncated, beyond the lens.

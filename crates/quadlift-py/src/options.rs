@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, IdUse};
+use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements, localize};
@@ -26,6 +27,8 @@ pub struct LocalizeKeywords {
     priors: Option<String>,
     /// The text of a file of priors, in the place of a path.
     priors_text: Option<String>,
+    /// All views (true), a sample (false), none.
+    cross_validate: Option<bool>,
     min_views: usize,
     max_occluded: Option<f64>,
     max_truncated: Option<f64>,
@@ -74,6 +77,11 @@ impl LocalizeKeywords {
             measurements: choice("observations", &self.observations, &OBSERVATIONS)?,
             seed: self.seed,
             ..Default::default()
+        };
+        options.cross_validation.extent = match self.cross_validate {
+            None => Extent::Nothing,
+            Some(false) => Extent::Sample,
+            Some(true) => Extent::All,
         };
         let map = &mut options.map;
         map.body = body(&self.body)?;

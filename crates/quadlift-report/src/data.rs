@@ -99,6 +99,10 @@ pub struct ReportObject {
     pub views_rejected: usize,
     /// Root mean square residual of the used views in pixels.
     pub residual: Option<f64>,
+    /// Mean IoU of the boxes that its other views predict for each of its views, and the measured ones.
+    pub predicted_iou: Option<f64>,
+    /// Id of the frame whose detection the other views contradict.
+    pub odd_view: Option<String>,
     /// What makes the estimate weak, in words.
     pub warnings: Vec<String>,
 }

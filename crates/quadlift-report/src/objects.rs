@@ -109,6 +109,8 @@ impl Objects {
         object.views_rejected = record.views_rejected.len();
         object.views_used = record.views_used.unwrap_or(0);
         object.residual = record.residual_px;
+        object.predicted_iou = record.cross_validation.as_ref().map(|checked| checked.iou);
+        object.odd_view = record.cross_validation.as_ref().and_then(|checked| checked.odd_view.clone());
         object.warnings = record.warnings.clone();
     }
 

@@ -8,7 +8,8 @@ pub fn run_source(file: &SceneFile) -> Option<&str> {
     file.localization.as_ref()?.get("settings")?.get("source")?.as_str()
 }
 
-/// Names and values: the settings that were made, the kind of body, the noise levels.
+/// Names and values: the settings that were made, the kind of body, the noise levels, how well left-out views are
+/// predicted.
 pub fn run_settings(file: &SceneFile) -> Vec<(String, String)> {
     let Some(run) = &file.localization else { return Vec::new() };
     let mut settings = Vec::new();
@@ -21,6 +22,7 @@ pub fn run_settings(file: &SceneFile) -> Vec<(String, String)> {
     };
     add("", run.get("settings"));
     add("noise, ", run.get("noise"));
+    add("cross-validation, ", run.get("cross_validation"));
     if let Some(body) = run.get("body") {
         settings.push(("fitted body".to_owned(), in_words(body)));
     }

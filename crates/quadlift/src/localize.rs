@@ -198,7 +198,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         });
         let folds = folds_of(&estimates);
         let predicted = map_indices(folds.len(), |index| {
-            let Fold { object, views } = &folds[index];
+            let Fold { object, views, .. } = &folds[index];
             predict_fold(&views_of(*object), views, options.map.border_margin, |others| solve(others).body)
         });
         (estimates, Vec::new(), BodyKind::Ellipsoid, folds, predicted)

@@ -57,6 +57,8 @@ class Settings:
                 "priors: those with on_ground=True let objects share a ground where up is given; tables of objects, "
                 "which are solved one by one, take a mapping of priors without on_ground, or no up"
             )
+        # No part of a table is a scene: nothing is said of one.
+        settings.keywords["cross_validate"] = None
         # One good detection: all that can be wrong is the options.
         probe = Detections(np.array([0]), np.array([0]), np.array([[0.0, 0.0, 1.0, 1.0]]), None, (None, []), None)
         settings.localized(_PROBE, probe.dictionary(np.array([0]), ["probe"], None))

@@ -8,10 +8,11 @@ use std::time::Instant;
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
+use quadlift::cross_validation::Extent;
 use quadlift::solve::{Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::association::{add_to_result, association_record};
-use quadlift_io::scene_file::{count_localised, left_out_record, noise_record};
+use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
 use quadlift_io::{read_scene_file, write_scene_file};
 use serde_json::{Value, json};
 
@@ -129,6 +130,11 @@ pub struct Args {
     #[arg(long, value_name = "RESULT.json|NAME=X,...", value_parser = args::sigmas)]
     sigmas: Option<SigmaSource>,
 
+    /// Leave out each view of each object, predict its box from the others, and show how well both agree: the quality of
+    /// the result without a truth. Takes several times as long; a sample of views is always checked, for the summary
+    #[arg(long)]
+    cross_validate: bool,
+
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -207,6 +213,9 @@ impl Args {
             accept_inconsistent: self.check.accept_inconsistent,
             ..Default::default()
         };
+        if self.cross_validate {
+            options.cross_validation.extent = Extent::All;
+        }
         options.map.body = self.body.0;
         options.map.ground_plane = self.ground_plane;
         options.map.camera_height = self.camera_height;
@@ -393,6 +402,7 @@ fn one_scene(
         document["objects"] = serde_json::to_value(summaries(&scene, &localization))?;
         document["localised"] = localised.into();
         document["noise"] = noise_record(&localization).into();
+        document["cross_validation"] = cross_validation_record(&localization);
         document["left_out"] = left_out_record(&localization);
     }
     out.errors(&problems);

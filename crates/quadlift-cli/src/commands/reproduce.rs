@@ -30,6 +30,7 @@ Experiments:
   minimal       two and three views with a wide baseline
   segmentation  masks and ellipses from images, and bodies from them (without data: rendered images only)
   association   objects from detections without ids (without data: synthetic scenes only)
+  cross-validation  what left-out views tell about the quality of estimates
   all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
@@ -77,6 +78,7 @@ enum Name {
     Minimal,
     Segmentation,
     Association,
+    CrossValidation,
     All,
 }
 
@@ -90,6 +92,7 @@ impl Name {
             Self::Minimal => vec![Experiment::Minimal],
             Self::Segmentation => vec![Experiment::Segmentation],
             Self::Association => vec![Experiment::Association],
+            Self::CrossValidation => vec![Experiment::CrossValidation],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -158,6 +161,7 @@ fn name(args: &Args) -> &'static str {
         Name::Minimal => "minimal",
         Name::Segmentation => "segmentation",
         Name::Association => "association",
+        Name::CrossValidation => "cross-validation",
         Name::All => "results",
     }
 }

@@ -25,7 +25,8 @@ mod tests;
 pub use bodies::{ObjectBodies, coordinates_name};
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
-    CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
+    CovarianceRecord, CrossValidationRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord,
+    ViewRecord,
 };
 pub use paths::way_to_file;
 pub use read::{parse_scene_file, read_scene_file};
@@ -33,9 +34,9 @@ pub use records::{
     CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile,
     SegmentationRecord, VERSION,
 };
-pub use results::estimates_to_objects;
+pub use results::{cross_validation_of_object, estimates_to_objects};
 pub use run::{
-    body_name, count_localised, left_out_record, method_name, noise_record, observations_name, settings_record,
-    status_counts,
+    body_name, count_localised, cross_validation_record, left_out_record, method_name, noise_record, observations_name,
+    settings_record, status_counts,
 };
 pub use write::{write_scene, write_scene_file};

@@ -54,6 +54,9 @@ pub struct ObjectRecord {
     /// What each view contributed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_residuals_px: Vec<ViewRecord>,
+    /// How well the object's views predict those that are left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cross_validation: Option<Box<CrossValidationRecord>>,
     /// What makes the estimate weak, for people.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
@@ -128,6 +131,27 @@ pub struct ViewRecord {
     pub residual_px: Option<f64>,
     /// Whether the view was used; otherwise it was rejected as an outlier.
     pub inlier: bool,
+    /// IoU of the measured box and the one that the other views predict, where the whole scene was cross-validated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predicted_iou: Option<f64>,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// Cross-validation of an object: how well its other views predict each of its views.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct CrossValidationRecord {
+    /// Mean IoU of predicted and measured boxes.
+    pub iou: f64,
+    /// Number of views that were predicted.
+    pub views: usize,
+    /// Median error of the predicted edges relative to the mean half size of the measured box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge_error: Option<f64>,
+    /// Id of the frame whose detection the others contradict.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub odd_view: Option<String>,
     /// Fields that this version does not know.
     #[serde(flatten)]
     pub extra: Map<String, Value>,

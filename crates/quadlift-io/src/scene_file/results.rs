@@ -1,20 +1,36 @@
 //! From estimates to the objects of a scene file.
 
 use quadlift::Localization;
+use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::scene::Scene;
 use quadlift::solve::Estimate;
 
 use super::bodies::coordinates_name;
-use super::object_records::{CovarianceRecord, ObjectRecord, ViewRecord};
+use super::object_records::{CovarianceRecord, CrossValidationRecord, ObjectRecord, ViewRecord};
 
 /// The estimates of a localisation of `scene` as the objects of a file, in their order.
 ///
 /// Figures that are not finite are left out, because JSON cannot hold them.
 pub fn estimates_to_objects(scene: &Scene, localization: &Localization) -> Vec<ObjectRecord> {
-    localization.estimates.iter().map(|estimate| object(scene, estimate)).collect()
+    let checked = &localization.cross_validation;
+    let of_object = |index| checked.of_estimate(index).filter(|_| checked.extent == Extent::All);
+    let objects = localization.estimates.iter().enumerate();
+    objects.map(|(index, estimate)| object(scene, estimate, of_object(index))).collect()
 }
 
-fn object(scene: &Scene, estimate: &Estimate) -> ObjectRecord {
+/// What the cross-validation of an object tells; `None` where no view was predicted.
+pub fn cross_validation_of_object(scene: &Scene, checked: &ObjectCrossValidation) -> Option<CrossValidationRecord> {
+    let frame = |index: usize| scene.frames.get(index).map(|frame| frame.id.clone());
+    Some(CrossValidationRecord {
+        iou: checked.iou()?,
+        views: checked.predictions.len(),
+        edge_error: checked.edge_error().filter(|x| x.is_finite()),
+        odd_view: checked.odd_view().and_then(|odd| frame(odd.frame_index)),
+        ..Default::default()
+    })
+}
+
+fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValidation>) -> ObjectRecord {
     let frame_id = |index: usize| scene.frames.get(index).map(|frame| frame.id.clone()).unwrap_or_default();
     let finite = |x: &f64| x.is_finite();
     let mut record = ObjectRecord {
@@ -33,9 +49,11 @@ fn object(scene: &Scene, estimate: &Estimate) -> ObjectRecord {
                 frame: frame_id(view.frame_index),
                 residual_px: view.residual_px.filter(finite),
                 inlier: view.inlier,
+                predicted_iou: checked.and_then(|c| Some(c.of_frame(view.frame_index)?.iou)),
                 ..Default::default()
             })
             .collect(),
+        cross_validation: checked.and_then(|c| cross_validation_of_object(scene, c)).map(Box::new),
         warnings: estimate.warnings.iter().map(ToString::to_string).collect(),
         covariance: estimate.covariance.as_ref().filter(|c| c.matrix.iter().all(finite)).map(|c| {
             Box::new(CovarianceRecord {

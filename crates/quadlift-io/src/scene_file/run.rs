@@ -1,5 +1,6 @@
 //! What a result says about its run: the settings, the counts and the noise levels (`localization` in the file).
 
+use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, Estimate, Method, Sigmas, Status};
 use quadlift::{Localization, Options, UsedMeasurements};
@@ -79,6 +80,19 @@ pub fn noise_record(localization: &Localization) -> Map<String, Value> {
     localization.noise.iter().map(|(name, level)| ((*name).to_owned(), Value::from(*level))).collect()
 }
 
+/// What the views that were left out tell about a scene; null where none could be predicted.
+pub fn cross_validation_record(localization: &Localization) -> Value {
+    let checked = &localization.cross_validation;
+    let Some(iou) = checked.iou() else { return Value::Null };
+    json!({
+        "extent": if checked.extent == Extent::All { "all" } else { "sample" },
+        "iou": iou,
+        "edge_error": checked.edge_error().filter(|x| x.is_finite()),
+        "views": checked.predictions().count(),
+        "objects": checked.objects.iter().filter(|object| !object.predictions.is_empty()).count(),
+    })
+}
+
 /// Number of estimates with each status.
 pub fn status_counts(estimates: &[Estimate]) -> Map<String, Value> {
     let mut counts = Map::new();
@@ -132,6 +146,7 @@ impl SceneFile {
             "status": status_counts(&localization.estimates),
             "left_out": left_out_record(localization),
             "noise": noise_record(localization),
+            "cross_validation": cross_validation_record(localization),
             "diagnosis": diagnosis_record(&localization.diagnosis, &Context::of(self, 0)),
         });
         self.with_results(estimates_to_objects(scene, localization), about)

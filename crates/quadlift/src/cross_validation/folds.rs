@@ -3,6 +3,12 @@
 use super::{CrossValidationOptions, Extent};
 use crate::solve::{Estimate, Fold};
 
+/// Views of an object from which a sample's fits start from the fit to all views. Against fits from scratch (synthetic
+/// scenes of 50 objects, 8 and 20 views, boxes with 5 % noise): IoU of ellipsoids within .0004 for 99 % of the views with 20,
+/// .004 with 8; that of cuboids higher by .0015 in the mean with 20 views, by .004 with 8, because the left-out views had a
+/// say in which of two yaws was found.
+const ENOUGH_VIEWS: usize = 8;
+
 /// The folds of an object with `views` views: each view is in one of at most `fits` folds. Every view is left out by
 /// itself where there are no more views than fits; otherwise views that follow each other in time are in different folds,
 /// so that what remains sees the object from all sides, as it does when one view is left out.
@@ -20,8 +26,10 @@ pub fn view_folds(views: usize, fits: usize, fewest: usize) -> Vec<Vec<usize>> {
 /// `fewest` is the number of views that the method needs.
 pub(crate) fn choose_folds(estimates: &[Estimate], options: &CrossValidationOptions, fewest: usize) -> Vec<Fold> {
     let folds_of = |object: usize| {
-        let views = view_folds(estimates[object].views.len(), options.fits_per_object, fewest);
-        views.into_iter().map(move |views| Fold { object, views })
+        let count = estimates[object].views.len();
+        let warm_start = options.extent == Extent::Sample && count >= ENOUGH_VIEWS;
+        let folds = view_folds(count, options.fits_per_object, fewest);
+        folds.into_iter().map(move |views| Fold { object, views, warm_start })
     };
     let has_folds = |object: &usize| {
         let views = estimates[*object].views.len();

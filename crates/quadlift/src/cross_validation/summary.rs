@@ -44,6 +44,16 @@ impl ObjectCrossValidation {
         mean(self.predictions.iter().map(|prediction| prediction.iou))
     }
 
+    /// The prediction of the view in a frame.
+    pub fn of_frame(&self, frame_index: usize) -> Option<&Prediction> {
+        self.predictions.iter().find(|prediction| prediction.frame_index == frame_index)
+    }
+
+    /// Median of the errors of the predicted edges ([`Prediction::edge_errors`]), without their signs.
+    pub fn edge_error(&self) -> Option<f64> {
+        median_edge_error(self.predictions.iter())
+    }
+
     /// The view that the others contradict: a fit to the others agrees with each of them much better than with it. It takes
     /// four views to tell; of several the oddest is named.
     pub fn odd_view(&self) -> Option<&Prediction> {
@@ -63,10 +73,7 @@ impl CrossValidation {
 
     /// Median of the errors of the predicted edges ([`Prediction::edge_errors`]), without their signs.
     pub fn edge_error(&self) -> Option<f64> {
-        let mut errors: Vec<f64> =
-            self.predictions().flat_map(Prediction::edge_errors).flatten().map(f64::abs).collect();
-        errors.sort_by(f64::total_cmp);
-        errors.get(errors.len() / 2).copied()
+        median_edge_error(self.predictions())
     }
 
     /// All predictions, in the order of the objects and their views.
@@ -129,6 +136,12 @@ fn oddness_of(prediction: &Prediction, fold: &FoldPrediction) -> f64 {
         }
         _ => 0.0,
     }
+}
+
+fn median_edge_error<'a>(predictions: impl Iterator<Item = &'a Prediction>) -> Option<f64> {
+    let mut errors: Vec<f64> = predictions.flat_map(Prediction::edge_errors).flatten().map(f64::abs).collect();
+    errors.sort_by(f64::total_cmp);
+    errors.get(errors.len() / 2).copied()
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

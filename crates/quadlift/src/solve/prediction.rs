@@ -93,6 +93,9 @@ pub struct Fold {
     pub object: usize,
     /// The views that are left out, as indices into [`ObjectViews::views`].
     pub views: Vec<usize>,
+    /// Whether `map` starts from the fit to all views, which is quick, instead of the object's own starts. Where several
+    /// bodies fit the other views, the ones left out have a say in which is found.
+    pub warm_start: bool,
 }
 
 /// What the other views of an object tell about those of a [`Fold`].

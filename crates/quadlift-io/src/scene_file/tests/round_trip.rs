@@ -143,41 +143,56 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         ))
     };
     let bodies = (ellipsoid(), ellipsoid(), cuboid(), cuboid(), superellipsoid(), superellipsoid());
-    let view = (text(), option::of(number()), any::<bool>(), extra())
-        .prop_map(|(frame, residual_px, inlier, extra)| ViewRecord { frame, residual_px, inlier, extra });
+    let view = (text(), option::of(number()), any::<bool>(), option::of(number()), extra()).prop_map(
+        |(frame, residual_px, inlier, predicted_iou, extra)| ViewRecord {
+            frame,
+            residual_px,
+            inlier,
+            predicted_iou,
+            extra,
+        },
+    );
+    let checked = (number(), any::<usize>(), option::of(number()), option::of(text()), extra()).prop_map(
+        |(iou, views, edge_error, odd_view, extra)| {
+            Box::new(CrossValidationRecord { iou, views, edge_error, odd_view, extra })
+        },
+    );
     let views = (option::of(any::<usize>()), vec(text(), 0..3), vec(view, 0..3), vec(text(), 0..3));
     let covariance = (text(), vec(numbers(), 9), extra()).prop_map(|(coordinates, m, extra)| {
         Box::new(CovarianceRecord { coordinates, matrix: std::array::from_fn(|i| m[i]), extra })
     });
     let names = (text(), option::of(text()), option::of(text()));
     let figures = (option::of(numbers()), option::of(number()), option::of(number()), option::of(covariance));
-    (names, figures, bodies, views, extra()).prop_map(|(names, figures, bodies, views, extra)| {
-        let (id, category, status) = names;
-        let (center, center_sd, residual_px, covariance) = figures;
-        let (ellipsoid, enclosing_ellipsoid, cuboid, enclosing_cuboid, superellipsoid, enclosing_superellipsoid) =
-            bodies;
-        let (views_used, views_rejected, view_residuals_px, warnings) = views;
-        ObjectRecord {
-            id,
-            category,
-            status,
-            center,
-            center_sd,
-            ellipsoid,
-            enclosing_ellipsoid,
-            cuboid,
-            enclosing_cuboid,
-            superellipsoid,
-            enclosing_superellipsoid,
-            views_used,
-            views_rejected,
-            residual_px,
-            view_residuals_px,
-            warnings,
-            covariance,
-            extra,
-        }
-    })
+    (names, figures, bodies, views, option::of(checked), extra()).prop_map(
+        |(names, figures, bodies, views, checked, extra)| {
+            let (id, category, status) = names;
+            let (center, center_sd, residual_px, covariance) = figures;
+            let (ellipsoid, enclosing_ellipsoid, cuboid, enclosing_cuboid, superellipsoid, enclosing_superellipsoid) =
+                bodies;
+            let (views_used, views_rejected, view_residuals_px, warnings) = views;
+            ObjectRecord {
+                id,
+                category,
+                status,
+                center,
+                center_sd,
+                ellipsoid,
+                enclosing_ellipsoid,
+                cuboid,
+                enclosing_cuboid,
+                superellipsoid,
+                enclosing_superellipsoid,
+                views_used,
+                views_rejected,
+                residual_px,
+                view_residuals_px,
+                cross_validation: checked,
+                warnings,
+                covariance,
+                extra,
+            }
+        },
+    )
 }
 
 fn scene() -> impl Strategy<Value = SceneFile> {

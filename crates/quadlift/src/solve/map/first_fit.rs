@@ -13,7 +13,7 @@ use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
 use super::starts::{centers_from_size, oriented_starts};
-use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
+use crate::geometry::{Body, ConvexBody, Cuboid, Ellipsoid, Superellipsoid};
 
 /// To decide between many starts: few steps.
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
@@ -36,6 +36,9 @@ pub(super) trait FirstFit: BodyModel {
         seed: u64,
     ) -> Option<(Self, NormalEquations)>;
 
+    /// The model of a body in the world, in an object's frame; `None` when it is of another kind.
+    fn of_body(body: &Body, frame: &ObjectFrame) -> Option<Self>;
+
     /// The body in the world, of the kind that was asked for.
     fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body;
 
@@ -56,6 +59,12 @@ impl FirstFit for EllipsoidModel {
     ) -> Option<(Self, NormalEquations)> {
         let equations = prepared.objective(noise, outlier_scale).linearise(ellipsoid)?;
         Some((ellipsoid.clone(), equations))
+    }
+
+    fn of_body(body: &Body, frame: &ObjectFrame) -> Option<Self> {
+        let Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation }) = body else { return None };
+        let center = (center - frame.origin) / frame.unit;
+        Some(Self::from_axes(center, *rotation.matrix(), semi_axes / frame.unit))
     }
 
     fn body_in_world(&self, frame: &ObjectFrame, _kind: BodyKind) -> Body {
@@ -99,6 +108,16 @@ impl FirstFit for OrientedModel {
             .take(FOLLOWED_STARTS)
             .filter_map(|(start, _)| descend(start, FROM_START))
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+    }
+
+    fn of_body(body: &Body, frame: &ObjectFrame) -> Option<Self> {
+        let (rotation, semi_axes, exponent) = match body {
+            Body::Ellipsoid(_) => return None,
+            Body::Cuboid(body) => (body.rotation, body.half_extents, 1.0),
+            Body::Superellipsoid(body) => (body.rotation, body.semi_axes, body.support_exponent),
+        };
+        let center = (body.center() - frame.origin) / frame.unit;
+        Some(Self::new(center, *rotation.matrix(), semi_axes / frame.unit, exponent))
     }
 
     fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body {

@@ -101,8 +101,8 @@ pub type ChooseFolds<'a> = &'a (dyn Fn(&[Estimate]) -> Vec<Fold> + Sync);
 /// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. `done` is called
 /// once for each finished object.
 ///
-/// The views of each fold are then left out, the object is fitted again from its starts to the others, and its views are
-/// predicted. What the objects of the scene share is kept as it was found with all views: noise levels, ground plane, the
+/// The views of each fold are then left out, the object is fitted again to the others, from its starts or from where the
+/// fit to all views ended ([`Fold::warm_start`]), and its views are predicted. What the objects of the scene share is kept as it was found with all views: noise levels, ground plane, the
 /// corrections of the poses of the views that are left in, and the kind of body.
 pub fn map(
     count: usize,
@@ -161,8 +161,14 @@ fn finish<B: FirstFit>(
     });
     let folds = folds(&estimates);
     let predicted = map_indices(folds.len(), |index| {
-        let Fold { object, views } = &folds[index];
-        let fit = |others| scene.body_of_other(others, context);
+        let Fold { object, views, warm_start } = &folds[index];
+        let whole = &estimates[*object];
+        let start = whole.body.filter(|_| *warm_start);
+        let outliers = whole.views.iter().any(|view| !view.inlier);
+        let fit = |others: ObjectViews| match start {
+            Some(start) => scene.body_from(others, &start, outliers, context),
+            None => scene.body_of_other(others, context),
+        };
         predict_fold(&views_of(*object), views, context.options.border_margin, fit)
     });
     MapSolution { estimates, noise: scene.noise_report(context), body: context.body, folds, predicted }

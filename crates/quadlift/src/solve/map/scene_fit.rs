@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use super::super::estimate::Estimate;
 use super::MapContext;
+use super::body_model::EllipsoidModel;
 use super::first_fit::FirstFit;
 use super::fit::Fit;
 use super::ground::{GroundPlane, LowestPoint};
 use super::noise::{NoiseLevels, NoiseStatistics};
 use super::object::Prepared;
+use super::objective::OUTLIER_SCALE;
 use super::poses::PoseCorrections;
 use crate::geometry::Body;
 use crate::parallel::map_indices;
@@ -158,6 +160,29 @@ impl<B: FirstFit> SceneFit<B> {
     pub(super) fn body_of_other(&self, views: ObjectViews, context: &MapContext) -> Option<Body> {
         let fit = self.fit_other(views, context).ok()?;
         Some(fit.body.body_in_world(&fit.prepared.measurements.frame, context.body))
+    }
+
+    /// The body, in the world, that an object's views give from where an earlier fit to more views ended. `outliers` says
+    /// whether some of them may be wrong.
+    pub(super) fn body_from(
+        &self,
+        mut views: ObjectViews,
+        start: &Body,
+        outliers: bool,
+        context: &MapContext,
+    ) -> Option<Body> {
+        self.poses.apply(&mut views);
+        let prepared = Prepared::new(views, context).ok()?;
+        let frame = prepared.measurements.frame;
+        let body = B::of_body(start, &frame)?;
+        let outlier_scale = outliers.then_some(OUTLIER_SCALE);
+        let equations = prepared.objective(&self.noise, outlier_scale).linearise(&body)?;
+        let ellipsoid = EllipsoidModel::from_axes(*body.center(), *body.axes(), body.semi_axes());
+        let mut fit = Fit { prepared: Arc::new(prepared), ellipsoid, body, equations, outlier_scale, ground: None };
+        if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+            fit.stand_on(ground, up);
+        }
+        Some(fit.refined(&self.noise, true).body.body_in_world(&frame, context.body))
     }
 
     /// Another object of the scene, fitted from its starts under what the scene shares.
