@@ -44,6 +44,8 @@ struct Pair {
     left_out: f64,
     /// Less the root mean square residual over the mean half size of its boxes.
     residual: f64,
+    /// Less the standard deviation of the centre over the geometric mean of the semi-axes.
+    deviation: f64,
     /// Its true overlap.
     truth: f64,
 }
@@ -131,13 +133,16 @@ fn pairs(set: &Set, scene: &TrueScene, source: &str, views: Option<usize>) -> Re
         let truth: Vec<TruthObject> = scene.truth.iter().filter(|truth| truth.id == *id).cloned().collect();
         let scores = evaluate(&estimated, &truth, &[]).objects;
         let sizes: Vec<f64> = object.predictions.iter().map(|p| p.measured.mean_half_size()).collect();
-        if let (Some(left_out), Some(truth), Some(residual), Some(size)) = (
+        let deviation =
+            estimate.center_sd().zip(estimate.ellipsoid()).map(|(sd, e)| -sd / e.semi_axes.product().cbrt());
+        if let (Some(left_out), Some(truth), Some(residual), Some(size), Some(deviation)) = (
             object.iou(),
             scores.first().and_then(|score| set.measure.of(score)),
             estimate.rms_residual_px(),
             mean(&sizes),
+            deviation,
         ) {
-            pairs.push(Pair { left_out, residual: -residual / size, truth });
+            pairs.push(Pair { left_out, residual: -residual / size, deviation, truth });
         }
     }
     Ok(pairs)
@@ -172,9 +177,11 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
             "Spearman",
             "Pearson",
             "Spearman of the residual",
+            "of the sd of the centre",
         ],
     );
     let mut of_views: Vec<Vec<Pair>> = vec![Vec::new(); VIEWS.len()];
+    let mut within: Vec<Pair> = Vec::new();
     for set in &sets {
         for (&views, pooled) in VIEWS.iter().zip(&mut of_views) {
             let cases: Vec<(&TrueScene, &str)> =
@@ -189,6 +196,7 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
                 .collect::<Result<_, Error>>()?;
             let found = found.concat();
             table.push(row(set.name, views, &found));
+            within.extend(centered(&found));
             pooled.extend(found);
         }
     }
@@ -197,18 +205,22 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     }
     let all = of_views.concat();
     table.push(row_of("together", "each of these".into(), &all));
+    let mut less_the_means = row_of("together, less the mean of each row above", "each of these".into(), &within);
+    (less_the_means[3], less_the_means[4]) = (Cell::Empty, Cell::Empty);
+    table.push(less_the_means);
     table.note(
         "Spearman is the correlation of ranks: 1 where a larger left-out IoU always means a larger true overlap, 0 where \
          it means nothing. \"Of the residual\" is that of the root mean square residual of the used views over the mean \
-         half size of the boxes, with its sign turned: what one can know without leaving views out. Objects that occur \
-         with several numbers of views are not independent.",
+         half size of the boxes with its sign turned, \"of the sd of the centre\" that of its standard deviation over the \
+         size of the body, likewise: what one can know without leaving views out. Objects that occur with several \
+         numbers of views are not independent.",
     );
     report.table(table);
     report.table(bins(&all));
-    if let Some(value) = spearman(&all, |pair| pair.left_out) {
+    if let Some(value) = spearman(&within, |pair| pair.left_out) {
         report.headlines.push(Headline {
-            id: "cross_validation_spearman",
-            what: format!("rank correlation of the left-out IoU with the true overlap, {} objects", all.len()),
+            id: "cross_validation_within",
+            what: "rank correlation of left-out IoU and O3D within the sets of real objects".to_owned(),
             paper: None,
             ours: Figure { value, standard_error: None },
             row: "map".to_owned(),
@@ -216,6 +228,20 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
         });
     }
     Ok(report)
+}
+
+/// The pairs less their means: what is left when every set is taken for itself.
+fn centered(pairs: &[Pair]) -> Vec<Pair> {
+    let mean_of = |of: fn(&Pair) -> f64| mean(&pairs.iter().map(of).collect::<Vec<_>>()).unwrap_or(0.0);
+    let [left_out, residual, deviation, truth] =
+        [mean_of(|p| p.left_out), mean_of(|p| p.residual), mean_of(|p| p.deviation), mean_of(|p| p.truth)];
+    let less = |p: &Pair| Pair {
+        left_out: p.left_out - left_out,
+        residual: p.residual - residual,
+        deviation: p.deviation - deviation,
+        truth: p.truth - truth,
+    };
+    pairs.iter().map(less).collect()
 }
 
 fn row(name: &str, views: Option<usize>, pairs: &[Pair]) -> Vec<Cell> {
@@ -234,6 +260,7 @@ fn row_of(name: &str, views: Cell, pairs: &[Pair]) -> Vec<Cell> {
         cell(spearman(pairs, |pair| pair.left_out)),
         cell(pearson(&values(|pair| pair.left_out), &values(|pair| pair.truth))),
         cell(spearman(pairs, |pair| pair.residual)),
+        cell(spearman(pairs, |pair| pair.deviation)),
     ]
 }
 
@@ -289,7 +316,7 @@ mod tests {
     #[test]
     fn correlations_of_known_pairs() {
         assert_eq!(ranks(&[0.3, 0.1, 0.3, 0.9]), [2.5, 1.0, 2.5, 4.0]);
-        let pair = |left_out: f64, truth: f64| Pair { left_out, truth, residual: -left_out };
+        let pair = |left_out: f64, truth: f64| Pair { left_out, truth, residual: -left_out, deviation: 0.0 };
         let curve: Vec<Pair> = (1..6).map(|k| pair(k as f64, (k * k) as f64)).collect();
         assert!((spearman(&curve, |pair| pair.left_out).unwrap() - 1.0).abs() < 1e-12);
         assert!((spearman(&curve, |pair| pair.residual).unwrap() + 1.0).abs() < 1e-12);

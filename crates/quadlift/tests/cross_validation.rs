@@ -115,13 +115,32 @@ fn the_sample_is_a_part_of_the_whole() {
     let scene = scene(30, 12, 0.03);
     let whole = all(&scene);
     let sample = run(&scene, Options::default(), Extent::Sample).cross_validation;
-    assert_eq!(sample.objects.len(), 16);
+    assert_eq!(sample.objects.len(), 8);
     for prediction in sample.predictions() {
         assert!(whole.predictions().any(|other| other == prediction));
     }
     assert!((sample.iou().unwrap() - whole.iou().unwrap()).abs() < 0.03);
     let estimates = |extent| run(&scene, Options::default(), extent).estimates;
     assert_eq!(estimates(Extent::Nothing), estimates(Extent::All));
+}
+
+/// The sample's fits start from the fit to all views where there are enough of them: that changes nearly nothing.
+#[test]
+fn a_warm_start_predicts_the_same() {
+    for (views, bound) in [(20, 1e-3), (8, 5e-3)] {
+        let scene = scene(20, views, 0.05);
+        let mut options = Options::default();
+        options.map.body = Some(BodyKind::Ellipsoid);
+        let cold = run(&scene, options.clone(), Extent::All).cross_validation;
+        options.cross_validation.sampled_fits = usize::MAX;
+        let warm = run(&scene, options, Extent::Sample).cross_validation;
+        let mut changes: Vec<f64> =
+            cold.predictions().zip(warm.predictions()).map(|(a, b)| (a.iou - b.iou).abs()).collect();
+        assert_eq!(changes.len(), 20 * views);
+        changes.sort_by(f64::total_cmp);
+        assert!(changes[changes.len() * 99 / 100] < bound, "{views} views: {:?}", changes.last());
+        assert!((cold.iou().unwrap() - warm.iou().unwrap()).abs() < 2e-4);
+    }
 }
 
 #[test]

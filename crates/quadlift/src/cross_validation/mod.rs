@@ -34,12 +34,13 @@ pub struct CrossValidationOptions {
     pub extent: Extent,
     /// Fits for each object, at most (2 at least): in objects with more views several of them are left out together.
     pub fits_per_object: usize,
-    /// Fits for the scene with [`Extent::Sample`], at most, evenly spread over its objects.
+    /// Fits for the scene with [`Extent::Sample`], at most, evenly spread over its objects. 16 of them took 2.7 % of the time
+    /// of localising 50 objects in 20 views (9.3 % where the kind of body was given); 8 stay below 5 % in both.
     pub sampled_fits: usize,
 }
 
 impl Default for CrossValidationOptions {
     fn default() -> Self {
-        Self { extent: Extent::default(), fits_per_object: 10, sampled_fits: 16 }
+        Self { extent: Extent::default(), fits_per_object: 10, sampled_fits: 8 }
     }
 }

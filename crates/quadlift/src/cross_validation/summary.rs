@@ -1,7 +1,7 @@
 //! From predictions of single views to what they say about objects and the scene.
 
 use super::{CrossValidationOptions, Extent};
-use crate::solve::{Estimate, Fold, FoldPrediction, Prediction};
+use crate::solve::{Estimate, Fold, FoldPrediction, LARGE_ERROR, Prediction};
 
 /// What the left-out views of a scene tell.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -28,9 +28,6 @@ pub struct ObjectCrossValidation {
 
 /// Error of a prediction, relative to what the fit leaves in the views that it uses, from which a view is odd.
 const ODD_RATIO: f64 = 5.0;
-
-/// Error of a prediction (relative to the half size) below which no view is odd.
-const ODD_ERROR: f64 = 0.2;
 
 /// Parameters of a body.
 const PARAMETERS: f64 = 9.0;
@@ -130,7 +127,7 @@ pub(crate) fn summarise(
 fn oddness_of(prediction: &Prediction, fold: &FoldPrediction) -> f64 {
     let freedom = 1.0 - PARAMETERS / (4.0 * fold.fitted_views as f64);
     match (prediction.error(), fold.fitted_error) {
-        (Some(error), Some(fitted)) if error > ODD_ERROR && freedom > 0.0 => {
+        (Some(error), Some(fitted)) if error > LARGE_ERROR && freedom > 0.0 => {
             // What a fit leaves in its views is less than their noise, because it follows them.
             error / (fitted / freedom.sqrt()).max(EXACT)
         }

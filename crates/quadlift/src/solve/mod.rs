@@ -22,6 +22,7 @@ pub use estimate::{Covariance, CovarianceCoordinates, Estimate, Matrix9, Status,
 pub use lfd::{ConditionedSolution, lfd, lfd_from};
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
 pub use pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
+pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::{Fold, FoldPrediction, Prediction, predict_fold};
 pub use reg::{RegSolution, reg};
 pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};

@@ -6,6 +6,9 @@ use super::report::measured_box;
 use crate::geometry::{Body, BoundingBox, project_bounding_box};
 use crate::scene::{ObjectViews, View};
 
+/// Error of a prediction ([`Prediction::error`]) above which the view may contradict the others.
+pub(crate) const LARGE_ERROR: f64 = 0.2;
+
 /// The prediction of one view of an object from a body that was fitted without it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
@@ -106,7 +109,8 @@ pub struct FoldPrediction {
     pub predictions: Vec<Prediction>,
     /// Number of views from which the body was fitted.
     pub fitted_views: usize,
-    /// Median over these views of the root mean square edge error ([`Prediction::error`]) that the fit leaves in them.
+    /// Median over these views of the root mean square edge error ([`Prediction::error`]) that the fit leaves in them; only
+    /// where a view that was left out has an error above 0.2, and may contradict the others.
     pub fitted_error: Option<f64>,
 }
 
@@ -125,11 +129,13 @@ pub fn predict_fold(
         return FoldPrediction { fitted_views, ..Default::default() };
     };
     let compare = |view: &View, body: &Body| Prediction::new(object_index, view, body, border_margin);
-    let mut errors: Vec<f64> = views.iter().filter_map(|view| compare(view, &body)?.error()).collect();
-    errors.sort_by(f64::total_cmp);
-    FoldPrediction {
-        predictions: left_out.iter().filter_map(|&index| compare(object.views.get(index)?, &body)).collect(),
-        fitted_views,
-        fitted_error: errors.get(errors.len() / 2).copied(),
+    let predictions: Vec<Prediction> =
+        left_out.iter().filter_map(|&index| compare(object.views.get(index)?, &body)).collect();
+    let mut fitted_error = None;
+    if predictions.iter().filter_map(Prediction::error).any(|error| error > LARGE_ERROR) {
+        let mut errors: Vec<f64> = views.iter().filter_map(|view| compare(view, &body)?.error()).collect();
+        errors.sort_by(f64::total_cmp);
+        fitted_error = errors.get(errors.len() / 2).copied();
     }
+    FoldPrediction { predictions, fitted_views, fitted_error }
 }
