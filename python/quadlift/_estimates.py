@@ -70,8 +70,8 @@ class Estimates:
     rms_residuals : ndarray, shape (N,)
         Root mean square residuals of the used views, pixels.
     predicted_ious : ndarray, shape (N,)
-        With ``cross_validate=True``: how well the other views of an object predict the box of each of its views, the mean
-        IoU with the measured boxes; NaN where the others determine no body, as with two views.
+        With ``cross_validate=True``: how well the other views of an object predict the box of each of its views, the
+        mean IoU with the measured boxes; NaN where the others determine no body, as with two views.
     odd_views : list of str or None, length N
         With ``cross_validate=True``: the frame whose detection the other views contradict.
     warnings : list of list of str, length N

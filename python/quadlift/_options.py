@@ -49,8 +49,8 @@ class Options(TypedDict, total=False):
     priors: Path | Mapping[str, Prior] | None
     """What is known about categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
     cross_validate: bool
-    """Leave out each view of each object and predict it from the others: the quality of the result without a truth. Takes
-    several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""
+    """Leave out each view of each object and predict it from the others: the quality of the result without a truth.
+    Takes several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""
     min_views: int
     """Objects with fewer views are not localised, nor ever with fewer than the method needs (two or three)."""
     max_occluded: float | None

@@ -34,6 +34,11 @@ SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
         ["--sigmas", "edge_relative=0.02,edge_px=1.5,edge_correlation=0.25", "--body", "cuboid"],
         {"sigmas": {"edge_px": 1.5, "edge_relative": 0.02, "edge_correlation": 0.25}, "body": "cuboid"},
     ),
+    "cross-validation": (
+        ["--objects", "6", "--views", "12", "--noise", "box:0.02", "--outliers", "0.1", "--trajectory", "orbit"],
+        ["--cross-validate"],
+        {"cross_validate": True},
+    ),
     "closed form": (["--objects", "7", "--views", "12", "--noise", "box:0.1"], ["--method", "lfd"], {"method": "lfd"}),
 }
 
@@ -73,6 +78,11 @@ def test_scenes(name: str, program: Program, tmp_path: Path) -> None:
     assert estimates.object_ids.tolist() == [o["id"] for o in objects]
     assert any(o["status"] == "ok" for o in objects)
     compare(estimates, objects)
+    checked = [o.get("cross_validation", {}) for o in objects]
+    same(estimates.predicted_ious, [c.get("iou") for c in checked])
+    assert estimates.odd_views == [c.get("odd_view") for c in checked]
+    assert any(checked) == keywords.get("cross_validate", False)
+    assert estimates.cross_validation == read_json(result)["localization"]["cross_validation"]
 
     # From arrays, with whole numbers for the objects.
     document = read_json(scene)

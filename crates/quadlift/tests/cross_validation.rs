@@ -6,7 +6,7 @@
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::BoundingBox;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Method, Sigmas};
+use quadlift::solve::{BodyKind, Method, Prediction, Sigmas};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 use quadlift::{Localization, Options, localize};
 
@@ -117,7 +117,11 @@ fn the_sample_is_a_part_of_the_whole() {
     let sample = run(&scene, Options::default(), Extent::Sample).cross_validation;
     assert_eq!(sample.objects.len(), 8);
     for prediction in sample.predictions() {
-        assert!(whole.predictions().any(|other| other == prediction));
+        // From a warm start, see below.
+        let same = |other: &&Prediction| {
+            (other.object_index, other.frame_index) == (prediction.object_index, prediction.frame_index)
+        };
+        assert!((whole.predictions().find(same).unwrap().iou - prediction.iou).abs() < 5e-3);
     }
     assert!((sample.iou().unwrap() - whole.iou().unwrap()).abs() < 0.03);
     let estimates = |extent| run(&scene, Options::default(), extent).estimates;
@@ -138,8 +142,9 @@ fn a_warm_start_predicts_the_same() {
             cold.predictions().zip(warm.predictions()).map(|(a, b)| (a.iou - b.iou).abs()).collect();
         assert_eq!(changes.len(), 20 * views);
         changes.sort_by(f64::total_cmp);
-        assert!(changes[changes.len() * 99 / 100] < bound, "{views} views: {:?}", changes.last());
-        assert!((cold.iou().unwrap() - warm.iou().unwrap()).abs() < 2e-4);
+        // Of single objects one fit takes a view for an outlier and the other does not.
+        assert!(changes[changes.len() * 95 / 100] < bound && changes[changes.len() - 1] < 0.05, "{changes:?}");
+        assert!((cold.iou().unwrap() - warm.iou().unwrap()).abs() < 5e-4);
     }
 }
 
