@@ -237,3 +237,14 @@ fn absent_data_is_named() {
     assert!(matches!(&error, Error::NoData(folder) if folder == nowhere));
     assert!(error.to_string().contains("QUADLIFT_DATA"), "{error}");
 }
+
+#[test]
+fn left_out_views_tell_a_little_about_the_truth() {
+    let Some(report) = report(Experiment::CrossValidation) else { return };
+    assert_within(&report, &[("cross_validation_within", 0.2, 0.6)]);
+    // Cars that are seen from one side: predicted well, and still wrong.
+    let title = "Correlation of the left-out IoU";
+    let kitti = |column| cell(&report, title, &["KITTI, aligned poses", "all"], column);
+    assert!(kitti("mean left-out IoU") > 0.9 && kitti("mean O3D") < 0.75);
+    assert_eq!(cell(&report, title, &["together", "all"], "objects"), 104.0);
+}
