@@ -1,6 +1,6 @@
 //! `quadlift localize --cross-validate` from end to end.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 mod common;
 
