@@ -34,8 +34,8 @@ pub struct CrossValidationOptions {
     pub extent: Extent,
     /// Fits for each object, at most (2 at least): in objects with more views several of them are left out together.
     pub fits_per_object: usize,
-    /// Fits for the scene with [`Extent::Sample`], at most, evenly spread over its objects. 16 of them took 2.7 % of the time
-    /// of localising 50 objects in 20 views (9.3 % where the kind of body was given); 8 stay below 5 % in both.
+    /// Fits for the scene with [`Extent::Sample`], at most, evenly spread over its objects. 16 of them took 1 to 3 % of the
+    /// time of localising 50 objects in 20 views (6 to 9 % where the kind of body was given); 8 take about half of that.
     pub sampled_fits: usize,
 }
 
