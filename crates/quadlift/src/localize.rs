@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use crate::cross_validation::{CrossValidation, CrossValidationOptions, choose_folds, summarise};
 use crate::diagnose::{Diagnosis, diagnose};
 use crate::parallel::map_indices;
-use crate::scene::{Detection, Scene, SourceError, View};
+use crate::scene::{BORDER_TOLERANCE_PX, Detection, Scene, SourceError, View};
 use crate::solve::map::{MapContext, map};
 use crate::solve::{
     BodyKind, Estimate, Fold, MapOptions, Method, PoseNoise, RegOptions, Status, ViewReport, predict_fold,
@@ -176,6 +176,13 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
             view.hidden_edges = hidden[detection as usize];
         }
         object.views.retain_mut(|view| options.measurements.keep(view));
+        // The closed forms keep the border as it is; the refinement knows that detectors are wrong near it.
+        if options.method == Method::Map {
+            for view in &mut object.views {
+                let margin = view.image_size.map_or(0.0, |size| options.map.border_margin * size.max());
+                *view = view.with_cut_off_edges(margin.max(BORDER_TOLERANCE_PX));
+            }
+        }
         if object.views.len() < fewest {
             // Too few to be asked for: the solvers answer with a status.
             object.views.clear();
@@ -210,7 +217,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
             estimate.views = groups[object]
                 .iter()
                 .map(|&d| scene.detections[d as usize].frame_index as usize)
-                .map(|frame_index| ViewReport { frame_index, residual_px: None, inlier: true })
+                .map(ViewReport::without_body)
                 .collect();
         }
     }

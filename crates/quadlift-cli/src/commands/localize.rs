@@ -9,7 +9,7 @@ use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
 use quadlift::cross_validation::Extent;
-use quadlift::solve::{Method, PoseNoise, Sigmas};
+use quadlift::solve::{Method, PoseNoise, Rejection, Sigmas};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
@@ -387,8 +387,12 @@ fn one_scene(
     }
     out.report(&text)?;
     for estimate in estimates {
-        let rejected: Vec<&str> =
-            estimate.views.iter().filter(|v| !v.inlier).map(|v| scene.frames[v.frame_index].id.as_str()).collect();
+        let rejected: Vec<String> = estimate
+            .views
+            .iter()
+            .filter_map(|view| Some((&scene.frames[view.frame_index].id, view.rejected_because?)))
+            .map(|(frame, because)| format!("{frame} ({})", rejection_in_words(because)))
+            .collect();
         if !rejected.is_empty() {
             let id = &scene.object_ids[estimate.object_index];
             out.detail(&one_line(&format!("{id}: rejected the views {}", rejected.join(", "))));
@@ -414,4 +418,12 @@ fn one_scene(
         return Err(anyhow!("{title}: no object could be localised"));
     }
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
+}
+
+/// Why a view was not used.
+fn rejection_in_words(because: Rejection) -> &'static str {
+    match because {
+        Rejection::Residual => "residual",
+        Rejection::BehindCamera => "behind the camera",
+    }
 }

@@ -51,6 +51,12 @@ pub struct ObjectRecord {
     /// Root mean square residual of the used views in pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual_px: Option<f64>,
+    /// Other bodies that agree with the measurements about as well, the most probable first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alternatives: Vec<AlternativeRecord>,
+    /// How far the measurements are from the body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<MisfitRecord>,
     /// What each view contributed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_residuals_px: Vec<ViewRecord>,
@@ -121,6 +127,30 @@ pub struct SuperellipsoidRecord {
     pub extra: Map<String, Value>,
 }
 
+/// Another body that agrees with an object's measurements (see [`quadlift::solve::Alternative`]).
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct AlternativeRecord {
+    /// The cuboid that touches the measurements.
+    pub cuboid: CuboidRecord,
+    /// Natural logarithm of its odds against the reported body.
+    pub log_odds: f64,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// How far an object's measurements are from its body (see [`quadlift::solve::Misfit`]).
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct MisfitRecord {
+    /// In standard deviations of the scene's noise: about 1 where the object's boxes err like the others.
+    pub deviations: f64,
+    /// Relative to the half size of the boxes.
+    pub relative: f64,
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
 /// What one view contributed to an estimate.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ViewRecord {
@@ -129,8 +159,15 @@ pub struct ViewRecord {
     /// Root mean square distance between measured and predicted box edges in pixels, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual_px: Option<f64>,
+    /// Root mean square residual in standard deviations of the scene's noise (see
+    /// [`quadlift::solve::ViewReport::deviations`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deviations: Option<f64>,
     /// Whether the view was used; otherwise it was rejected as an outlier.
     pub inlier: bool,
+    /// Why it was rejected: a name of [`quadlift::solve::Rejection`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rejected_because: Option<String>,
     /// IoU of the measured box and the one that the other views predict, where the whole scene was cross-validated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_iou: Option<f64>,

@@ -2,11 +2,14 @@
 
 use quadlift::Localization;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
+use quadlift::geometry::Body;
 use quadlift::scene::Scene;
-use quadlift::solve::Estimate;
+use quadlift::solve::{Alternative, Estimate};
 
 use super::bodies::coordinates_name;
-use super::object_records::{CovarianceRecord, CrossValidationRecord, ObjectRecord, ViewRecord};
+use super::object_records::{
+    AlternativeRecord, CovarianceRecord, CrossValidationRecord, MisfitRecord, ObjectRecord, ViewRecord,
+};
 
 /// The estimates of a localisation of `scene` as the objects of a file, in their order.
 ///
@@ -42,14 +45,22 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
         views_used: Some(estimate.views_used()),
         views_rejected: estimate.views.iter().filter(|v| !v.inlier).map(|v| frame_id(v.frame_index)).collect(),
         residual_px: estimate.rms_residual_px().filter(finite),
+        alternatives: estimate.alternatives.iter().filter_map(alternative).collect(),
+        misfit: estimate.misfit.filter(|m| finite(&m.deviations) && finite(&m.relative)).map(|m| MisfitRecord {
+            deviations: m.deviations,
+            relative: m.relative,
+            ..Default::default()
+        }),
         view_residuals_px: estimate
             .views
             .iter()
             .map(|view| ViewRecord {
                 frame: frame_id(view.frame_index),
                 residual_px: view.residual_px.filter(finite),
+                deviations: view.deviations.filter(finite),
                 inlier: view.inlier,
                 predicted_iou: checked.and_then(|c| Some(c.of_frame(view.frame_index)?.iou)),
+                rejected_because: view.rejected_because.map(|reason| reason.name().to_owned()),
                 ..Default::default()
             })
             .collect(),
@@ -73,14 +84,21 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
     record
 }
 
+/// Other answers are cuboids: of no other body any are sought.
+fn alternative(other: &Alternative) -> Option<AlternativeRecord> {
+    let Body::Cuboid(cuboid) = &other.body else { return None };
+    let log_odds = other.log_odds;
+    log_odds.is_finite().then(|| AlternativeRecord { cuboid: cuboid.into(), log_odds, ..Default::default() })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene_file::SceneFile;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-    use quadlift::geometry::{Body, Cuboid, Ellipsoid, Projection, Superellipsoid};
+    use quadlift::geometry::{Cuboid, Ellipsoid, Projection, Superellipsoid};
     use quadlift::scene::{DetectionInput, SceneBuilder};
-    use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status, ViewReport, Warning};
+    use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Rejection, Status, ViewReport, Warning};
 
     fn scene() -> Scene {
         let mut builder = SceneBuilder::new("test");
@@ -112,10 +130,23 @@ mod tests {
             enclosing_scale: Some(1.25),
             covariance: Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix }),
             views: vec![
-                ViewReport { frame_index: 0, residual_px: Some(1.5), inlier: true },
-                ViewReport { frame_index: 1, residual_px: Some(f64::NAN), inlier: false },
+                ViewReport { residual_px: Some(1.5), ..ViewReport::without_body(0) },
+                ViewReport {
+                    residual_px: Some(f64::NAN),
+                    inlier: false,
+                    rejected_because: Some(Rejection::Residual),
+                    ..ViewReport::without_body(1)
+                },
             ],
             warnings: vec![Warning::TwoViews],
+            alternatives: vec![Alternative {
+                body: Body::Cuboid(Cuboid {
+                    center: Point3::new(1.0, 2.0, 3.5),
+                    half_extents: Vector3::new(0.5, 0.25, 0.125),
+                    rotation: Rotation3::identity(),
+                }),
+                log_odds: -0.5,
+            }],
             ..Estimate::failed(object_index, Some(0), Status::Ok)
         }
     }
@@ -159,7 +190,9 @@ mod tests {
         let record = &back.objects[0];
         assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));
         assert_eq!(record.views_rejected, ["f1"]);
+        assert_eq!((record.alternatives[0].log_odds, record.alternatives[0].cuboid.center), (-0.5, [1.0, 2.0, 3.5]));
         assert_eq!(record.view_residuals_px[1].residual_px, None);
+        assert_eq!(record.view_residuals_px[1].rejected_because.as_deref(), Some("residual"));
         assert_eq!(record.warnings, ["only two views: the shape rests on the prior"]);
         assert!((record.center_sd.unwrap() - 0.1).abs() < 1e-15);
     }

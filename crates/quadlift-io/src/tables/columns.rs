@@ -144,6 +144,8 @@ pub const OBJECTS: Table = Table {
         column("views_used", Whole, &["views_used"]),
         column("views_rejected", Texts, &["views_rejected"]),
         column("residual_px", Number, &["residual_px"]),
+        column("misfit_deviations", Number, &["misfit", "deviations"]),
+        column("misfit_relative", Number, &["misfit", "relative"]),
         column("warnings", Texts, &["warnings"]),
         column("covariance_coordinates", Text, &["covariance", "coordinates"]),
         column("covariance", Rows(9), &["covariance", "matrix"]),
@@ -157,6 +159,8 @@ pub const VIEWS: Table = Table {
         column("object", Text, &["object"]),
         column("frame", Text, &["view", "frame"]),
         column("residual_px", Number, &["view", "residual_px"]),
+        column("deviations", Number, &["view", "deviations"]),
         column("inlier", Bool, &["view", "inlier"]),
+        column("rejected_because", Text, &["view", "rejected_because"]),
     ],
 };

@@ -73,7 +73,7 @@ mod tests {
     fn estimates(views: &[usize]) -> Vec<Estimate> {
         let (center, semi_axes) = (Point3::origin(), Vector3::repeat(1.0));
         let body = Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation: Rotation3::identity() });
-        let view = |frame_index| ViewReport { frame_index, residual_px: None, inlier: true };
+        let view = ViewReport::without_body;
         let estimate = |(object, &views): (usize, &usize)| Estimate {
             body: Some(body),
             views: (0..views).map(view).collect(),

@@ -10,7 +10,7 @@ mod views;
 pub use builder::{DetectionInput, SceneBuilder, SceneError};
 pub use hidden::hidden_edges;
 pub use sources::SourceError;
-pub use views::{ObjectViews, View};
+pub use views::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 
 use nalgebra::{Unit, Vector2, Vector3};
 

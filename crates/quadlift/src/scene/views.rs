@@ -5,6 +5,21 @@ use nalgebra::Vector2;
 use super::{Detection, Scene};
 use crate::geometry::{BoundingBox, Ellipse, Projection, SupportLines};
 
+/// Edges this close to the image border (pixels) are where the object is cut off. KITTI's boxes end at 1241 to 1243 of
+/// 1242 pixels.
+pub const BORDER_TOLERANCE_PX: f64 = 2.0;
+
+/// Which of the edges `x0, y0, x1, y1` lie within `tolerance` pixels of the image border.
+pub fn edges_at_border(bounding_box: &BoundingBox, image_size: Option<Vector2<f64>>, tolerance: f64) -> [bool; 4] {
+    let Some(size) = image_size else { return [false; 4] };
+    [
+        bounding_box.x0 <= tolerance,
+        bounding_box.y0 <= tolerance,
+        bounding_box.x1 >= size.x - tolerance,
+        bounding_box.y1 >= size.y - tolerance,
+    ]
+}
+
 /// One object seen in one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
@@ -26,12 +41,30 @@ pub struct View {
     pub box_in_image: Option<BoundingBox>,
     /// Which edges of the box (left, top, right, bottom) another detection of the frame probably hides.
     pub hidden_edges: [bool; 4],
+    /// Which edges of the box, or of the box around the ellipse (left, top, right, bottom), lie so close to the image
+    /// border that the object is cut off there: they tell only that it reaches at least so far. Decided once, for the
+    /// fit and for everything that is reported of it ([`View::with_cut_off_edges`]).
+    pub cut_off: [bool; 4],
 }
 
 impl View {
     /// What the closed forms for ellipses use: the ellipse, or the one inscribed in the box.
     pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
         self.ellipse.or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
+    }
+
+    /// The view with the edges cut off that lie within `tolerance` pixels of the image border; none where the size of
+    /// the image is not known.
+    #[must_use]
+    pub fn with_cut_off_edges(mut self, tolerance: f64) -> Self {
+        let measured = self.measured_box().map(|measured| self.in_image(&measured));
+        self.cut_off = measured.map_or([false; 4], |b| edges_at_border(&b, self.image_size, tolerance));
+        self
+    }
+
+    /// The box that stands for the measurement, in pixels: the box itself, or the one around the ellipse.
+    pub fn measured_box(&self) -> Option<BoundingBox> {
+        self.bounding_box.or_else(|| self.ellipse.as_ref().map(|ellipse| ellipse.bounding_box()))
     }
 
     /// Where a measured box, or the box around a measured ellipse, lies in the image itself, whose border may cut it:
@@ -66,7 +99,9 @@ impl Scene {
             partial: detection.partial,
             box_in_image: detection.box_in_image,
             hidden_edges: [false; 4],
+            cut_off: [false; 4],
         }
+        .with_cut_off_edges(BORDER_TOLERANCE_PX)
     }
 
     /// For each object, the indices of the detections that name it and that `keep` accepts.

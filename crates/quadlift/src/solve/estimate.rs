@@ -60,6 +60,11 @@ pub enum Warning {
         /// Number of such views.
         views: usize,
     },
+    /// Another body agrees with the measurements about as well ([`Estimate::alternatives`]).
+    Ambiguous {
+        /// Logarithm of the odds of the most probable other body against the reported one.
+        log_odds: f64,
+    },
     /// The covariance could not be computed.
     NoCovariance,
 }
@@ -83,7 +88,34 @@ impl std::fmt::Display for Warning {
             Self::BehindCamera { views } => {
                 write!(f, "the object does not lie wholly in front of {views} of the cameras that detect it")
             }
+            Self::Ambiguous { log_odds } => write!(
+                f,
+                "ambiguous: another body fits the views about as well (probability {:.0} %); it is among the alternatives",
+                100.0 / (1.0 + (-log_odds).exp())
+            ),
             Self::NoCovariance => write!(f, "the uncertainty could not be computed"),
+        }
+    }
+}
+
+/// Why a view was not used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Rejection {
+    /// Its measurement is farther from the body than noise explains.
+    Residual,
+    /// The body does not lie wholly in front of the view's camera.
+    BehindCamera,
+}
+
+impl Rejection {
+    /// All of them, in the order of the documentation.
+    pub const ALL: [Self; 2] = [Self::Residual, Self::BehindCamera];
+
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Residual => "residual",
+            Self::BehindCamera => "behind_camera",
         }
     }
 }
@@ -94,11 +126,37 @@ pub struct ViewReport {
     /// Index of the frame in the scene.
     pub frame_index: usize,
     /// Root mean square distance between the measured and the predicted box edges (or, for an ellipse, its four
-    /// extreme tangents), in pixels; edges at the image border do not count. Absent when the body has no outline
-    /// in the view, or all edges are cut off.
+    /// extreme tangents), in pixels. An edge that is cut off at the image border counts only where the body does not
+    /// reach it. Absent when the body has no outline in the view, or no edge counts.
     pub residual_px: Option<f64>,
+    /// Root mean square residual of what the fit used of the view, in standard deviations of the scene's noise:
+    /// relative to the size of the box, so that a large residual in pixels may be a small one here
+    /// ([`super::Method::Map`] only).
+    pub deviations: Option<f64>,
     /// Whether the view was used; a rejected view is an outlier.
     pub inlier: bool,
+    /// Why it was not used; absent where it was.
+    pub rejected_because: Option<Rejection>,
+}
+
+impl ViewReport {
+    /// A view that counts, of which nothing else is known: the object has no body.
+    pub fn without_body(frame_index: usize) -> Self {
+        Self { frame_index, residual_px: None, deviations: None, inlier: true, rejected_because: None }
+    }
+}
+
+/// How far an object's measurements are from its body, over those that were used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Misfit {
+    /// Root of the mean squared residual per degree of freedom, in standard deviations of the scene's noise: about one
+    /// where the object's boxes err like the others. From five views on weighted as in the fit, where wild residuals count
+    /// little.
+    pub deviations: f64,
+    /// Root of the mean squared residual per degree of freedom, relative to the half size of the measured boxes.
+    pub relative: f64,
+    /// Degrees of freedom: residuals less what the fit took of them.
+    pub freedom: f64,
 }
 
 /// Coordinates of a covariance.
@@ -121,6 +179,16 @@ pub struct Covariance {
     pub matrix: Matrix9,
 }
 
+/// Another body that agrees with an object's measurements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alternative {
+    /// The body, tangent to the measurements.
+    pub body: Body,
+    /// Natural logarithm of its odds against the reported body: of both posterior densities, integrated over their
+    /// neighbourhoods (Laplace's approximation).
+    pub log_odds: f64,
+}
+
 /// The estimate of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
@@ -138,6 +206,11 @@ pub struct Estimate {
     pub enclosing_scale: Option<f64>,
     /// Uncertainty of `body`.
     pub covariance: Option<Covariance>,
+    /// Other bodies that agree with the measurements about as well, the most probable first. Sought for cuboids only;
+    /// the covariance holds the spread between the answers.
+    pub alternatives: Vec<Alternative>,
+    /// How far the measurements are from the body ([`super::Method::Map`] only).
+    pub misfit: Option<Misfit>,
     /// One entry per view, used or rejected.
     pub views: Vec<ViewReport>,
     /// What makes the estimate weak.
@@ -155,6 +228,8 @@ impl Estimate {
             body: None,
             enclosing_scale: None,
             covariance: None,
+            alternatives: Vec::new(),
+            misfit: None,
             views: Vec::new(),
             warnings: Vec::new(),
         }

@@ -18,7 +18,9 @@ mod streaming_qr;
 mod triangulate;
 
 pub use closed_form::solve_closed_form;
-pub use estimate::{Covariance, CovarianceCoordinates, Estimate, Matrix9, Status, ViewReport, Warning};
+pub use estimate::{
+    Alternative, Covariance, CovarianceCoordinates, Estimate, Matrix9, Misfit, Rejection, Status, ViewReport, Warning,
+};
 pub use lfd::{ConditionedSolution, lfd, lfd_from};
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
 pub use pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};

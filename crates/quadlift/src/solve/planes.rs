@@ -4,7 +4,7 @@
 //! Unlike an ellipse inscribed in the box this is not biased: exact boxes of ellipsoids give the exact answer from
 //! three views. Needs three views with at least nine edges that are not on the image border.
 
-use nalgebra::{Matrix3x4, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix3x4, Vector3, Vector4};
 
 use super::conditioning::ObjectFrame;
 use super::estimate::Status;
@@ -12,10 +12,7 @@ use super::lfd::ConditionedSolution;
 use super::streaming_qr::StreamingQr;
 use crate::geometry::{BoundingBox, DualQuadric, SUPPORT_DIRECTIONS, SupportLines, VECH4};
 use crate::scene::View;
-
-/// Edges this close to the image border (pixels) are where the object is cut off, and are not used.
-/// KITTI's boxes end at 1241 to 1243 of 1242 pixels.
-pub const BORDER_TOLERANCE_PX: f64 = 2.0;
+pub use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
 /// Rows that enter the factorisation together.
 const ROWS_PER_BLOCK: usize = 40;
@@ -25,17 +22,6 @@ const SINGULAR: f64 = 1e-13;
 
 /// Fewest tangent planes that determine a quadric.
 pub const FEWEST_PLANES: usize = 9;
-
-/// Which of the edges `x0, y0, x1, y1` lie within `tolerance` pixels of the image border.
-pub fn edges_at_border(bounding_box: &BoundingBox, image_size: Option<Vector2<f64>>, tolerance: f64) -> [bool; 4] {
-    let Some(size) = image_size else { return [false; 4] };
-    [
-        bounding_box.x0 <= tolerance,
-        bounding_box.y0 <= tolerance,
-        bounding_box.x1 >= size.x - tolerance,
-        bounding_box.y1 >= size.y - tolerance,
-    ]
-}
 
 /// The plane through the camera and the box edge `edge` (0 left, 1 top, 2 right, 3 bottom), positive on the side of
 /// the box, for a projection `p` of any frame.

@@ -2,7 +2,6 @@
 //! its edges (ours).
 
 use super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
-use super::report::measured_box;
 use crate::geometry::{Body, BoundingBox, project_bounding_box};
 use crate::scene::{ObjectViews, View};
 
@@ -35,7 +34,7 @@ impl Prediction {
     /// Compares a body with a view. `border_margin` is [`super::MapOptions::border_margin`]. `None` for a view without
     /// box and ellipse.
     pub fn new(object_index: usize, view: &View, body: &Body, border_margin: f64) -> Option<Self> {
-        let measured = measured_box(view)?;
+        let measured = view.measured_box()?;
         let margin = view.image_size.map_or(0.0, |size| border_margin * size.max()).max(BORDER_TOLERANCE_PX);
         let cut_off = edges_at_border(&view.in_image(&measured), view.image_size, margin);
         let predicted = project_bounding_box(&view.projection, body).ok();

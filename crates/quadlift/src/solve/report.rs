@@ -4,13 +4,16 @@
 use nalgebra::{Matrix3x4, Point3, Vector3};
 
 use super::conditioning::ObjectFrame;
-use super::estimate::{Estimate, Status, ViewReport, Warning};
-use super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border, support_plane};
-use crate::geometry::{Body, BoundingBox, ConvexBody, SUPPORT_DIRECTIONS, SupportLines, project_bounding_box};
+use super::estimate::{Estimate, Rejection, Status, ViewReport, Warning};
+use super::planes::{edge_plane, support_plane};
+use crate::geometry::{Body, ConvexBody, SUPPORT_DIRECTIONS, SupportLines, project_bounding_box};
 use crate::scene::View;
 
 /// Below this largest angle between viewing rays the depth is called uncertain (radians; 5 degrees).
 const NARROW_BASELINE: f64 = 0.087;
+
+/// A body whose outline is this many times larger or smaller than measured is none.
+const RUN_AWAY: f64 = 10.0;
 
 /// An estimate with a body, its residuals and warnings. `inlier` tells which views were used.
 pub(super) fn describe(
@@ -20,6 +23,10 @@ pub(super) fn describe(
     inlier: impl Fn(usize) -> bool,
     enclosing_quantile: f64,
 ) -> Estimate {
+    if body.center().iter().any(|x| !x.is_finite()) {
+        estimate.status = Status::Diverged;
+        return estimate;
+    }
     estimate.center = Some(body.center());
     estimate.views = views
         .iter()
@@ -27,44 +34,59 @@ pub(super) fn describe(
         .map(|(index, view)| ViewReport {
             frame_index: view.frame_index,
             residual_px: view_residual(view, &body),
+            deviations: None,
             inlier: inlier(index),
+            rejected_because: (!inlier(index)).then(|| match project_bounding_box(&view.projection, &body) {
+                Ok(_) => Rejection::Residual,
+                Err(_) => Rejection::BehindCamera,
+            }),
         })
         .collect();
     let used: Vec<View> = views.iter().enumerate().filter(|(index, _)| inlier(*index)).map(|(_, view)| *view).collect();
     estimate.enclosing_scale = enclosing_scale(&used, &body, enclosing_quantile);
-    estimate.warnings = warnings(&used, &body);
+    // What is said of the views that count needs some that do.
+    estimate.warnings = if used.len() < 2 { Vec::new() } else { warnings(&used, &body) };
     estimate.body = Some(body);
-    if body.center().iter().any(|x| !x.is_finite()) {
-        estimate.status = Status::Diverged;
-    }
     estimate
 }
 
 /// An estimate of a quadric that is no ellipsoid: its centre and the views, nothing else.
 pub(super) fn describe_center(mut estimate: Estimate, center: Point3<f64>, views: &[View]) -> Estimate {
     estimate.center = Some(center);
-    estimate.views =
-        views.iter().map(|v| ViewReport { frame_index: v.frame_index, residual_px: None, inlier: true }).collect();
+    estimate.views = views.iter().map(|view| ViewReport::without_body(view.frame_index)).collect();
     if let Some(largest_angle) = largest_viewing_angle(views, &center).filter(|a| *a < NARROW_BASELINE) {
         estimate.warnings.push(Warning::NarrowBaseline { largest_angle });
     }
     estimate
 }
 
-/// The box that stands for a measurement: the box itself, or the one around the ellipse.
-pub(super) fn measured_box(view: &View) -> Option<BoundingBox> {
-    view.bounding_box.or_else(|| view.ellipse.as_ref().map(|ellipse| ellipse.bounding_box()))
-}
-
+/// Root mean square distance of measured and predicted edges, over those that the fit used: one that is cut off counts
+/// only where the body does not reach it.
 fn view_residual(view: &View, body: &Body) -> Option<f64> {
-    let measured = measured_box(view)?;
-    let cut = edges_at_border(&view.in_image(&measured), view.image_size, BORDER_TOLERANCE_PX);
+    let measured = view.measured_box()?;
     let predicted = project_bounding_box(&view.projection, body).ok()?;
     let squares: Vec<f64> = (0..4)
-        .filter(|&edge| !cut[edge])
-        .map(|edge| (measured.edges()[edge] - predicted.edges()[edge]).powi(2))
+        .filter_map(|edge| {
+            let outside = measured.edges()[edge] - predicted.edges()[edge];
+            let beyond = if edge < 2 { -outside } else { outside };
+            (!view.cut_off[edge] || beyond > 0.0).then_some(outside * outside)
+        })
         .collect();
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
+/// Whether a body is one at all: it can be seen in some view, and there it is about as large as it was measured, to
+/// within a factor of ten in the median view. A fit that has run away to a point, or beyond all bounds, is not (ours).
+/// Where the image border cuts the box it bounds the size from below only.
+pub(super) fn is_a_body(body: &Body, views: &[View]) -> bool {
+    let ratio = |view: &View| {
+        let measured = view.measured_box()?;
+        let predicted = project_bounding_box(&view.projection, body).ok()?;
+        let ratio = predicted.mean_half_size() / measured.mean_half_size();
+        Some(if view.cut_off.contains(&true) { ratio.min(1.0) } else { ratio })
+    };
+    let mut ratios: Vec<f64> = views.iter().filter_map(ratio).collect();
+    quantile_of(&mut ratios, 0.5).is_some_and(|median| (1.0 / RUN_AWAY..=RUN_AWAY).contains(&median))
 }
 
 /// The factor by which the body must grow to hold the real object: a high quantile of (distance of the measured tangent
@@ -88,8 +110,7 @@ pub(super) fn enclosing_scale(views: &[View], body: &Body, quantile: f64) -> Opt
                 push(plane.xyz(), plane.w);
             }
         } else if let Some(bounding_box) = &view.bounding_box {
-            let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, BORDER_TOLERANCE_PX);
-            for edge in (0..4).filter(|&edge| !cut[edge]) {
+            for edge in (0..4).filter(|&edge| !view.cut_off[edge]) {
                 let plane = edge_plane(&p, bounding_box, edge);
                 push(plane.xyz(), plane.w);
             }
@@ -119,10 +140,7 @@ fn warnings(views: &[View], body: &Body) -> Vec<Warning> {
     for view in views {
         match (&view.bounding_box, &view.ellipse) {
             (None, Some(_)) => seen = [true; 4],
-            (Some(b), _) => {
-                let cut = edges_at_border(&view.in_image(b), view.image_size, BORDER_TOLERANCE_PX);
-                (0..4).for_each(|edge| seen[edge] |= !cut[edge]);
-            }
+            (Some(_), _) => (0..4).for_each(|edge| seen[edge] |= !view.cut_off[edge]),
             (None, None) => {}
         }
     }
@@ -152,7 +170,63 @@ pub(super) fn largest_viewing_angle(views: &[View], center: &Point3<f64>) -> Opt
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Rotation3, Vector2};
+
     use super::*;
+    use crate::geometry::{BoundingBox, Ellipsoid, Projection};
+
+    /// A camera at the origin that looks along z, with focal length 100 and an image of 200 x 200.
+    fn view(bounding_box: [f64; 4]) -> View {
+        let matrix = Matrix3x4::new(100.0, 0.0, 100.0, 0.0, 0.0, 100.0, 100.0, 0.0, 0.0, 0.0, 1.0, 0.0);
+        View {
+            frame_index: 0,
+            projection: Projection::from_matrix(matrix).unwrap(),
+            image_size: Some(Vector2::new(200.0, 200.0)),
+            bounding_box: Some(BoundingBox::new(bounding_box).unwrap()),
+            ellipse: None,
+            support_lines: None,
+            partial: false,
+            box_in_image: None,
+            hidden_edges: [false; 4],
+            cut_off: [false; 4],
+        }
+        .with_cut_off_edges(5.0)
+    }
+
+    fn ball(x: f64, radius: f64) -> Body {
+        let center = Point3::new(x, 0.0, 100.0);
+        let semi_axes = Vector3::repeat(radius);
+        Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation: Rotation3::identity() })
+    }
+
+    #[test]
+    fn an_edge_at_the_border_counts_only_where_the_body_does_not_reach_it() {
+        // The ball's box is about 80, 80, 120, 120.
+        let inside = view([80.0, 80.0, 120.0, 120.0]);
+        assert!(view_residual(&inside, &ball(0.0, 20.0)).unwrap() < 1.0);
+        // Cut off on the right at 197, where the body reaches 240: nothing is wrong.
+        let cut = view([160.0, 80.0, 197.0, 120.0]);
+        assert_eq!(cut.cut_off, [false, false, true, false]);
+        assert!(view_residual(&cut, &ball(80.0, 20.0)).unwrap() < 2.5);
+        // A body that ends at 157 does not reach it: 40 px on the right, 40 px on the left.
+        let short = view_residual(&cut, &ball(40.0, 20.0)).unwrap();
+        assert!((short - (2.0f64 * 40.0 * 40.0 / 4.0).sqrt()).abs() < 3.0, "{short}");
+        // Left out of account by a tolerance of 2 px, the same edge is one like the others.
+        assert_eq!(cut.with_cut_off_edges(2.0).cut_off, [false; 4]);
+    }
+
+    #[test]
+    fn a_point_and_a_giant_are_no_bodies() {
+        let views = [view([80.0, 80.0, 120.0, 120.0]); 2];
+        assert!(is_a_body(&ball(0.0, 20.0), &views) && is_a_body(&ball(0.0, 3.0), &views));
+        assert!(!is_a_body(&ball(0.0, 1e-12), &views));
+        assert!(!is_a_body(&ball(0.0, 1.0), &views));
+        assert!(!is_a_body(&ball(0.0, 99.9), &views), "its outline reaches 20 times as far as measured");
+        assert!(!is_a_body(&ball(0.0, 200.0), &views), "it has no outline: the camera is in it");
+        // Where the border cuts the box the body may be any larger.
+        let cut = [view([1.0, 1.0, 199.0, 199.0]); 2];
+        assert!(is_a_body(&ball(0.0, 99.9), &cut) && !is_a_body(&ball(0.0, 1.0), &cut));
+    }
 
     #[test]
     fn quantiles_interpolate() {

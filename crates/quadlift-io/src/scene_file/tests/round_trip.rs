@@ -142,12 +142,21 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
             },
         ))
     };
+    let alternatives = vec((cuboid(), number(), extra()), 0..3).prop_map(|found| {
+        let alternative = |(cuboid, log_odds, extra): (Option<CuboidRecord>, f64, _)| {
+            Some(AlternativeRecord { cuboid: cuboid?, log_odds, extra })
+        };
+        found.into_iter().filter_map(alternative).collect::<Vec<_>>()
+    });
     let bodies = (ellipsoid(), ellipsoid(), cuboid(), cuboid(), superellipsoid(), superellipsoid());
-    let view = (text(), option::of(number()), any::<bool>(), option::of(number()), extra()).prop_map(
-        |(frame, residual_px, inlier, predicted_iou, extra)| ViewRecord {
+    let numbers_of_view = (option::of(number()), option::of(number()), option::of(number()));
+    let view = (text(), numbers_of_view, any::<bool>(), option::of(text()), extra()).prop_map(
+        |(frame, (residual_px, deviations, predicted_iou), inlier, rejected_because, extra)| ViewRecord {
             frame,
             residual_px,
+            deviations,
             inlier,
+            rejected_because,
             predicted_iou,
             extra,
         },
@@ -162,11 +171,17 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         Box::new(CovarianceRecord { coordinates, matrix: std::array::from_fn(|i| m[i]), extra })
     });
     let names = (text(), option::of(text()), option::of(text()));
-    let figures = (option::of(numbers()), option::of(number()), option::of(number()), option::of(covariance));
+    let misfit = (number(), number(), extra()).prop_map(|(deviations, relative, extra)| MisfitRecord {
+        deviations,
+        relative,
+        extra,
+    });
+    let residuals = (option::of(number()), option::of(misfit), alternatives);
+    let figures = (option::of(numbers()), option::of(number()), residuals, option::of(covariance));
     (names, figures, bodies, views, option::of(checked), extra()).prop_map(
         |(names, figures, bodies, views, checked, extra)| {
             let (id, category, status) = names;
-            let (center, center_sd, residual_px, covariance) = figures;
+            let (center, center_sd, (residual_px, misfit, alternatives), covariance) = figures;
             let (ellipsoid, enclosing_ellipsoid, cuboid, enclosing_cuboid, superellipsoid, enclosing_superellipsoid) =
                 bodies;
             let (views_used, views_rejected, view_residuals_px, warnings) = views;
@@ -185,6 +200,8 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
                 views_used,
                 views_rejected,
                 residual_px,
+                misfit,
+                alternatives,
                 view_residuals_px,
                 cross_validation: checked,
                 warnings,

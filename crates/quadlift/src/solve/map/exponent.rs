@@ -149,7 +149,7 @@ impl<'a> Chains<'a> {
 }
 
 /// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal.
-fn log_determinant_of(equations: &NormalEquations) -> f64 {
+pub(super) fn log_determinant_of(equations: &NormalEquations) -> f64 {
     let mut hessian = equations.hessian();
     for k in 3..6 {
         hessian[(k, k)] += ROTATION_PRECISION;

@@ -39,6 +39,17 @@ pub(super) trait FirstFit: BodyModel {
     /// The model of a body in the world, in an object's frame; `None` when it is of another kind.
     fn of_body(body: &Body, frame: &ObjectFrame) -> Option<Self>;
 
+    /// The starts of the first fit after a few steps, with the objective there, the best first; none where a body has only
+    /// one start.
+    fn screened(
+        prepared: &Prepared,
+        ellipsoid: &EllipsoidModel,
+        noise: &NoiseLevels,
+        outlier_scale: Option<f64>,
+        context: &MapContext,
+        seed: u64,
+    ) -> Vec<(Self, NormalEquations)>;
+
     /// The body in the world, of the kind that was asked for.
     fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body;
 
@@ -67,6 +78,17 @@ impl FirstFit for EllipsoidModel {
         Some(Self::from_axes(center, *rotation.matrix(), semi_axes / frame.unit))
     }
 
+    fn screened(
+        _prepared: &Prepared,
+        _ellipsoid: &EllipsoidModel,
+        _noise: &NoiseLevels,
+        _outlier_scale: Option<f64>,
+        _context: &MapContext,
+        _seed: u64,
+    ) -> Vec<(Self, NormalEquations)> {
+        Vec::new()
+    }
+
     fn body_in_world(&self, frame: &ObjectFrame, _kind: BodyKind) -> Body {
         Body::Ellipsoid(Ellipsoid {
             center: frame.point_in_world(self.center()),
@@ -92,22 +114,32 @@ impl FirstFit for OrientedModel {
         seed: u64,
     ) -> Option<(Self, NormalEquations)> {
         let objective = prepared.objective(noise, outlier_scale);
+        Self::screened(prepared, ellipsoid, noise, outlier_scale, context, seed)
+            .into_iter()
+            .take(FOLLOWED_STARTS)
+            .filter_map(|(start, _)| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
+            .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+    }
+
+    fn screened(
+        prepared: &Prepared,
+        ellipsoid: &EllipsoidModel,
+        noise: &NoiseLevels,
+        outlier_scale: Option<f64>,
+        context: &MapContext,
+        seed: u64,
+    ) -> Vec<(Self, NormalEquations)> {
+        let objective = prepared.objective(noise, outlier_scale);
         let exponent = match context.body {
             BodyKind::Superellipsoid(exponent) => exponent,
             BodyKind::Cuboid | BodyKind::Ellipsoid => 1.0,
         };
         let centers = centers_from_size(prepared);
         let starts = oriented_starts(ellipsoid, exponent, &prepared.prior, &centers, seed);
-        let descend = |start: OrientedModel, stop: Stop| {
-            minimise(start, stop, |body| objective.linearise(body), BodyModel::retract)
-        };
-        let mut screened: Vec<_> = starts.into_iter().filter_map(|start| descend(start, SCREENING)).collect();
+        let descend = |start: Self| minimise(start, SCREENING, |body| objective.linearise(body), BodyModel::retract);
+        let mut screened: Vec<_> = starts.into_iter().filter_map(descend).collect();
         screened.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
         screened
-            .into_iter()
-            .take(FOLLOWED_STARTS)
-            .filter_map(|(start, _)| descend(start, FROM_START))
-            .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
     }
 
     fn of_body(body: &Body, frame: &ObjectFrame) -> Option<Self> {

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use nalgebra::{Unit, Vector3, Vector6};
 
-use super::super::estimate::{Estimate, Status, Warning};
-use super::super::report::describe;
+use super::super::estimate::{Estimate, Misfit, Status, Warning};
+use super::super::report::{describe, is_a_body};
 use super::MapContext;
+use super::agreement::{Reference, is_inconsistent};
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::first_fit::FirstFit;
 use super::ground::{GroundPlane, LowestPoint};
@@ -16,17 +17,23 @@ use super::noise::{NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
 use super::objective::{OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
-use super::robust::fit_without_outliers;
+use super::robust::{FEWEST_VIEWS, fit_without_outliers};
 use crate::geometry::linalg::invert_spd;
+use crate::scene::View;
 
 /// Between two estimates of the noise levels.
 const BETWEEN_ROUNDS: Stop = Stop { evaluations: 6, promised_decrease: 0.1 };
 
 /// The end.
-const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
+pub(super) const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
 
 /// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
 const SUSPECT_COST: f64 = 12.0;
+
+/// Norm of a view's whitened residuals with which it does not count as used though no outliers were looked for: five
+/// standard deviations of each of four edges. Of
+/// Student's t distribution, the likelihood of an edge, one edge in 280,000 reaches it by itself.
+const FAR_BEYOND_NOISE: f64 = 10.0;
 
 /// A fitted object.
 #[derive(Clone)]
@@ -43,7 +50,7 @@ pub(super) struct Fit<B> {
 }
 
 impl<B: FirstFit> Fit<B> {
-    fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
+    pub(super) fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
         Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
     }
 
@@ -121,7 +128,7 @@ impl<B: FirstFit> Fit<B> {
         let prepared = &self.prepared;
         let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
         let seed = prepared.seed(context);
-        let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, context.options, seed)?;
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, seed)?;
         let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, Some(OUTLIER_SCALE), context, seed)?;
         Some(Self {
             prepared: prepared.clone(),
@@ -193,28 +200,68 @@ impl<B: FirstFit> Fit<B> {
         }
     }
 
+    /// Root mean square of each view's whitened residuals, over those that count.
+    fn view_deviations(&self, noise: &NoiseLevels) -> Vec<Option<f64>> {
+        let mut sums = vec![(0.0, 0usize); self.prepared.views.views.len()];
+        self.objective(noise, None).each_row(&self.body, |view, row, _| {
+            sums[view].0 += row.residual * row.residual;
+            sums[view].1 += usize::from(row.residual != 0.0);
+        });
+        sums.into_iter().map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt())).collect()
+    }
+
+    /// How far the measurements are from the body under the noise levels of the last fit.
+    pub(super) fn misfit(&self, noise: &NoiseLevels) -> Option<Misfit> {
+        self.objective(noise, self.outlier_scale).misfit(&self.body, &self.equations)
+    }
+
+    /// The fit without views that are far beyond the noise, where it is a plain one to enough views: it has followed them
+    /// a little, and they do not count as used.
+    pub(super) fn without_far_views(self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Self {
+        let enough = self.prepared.views.views.len() >= FEWEST_VIEWS;
+        let limit = self.largest_cost(reference);
+        if self.outlier_scale.is_some() || !context.options.robust || !enough {
+            return self;
+        }
+        let far = self.view_costs(noise).into_iter().any(|cost| cost > limit);
+        if far { Self { outlier_scale: Some(OUTLIER_SCALE), ..self }.refined(noise, true) } else { self }
+    }
+
+    /// Squared norm of each view's whitened residuals.
+    fn view_costs(&self, noise: &NoiseLevels) -> Vec<f64> {
+        self.prepared.objective(noise, None).view_costs(&self.body)
+    }
+
+    /// The squared norm of a view's whitened residuals beyond which it is rejected.
+    fn largest_cost(&self, reference: Reference) -> f64 {
+        let far = (FAR_BEYOND_NOISE * reference.factor()).max(OUTLIER_SCALE);
+        self.outlier_scale.map_or(far, |scale| scale.min(far)).powi(2)
+    }
+
     /// The estimate in the world.
-    pub(super) fn estimate(&self, noise: &NoiseLevels, context: &MapContext) -> Estimate {
+    pub(super) fn estimate(&self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Estimate {
         let Prepared { views, measurements, .. } = &*self.prepared;
-        let costs = self.outlier_scale.map(|_| self.prepared.objective(noise, None).view_costs(&self.body));
-        let inlier = |view: usize| match (&costs, self.outlier_scale) {
-            (Some(costs), Some(scale)) => costs[view] <= scale * scale,
-            _ => true,
-        };
-        let mut estimate = describe(
-            Estimate::failed(views.object_index, views.category_index, Status::Ok),
-            self.body.body_in_world(&measurements.frame, context.body),
-            &views.views,
-            inlier,
-            context.options.enclosing_quantile,
-        );
+        let blank = Estimate::failed(views.object_index, views.category_index, Status::Ok);
+        let body = self.body.body_in_world(&measurements.frame, context.body);
+        let behind = |view: &View| view.projection.depth(&measurements.frame.point_in_world(self.body.center())) <= 0.0;
+        if views.views.iter().all(behind) || !is_a_body(&body, &views.views) {
+            return Estimate { status: Status::Diverged, ..blank };
+        }
+        let costs = self.view_costs(noise);
+        let limit = self.largest_cost(reference);
+        let inlier = |view: usize| costs[view] <= limit;
+        let mut estimate = describe(blank, body, &views.views, inlier, context.options.enclosing_quantile);
+        for (view, deviations) in estimate.views.iter_mut().zip(self.view_deviations(noise)) {
+            view.deviations = deviations.map(|x| x / reference.factor());
+        }
         estimate.covariance = self.body.covariance(&self.equations, &measurements.frame);
         if estimate.covariance.is_none() {
             estimate.warnings.push(Warning::NoCovariance);
         }
-        if views.views.iter().all(|view| estimate.center.is_some_and(|c| view.projection.depth(&c) <= 0.0)) {
-            estimate.status = Status::Diverged;
+        estimate.misfit = self.misfit(noise).map(|misfit| reference.against(misfit));
+        if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
+            estimate.status = Status::Inconsistent;
         }
-        estimate
+        self.with_alternatives(estimate, noise, context)
     }
 }

@@ -4,7 +4,6 @@ use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3}
 use proptest::prelude::*;
 
 use super::super::conditioning::ObjectFrame;
-use super::super::options::MapOptions;
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
 use super::measurements::{Measurements, Plane};
 use super::noise::NoiseLevels;
@@ -35,6 +34,7 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
         bounding_box: bounding_box.map(|b| BoundingBox::new(b).unwrap()),
         ellipse,
         hidden_edges: [false; 4],
+        cut_off: [false; 4],
     }
 }
 
@@ -46,7 +46,7 @@ fn measurements(ellipses_as_planes: bool) -> Measurements {
         view(0.9, None, Some([1.0, 150.0, 400.0, 310.0])),
         view(-0.4, Some(ellipse), None),
     ];
-    Measurements::new(frame, &views, ellipses_as_planes, &MapOptions::default())
+    Measurements::new(frame, &views, ellipses_as_planes)
 }
 
 /// Whitened residuals of all views; one-sided edges that agree are left out on both sides of a difference.
@@ -83,7 +83,7 @@ fn check_rows_in_form<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) {
 
 /// The gradient of the priors' cost, 2 J^T r, against differences of the cost.
 fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, &MapOptions::default());
+    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false);
     let noise = NoiseLevels::new(67.0);
     let objective = Objective {
         measurements: &m,
@@ -174,7 +174,7 @@ fn the_size_prior_of_an_ellipsoid_names_its_axes_by_up_and_length() {
         up: Some(up),
         ..Default::default()
     };
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, &MapOptions::default());
+    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false);
     let noise = NoiseLevels::new(67.0);
     let objective = Objective {
         measurements: &m,

@@ -6,8 +6,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3x4, Vector3, Vector4};
 
 use super::super::conditioning::ObjectFrame;
-use super::super::options::MapOptions;
-use super::super::planes::{BORDER_TOLERANCE_PX, edge_plane, edges_at_border, support_plane};
+use super::super::planes::{edge_plane, support_plane};
 use super::ellipse_residual::EllipseMeasurement;
 use super::noise::NoiseGroup;
 use crate::geometry::{SUPPORT_DIRECTIONS, SupportLines};
@@ -60,24 +59,24 @@ pub(super) struct Measurements {
 
 impl Measurements {
     /// Prepares the views. `ellipses_as_planes` replaces every ellipse by its supporting lines.
-    pub(super) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool, options: &MapOptions) -> Self {
+    pub(super) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool) -> Self {
         let mut all =
             Self { frame, views: Vec::with_capacity(views.len()), edges: Vec::with_capacity(4 * views.len()) };
         for view in views {
-            all.push(view, ellipses_as_planes, options);
+            all.push(view, ellipses_as_planes);
         }
         all
     }
 
     /// The same views as tangent planes only.
-    pub(super) fn with_ellipses_as_planes(&self, views: &[View], options: &MapOptions) -> Cow<'_, Self> {
+    pub(super) fn with_ellipses_as_planes(&self, views: &[View]) -> Cow<'_, Self> {
         if self.views.iter().all(|view| view.ellipse.is_none()) {
             return Cow::Borrowed(self);
         }
-        Cow::Owned(Self::new(self.frame, views, true, options))
+        Cow::Owned(Self::new(self.frame, views, true))
     }
 
-    fn push(&mut self, view: &View, ellipses_as_planes: bool, options: &MapOptions) {
+    fn push(&mut self, view: &View, ellipses_as_planes: bool) {
         let p = self.frame.local_projection(&view.projection);
         let first = self.edges.len();
         let mut ellipse = None;
@@ -95,13 +94,11 @@ impl Measurements {
             self.push_support_lines(&p, lines, bounding_box.mean_half_size());
         } else if let Some(bounding_box) = &view.bounding_box {
             let half_size = bounding_box.mean_half_size();
-            let margin = view.image_size.map_or(0.0, |s| options.border_margin * s.max()).max(BORDER_TOLERANCE_PX);
-            let cut = edges_at_border(&view.in_image(bounding_box), view.image_size, margin);
             for edge in [0, 2, 1, 3] {
                 let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
                 let hidden = view.hidden_edges[edge];
                 let group = if hidden { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
-                self.edges.push(Edge { plane, one_sided: cut[edge], group });
+                self.edges.push(Edge { plane, one_sided: view.cut_off[edge], group });
             }
         }
         self.views.push(MeasuredView {

@@ -8,10 +8,13 @@
 //! Rounds: fit every object from its starts with default noise; look for outliers where the residuals show some
 //! (`robust`); then alternate between new noise levels and refits until the levels stand.
 
+mod agreement;
+mod alternatives;
 pub(crate) mod body_model;
 mod covariance;
 mod ellipse_residual;
 mod exponent;
+mod few_views;
 mod first_fit;
 mod fit;
 mod ground;

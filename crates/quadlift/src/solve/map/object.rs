@@ -39,22 +39,23 @@ impl Prepared {
             return Err(failed(Status::TooFewViews));
         }
         let frame = ObjectFrame::from_views(&views.views).ok_or_else(|| failed(Status::Degenerate))?;
+        Ok(Self::in_frame(views, frame, context))
+    }
+
+    /// The same in a frame that is known.
+    pub(super) fn in_frame(views: ObjectViews, frame: ObjectFrame, context: &MapContext) -> Self {
         let ellipses_as_planes = context.body != BodyKind::Ellipsoid;
-        let measurements = Measurements::new(frame, &views.views, ellipses_as_planes, context.options);
+        let measurements = Measurements::new(frame, &views.views, ellipses_as_planes);
         let prior = object_prior(&views, &frame, context);
-        Ok(Self { views, measurements, prior, heavy_tails: context.options.heavy_tails })
+        Self { views, measurements, prior, heavy_tails: context.options.heavy_tails }
     }
 
     /// The same object seen by cameras that have been moved.
     pub(super) fn with_poses(&self, corrections: &PoseCorrections, context: &MapContext) -> Self {
         let mut views = self.views.clone();
         corrections.apply(&mut views);
-        let measurements = Measurements::new(
-            self.measurements.frame,
-            &views.views,
-            context.body != BodyKind::Ellipsoid,
-            context.options,
-        );
+        let measurements =
+            Measurements::new(self.measurements.frame, &views.views, context.body != BodyKind::Ellipsoid);
         Self { views, measurements, prior: self.prior.clone(), heavy_tails: self.heavy_tails }
     }
 

@@ -2,10 +2,12 @@
 
 use nalgebra::Vector3;
 
+use super::super::estimate::Misfit;
 use super::body_model::BodyModel;
 use super::measurements::{Measurements, Plane};
 use super::noise::{NoiseGroup, NoiseLevels, NoiseStatistics, Weights};
 use super::normal_equations::{NormalEquations, PARAMETERS, Row};
+use super::robust::FEWEST_VIEWS;
 use super::rows::{ResidualRow, view_rows};
 use crate::geometry::linalg::invert_spd;
 
@@ -254,6 +256,39 @@ impl Objective<'_> {
             statistics.add_views(group, counts[group as usize], views);
         }
         statistics
+    }
+
+    /// How far the measurements are from a fitted body, in standard deviations of the noise; `None` when the normal
+    /// equations are singular. Rejected views do not count. In many views wild residuals
+    /// count in the deviations as in the fit, little: one wrong edge is no contradiction. In few nothing tells which.
+    pub(super) fn misfit(&self, body: &impl BodyModel, equations: &NormalEquations) -> Option<Misfit> {
+        let covariance = invert_spd(&equations.hessian())?;
+        let weights = self.weights();
+        let mut rows = Vec::with_capacity(16);
+        let (mut squares, mut relative, mut freedom) = (0.0, 0.0, 0.0);
+        let few = self.measurements.views.len() < FEWEST_VIEWS;
+        for (view, measured) in self.measurements.views.iter().enumerate() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let cost: f64 = rows.iter().map(|row| row.residual * row.residual).sum();
+            if self.outlier_scale.is_some_and(|scale| cost > scale * scale) {
+                continue;
+            }
+            let (_, view_weight) = self.view_loss(&rows, &weights);
+            for row in rows.iter().filter(|row| row.residual != 0.0) {
+                let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
+                let weight = view_weight * self.row_weight(row, &Weights::INDEPENDENT);
+                let leverage = weight * weights.of(row.group) * gradient.dot(&(covariance * gradient));
+                let size_factor = if row.group.is_edge() { self.noise.size_factor(measured.half_size) } else { 1.0 };
+                squares += if few { 1.0 } else { weight } * row.residual * row.residual;
+                relative += (row.residual * self.noise.of(row.group) * size_factor).powi(2);
+                freedom += view_weight - leverage;
+            }
+        }
+        (freedom > 0.0).then(|| Misfit {
+            deviations: (squares / freedom).sqrt(),
+            relative: (relative / freedom).sqrt(),
+            freedom,
+        })
     }
 
     fn add_priors(&self, body: &impl BodyModel, equations: &mut NormalEquations) {

@@ -3,7 +3,6 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::options::MapOptions;
 use super::super::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::levenberg_marquardt::{Stop, minimise};
@@ -55,14 +54,13 @@ pub(super) fn fit_without_outliers(
     objective: &Objective,
     plain: &impl BodyModel,
     views: &[View],
-    options: &MapOptions,
     seed: u64,
 ) -> Option<EllipsoidModel> {
     if largest_to_median(&objective.view_costs(plain)) < CLOSER_LOOK {
         return None;
     }
     // Hypotheses are judged by tangent planes, ellipses too: many of them are tried, and planes are quick.
-    let tangents = objective.measurements.with_ellipses_as_planes(views, options);
+    let tangents = objective.measurements.with_ellipses_as_planes(views);
     let mut costs = plane_costs(&tangents, plain, objective.noise);
     let ratio = largest_to_median(&costs);
     // With h of the views consistent, the h-th smallest residual is the figure of merit (least median of squares).

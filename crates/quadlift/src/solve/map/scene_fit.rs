@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::super::estimate::Estimate;
+use super::super::estimate::{Estimate, Misfit};
 use super::MapContext;
+use super::agreement::{Reference, is_inconsistent};
 use super::body_model::EllipsoidModel;
 use super::first_fit::FirstFit;
 use super::fit::Fit;
@@ -12,6 +13,7 @@ use super::noise::{NoiseLevels, NoiseStatistics};
 use super::object::Prepared;
 use super::objective::OUTLIER_SCALE;
 use super::poses::PoseCorrections;
+use super::robust::FEWEST_VIEWS;
 use crate::geometry::Body;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
@@ -46,6 +48,8 @@ pub(super) struct SceneFit<B> {
     fits: Vec<Result<Fit<B>, Box<Estimate>>>,
     noise: NoiseLevels,
     statistics: NoiseStatistics,
+    /// What the misfits of objects are compared with.
+    reference: Reference,
     ground: Option<GroundPlane>,
     poses: PoseCorrections,
 }
@@ -85,8 +89,14 @@ impl<B: FirstFit> SceneFit<B> {
         for round in 0..ROUNDS {
             statistics = NoiseStatistics::default();
             // Summed in the order of the objects, so that the result does not depend on the number of threads.
-            for fit in fits.iter().flatten() {
-                statistics.merge(&fit.statistics(&noise, context));
+            let misfits: Vec<Option<Misfit>> = fits.iter().flatten().map(|fit| fit.misfit(&noise)).collect();
+            let reference = Reference::among(&noise, misfits.iter().copied().flatten(), context.options);
+            for (fit, misfit) in fits.iter().flatten().zip(misfits) {
+                // A false box among few views cannot be left out, and does not tell how noisy the others are.
+                let few = fit.prepared.views.views.len() < FEWEST_VIEWS;
+                if !few || misfit.is_none_or(|misfit| !is_inconsistent(&reference.against(misfit))) {
+                    statistics.merge(&fit.statistics(&noise, context));
+                }
             }
             let updated = if context.options.sigmas.is_some() { noise } else { noise.updated(&statistics) };
             let settled = updated.change(&noise, &statistics) < SETTLED;
@@ -120,7 +130,9 @@ impl<B: FirstFit> SceneFit<B> {
                 break;
             }
         }
-        Self { fits, noise, statistics, ground, poses }
+        let misfits = fits.iter().flatten().filter_map(|fit| fit.misfit(&noise));
+        let reference = Reference::among(&noise, misfits, context.options).at_most_the_noise(&noise);
+        Self { fits, noise, statistics, reference, ground, poses }
     }
 
     /// Number of the objects.
@@ -146,14 +158,15 @@ impl<B: FirstFit> SceneFit<B> {
     /// The estimate of a fitted object.
     pub(super) fn estimate(&self, index: usize, context: &MapContext) -> Estimate {
         match &self.fits[index] {
-            Ok(fit) => fit.refined(&self.noise, true).estimate(&self.noise, context),
+            Ok(fit) => self.finished(fit, context).estimate(&self.noise, self.reference, context),
             Err(failed) => (**failed).clone(),
         }
     }
 
     /// The estimate of another object of the scene.
     pub(super) fn estimate_other(&self, views: ObjectViews, context: &MapContext) -> Estimate {
-        self.fit_other(views, context).map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, context))
+        self.fit_other(views, context)
+            .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, context))
     }
 
     /// The body of another object of the scene, in the world.
@@ -194,7 +207,19 @@ impl<B: FirstFit> SceneFit<B> {
         }
         let rounds = if B::SEVERAL_STARTS { RECONSIDERED } else { 1 };
         let fit = (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
-        Ok(fit.refined(&self.noise, true))
+        Ok(self.finished(&fit, context))
+    }
+
+    /// A fit that has been through the rounds, to the end: without the views that contradict the others.
+    fn finished(&self, fit: &Fit<B>, context: &MapContext) -> Fit<B> {
+        let mut fit = fit.refined(&self.noise, true);
+        if let Some(mut without) = fit.without_one_view(&self.noise, self.reference, context) {
+            if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+                without.stand_on(ground, up);
+            }
+            fit = without.refined(&self.noise, true);
+        }
+        fit.without_far_views(&self.noise, self.reference, context)
     }
 
     /// Noise levels by name: those that were given, or those of what has data.
