@@ -10,6 +10,7 @@ mod association;
 mod cross_validation;
 pub mod data;
 mod error;
+mod false_boxes;
 pub mod held_out;
 mod html;
 mod kitti;

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use crate::data::TrueScene;
 use crate::error::Error;
+use crate::false_boxes;
 use crate::methods::{MethodRow, REG_LAMBDA, closed_forms};
 use crate::paper::{self, CurveEnds};
 use crate::plot::{Curve, Mark, Plot};
@@ -189,7 +190,7 @@ pub fn run(seed: u64, progress: Progress) -> Result<Report, Error> {
     let seeds = seed.wrapping_mul(SCENES)..seed.wrapping_mul(SCENES).wrapping_add(SCENES);
     let curves = || PAPER_CURVES.iter().chain(&OUR_CURVES);
     let amounts: usize = curves().map(|curve| curve.amounts().len()).sum();
-    let total = (amounts + HARDER_READINGS.len()) * SCENES as usize + reg_weight::STEPS;
+    let total = (amounts + HARDER_READINGS.len()) * SCENES as usize + reg_weight::STEPS + false_boxes::STEPS;
     let steps = Steps::new("synthetic", total, progress);
 
     let mut report = Report::new("synthetic", "Synthetic scenes (section 5.1)");
@@ -216,6 +217,7 @@ pub fn run(seed: u64, progress: Progress) -> Result<Report, Error> {
     }
     report.table(harder_readings(&rows, seeds, &steps)?);
     report.table(reg_weight::table(seed, &steps)?);
+    report.table(false_boxes::table(seed, &steps)?);
     Ok(report)
 }
 
