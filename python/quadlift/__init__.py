@@ -9,7 +9,7 @@ yours.
 from __future__ import annotations
 
 from ._core import QuadliftError, __version__
-from ._estimates import AssociatedObject, Estimates, Evaluation
+from ._estimates import AssociatedObject, Estimates, Evaluation, InconsistentSceneWarning
 from ._localize import localize
 from ._options import Options, Prior
 from ._rerun import log_recording
@@ -19,6 +19,7 @@ __all__ = [
     "AssociatedObject",
     "Estimates",
     "Evaluation",
+    "InconsistentSceneWarning",
     "Options",
     "Prior",
     "QuadliftError",

@@ -5,12 +5,13 @@ from __future__ import annotations
 import html
 import json
 import os
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _checks, _core, _rerun
+from . import _checks, _core, _options, _rerun
 
 if TYPE_CHECKING:
     import pandas
@@ -29,6 +30,24 @@ _SHAPES = {
     "rotations": (3, 3),
     "covariances": (9, 9),
 }
+
+
+def warn_if_inconsistent(diagnosis: dict[str, Any], words: str | None, stacklevel: int) -> None:
+    """Warns of a scene that does not agree with itself, in the words of the core and with the call that mends it."""
+    if diagnosis["consistent"] or words is None:
+        return
+    option = diagnosis["causes"][0]["option"] if diagnosis["causes"] else None
+    if option is not None:
+        words = words.replace(f"({option})", f"({_options.option_as_keyword(option)})")
+    text = f"the scene does not agree with itself: {words}"
+    warnings.warn(text, InconsistentSceneWarning, stacklevel=stacklevel + 1)
+
+
+class InconsistentSceneWarning(UserWarning):
+    """The scene does not agree with itself: its poses, cameras and boxes do not fit together.
+
+    No object is ``"ok"``; `Estimates.diagnosis` says what is wrong, `Scene.corrected` mends it.
+    """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,6 +117,11 @@ class Estimates:
     left_out : dict
         Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
         where the lens cannot be undistorted).
+    diagnosis : dict
+        Whether the scene agrees with itself: `consistent`, `score` (by how much of their half size boxes typically miss
+        their object; None where no object has two boxes) and `causes`, the usual mistakes that explain it, the best
+        first: `name`, `value`, `before` and `after` (the score, and the one with the mistake undone), `option` of the
+        program that mends it (a keyword of `Scene.corrected` too).
     association : dict or None
         What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
         nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
@@ -134,6 +158,7 @@ class Estimates:
     noise: dict[str, float]
     cross_validation: dict[str, Any] | None
     left_out: dict[str, int]
+    diagnosis: dict[str, Any]
     association: dict[str, Any] | None
     problems: list[str]
     seconds: float
@@ -188,11 +213,17 @@ class Estimates:
             noise=json.loads(localized.noise_json),
             cross_validation=json.loads(localized.cross_validation_json),
             left_out=dict(left_out),
+            diagnosis=json.loads(localized.diagnosis[0]),
             association=None if association is None else json.loads(association),
             problems=localized.problems,
             seconds=localized.seconds,
             _localized=localized,
         )
+
+    def _warned(self, stacklevel: int) -> Estimates:
+        """The estimates, once a scene that does not agree with itself has been told."""
+        warn_if_inconsistent(self.diagnosis, self._localized.diagnosis[1], stacklevel + 1)
+        return self
 
     def __len__(self) -> int:
         """Number of objects."""

@@ -68,8 +68,8 @@ def localize(
         World unit; ``"m"`` is needed for ``priors="builtin"``.
     **options : Options
         The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `associate`, `ids`,
-        `cross_validate`, `min_views`, `ground_plane`, `camera_height`, `pose_noise`, `sigmas`, `reg_lambda`, `seed`,
-        `threads`, `progress`.
+        `cross_validate`, `min_views`, `ground_plane`, `camera_height`, `pose_noise`, `sigmas`, `accept_inconsistent`,
+        `reg_lambda`, `seed`, `threads`, `progress`.
 
     Returns
     -------
@@ -81,6 +81,12 @@ def localize(
     QuadliftError
         Names the argument, what was found and what was expected. A single object that cannot be solved is no error but
         has a status.
+
+    Warns
+    -----
+    InconsistentSceneWarning
+        Where poses, cameras and boxes do not fit together: no object is ``"ok"`` then. It names the mistake that
+        explains it, and what mends it.
 
     Notes
     -----
@@ -107,4 +113,4 @@ def localize(
     ids = "found"
     if object is not None and not localized.associated:
         ids = "numbers" if np.asarray(object).dtype.kind in "iuf" else "texts"
-    return Estimates._of(localized, ids)
+    return Estimates._of(localized, ids)._warned(2)

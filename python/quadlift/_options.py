@@ -66,6 +66,8 @@ class Options(TypedDict, total=False):
     sigmas: Mapping[str, float] | None
     """Noise levels, such as `Estimates.noise` of other detections of the same detector, instead of estimating them from
     all objects of the call. With them an object's estimate depends on its own views only."""
+    accept_inconsistent: bool
+    """Whether objects may be ``"ok"`` in a scene that does not agree with itself (see `Estimates.diagnosis`)."""
     reg_lambda: float | None
     """Weight of the regulariser of `method="reg"` (default 1e16)."""
     seed: int
@@ -92,6 +94,7 @@ DEFAULTS: dict[str, Any] = {
     "camera_height": None,
     "pose_noise": None,
     "sigmas": None,
+    "accept_inconsistent": False,
     "reg_lambda": None,
     "seed": 0,
 }
@@ -115,8 +118,8 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
     if keywords["sigmas"] is not None:
         keywords["sigmas"] = _sigmas(keywords["sigmas"])
-    keywords["cross_validate"] = _checks.flag("cross_validate", keywords["cross_validate"])
-    keywords["ground_plane"] = _checks.flag("ground_plane", keywords["ground_plane"])
+    for name in ("cross_validate", "ground_plane", "accept_inconsistent"):
+        keywords[name] = _checks.flag(name, keywords[name])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
     keywords["priors"], keywords["priors_text"] = _priors(keywords["priors"])
@@ -200,3 +203,36 @@ def _priors(priors: Any) -> tuple[str | None, str | None]:
                 value = repr(_checks.number(place, value))
             lines.append(f"{json.dumps(key)} = {value}")
     return None, "\n".join(lines)
+
+
+def corrections(given: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The core's names and values of corrections; those that are None are left out."""
+    texts = []
+    for name, value in given.items():
+        if value is None or value is False:
+            continue
+        if value is True:
+            text = ""
+        elif isinstance(value, str):
+            text = value
+        elif name in ("image_size", "letterbox"):
+            sides = [float(value)] * 2 if np.ndim(value) == 0 else _checks.array(name, value, (2,)).tolist()
+            text = "x".join(f"{side:g}" for side in sides)
+        elif name == "up":
+            text = ",".join(repr(x) for x in _checks.array(name, value, (3,)).tolist())
+        else:
+            text = f"{_checks.number(name, value):.17g}"
+        texts.append((name.replace("_", "-"), text))
+    return texts
+
+
+def option_as_keyword(option: str) -> str:
+    """An option of the program, such as ``--pose-convention opengl``, as a call of `Scene.corrected`."""
+    name, _, value = option.removeprefix("--").partition(" ")
+    if name in ("image-size", "letterbox"):
+        value = f"({value.replace('x', ', ')})"
+    elif not value:
+        value = "True"
+    elif value[-1].isalpha():
+        value = repr(value)
+    return f"Scene.corrected({name.replace('-', '_')}={value})"

@@ -221,7 +221,96 @@ class Scene:
             In the order of the objects' first detections.
         """
         keywords, threads, progress = _options.split(options, "Scene.localize")
-        return _estimates.Estimates._of(self._core.localize(keywords, threads, progress))
+        return _estimates.Estimates._of(self._core.localize(keywords, threads, progress))._warned(2)
+
+    def diagnose(self, *, source: str | None = None) -> dict[str, Any]:
+        """Whether poses, cameras and boxes fit together, and if not, which of the usual mistakes explains it.
+
+        Parameters
+        ----------
+        source : str, optional
+            Look at the detections of this source only; needed when the scene has several.
+
+        Returns
+        -------
+        dict
+            As `Estimates.diagnosis`.
+        """
+        text, _ = self._core.diagnosis(_checks.optional(_checks.text, "source", source))
+        diagnosis: dict[str, Any] = json.loads(text)
+        return diagnosis
+
+    def corrected(
+        self,
+        *,
+        pose_convention: str | None = None,
+        pose_unit: str | None = None,
+        up: str | ArrayLike | None = None,
+        focal_factor: float | None = None,
+        intrinsics_format: str | None = None,
+        radial_distortion: float | None = None,
+        box_format: str | None = None,
+        normalized_boxes: bool = False,
+        image_size: tuple[float, float] | None = None,
+        box_scale: float | None = None,
+        letterbox: float | tuple[float, float] | None = None,
+        frame_offset: int | None = None,
+        frame_order: str | None = None,
+    ) -> Scene:
+        """The scene with the usual mistakes undone: the corrections of the program, with the same names and values.
+
+        Parameters
+        ----------
+        pose_convention : str, optional
+            What the poses are instead of OpenCV's ``cam_from_world``: ``"world-from-camera"``, ``"opengl"``,
+            ``"opengl-world-from-camera"``, ``"body"``, ``"left-handed"``, ``"camera-center"``, ...
+        pose_unit : str, optional
+            Unit of the poses' translations (``"mm"``); the scene is in metres then.
+        up : str or array_like, shape (3,), optional
+            World direction against gravity: an axis such as ``"-y"``, or a direction.
+        focal_factor : float, optional
+            Multiplies the focal lengths.
+        intrinsics_format : {"normalized", "transposed"}, optional
+            What the intrinsics are instead of pixels.
+        radial_distortion : float, optional
+            Radial coefficient of the lens that the cameras lack.
+        box_format : str, optional
+            What the numbers of boxes are: ``"xywh"``, ``"cxcywh"``, ``"yxyx"``, ...
+        normalized_boxes : bool
+            Whether boxes are shares of the image's width and height.
+        image_size : (width, height), optional
+            Pixels of the images in which the boxes were measured.
+        box_scale : float, optional
+            Multiplies the pixels of the boxes.
+        letterbox : side or (width, height), optional
+            The letterboxed square image in which the boxes were measured, pixels.
+        frame_offset : int, optional
+            Detections of frame number N belong to frame number 0, and so on.
+        frame_order : {"alphabetical", "numeric", "reversed"}, optional
+            The order in which detections were given to frames.
+
+        Returns
+        -------
+        Scene
+            Without the detections that belong to no frame any more.
+        """
+        given = {
+            "pose_convention": pose_convention,
+            "pose_unit": pose_unit,
+            "up": up,
+            "focal_factor": focal_factor,
+            "intrinsics_format": intrinsics_format,
+            "radial_distortion": radial_distortion,
+            "box_format": box_format,
+            "normalized_boxes": normalized_boxes,
+            "image_size": image_size,
+            "box_scale": box_scale,
+            "letterbox": letterbox,
+            "frame_offset": frame_offset,
+            "frame_order": frame_order,
+        }
+        scene, _ = self._core.corrected(_options.corrections(given))
+        return Scene(scene)
 
     def segment(
         self,

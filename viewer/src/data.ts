@@ -20,6 +20,8 @@ export interface Report {
   settings: [string, string][];
   /** What should be known about the report or the run, in sentences. */
   notes: string[];
+  /** What is wrong with the scene as a whole, shown above all else. */
+  banner: string | null;
 }
 
 export interface Frame {

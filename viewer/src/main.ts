@@ -53,6 +53,7 @@ function show(page: HTMLElement, report: Report): void {
     objectDetails(report, selection, colors, view === null ? null : (index) => view.lookAt(index)),
   ];
   page.replaceChildren(
+    ...(report.banner === null ? [] : [element("p", { class: "banner", role: "alert" }, report.banner)]),
     element("header", { class: "title" }, element("h1", {}, report.title), element("p", {}, summary(report))),
     element("div", { class: "views" }, ...parts),
     element(

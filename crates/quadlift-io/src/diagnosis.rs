@@ -58,6 +58,24 @@ pub fn diagnosis_record(diagnosis: &Diagnosis, context: &Context) -> Value {
     })
 }
 
+/// What is wrong, in words, from what [`diagnosis_record`] has written; `None` where nothing is, or where it is no such
+/// record.
+pub fn record_in_words(record: &Value) -> Option<String> {
+    if record.get("consistent")?.as_bool()? {
+        return None;
+    }
+    let agreement = |miss: &Value| Some(Agreement { miss: miss.as_f64()?, share: 0.0, boxes: 0 });
+    let Some(first) = record.get("causes")?.get(0) else {
+        let agreement = agreement(record.get("score")?);
+        return diagnosis_in_words(&Diagnosis { consistent: false, agreement, causes: vec![] }, &Context::default());
+    };
+    let name = first.get("name")?.as_str()?;
+    let (before, after) = (agreement(first.get("before")?)?, agreement(first.get("after")?)?);
+    let name = CauseName::ALL.into_iter().find(|known| known.name() == name)?;
+    let cause = Cause { name, value: first.get("value")?.as_f64(), correction: None, before, after };
+    Some(cause_with_evidence(&cause, first.get("option")?.as_str()))
+}
+
 /// What is wrong, in words, with the evidence and the option that mends it; `None` where nothing is.
 pub fn diagnosis_in_words(diagnosis: &Diagnosis, context: &Context) -> Option<String> {
     let Some(cause) = diagnosis.causes.first() else {
@@ -67,14 +85,19 @@ pub fn diagnosis_in_words(diagnosis: &Diagnosis, context: &Context) -> Option<St
             miss_in_words(agreement)
         ));
     };
+    Some(cause_with_evidence(cause, context.option(cause).as_deref()))
+}
+
+/// A cause with the agreement before and after it is undone, and the option that does that.
+fn cause_with_evidence(cause: &Cause, option: Option<&str>) -> String {
     let mut text = format!("{}: {}", cause_in_words(cause), miss_in_words(cause.before));
     if cause.after.miss < cause.before.miss {
         text.push_str(&format!(", by {} once that is undone", half_sizes(cause.after.miss)));
     }
-    if let Some(option) = context.option(cause) {
+    if let Some(option) = option {
         text.push_str(&format!(" ({option})"));
     }
-    Some(text)
+    text
 }
 
 /// How far the boxes of an object miss each other, in words.

@@ -2,8 +2,10 @@
 
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
+use quadlift::diagnose::diagnose;
 use quadlift::scene::Scene;
 use quadlift_io::association::not_used_in_words;
+use quadlift_io::diagnosis::{Context, diagnosis_in_words};
 
 use crate::error::refuse;
 use crate::options::{IDS, choice, read_priors};
@@ -50,6 +52,14 @@ pub fn associated(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) ->
         associate(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
     match association.outcome {
         Outcome::Found => Ok(association),
+        Outcome::NothingAgrees => {
+            let source = scene.source_index(options.source.as_deref()).unwrap_or_default();
+            let diagnosis = diagnose(scene, |d| source.is_none() || d.source_index == source);
+            let why = diagnosis_in_words(&diagnosis, &Context::default());
+            let why = why.map_or(String::new(), |why| format!(": {why}"));
+            let left_out = not_used_in_words(association.not_used);
+            Err(format!("no object was found: {}{left_out}{why}", Outcome::NothingAgrees.text()))
+        }
         outcome => Err(format!("no object was found: {}{}", outcome.text(), not_used_in_words(association.not_used))),
     }
 }

@@ -10,12 +10,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadlift::associate::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
+use quadlift::diagnose::diagnose;
 use quadlift::geometry::{Body, quaternion_from_rotation};
-use quadlift::scene::Scene;
+use quadlift::scene::{Detection, Scene};
 use quadlift::solve::Estimate;
 use quadlift::{Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
+use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::{body_name, coordinates_name, cross_validation_record, noise_record, settings_record};
 use quadlift_report::{Content, Scores, page, report};
@@ -70,6 +72,9 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
         changed = Some(scene);
         ticker.restart();
     }
+    // As it was given; with the ids that are found there may be more to see.
+    let of_source = |d: &Detection| source.is_none() || d.source_index == source;
+    let given = diagnose(changed.as_ref().unwrap_or(&loaded.scene), of_source);
     let mut association = None;
     if let Some(ids) = choices.ids {
         let scene = changed.as_ref().unwrap_or(&loaded.scene);
@@ -90,6 +95,9 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
     if association.is_some() {
         // They show no object, which is told with the identities.
         localization.left_out.without_object = 0;
+    }
+    if !given.consistent {
+        localization.diagnosis = given;
     }
     let settings = settings_record(options, choices.priors.as_deref());
     let seconds = start.elapsed().as_secs_f64();
@@ -233,6 +241,13 @@ impl PyLocalized {
     #[getter]
     fn cross_validation_json(&self) -> String {
         cross_validation_record(&self.localization).to_string()
+    }
+
+    /// Whether the scene agrees with itself, as JSON; and what is wrong, in words.
+    #[getter]
+    fn diagnosis(&self) -> (String, Option<String>) {
+        let (diagnosis, context) = (&self.localization.diagnosis, Context::of(self.loaded.file(), 0));
+        (diagnosis_record(diagnosis, &context).to_string(), diagnosis_in_words(diagnosis, &context))
     }
 
     /// Detections that took no part: without object, occluded or truncated, beyond the lens.

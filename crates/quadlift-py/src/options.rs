@@ -37,6 +37,7 @@ pub struct LocalizeKeywords {
     pose_noise: Option<[f64; 2]>,
     reg_lambda: Option<f64>,
     sigmas: Option<HashMap<String, f64>>,
+    accept_inconsistent: bool,
     seed: u64,
 }
 
@@ -75,6 +76,7 @@ impl LocalizeKeywords {
             max_occluded: self.max_occluded,
             max_truncated: self.max_truncated,
             measurements: choice("observations", &self.observations, &OBSERVATIONS)?,
+            accept_inconsistent: self.accept_inconsistent,
             seed: self.seed,
             ..Default::default()
         };

@@ -5,8 +5,11 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use quadlift::diagnose::diagnose;
 use quadlift_io::association::write_objects;
+use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
+use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
 use quadlift_io::read::colmap::read_colmap;
 use quadlift_io::read::detections::csv::TableOptions;
 use quadlift_io::read::detections::names::read_names;
@@ -148,6 +151,28 @@ impl PyScene {
         let mut bytes = Vec::new();
         write_scene(self.loaded.file(), &mut bytes).map_err(refuse)?;
         String::from_utf8(bytes).map_err(refuse)
+    }
+
+    /// The scene with corrections, by the names and values of the program's options; and what was done, in words.
+    fn corrected(&self, corrections: Vec<(String, String)>) -> PyResult<(Self, Vec<String>)> {
+        let correction = |(name, value): &(String, String)| {
+            let argument = name.replace('-', "_");
+            RecordCorrection::from_option(name, value).map_err(|e| refuse(format!("{argument} is \"{value}\"; {e}")))
+        };
+        let corrections = corrections.iter().map(correction).collect::<PyResult<Vec<_>>>()?;
+        let corrections: Vec<RecordCorrection> = corrections.into_iter().flatten().collect();
+        let mut file = self.loaded.file().clone();
+        let notes = correct(&mut file, &corrections).map_err(refuse)?;
+        Ok((Self::new(file, self.loaded.path.clone())?, notes))
+    }
+
+    /// Whether the scene agrees with itself, as JSON; and what is wrong, in words.
+    fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<(String, Option<String>)> {
+        let scene = &self.loaded.scene;
+        let source = scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;
+        let diagnosis = py.detach(|| diagnose(scene, |d| source.is_none() || d.source_index == source));
+        let context = Context::of(self.loaded.file(), 0);
+        Ok((diagnosis_record(&diagnosis, &context).to_string(), diagnosis_in_words(&diagnosis, &context)))
     }
 
     /// Localises the objects.

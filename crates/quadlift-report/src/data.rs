@@ -30,6 +30,8 @@ pub struct Report {
     pub settings: Vec<(String, String)>,
     /// What should be known about the report or the run, in sentences.
     pub notes: Vec<String>,
+    /// What is wrong with the scene as a whole, shown above all else: it does not agree with itself.
+    pub banner: Option<String>,
 }
 
 /// A posed image.

@@ -9,7 +9,7 @@ use quadlift_io::{EntryError, SceneFile};
 use crate::data::{Report, ReportDetections, ReportFrame};
 use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
-use crate::run::{run_notes, run_settings, run_source};
+use crate::run::{run_banner, run_notes, run_settings, run_source};
 use crate::scores::Scores;
 use crate::thumbnails::{evenly_spread, thumbnails};
 
@@ -98,6 +98,7 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
         up: scene.up.map(|up| up.into_inner().into()),
         settings: content.estimate.map(run_settings).unwrap_or_default(),
         notes,
+        banner: content.estimate.and_then(run_banner),
         frames: frames.iter().map(frame).collect(),
         scores: content.scores.map(|scores| objects.scores(scores)),
         categories: objects.categories,

@@ -1,6 +1,7 @@
 //! What a result says about its run (`localization` in the file): settings, and notes in sentences.
 
 use quadlift_io::SceneFile;
+use quadlift_io::diagnosis::record_in_words;
 use serde_json::Value;
 
 /// The source whose detections were taken.
@@ -29,6 +30,12 @@ pub fn run_settings(file: &SceneFile) -> Vec<(String, String)> {
     settings
 }
 
+/// That the scene does not agree with itself, and what mends it.
+pub fn run_banner(file: &SceneFile) -> Option<String> {
+    let words = record_in_words(file.localization.as_ref()?.get("diagnosis")?)?;
+    Some(format!("The scene does not agree with itself: {words}. No place or size on this page can be trusted."))
+}
+
 /// What took no part, in sentences.
 pub fn run_notes(file: &SceneFile) -> Vec<String> {
     let left_out = |name: &str| file.localization.as_ref()?.get("left_out")?.get(name)?.as_u64();
@@ -41,7 +48,9 @@ pub fn run_notes(file: &SceneFile) -> Vec<String> {
         let number = left_out(name).filter(|&number| number > 0)?;
         Some(format!("{number} detections took no part: {reason}"))
     };
-    reasons.into_iter().filter_map(note).collect()
+    let corrections = file.localization.as_ref().and_then(|run| run.get("corrections")?.as_array());
+    let corrected = corrections.into_iter().flatten().filter_map(|note| Some(format!("corrected: {}", note.as_str()?)));
+    corrected.chain(reasons.into_iter().filter_map(note)).collect()
 }
 
 fn in_words(value: &Value) -> String {
@@ -58,5 +67,27 @@ fn in_words(value: &Value) -> String {
             _ => number.to_string(),
         },
         other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_scene_that_does_not_agree_with_itself_has_a_banner() {
+        let file = |consistent: bool| {
+            let cause = json!({"name": "opengl_axes", "value": null, "before": 0.9, "after": 0.02,
+                "option": "--pose-convention opengl"});
+            let diagnosis = json!({"consistent": consistent, "score": 0.9, "causes": [cause]});
+            let corrections = ["up is [0, 0, 1]"];
+            let run = json!({"diagnosis": diagnosis, "corrections": corrections});
+            SceneFile { localization: Some(run), ..Default::default() }
+        };
+        let banner = run_banner(&file(false)).unwrap();
+        assert!(banner.contains("OpenGL axes") && banner.contains("(--pose-convention opengl)"), "{banner}");
+        assert_eq!((run_banner(&file(true)), run_banner(&SceneFile::default())), (None, None));
+        assert_eq!(run_notes(&file(true)), ["corrected: up is [0, 0, 1]"]);
     }
 }

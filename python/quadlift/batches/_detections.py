@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_lambda", "seed"})
 """Options that tables of objects take."""
-OF_SCENES = OF_OBJECTS | {"associate", "ids", "ground_plane", "camera_height", "pose_noise"}
+OF_SCENES = OF_OBJECTS | {"associate", "ids", "ground_plane", "camera_height", "pose_noise", "accept_inconsistent"}
 """Options that tables of scenes take."""
 EDGES = np.array([1, 2, 4, 8])
 """What left, top, right and bottom count in a column `hidden_edges`."""
@@ -46,7 +46,9 @@ class Settings:
                 )
             if name not in known:
                 raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
-        given = cast("_options.Options", {"associate": "never" if known == OF_OBJECTS else "auto", **options})
+        # The self-check is one of whole scenes: objects that are solved one by one do not depend on it.
+        of_kind = {"associate": "never", "accept_inconsistent": True} if known == OF_OBJECTS else {"associate": "auto"}
+        given = cast("_options.Options", {**of_kind, **options})
         settings = cls(
             _options.split(given, "localize")[0],
             None if up is None else _checks.array("up", up, (3,)).tolist(),

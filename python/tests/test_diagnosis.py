@@ -1,0 +1,75 @@
+"""The self-check: wrong scenes are told, and mended."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import quadlift
+from conftest import made_scene
+
+INTRINSICS = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+
+
+def with_inverted_poses(projections: NDArray[np.float64]) -> NDArray[np.float64]:
+    poses = np.linalg.inv(INTRINSICS) @ projections
+    rotations = np.swapaxes(poses[:, :, :3], 1, 2)
+    inverse: NDArray[np.float64] = INTRINSICS @ np.concatenate([rotations, -rotations @ poses[:, :, 3:]], axis=2)
+    return inverse
+
+
+def test_a_right_scene_gives_no_warning() -> None:
+    made = made_scene(objects=6, views=12)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        estimates = quadlift.localize(**made.arguments())
+    assert estimates.diagnosis["consistent"]
+    assert estimates.diagnosis["causes"] == []
+    assert estimates.diagnosis["score"] < 0.1
+
+
+def test_inverted_poses_are_told_and_mended() -> None:
+    made = made_scene(objects=6, views=12)
+    given = dict(made.arguments())
+    wrong = {**given, "projections": with_inverted_poses(given["projections"])}
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="camera-to-world") as told:
+        estimates = quadlift.localize(**wrong)
+    assert "Scene.corrected(pose_convention='world-from-camera')" in str(told[0].message)
+    assert told[0].filename == __file__
+    assert not estimates.ok.any()
+    cause = estimates.diagnosis["causes"][0]
+    assert cause["name"] == "camera_to_world"
+    assert cause["after"] < 0.1 < cause["before"]
+    with pytest.warns(quadlift.InconsistentSceneWarning):
+        quadlift.localize(**wrong, accept_inconsistent=True)
+
+    frames = {name: wrong.pop(name) for name in ("projections", "image_sizes")}
+    scene = quadlift.Scene.from_arrays(**frames).with_detections(**wrong)
+    assert scene.diagnose() == estimates.diagnosis
+    mended = scene.corrected(pose_convention="world-from-camera")
+    assert mended.diagnose()["consistent"]
+    np.testing.assert_allclose(mended.localize().centers, quadlift.localize(**given).centers, atol=1e-6)
+
+
+def test_corrections_have_the_programs_names_and_values() -> None:
+    scene = quadlift.Scene.from_arrays(
+        intrinsics=[[500, 0, 320], [0, 500, 240], [0, 0, 1]],
+        cam_from_world=np.tile(np.eye(3, 4), (2, 1, 1)),
+        image_sizes=(640, 480),
+    ).with_detections(frame=[0], boxes=[[10.0, 20.0, 30.0, 50.0]])
+
+    def box(scene: quadlift.Scene) -> list[float]:
+        numbers: list[float] = scene.to_dict()["detections"][0]["box"]
+        return numbers
+
+    assert box(scene.corrected(image_size=(320, 240))) == [20.0, 40.0, 60.0, 100.0]
+    assert box(scene.corrected(letterbox=640)) == [10.0, -60.0, 30.0, -30.0]
+    assert box(scene.corrected(box_format="xywh")) == [10.0, 20.0, 40.0, 70.0]
+    assert scene.corrected(frame_offset=-1).to_dict()["detections"][0]["frame"] == "1"
+    assert scene.corrected(up="-y", focal_factor=2).to_dict()["up"] == [0.0, -1.0, 0.0]
+    assert scene.corrected().to_dict() == scene.to_dict()
+    with pytest.raises(quadlift.QuadliftError, match='pose_convention is "unity"; expected one of world-from-camera'):
+        scene.corrected(pose_convention="unity")
