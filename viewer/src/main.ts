@@ -52,9 +52,9 @@ function show(page: HTMLElement, report: Report): void {
     element("section", { "aria-label": "Objects" }, element("h2", {}, "Objects"), objectTable(report, selection, colors)),
     objectDetails(report, selection, colors, view === null ? null : (index) => view.lookAt(index)),
   ];
+  const banner = report.banner === null ? [] : [element("p", { class: "banner", role: "alert" }, report.banner)];
   page.replaceChildren(
-    ...(report.banner === null ? [] : [element("p", { class: "banner", role: "alert" }, report.banner)]),
-    element("header", { class: "title" }, element("h1", {}, report.title), element("p", {}, summary(report))),
+    element("header", { class: "title" }, ...banner, element("h1", {}, report.title), element("p", {}, summary(report))),
     element("div", { class: "views" }, ...parts),
     element(
       "div",
