@@ -1,11 +1,15 @@
 //! Finding out which detections show the same object: what `associate` and `localize` share.
 
+use std::path::Path;
+
 use anyhow::bail;
 use quadlift::associate;
 use quadlift::associate::{AssociateError, AssociateOptions, Association, IdUse, Outcome};
+use quadlift::diagnose::diagnose_association;
 use quadlift::scene::{Detection, Scene, SourceError};
 use quadlift_io::association::not_used_in_words;
 
+use crate::corrections::CorrectedScene;
 use crate::diagnosis::Check;
 use crate::output::{Output, one_line};
 use crate::progress::counting_bar;
@@ -96,16 +100,43 @@ pub fn associate_scene(
     check: &Check,
     out: &Output,
 ) -> anyhow::Result<Association> {
+    judged(with_progress(title, scene, options, out)?, check)
+}
+
+/// Associates the detections of a scene, checks whether what is found agrees with itself, and mends the scene where that
+/// is asked for; then it is associated again. Errors as of [`associate_scene`].
+pub fn associate_and_check(
+    title: &str,
+    corrected: &mut CorrectedScene,
+    path: &Path,
+    options: &AssociateOptions,
+    check: &mut Check,
+    out: &Output,
+) -> anyhow::Result<Association> {
+    let mut association = with_progress(title, &corrected.scene, options, out)?;
+    check.update(&diagnose_association(&corrected.scene, &association, options)?);
+    if check.fix(corrected, path)? {
+        association = with_progress(title, &corrected.scene, options, out)?;
+        check.diagnosis = diagnose_association(&corrected.scene, &association, options)?;
+    }
+    judged(association, check)
+}
+
+fn with_progress(title: &str, scene: &Scene, options: &AssociateOptions, out: &Output) -> anyhow::Result<Association> {
     let bar = counting_bar(title, "steps of association", out);
     let result = associate(scene, options, &|done, total| {
         bar.set_length(total as u64);
         bar.set_position(done as u64);
     });
     bar.finish_and_clear();
-    let association = match result {
+    match result {
         Err(error @ AssociateError::Source(SourceError::Several(_))) => bail!("{error} (--source NAME)"),
-        result => result?,
-    };
+        result => Ok(result?),
+    }
+}
+
+/// An association that has found something; otherwise an error.
+fn judged(association: Association, check: &Check) -> anyhow::Result<Association> {
     if association.outcome == Outcome::NothingAgrees {
         return Err(check.nothing_agrees(&not_used_in_words(association.not_used)).into());
     }

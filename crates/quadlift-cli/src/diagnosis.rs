@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use quadlift::associate::Outcome as AssociationOutcome;
-use quadlift::diagnose::{Diagnosis, diagnose};
+use quadlift::associate::{AssociateOptions, IdUse, Outcome as AssociationOutcome, associate};
+use quadlift::diagnose::{Diagnosis, diagnose, diagnose_association};
 use quadlift::scene::Scene;
 use quadlift_io::correct::correct;
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
@@ -20,6 +20,8 @@ pub struct Check {
     pub diagnosis: Diagnosis,
     /// What is known of the scene.
     context: Context,
+    /// Whether the scene is to be mended.
+    fixes: bool,
     /// Whether the user wants to go on with a scene that does not agree with itself.
     accepted: bool,
 }
@@ -33,18 +35,42 @@ impl Check {
         path: &Path,
     ) -> anyhow::Result<Self> {
         let context = Context::of(&scene.file, scene.frame_offset);
-        let mut check =
-            Self { diagnosis: of_source(&scene.scene, source), context, accepted: args.accept_inconsistent };
-        let fix = check.diagnosis.causes.first().filter(|_| args.fix && !check.diagnosis.consistent);
-        let Some((cause, correction)) = fix.and_then(|cause| Some((cause, context.correction(cause)?))) else {
-            return Ok(check);
+        let diagnosis = of_source(&scene.scene, source);
+        let mut check = Self { diagnosis, context, fixes: args.fix, accepted: args.accept_inconsistent };
+        if check.fix(scene, path)? {
+            check.diagnosis = of_source(&scene.scene, source);
+        }
+        Ok(check)
+    }
+
+    /// The same, where detections that name no object are associated for it.
+    pub fn with_identities(
+        scene: &mut CorrectedScene,
+        args: &CheckArgs,
+        source: Option<&str>,
+        path: &Path,
+    ) -> anyhow::Result<Self> {
+        let mut check = Self::new(scene, args, source, path)?;
+        check.update(&without_ids(&scene.scene, source));
+        if check.fix(scene, path)? {
+            check.diagnosis = of_source(&scene.scene, source);
+            check.update(&without_ids(&scene.scene, source));
+        }
+        Ok(check)
+    }
+
+    /// Mends the scene by what explains its disagreement best, where that is asked for: once. Whether anything was done.
+    pub fn fix(&mut self, scene: &mut CorrectedScene, path: &Path) -> anyhow::Result<bool> {
+        let cause = self.diagnosis.causes.first().filter(|_| self.fixes && !self.diagnosis.consistent);
+        let Some((cause, correction)) = cause.and_then(|cause| Some((cause, self.context.correction(cause)?))) else {
+            return Ok(false);
         };
         let notes = correct(&mut scene.file, &[correction]).map_err(|error| error.in_file(path))?;
         scene.scene = scene.file.to_scene().map_err(|error| error.in_file(path))?;
-        let option = context.option(cause).unwrap_or_default();
+        let option = self.context.option(cause).unwrap_or_default();
         scene.notes.extend(notes.into_iter().map(|note| format!("{note} ({option}, by --fix)")));
-        check.diagnosis = of_source(&scene.scene, source);
-        Ok(check)
+        self.fixes = false;
+        Ok(true)
     }
 
     /// Takes what was found later, with more knowledge of the scene, unless it had disagreed with itself before.
@@ -88,13 +114,35 @@ impl Check {
                 out.error(&format!("{title}: the scene does not agree with itself: {words}"));
                 Outcome::Inconsistent
             }
+            Some(words) if !self.diagnosis.consistent => {
+                out.warning(&format!("{title}: the scene does not agree with itself: {words}"));
+                Outcome::Fine
+            }
             Some(words) => {
-                out.warning(&format!("{title}: {words}"));
+                out.warning(&format!("{title}: this may be wrong: {words}"));
                 Outcome::Fine
             }
             None => Outcome::Fine,
         }
     }
+}
+
+/// More detections than this are not associated for the self-check alone, which would take too long.
+const MOST_ASSOCIATED: usize = 5000;
+
+/// The diagnosis of a scene in which most detections name no object: they are associated for it.
+pub fn without_ids(scene: &Scene, source: Option<&str>) -> Diagnosis {
+    let index = scene.source_index(source).unwrap_or_default();
+    let used = || scene.detections.iter().filter(|d| index.is_none() || d.source_index == index);
+    let unnamed = used().filter(|d| d.object_index.is_none()).count();
+    if 2 * unnamed <= used().count() || used().count() > MOST_ASSOCIATED {
+        return Diagnosis::default();
+    }
+    let options = AssociateOptions { source: source.map(str::to_owned), ids: IdUse::Trust, ..Default::default() };
+    let diagnosis = associate(scene, &options, &|_, _| {})
+        .and_then(|association| diagnose_association(scene, &association, &options));
+    // An unclear source is for what comes next to tell.
+    diagnosis.unwrap_or_default()
 }
 
 /// The diagnosis of the detections of a source; an unclear source is for what comes next to tell.

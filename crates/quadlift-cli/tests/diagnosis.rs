@@ -84,3 +84,33 @@ fn scenes_that_are_written_are_mended() {
     folder.write("broken.json", "{");
     assert_eq!(folder.run("localize wrong.json broken.json -o results").code, 1);
 }
+
+/// Detections that name no object: they are associated first, and that tells as well.
+#[test]
+fn mistakes_are_named_without_ids() {
+    let folder = Folder::new();
+    folder.succeed("synth -o right.json --objects 12 --views 16 --seed 5 --noise box:0.02 --trajectory arc:120");
+    let mut right = folder.json("right.json");
+    let new_id = |old: &Value| json!(format!("{}.jpg", old.as_str().unwrap().parse::<u32>().unwrap() + 1));
+    right["frames"].as_array_mut().unwrap().iter_mut().for_each(|frame| frame["id"] = new_id(&frame["id"]));
+    right.as_object_mut().unwrap().remove("objects");
+    for detection in right["detections"].as_array_mut().unwrap() {
+        detection["frame"] = new_id(&detection["frame"]);
+        detection.as_object_mut().unwrap().remove("object");
+    }
+    folder.write_json("nameless.json", &right);
+    folder.succeed("localize nameless.json");
+    let (mut wrong, mut named, mut mended) = (0, 0, 0);
+    for Mistake { words, name, scene, .. } in mistakes(&right) {
+        folder.write_json("wrong.json", &scene);
+        let run = folder.run("localize wrong.json --json");
+        let document: Value = serde_json::from_str(&run.stdout).unwrap();
+        let diagnosis = &document["scenes"][0]["diagnosis"];
+        let fixed = folder.run("localize wrong.json --fix").code;
+        println!("{name}: {} {} {fixed} {}", run.code, diagnosis["causes"][0]["name"], run.stderr);
+        wrong += usize::from(run.code == 3);
+        named += usize::from(diagnosis["causes"][0]["name"] == name && run.stderr.contains(words));
+        mended += usize::from(fixed == 0);
+    }
+    assert!(wrong >= 10 && named >= 9 && mended >= 8, "{wrong} {named} {mended}");
+}

@@ -1,6 +1,8 @@
 //! What the self-check of a scene found ([`quadlift::diagnose`]), in words, as options that mend it, and as JSON.
 
+use quadlift::Localization;
 use quadlift::diagnose::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
+use quadlift::solve::Status;
 use serde_json::{Value, json};
 
 use crate::correct::RecordCorrection;
@@ -56,6 +58,17 @@ pub fn diagnosis_record(diagnosis: &Diagnosis, context: &Context) -> Value {
         "score": diagnosis.agreement.map(|agreement: Agreement| agreement.miss),
         "causes": diagnosis.causes.iter().map(cause).collect::<Vec<_>>(),
     })
+}
+
+/// Takes a diagnosis that was made with other knowledge of the scene (before its identities were found) into its
+/// localisation: where the scene did not agree with itself, no object is `ok`, unless that is accepted.
+pub fn refuse_objects(localization: &mut Localization, diagnosis: &Diagnosis, accepted: bool) {
+    if diagnosis.consistent {
+        return;
+    }
+    localization.diagnosis = diagnosis.clone();
+    let ok = localization.estimates.iter_mut().filter(|estimate| estimate.status == Status::Ok && !accepted);
+    ok.for_each(|estimate| estimate.status = Status::Inconsistent);
 }
 
 /// What is wrong, in words, from what [`diagnosis_record`] has written; `None` where nothing is, or where it is no such

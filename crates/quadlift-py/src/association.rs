@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
-use quadlift::diagnose::diagnose;
+use quadlift::diagnose::diagnose_association;
 use quadlift::scene::Scene;
 use quadlift_io::association::not_used_in_words;
 use quadlift_io::diagnosis::{Context, diagnosis_in_words};
@@ -53,8 +53,7 @@ pub fn associated(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) ->
     match association.outcome {
         Outcome::Found => Ok(association),
         Outcome::NothingAgrees => {
-            let source = scene.source_index(options.source.as_deref()).unwrap_or_default();
-            let diagnosis = diagnose(scene, |d| source.is_none() || d.source_index == source);
+            let diagnosis = diagnose_association(scene, &association, options).unwrap_or_default();
             let why = diagnosis_in_words(&diagnosis, &Context::default());
             let why = why.map_or(String::new(), |why| format!(": {why}"));
             let left_out = not_used_in_words(association.not_used);

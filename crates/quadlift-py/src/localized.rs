@@ -10,14 +10,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadlift::associate::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
-use quadlift::diagnose::diagnose;
+use quadlift::diagnose::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::{Detection, Scene};
 use quadlift::solve::Estimate;
 use quadlift::{Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
-use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
+use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::{body_name, coordinates_name, cross_validation_record, noise_record, settings_record};
 use quadlift_report::{Content, Scores, page, report};
@@ -74,11 +74,14 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
     }
     // As it was given; with the ids that are found there may be more to see.
     let of_source = |d: &Detection| source.is_none() || d.source_index == source;
-    let given = diagnose(changed.as_ref().unwrap_or(&loaded.scene), of_source);
+    let mut given = diagnose(changed.as_ref().unwrap_or(&loaded.scene), of_source);
     let mut association = None;
     if let Some(ids) = choices.ids {
         let scene = changed.as_ref().unwrap_or(&loaded.scene);
         let found = associated(scene, &choices.of_association(ids), ticker)?;
+        if given.consistent {
+            given = diagnose_association(scene, &found, &choices.of_association(ids)).map_err(|e| e.to_string())?;
+        }
         changed = Some(found.applied_to(scene, source));
         association = Some(found);
         ticker.restart();
@@ -96,9 +99,7 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
         // They show no object, which is told with the identities.
         localization.left_out.without_object = 0;
     }
-    if !given.consistent {
-        localization.diagnosis = given;
-    }
+    refuse_objects(&mut localization, &given, options.accept_inconsistent);
     let settings = settings_record(options, choices.priors.as_deref());
     let seconds = start.elapsed().as_secs_f64();
     Ok(PyLocalized { loaded, changed, association, localization, settings, source, problems, seconds })

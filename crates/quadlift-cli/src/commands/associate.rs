@@ -13,9 +13,9 @@ use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use serde_json::json;
 
 use crate::args;
-use crate::association::{IdsName, associate_scene, associated_scene, in_words};
+use crate::association::{IdsName, associate_and_check, associated_scene, in_words};
 use crate::corrections::{CheckArgs, CorrectedScene, SceneCorrections, corrected_in_words};
-use crate::diagnosis::{Check, of_source};
+use crate::diagnosis::Check;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, outputs};
 use crate::localization::check_metres;
@@ -125,17 +125,17 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
     let mut check = Check::new(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
-    let CorrectedScene { mut file, scene, notes, .. } = corrected;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
-        check_metres(&scene)?;
+        check_metres(&corrected.scene)?;
     }
     let title = args.scene.display().to_string();
     let start = Instant::now();
-    let association = associate_scene(&title, &scene, &options, &check, out).with_context(|| title.clone())?;
+    let association = associate_and_check(&title, &mut corrected, &args.scene, &options, &mut check, out)
+        .with_context(|| title.clone())?;
+    let CorrectedScene { mut file, scene, notes, .. } = corrected;
     out.detail(&format!("associated in {}", duration(start.elapsed())));
     let associated = associated_scene(&scene, &association, args.source.as_deref())?;
     write_objects(&mut file.detections, &associated);
-    check.update(&of_source(&associated, args.source.as_deref()));
     // The true objects, if the scene has any, have other ids.
     file.objects = Vec::new();
     write_scene_file(&args.output, &file)?;

@@ -11,7 +11,7 @@ use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
 use serde::Serialize;
 
 use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
-use crate::diagnosis::of_source;
+use crate::diagnosis::{of_source, without_ids};
 use crate::error::Outcome;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
@@ -104,7 +104,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     };
     report.oddities = oddities(&file, &scene, &report);
     // The source that agrees least with the poses, or the only one.
-    let diagnoses = report.sources.iter().map(|source| of_source(&scene, source.name.as_deref()));
+    let diagnoses = report.sources.iter().flat_map(|source| {
+        let name = source.name.as_deref();
+        [of_source(&scene, name), without_ids(&scene, name)]
+    });
     let miss = |d: &Diagnosis| d.agreement.map_or(0.0, |agreement| agreement.miss);
     let worst = |a: &Diagnosis, b: &Diagnosis| b.consistent.cmp(&a.consistent).then(miss(a).total_cmp(&miss(b)));
     let diagnosis = diagnoses.max_by(worst).unwrap_or_default();

@@ -9,15 +9,16 @@ use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
 use quadlift::cross_validation::Extent;
-use quadlift::solve::{Method, PoseNoise, Rejection, Sigmas};
+use quadlift::solve::{Estimate, Method, PoseNoise, Rejection, Sigmas, Status};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::association::{add_to_result, association_record};
+use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
 use quadlift_io::{read_scene_file, write_scene_file};
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice, SigmaSource};
-use crate::association::{IdsName, When, associate_scene, associated_scene, localize_in_words};
+use crate::association::{IdsName, When, associate_and_check, associated_scene, localize_in_words};
 use crate::corrections::{CheckArgs, CorrectedScene, Corrections, corrected_in_words};
 use crate::diagnosis::Check;
 use crate::error::{InconsistentError, Outcome, in_words, usage};
@@ -318,24 +319,26 @@ fn one_scene(
     let mut corrected = read()?;
     let source = settings.options.source.as_deref();
     let mut check = Check::new(&mut corrected, &args.check, source, input)?;
-    let CorrectedScene { mut file, mut scene, notes, .. } = corrected;
-    let problems =
-        read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
-    file.objects = Vec::new();
-    // Detections are the bulk of a large scene; a result has them where their identities are found.
-    let detections = std::mem::take(&mut file.detections);
     let read = start.elapsed();
-    document["diagnosis"] = check.record();
-    let ids = args.associate.ids_for(&scene, source, args.ids);
-    let mut identities = None;
-    if let Some(ids) = ids {
+    let mut association = None;
+    if let Some(ids) = args.associate.ids_for(&corrected.scene, source, args.ids) {
         let options = AssociateOptions {
             source: settings.options.source.clone(),
             ids,
             priors: settings.options.map.priors.clone(),
             ..Default::default()
         };
-        let association = associate_scene(&title, &scene, &options, &check, out).with_context(|| title.clone())?;
+        let found = associate_and_check(&title, &mut corrected, input, &options, &mut check, out);
+        association = Some((ids, found.with_context(|| title.clone())?));
+    }
+    let CorrectedScene { mut file, mut scene, notes, .. } = corrected;
+    let problems =
+        read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
+    file.objects = Vec::new();
+    // Detections are the bulk of a large scene; a result has them where their identities are found.
+    let detections = std::mem::take(&mut file.detections);
+    let mut identities = None;
+    if let Some((ids, association)) = association {
         let words = localize_in_words(&scene, source, ids, &association);
         scene = associated_scene(&scene, &association, source)?;
         document["association"] = association_record(&scene, &association);
@@ -349,6 +352,7 @@ fn one_scene(
         localization.left_out.without_object = 0;
     }
     check.update(&localization.diagnosis);
+    refuse_objects(&mut localization, &check.diagnosis, args.check.accept_inconsistent);
     document["diagnosis"] = check.record();
     let solved = start.elapsed();
     let estimates = &localization.estimates;
@@ -413,7 +417,10 @@ fn one_scene(
     if !problems.is_empty() {
         document["problems"] = json!(problems);
     }
-    let outcome = check.tell(&title, out);
+    // Rays that do not cross (all from one point, one view of each object) cannot disagree.
+    let undetermined = |e: &Estimate| matches!(e.status, Status::Degenerate | Status::TooFewViews);
+    let cannot_tell = check.diagnosis.causes.is_empty() && estimates.iter().all(undetermined);
+    let outcome = if cannot_tell { Outcome::Fine } else { check.tell(&title, out) };
     if localised == 0 && outcome == Outcome::Fine {
         return Err(anyhow!("{title}: no object could be localised"));
     }

@@ -109,7 +109,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
     let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
-    let check = Check::new(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
+    let check = Check::with_identities(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
     let CorrectedScene { mut file, scene, notes, .. } = corrected;
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;
     check_folders(args, &images)?;

@@ -91,7 +91,8 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
     let [w, h] = ["width", "height"].map(|name| right["cameras"][0][name].as_f64().unwrap());
     let gain = 640.0 / w.max(h);
     let [px, py] = [w, h].map(|x| 0.5 * (640.0 - gain * x));
-    let mut names: Vec<(String, usize)> = (0..12).map(|k| (format!("{}.jpg", k + 1), k)).collect();
+    let frames = right["frames"].as_array().unwrap().len();
+    let mut names: Vec<(String, usize)> = (0..frames).map(|k| (format!("{}.jpg", k + 1), k)).collect();
     names.sort();
     let of = |title, story, words, name, scene| Mistake { title, story, words, name, scene };
     vec![
