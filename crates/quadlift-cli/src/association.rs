@@ -115,7 +115,7 @@ pub fn associate_and_check(
 ) -> anyhow::Result<Association> {
     let mut association = with_progress(title, &corrected.scene, options, out)?;
     check.update(&diagnose_association(&corrected.scene, &association, options)?);
-    if check.fix(corrected, path)? {
+    while check.fix(corrected, path)? {
         association = with_progress(title, &corrected.scene, options, out)?;
         check.diagnosis = diagnose_association(&corrected.scene, &association, options)?;
     }

@@ -153,6 +153,8 @@ pub struct CorrectedScene {
     pub notes: Vec<String>,
     /// The number that the detections gave to the frame number 0.
     pub frame_offset: i64,
+    /// The corrections that options asked for.
+    pub corrections: Vec<RecordCorrection>,
 }
 
 /// What was corrected, a line each.
@@ -170,6 +172,6 @@ impl CorrectedScene {
     pub fn of(mut file: SceneFile, corrections: &[RecordCorrection], path: &Path) -> anyhow::Result<Self> {
         let notes = correct(&mut file, corrections).map_err(|error| error.in_file(path))?;
         let scene = file.to_scene().map_err(|error| error.in_file(path))?;
-        Ok(Self { file, scene, notes, frame_offset: 0 })
+        Ok(Self { file, scene, notes, frame_offset: 0, corrections: corrections.to_vec() })
     }
 }

@@ -20,8 +20,8 @@ pub struct Check {
     pub diagnosis: Diagnosis,
     /// What is known of the scene.
     context: Context,
-    /// Whether the scene is to be mended.
-    fixes: bool,
+    /// How often the scene may yet be mended.
+    fixes: usize,
     /// Whether the user wants to go on with a scene that does not agree with itself.
     accepted: bool,
 }
@@ -34,10 +34,11 @@ impl Check {
         source: Option<&str>,
         path: &Path,
     ) -> anyhow::Result<Self> {
-        let context = Context::of(&scene.file, scene.frame_offset);
+        let context = Context::of(&scene.file, scene.frame_offset).after(&scene.corrections);
         let diagnosis = of_source(&scene.scene, source);
-        let mut check = Self { diagnosis, context, fixes: args.fix, accepted: args.accept_inconsistent };
-        if check.fix(scene, path)? {
+        let fixes = if args.fix { MOST_FIXES } else { 0 };
+        let mut check = Self { diagnosis, context, fixes, accepted: args.accept_inconsistent };
+        while check.fix(scene, path)? {
             check.diagnosis = of_source(&scene.scene, source);
         }
         Ok(check)
@@ -52,16 +53,16 @@ impl Check {
     ) -> anyhow::Result<Self> {
         let mut check = Self::new(scene, args, source, path)?;
         check.update(&without_ids(&scene.scene, source));
-        if check.fix(scene, path)? {
+        while check.fix(scene, path)? {
             check.diagnosis = of_source(&scene.scene, source);
             check.update(&without_ids(&scene.scene, source));
         }
         Ok(check)
     }
 
-    /// Mends the scene by what explains its disagreement best, where that is asked for: once. Whether anything was done.
+    /// Mends the scene by what explains its disagreement best, where that is asked for. Whether anything was done.
     pub fn fix(&mut self, scene: &mut CorrectedScene, path: &Path) -> anyhow::Result<bool> {
-        let cause = self.diagnosis.causes.first().filter(|_| self.fixes && !self.diagnosis.consistent);
+        let cause = self.diagnosis.causes.first().filter(|_| self.fixes > 0 && !self.diagnosis.consistent);
         let Some((cause, correction)) = cause.and_then(|cause| Some((cause, self.context.correction(cause)?))) else {
             return Ok(false);
         };
@@ -69,7 +70,7 @@ impl Check {
         scene.scene = scene.file.to_scene().map_err(|error| error.in_file(path))?;
         let option = self.context.option(cause).unwrap_or_default();
         scene.notes.extend(notes.into_iter().map(|note| format!("{note} ({option}, by --fix)")));
-        self.fixes = false;
+        self.fixes -= 1;
         Ok(true)
     }
 
@@ -126,6 +127,9 @@ impl Check {
         }
     }
 }
+
+/// Corrections that `--fix` makes one after another: numbers that are found without ids are rough at first.
+const MOST_FIXES: usize = 3;
 
 /// More detections than this are not associated for the self-check alone, which would take too long.
 const MOST_ASSOCIATED: usize = 5000;

@@ -14,6 +14,10 @@ use crate::scene_file::SceneFile;
 pub struct Context {
     /// Width and height of all images in pixels, where they are known and the same.
     pub image_size: Option<[f64; 2]>,
+    /// The size of the images in which the boxes were measured, in pixels, where an option has told it.
+    measured_size: Option<[f64; 2]>,
+    /// The factor on the focal lengths that an option has told; 0 where none has.
+    focal_factor: f64,
     /// The number that the detections give to frame 0, see [`crate::read::detections::AddedDetections::frame_offset`].
     pub frame_offset: i64,
 }
@@ -23,13 +27,30 @@ impl Context {
     pub fn of(file: &SceneFile, frame_offset: i64) -> Self {
         let sizes = file.image_sizes();
         let first = sizes.first().copied().flatten();
-        Self { image_size: first.filter(|_| sizes.iter().all(|size| *size == first)), frame_offset }
+        Self { image_size: first.filter(|_| sizes.iter().all(|size| *size == first)), frame_offset, ..Self::default() }
+    }
+
+    /// The context once options have corrected the scene: what is proposed then takes their place.
+    #[must_use]
+    pub fn after(mut self, corrections: &[RecordCorrection]) -> Self {
+        for correction in corrections {
+            match *correction {
+                RecordCorrection::ImageSize(size) => self.measured_size = Some(size),
+                RecordCorrection::Known(Correction::FocalFactor(factor)) => self.focal_factor = factor,
+                RecordCorrection::Known(Correction::FrameOffset(n)) => self.frame_offset -= i64::from(n),
+                _ => {}
+            }
+        }
+        self
     }
 
     /// The option that mends a cause, where one does.
     pub fn option(&self, cause: &Cause) -> Option<String> {
         match cause.correction {
-            Some(correction) => Some(option_of(&correction, self.image_size, self.frame_offset)),
+            Some(Correction::FocalFactor(factor)) if self.focal_factor > 0.0 => {
+                Some(option_of(&Correction::FocalFactor(factor * self.focal_factor), None, 0))
+            }
+            Some(correction) => Some(option_of(&correction, self.measured_size.or(self.image_size), self.frame_offset)),
             None if cause.name == CauseName::ObjectIds => Some("--associate always --ids ignore".to_owned()),
             None => None,
         }
@@ -219,7 +240,7 @@ mod tests {
 
     #[test]
     fn causes_are_named_with_evidence_and_option() {
-        let context = Context { image_size: Some([1280.0, 960.0]), frame_offset: 0 };
+        let context = Context { image_size: Some([1280.0, 960.0]), ..Default::default() };
         let text = |correction: Correction| {
             let diagnosis = Diagnosis { consistent: false, agreement: None, causes: vec![cause(correction)] };
             diagnosis_in_words(&diagnosis, &context).unwrap()
@@ -242,6 +263,20 @@ mod tests {
         ] {
             assert!(text(correction).contains(words), "{}", text(correction));
         }
+    }
+
+    #[test]
+    fn proposals_take_the_place_of_options_that_were_given() {
+        let context = Context { image_size: Some([1280.0, 960.0]), ..Default::default() };
+        let context = context.after(&[
+            RecordCorrection::ImageSize([620.0, 465.0]),
+            RecordCorrection::Known(Correction::FocalFactor(2.0)),
+            RecordCorrection::Known(Correction::FrameOffset(-1)),
+        ]);
+        let option = |correction: Correction| context.option(&cause(correction)).unwrap();
+        assert_eq!(option(Correction::ImageScale(0.96875)), "--image-size 640x480");
+        assert_eq!(option(Correction::FocalFactor(0.75)), "--focal-factor 1.5");
+        assert_eq!(option(Correction::FrameOffset(-1)), "--frame-offset 2");
     }
 
     #[test]

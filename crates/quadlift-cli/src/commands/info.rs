@@ -81,8 +81,9 @@ struct Source {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let CorrectedScene { file, scene, notes, .. } = CorrectedScene::read(&args.scene, &args.corrections.list())?;
-    let context = Context::of(&file, 0);
+    let CorrectedScene { file, scene, notes, corrections, .. } =
+        CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let context = Context::of(&file, 0).after(&corrections);
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;
     let mut report = Report {

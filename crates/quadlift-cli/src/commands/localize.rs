@@ -12,6 +12,7 @@ use quadlift::cross_validation::Extent;
 use quadlift::solve::{Estimate, Method, PoseNoise, Rejection, Sigmas, Status};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::association::{add_to_result, association_record};
+use quadlift_io::correct::RecordCorrection;
 use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
 use quadlift_io::{read_scene_file, write_scene_file};
@@ -257,8 +258,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let scene = || {
             let (file, frame_offset) = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
             // The size of the images and the numbers of the frames are dealt with where detections are added.
-            let scene = CorrectedScene::of(file, &args.corrections.list(None, None), detections)?;
-            Ok(CorrectedScene { frame_offset, ..scene })
+            let mut scene = CorrectedScene::of(file, &args.corrections.list(None, None), detections)?;
+            scene.frame_offset = frame_offset;
+            scene.corrections.extend(args.direct.pixels_and_frames().0.map(RecordCorrection::ImageSize));
+            Ok(scene)
         };
         let mut document =
             json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
