@@ -109,7 +109,9 @@ class Estimates:
         Noise levels that the residuals show, by name; empty for other methods than ``"map"``. Standard deviations:
         ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
         ellipses as shares of the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
-        ``ellipse_correlation`` are correlations between views that follow each other.
+        ``ellipse_correlation`` are correlations between views that follow each other. ``edge_common`` and others that
+        end so are errors that the views of an object have in common, in units of the noise; ``residual_level`` and
+        ``residual_spread`` tell how much objects differ. These enter covariances only.
     cross_validation : dict or None
         How well left-out views are predicted, over the scene: `iou` (mean, of the predicted and the measured boxes),
         `edge_error` (median, relative to half the box's size), the numbers of `views` and `objects`, and the `extent`:

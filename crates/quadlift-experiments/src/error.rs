@@ -15,7 +15,7 @@ pub enum Error {
     #[error(
         "there is no real data: {} has no folder \"scenes\"; name the folder of the data with --data DIR or the \
          environment variable QUADLIFT_DATA (only the experiments \"synthetic\", \
-         \"segmentation\" and \"association\" run without)", .0.display()
+         \"segmentation\", \"association\" and \"trust\" run without)", .0.display()
     )]
     NoData(PathBuf),
     /// A scene file cannot be read.

@@ -26,6 +26,7 @@ pub mod segmentation;
 pub mod sequences;
 mod synthetic;
 pub mod table;
+pub mod trust;
 mod tuw;
 mod wide_views;
 
@@ -55,11 +56,13 @@ pub enum Experiment {
     Association,
     /// What left-out views tell about the quality of estimates; not in the paper.
     CrossValidation,
+    /// How often the truth lies in the regions that estimates come with; not in the paper.
+    Trust,
 }
 
 impl Experiment {
     /// All experiments, in the order of the paper; then what it describes without figures of its own, and what is ours.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Synthetic,
         Self::Accv,
         Self::Tuw,
@@ -68,18 +71,19 @@ impl Experiment {
         Self::Segmentation,
         Self::Association,
         Self::CrossValidation,
+        Self::Trust,
     ];
 
     /// Whether it needs the real data.
     pub fn needs_data(self) -> bool {
-        !matches!(self, Self::Synthetic | Self::Segmentation | Self::Association)
+        !matches!(self, Self::Synthetic | Self::Segmentation | Self::Association | Self::Trust)
     }
 }
 
 /// Runs an experiment. The same seed gives the same report, with any number of threads.
 ///
-/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none; `segmentation` and
-/// `association` show less without.
+/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none; `segmentation`,
+/// `association` and `trust` show less without.
 ///
 /// # Errors
 /// [`Error`]: no data, a file that is wrong.
@@ -94,5 +98,6 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Segmentation => segmentation::run(data, segmentation::Extent::Whole, seed, progress),
         Experiment::Association => association::run(data, seed, progress),
         Experiment::CrossValidation => cross_validation::run(&folder()?, seed, progress),
+        Experiment::Trust => trust::run(data, trust::Extent::Whole, seed, progress),
     }
 }

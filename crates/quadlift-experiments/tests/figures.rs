@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use quadlift::scene::Frame;
 use quadlift_experiments::data::{TrueScene, data_folder};
 use quadlift_experiments::methods::REG_LAMBDA;
-use quadlift_experiments::{Error, Experiment, Report, reg_weight, run, segmentation};
+use quadlift_experiments::{Error, Experiment, Report, reg_weight, run, segmentation, trust};
 
 fn data() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
@@ -247,4 +247,22 @@ fn left_out_views_tell_a_little_about_the_truth() {
     let kitti = |column| cell(&report, title, &["KITTI, aligned poses", "all"], column);
     assert!(kitti("mean left-out IoU") > 0.9 && kitti("mean O3D") < 0.75);
     assert_eq!(cell(&report, title, &["together", "all"], "objects"), 104.0);
+}
+
+#[test]
+fn regions_of_real_objects_hold_the_truth() {
+    let Some(data) = data() else { return };
+    let report = trust::run(Some(&data), trust::Extent::RealSets, 0, &|_, _, _| {}).unwrap();
+    assert_within(
+        &report,
+        &[
+            ("trust_real_center_95", 85.0, 100.0),
+            ("trust_real_center_median", 1.6, 3.2),
+            ("trust_real_body_median", 6.0, 10.0),
+            ("trust_real_volume", 0.0, 3.0),
+        ],
+    );
+    // A covariance of the noise alone is far too bold.
+    let noise_only = cell(&report, "Real sets", &["all", "noise only"], "95 %");
+    assert!(noise_only < 60.0, "{noise_only}");
 }

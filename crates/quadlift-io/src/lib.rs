@@ -1,6 +1,6 @@
 //! Files in and out of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
 //! formats in ([`read`]) and out ([`mod@write`]), scenes as Parquet tables (`tables`, feature
-//! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`],
+//! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`], [`calibration`],
 //! [`segmentation`].
 //!
 //! Readers refuse what is wrong with a [`ReadError`] that names the file, the place in it, what was found and what
@@ -9,6 +9,7 @@
 
 pub mod association;
 mod atomic;
+pub mod calibration;
 pub mod correct;
 pub mod detect;
 pub mod diagnosis;

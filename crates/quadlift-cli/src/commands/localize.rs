@@ -12,10 +12,11 @@ use quadlift::cross_validation::Extent;
 use quadlift::solve::{Estimate, Method, PoseNoise, Rejection, Sigmas, Status};
 use quadlift::{Options, UsedMeasurements};
 use quadlift_io::association::{add_to_result, association_record};
+use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
-use quadlift_io::{read_scene_file, write_scene_file};
+use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
 use serde_json::{Value, json};
 
 use crate::args::{self, BodyChoice, SigmaSource};
@@ -137,6 +138,11 @@ pub struct Args {
     #[arg(long)]
     cross_validate: bool,
 
+    /// Calibrate the regions of the estimates on an earlier result and the scene that holds its true objects (can be
+    /// given several times): the result then lists limits that hold the truth as often as they say
+    #[arg(long, num_args = 2, value_names = ["RESULT.json", "TRUTH.json"], action = clap::ArgAction::Append)]
+    calibration: Vec<PathBuf>,
+
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -188,6 +194,9 @@ impl Args {
         }
         if (self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some()) && method != Method::Map {
             return usage("--ground-plane, --camera-height and --pose-noise are options of --method map only");
+        }
+        if !self.calibration.is_empty() && method != Method::Map {
+            return usage("--calibration is an option of --method map only: the other methods give no covariance");
         }
         if self.sigmas.is_some() && method != Method::Map {
             return usage("--sigmas is an option of --method map only");
@@ -241,6 +250,30 @@ fn read_sigmas(source: &SigmaSource) -> anyhow::Result<Sigmas> {
     }
 }
 
+/// What the result says about the calibration that was asked for.
+fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<Value>> {
+    if paths.is_empty() {
+        return Ok(None);
+    }
+    let files = paths.iter().map(|path| read_scene_file(path)).collect::<Result<Vec<_>, _>>()?;
+    let files: Vec<(&Path, &SceneFile)> = paths.iter().map(PathBuf::as_path).zip(&files).collect();
+    let pairs: Vec<ResultAndTruth> = files.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+    let calibration = calibrate(&pairs)?;
+    let names: Vec<[&Path; 2]> = pairs.iter().map(|[result, truth]| [result.0, truth.0]).collect();
+    Ok(Some(calibration_record(&calibration, &names)))
+}
+
+/// The calibration in one line.
+fn calibration_in_words(record: &Value) -> String {
+    let objects = record["objects"].as_u64().unwrap_or(0) as usize;
+    // The quantile of chi-square with 3 degrees of freedom.
+    let said = match record["squared_distance"]["center"]["0.95"].as_f64() {
+        Some(limit) => format!("the 95 % region of a centre ends at the squared distance {limit:.2} instead of 7.81"),
+        None => "too few for a region of 95 %".to_owned(),
+    };
+    format!("regions calibrated on {}: {said}\n", count(objects, "object"))
+}
+
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Some(threads) = args.threads {
         // Before anything else: the first call of the library starts the threads.
@@ -248,6 +281,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     args.output.as_deref().map_or(Ok(()), |output| check_result_name(output, true))?;
     let settings = args.settings()?;
+    let calibration = read_calibration(&args.calibration)?;
+    let calibration = calibration.as_ref();
     if let Some((cameras, detections)) = args.direct.paths() {
         let [output, report] = [&args.output, &args.report].map(Option::as_deref);
         output.map_or(Ok(()), check_file)?;
@@ -266,7 +301,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let mut document =
             json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
         let named = [detections, place.unwrap_or(Path::new(""))];
-        let outcome = one_scene(named, scene, [output, report], args, &settings, out, &mut document)?;
+        let outcome = one_scene(named, scene, [output, report], args, (&settings, calibration), out, &mut document)?;
         out.document(&json!({ "scenes": [document] }))?;
         return Ok(outcome);
     }
@@ -286,7 +321,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let (image_size, frame_offset) = args.direct.pixels_and_frames();
         let corrections = args.corrections.list(image_size, frame_offset);
         let scene = || CorrectedScene::read(input, &corrections);
-        match one_scene([input, input], scene, [output, report], args, &settings, out, &mut document) {
+        let chosen = (&settings, calibration);
+        match one_scene([input, input], scene, [output, report], args, chosen, out, &mut document) {
             Ok(ended) => outcome = outcome.and(ended),
             Err(error) => {
                 out.error(&in_words(&error));
@@ -313,7 +349,7 @@ fn one_scene(
     read: impl FnOnce() -> anyhow::Result<CorrectedScene>,
     [output, report]: [Option<&Path>; 2],
     args: &Args,
-    settings: &Settings,
+    (settings, calibration): (&Settings, Option<&Value>),
     out: &Output,
     document: &mut Value,
 ) -> anyhow::Result<Outcome> {
@@ -367,6 +403,9 @@ fn one_scene(
             about["corrections"] = json!(notes);
             document["corrections"] = json!(notes);
         }
+        if let Some(calibration) = calibration {
+            about["calibration"] = calibration.clone();
+        }
     }
     if let Some((detections, association, _)) = identities {
         add_to_result(&mut result, detections, &scene, source, &association);
@@ -389,6 +428,7 @@ fn one_scene(
     text.push_str(&corrected_in_words(&notes));
     text.push_str(&found);
     text.push_str(&render(&scene, &localization, settings));
+    text.push_str(&calibration.map_or(String::new(), calibration_in_words));
     for path in [output, report].into_iter().flatten() {
         text.push_str(&format!("wrote {}\n", path.display()));
     }
@@ -415,6 +455,9 @@ fn one_scene(
         document["noise"] = noise_record(&localization).into();
         document["cross_validation"] = cross_validation_record(&localization);
         document["left_out"] = left_out_record(&localization);
+        if let Some(calibration) = calibration {
+            document["calibration"] = calibration.clone();
+        }
     }
     out.errors(&problems);
     if !problems.is_empty() {

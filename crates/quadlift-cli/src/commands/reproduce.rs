@@ -31,6 +31,7 @@ Experiments:
   segmentation  masks and ellipses from images, and bodies from them (without data: rendered images only)
   association   objects from detections without ids (without data: synthetic scenes only)
   cross-validation  what left-out views tell about the quality of estimates
+  trust         how often the truth lies in the regions of an estimate (without data: synthetic scenes only)
   all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
@@ -79,6 +80,7 @@ enum Name {
     Segmentation,
     Association,
     CrossValidation,
+    Trust,
     All,
 }
 
@@ -93,6 +95,7 @@ impl Name {
             Self::Segmentation => vec![Experiment::Segmentation],
             Self::Association => vec![Experiment::Association],
             Self::CrossValidation => vec![Experiment::CrossValidation],
+            Self::Trust => vec![Experiment::Trust],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -162,6 +165,7 @@ fn name(args: &Args) -> &'static str {
         Name::Segmentation => "segmentation",
         Name::Association => "association",
         Name::CrossValidation => "cross-validation",
+        Name::Trust => "trust",
         Name::All => "results",
     }
 }

@@ -5,6 +5,7 @@
 
 mod association;
 mod axes;
+mod calibration;
 mod circle_ellipse;
 mod distance;
 mod evaluate;
@@ -16,9 +17,11 @@ mod nees;
 mod overlap;
 mod quadrature;
 mod reprojection;
+mod squared_errors;
 
 pub use association::{DivisionScore, FoundScore, score_division, score_found};
 pub use axes::{center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
+pub use calibration::{Calibration, RegionPart};
 pub use distance::{hausdorff_distance, squared_wasserstein};
 pub use evaluate::{
     EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject, evaluate,
@@ -31,6 +34,7 @@ pub use iou_ellipsoids::{ellipsoid_intersection_volume, iou3d_ellipsoids};
 pub use nees::nees;
 pub use overlap::{OverlapPair, pair_by_overlap};
 pub use reprojection::{box_reprojection_iou, ellipse_reprojection_iou};
+pub use squared_errors::{SquaredErrors, squared_errors};
 
 /// Intersection over union from the size of the intersection and of both parts; 0 when they have no size.
 fn ratio_of_union(common: f64, a: f64, b: f64) -> f64 {

@@ -122,6 +122,9 @@ pub struct MapOptions {
     /// Estimate a correction of every frame's pose with this prior; poses are taken as exact without it. Worth it only
     /// where several objects are seen in each frame.
     pub pose_noise: Option<PoseNoise>,
+    /// Whether covariances know more than the noise of single measurements: errors that the views of an object have in
+    /// common, and how much objects differ. It changes no estimate.
+    pub common_errors: bool,
     /// Noise levels; without them they are estimated from the residuals of all objects together.
     pub sigmas: Option<Sigmas>,
 }
@@ -142,6 +145,7 @@ impl Default for MapOptions {
             camera_height: None,
             hidden_edges: true,
             pose_noise: None,
+            common_errors: true,
             sigmas: None,
         }
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 /// Names of the noise levels that can be given, as results report them; see [`Sigmas`]. First the kinds of errors, in the
 /// order of the noise groups of `map`.
-pub const SIGMA_NAMES: [&str; 11] = [
+pub const SIGMA_NAMES: [&str; 20] = [
     "edge_relative",
     "hidden_edge_relative",
     "ellipse_center",
@@ -16,14 +16,39 @@ pub const SIGMA_NAMES: [&str; 11] = [
     "edge_px",
     "edge_correlation",
     "ellipse_correlation",
+    COMMON_NAMES[0],
+    COMMON_NAMES[1],
+    COMMON_NAMES[2],
+    COMMON_NAMES[3],
+    COMMON_NAMES[4],
+    COMMON_NAMES[5],
+    COMMON_NAMES[6],
+    SPREAD_NAMES[0],
+    SPREAD_NAMES[1],
 ];
+
+/// Errors that the views of an object have in common, for each kind of measurement.
+pub(super) const COMMON_NAMES: [&str; 7] = [
+    "edge_common",
+    "ellipse_center_common",
+    "ellipse_size_common",
+    "ellipse_aspect_common",
+    "ellipse_angle_common",
+    "shape_common",
+    "partial_ellipse_common",
+];
+
+/// Mean squared residual of a scene in units of the noise, and the relative variance of that of its objects.
+pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
 
 /// What results report of the cameras' poses, which is not the noise of detections.
 const OF_POSES: [&str; 2] = ["pose_rotation", "pose_translation"];
 
 /// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to the
 /// half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis ratio),
-/// and correlations between neighbouring views.
+/// correlations between neighbouring views, the errors that the views of an object have in common (`edge_common` and
+/// others: in units of the noise), and how much objects differ (`residual_level`, `residual_spread`). The last two kinds
+/// enter covariances only.
 ///
 /// With them the estimate of an object depends on its own views and the options only, not on which other objects
 /// are in the scene, so that objects can be localised apart from each other: on several machines, or one by one as they
@@ -57,7 +82,7 @@ pub enum SigmasError {
 
 impl Sigmas {
     /// Takes what results report; what they say of poses is left out. Levels that are not given have their defaults: 0.1,
-    /// of partial ellipses 0.2, of hidden edges twice that of others, `edge_px` 67 times `edge_relative`, correlations 0.
+    /// of partial ellipses 0.2, of hidden edges twice that of others, `edge_px` 67 times `edge_relative`, correlations and common errors 0.
     ///
     /// # Errors
     /// [`SigmasError`] names the level that is unknown or out of range.
@@ -73,7 +98,9 @@ impl Sigmas {
                 "edge_correlation" | "ellipse_correlation" => {
                     ((0.0..1.0).contains(&value), "a number of at least 0 and below 1")
                 }
-                "edge_px" => (value >= 0.0 && value.is_finite(), "a finite number that is not negative"),
+                _ if name == "edge_px" || COMMON_NAMES.contains(&name) || SPREAD_NAMES.contains(&name) => {
+                    (value >= 0.0 && value.is_finite(), "a finite number that is not negative")
+                }
                 _ => (value > 0.0 && value.is_finite(), "a finite number above 0"),
             };
             if !fits {

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Rotation3};
 
 use super::super::conditioning::ObjectFrame;
-use super::super::estimate::Covariance;
+use super::super::estimate::{CovarianceCoordinates, Matrix9};
 use super::super::options::BodyKind;
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
@@ -53,8 +53,11 @@ pub(super) trait FirstFit: BodyModel {
     /// The body in the world, of the kind that was asked for.
     fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body;
 
-    /// Covariance in world units.
-    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance>;
+    /// The coordinates of the covariance.
+    const COORDINATES: CovarianceCoordinates;
+
+    /// Derivatives of these coordinates, in world units, by the parameters of the fit.
+    fn world_map(&self, frame: &ObjectFrame) -> Matrix9;
 }
 
 impl FirstFit for EllipsoidModel {
@@ -97,8 +100,10 @@ impl FirstFit for EllipsoidModel {
         })
     }
 
-    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
-        covariance::of_ellipsoid(self, equations, frame)
+    const COORDINATES: CovarianceCoordinates = CovarianceCoordinates::CenterVechShape;
+
+    fn world_map(&self, frame: &ObjectFrame) -> Matrix9 {
+        covariance::ellipsoid_in_world(self, frame)
     }
 }
 
@@ -163,7 +168,9 @@ impl FirstFit for OrientedModel {
         }
     }
 
-    fn covariance(&self, equations: &NormalEquations, frame: &ObjectFrame) -> Option<Covariance> {
-        covariance::of_oriented(equations, frame)
+    const COORDINATES: CovarianceCoordinates = CovarianceCoordinates::CenterRotationLogAxes;
+
+    fn world_map(&self, frame: &ObjectFrame) -> Matrix9 {
+        covariance::oriented_in_world(frame)
     }
 }

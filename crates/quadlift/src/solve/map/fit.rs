@@ -4,16 +4,20 @@ use std::sync::Arc;
 
 use nalgebra::{Unit, Vector3, Vector6};
 
-use super::super::estimate::{Estimate, Misfit, Status, Warning};
+use super::super::estimate::{Covariance, Estimate, Matrix9, Misfit, Status, Warning};
 use super::super::report::{describe, is_a_body};
 use super::MapContext;
 use super::agreement::{Reference, is_inconsistent};
 use super::body_model::{BodyModel, EllipsoidModel};
+use super::common_errors::{
+    CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
+};
+use super::covariance;
 use super::first_fit::FirstFit;
 use super::ground::{GroundPlane, LowestPoint};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Plane;
-use super::noise::{NoiseLevels, NoiseStatistics};
+use super::noise::{CovarianceLevels, NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
 use super::objective::{OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
@@ -238,6 +242,76 @@ impl<B: FirstFit> Fit<B> {
         self.outlier_scale.map_or(far, |scale| scale.min(far)).powi(2)
     }
 
+    /// The measurements that count, for what their errors have in common.
+    fn common_rows(&self, noise: &NoiseLevels) -> Vec<CommonRow> {
+        let measured = &self.prepared.measurements.views;
+        let objective = self.objective(noise, self.outlier_scale);
+        let weights = noise.weights(measured.len());
+        let mut rows = Vec::with_capacity(4 * measured.len());
+        let (mut last_view, mut component) = (usize::MAX, 0);
+        objective.each_row(&self.body, |view, row, weight| {
+            component = if view == last_view { component + 1 } else { 1 };
+            last_view = view;
+            if row.residual == 0.0 || weight <= 0.0 {
+                return;
+            }
+            let normal = Vector3::new(row.row[0], row.row[1], row.row[2]);
+            let (component, direction, reach) = if row.group.is_edge() {
+                let noise = noise.of(row.group) * noise.size_factor(measured[view].half_size);
+                (0, normal.normalize(), self.body.support_gradient(&normal).0 * noise)
+            } else {
+                (component, measured[view].axis, 1.0)
+            };
+            if reach > 0.0 && reach.is_finite() && direction.iter().all(|x| x.is_finite()) {
+                let total_weight = weight * weights.of(row.group);
+                let (group, residual, row) = (row.group, row.residual, row.row);
+                let class = group.common_class();
+                let slope = weight * objective.relative_slope(group, residual);
+                rows.push(CommonRow {
+                    view,
+                    class,
+                    component,
+                    direction,
+                    reach,
+                    residual,
+                    row,
+                    weight,
+                    slope,
+                    total_weight,
+                });
+            }
+        });
+        rows
+    }
+
+    /// What the residuals tell about errors that the views have in common, and about this object.
+    pub(super) fn common_statistics(&self, noise: &NoiseLevels) -> (CommonStatistics, ObjectAgreement) {
+        let Some(covariance) = invert_spd(&self.equations.hessian()) else { return Default::default() };
+        let rows = self.common_rows(noise);
+        (CommonStatistics::of_object(&rows, &covariance), ObjectAgreement::new(&rows, &covariance))
+    }
+
+    /// The covariance of noise, and of errors that the views have in common.
+    fn covariance(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Covariance> {
+        let of_noise = invert_spd(&self.equations.hessian())?;
+        let local = if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
+        covariance::in_world(&local, &self.body.world_map(&self.prepared.measurements.frame), B::COORDINATES)
+    }
+
+    /// A covariance of noise with what its inverse normal equations do not know.
+    fn with_common_errors(&self, of_noise: &Matrix9, noise: &NoiseLevels) -> Matrix9 {
+        let CovarianceLevels { common, spread } = noise.covariance_levels();
+        let rows = self.common_rows(noise);
+        let relative =
+            if spread.variance > 0.0 { ObjectAgreement::new(&rows, of_noise).relative_variance(*spread) } else { 1.0 };
+        let local = scaled_covariance(&rows, relative * cost_of_robustness(&rows), of_noise);
+        if common.iter().all(|level| *level == 0.0) {
+            return local;
+        }
+        // Small residuals do not show that the body suits the object better: it may have followed the measurements.
+        local + added_covariance(&rows, common, of_noise) * relative.max(1.0)
+    }
+
     /// The estimate in the world.
     pub(super) fn estimate(&self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Estimate {
         let Prepared { views, measurements, .. } = &*self.prepared;
@@ -254,7 +328,7 @@ impl<B: FirstFit> Fit<B> {
         for (view, deviations) in estimate.views.iter_mut().zip(self.view_deviations(noise)) {
             view.deviations = deviations.map(|x| x / reference.factor());
         }
-        estimate.covariance = self.body.covariance(&self.equations, &measurements.frame);
+        estimate.covariance = self.covariance(noise, context);
         if estimate.covariance.is_none() {
             estimate.warnings.push(Warning::NoCovariance);
         }

@@ -11,6 +11,7 @@
 mod agreement;
 mod alternatives;
 pub(crate) mod body_model;
+mod common_errors;
 mod covariance;
 mod ellipse_residual;
 mod exponent;

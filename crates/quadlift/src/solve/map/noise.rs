@@ -3,7 +3,8 @@
 //! This is what lets one estimator serve every noise: with orientations that are useless and sizes that are exact it
 //! finds both out and weighs them so.
 
-use super::super::sigmas::{SIGMA_NAMES, Sigmas};
+use super::super::sigmas::{COMMON_NAMES, SIGMA_NAMES, SPREAD_NAMES, Sigmas};
+use super::common_errors::Spread;
 
 /// A kind of measurement error with a standard deviation of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,12 +52,21 @@ impl NoiseGroup {
         matches!(self, Self::Edge | Self::HiddenEdge)
     }
 
+    /// Index of its kind among those whose errors views may have in common.
+    pub(super) fn common_class(self) -> usize {
+        (self as usize).saturating_sub(1)
+    }
+
     /// Whether single residuals may be far off: edges, shapes of masks, and parts.
     #[inline]
     pub(super) fn has_heavy_tails(self) -> bool {
         self.is_edge() || matches!(self, Self::Shape | Self::PartialEllipse)
     }
 }
+
+/// Kinds of measurements whose errors the views of an object may have in common: those of [`NoiseGroup`], hidden edges
+/// with the others.
+pub(super) const COMMON_CLASSES: usize = 7;
 
 /// Number of noise groups.
 const GROUPS: usize = 8;
@@ -101,6 +111,16 @@ impl Weights {
     }
 }
 
+/// What the residuals of a scene tell about its measurements that enters covariances, and not the fits.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct CovarianceLevels {
+    /// Standard deviation of the errors that the views of an object have in common, in units of the noise, for each kind
+    /// of measurement ([`NoiseGroup::common_class`]).
+    pub common: [f64; COMMON_CLASSES],
+    /// How much objects differ.
+    pub spread: Spread,
+}
+
 /// What the residuals of a scene tell about its measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct NoiseLevels {
@@ -108,6 +128,8 @@ pub(super) struct NoiseLevels {
     sd: [f64; GROUPS],
     /// Correlation of an error with that in the object's next view, in [0, 1): of edges, of ellipses.
     correlation: [f64; 2],
+    /// What enters the covariance only.
+    covariance: CovarianceLevels,
     /// Half size of a box, in pixels, at which the part of the edge noise that is constant in pixels equals the part
     /// that is proportional to the size.
     pixel_size: f64,
@@ -116,7 +138,7 @@ pub(super) struct NoiseLevels {
 impl NoiseLevels {
     /// The levels before anything is known.
     pub(super) fn new(pixel_size: f64) -> Self {
-        Self { sd: DEFAULTS, correlation: [0.0; 2], pixel_size }
+        Self { sd: DEFAULTS, correlation: [0.0; 2], covariance: CovarianceLevels::default(), pixel_size }
     }
 
     /// Levels that are given. Hidden edges are twice as noisy as others where nothing is said of them; of other groups the
@@ -130,7 +152,24 @@ impl NoiseLevels {
         let edge = [sigmas.get("edge_px"), sigmas.get("edge_relative")];
         let pixel_size = if let [Some(pixels), Some(relative)] = edge { pixels / relative } else { pixel_size };
         let correlation = ["edge_correlation", "ellipse_correlation"].map(|name| sigmas.get(name).unwrap_or(0.0));
-        Self { sd, correlation, pixel_size }
+        let covariance = CovarianceLevels {
+            common: COMMON_NAMES.map(|name| sigmas.get(name).unwrap_or(0.0)),
+            spread: Spread {
+                level: sigmas.get(SPREAD_NAMES[0]).unwrap_or(0.0),
+                variance: sigmas.get(SPREAD_NAMES[1]).unwrap_or(0.0),
+            },
+        };
+        Self { sd, correlation, covariance, pixel_size }
+    }
+
+    /// What enters covariances only.
+    pub(super) fn covariance_levels(&self) -> &CovarianceLevels {
+        &self.covariance
+    }
+
+    /// The same levels with these for covariances.
+    pub(super) fn with_covariance_levels(&self, covariance: CovarianceLevels) -> Self {
+        Self { covariance, ..*self }
     }
 
     /// How the noise of an edge, relative to the half size of its box, depends on that size: a detector errs by pixels
@@ -208,9 +247,12 @@ impl NoiseLevels {
                 report.push(("edge_correlation", self.correlation[0]));
             }
         }
-        if self.correlation[1] > 0.0 {
-            report.push(("ellipse_correlation", self.correlation[1]));
-        }
+        let CovarianceLevels { common, spread } = self.covariance;
+        let level = if spread.variance > 0.0 { spread.level } else { 0.0 };
+        let correlation = [("ellipse_correlation", self.correlation[1])].into_iter();
+        let of_covariance =
+            COMMON_NAMES.into_iter().zip(common).chain(SPREAD_NAMES.into_iter().zip([level, spread.variance]));
+        report.extend(correlation.chain(of_covariance).filter(|(_, level)| *level > 0.0));
         report
     }
 }

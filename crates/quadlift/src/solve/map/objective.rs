@@ -163,6 +163,12 @@ impl Objective<'_> {
         weights.of(row.group) * tails
     }
 
+    /// Derivative of a weighted residual by the residual, relative to its weight: below one where the tails are heavy.
+    pub(super) fn relative_slope(&self, group: NoiseGroup, residual: f64) -> f64 {
+        let squared = residual * residual;
+        if self.heavy_tails && group.has_heavy_tails() { (TAILS - squared) / (TAILS + squared) } else { 1.0 }
+    }
+
     /// Squared norm of each view's whitened residuals.
     pub(super) fn view_costs(&self, body: &impl BodyModel) -> Vec<f64> {
         let mut rows = Vec::with_capacity(16);

@@ -6,10 +6,11 @@ use super::super::estimate::{Estimate, Misfit};
 use super::MapContext;
 use super::agreement::{Reference, is_inconsistent};
 use super::body_model::EllipsoidModel;
+use super::common_errors::{CommonStatistics, Spread};
 use super::first_fit::FirstFit;
 use super::fit::Fit;
 use super::ground::{GroundPlane, LowestPoint};
-use super::noise::{NoiseLevels, NoiseStatistics};
+use super::noise::{CovarianceLevels, NoiseLevels, NoiseStatistics};
 use super::object::Prepared;
 use super::objective::OUTLIER_SCALE;
 use super::poses::PoseCorrections;
@@ -42,6 +43,11 @@ const CLEARLY: f64 = 5.0;
 
 /// The small noise, relative to the default.
 const LITTLE_NOISE: f64 = 0.05;
+
+/// Pairs of views, over all objects, from which errors that they have in common are estimated; with at least
+/// [`COMMON_SAMPLE`] objects.
+const COMMON_PAIRS: usize = 5000;
+const COMMON_SAMPLE: usize = 24;
 
 /// The objects of a scene, fitted, with what they share.
 pub(super) struct SceneFit<B> {
@@ -132,6 +138,9 @@ impl<B: FirstFit> SceneFit<B> {
         }
         let misfits = fits.iter().flatten().filter_map(|fit| fit.misfit(&noise));
         let reference = Reference::among(&noise, misfits, context.options).at_most_the_noise(&noise);
+        if context.options.sigmas.is_none() && context.options.common_errors {
+            noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
+        }
         Self { fits, noise, statistics, reference, ground, poses }
     }
 
@@ -231,6 +240,21 @@ impl<B: FirstFit> SceneFit<B> {
         }
         report
     }
+}
+
+/// What enters covariances only: errors that views have in common, from an evenly spread sample of the objects, and how
+/// much the objects differ.
+fn covariance_levels<B: FirstFit>(fits: &[Result<Fit<B>, Box<Estimate>>], noise: &NoiseLevels) -> CovarianceLevels {
+    let fits: Vec<&Fit<B>> = fits.iter().flatten().collect();
+    let pairs: usize = fits.iter().map(|fit| fit.prepared.views.views.len().pow(2) / 2).sum();
+    let stride = pairs.div_ceil(COMMON_PAIRS).min(fits.len() / COMMON_SAMPLE).max(1);
+    let count = fits.len().div_ceil(stride);
+    // Summed in the order of the objects, so that the result does not depend on the number of threads.
+    let all = map_indices(count, |k| fits[k * stride].common_statistics(noise));
+    let mut sums = CommonStatistics::default();
+    all.iter().for_each(|(statistics, _)| sums.merge(statistics));
+    let agreements: Vec<_> = all.into_iter().map(|(_, agreement)| agreement).collect();
+    CovarianceLevels { common: sums.deviations(), spread: Spread::of(&agreements) }
 }
 
 /// The ground plane under the objects that stand on it.

@@ -1,0 +1,112 @@
+//! Regions calibrated on results whose truth is known: from files to limits, and what a result says about them.
+
+use std::path::Path;
+
+use quadlift::geometry::Body;
+use quadlift::metrics::{Calibration, RegionPart, SquaredErrors, squared_errors};
+use quadlift::solve::Status;
+use serde_json::{Map, Value, json};
+
+use crate::error::{EntryError, ReadError};
+use crate::scene_file::{ObjectBodies, SceneFile};
+
+/// The levels of the regions that a result lists.
+pub const LEVELS: [f64; 4] = [0.5, 0.9, 0.95, 0.99];
+
+/// A result and the scene that holds its truth, with their paths.
+pub type ResultAndTruth<'a> = [(&'a Path, &'a SceneFile); 2];
+
+/// Calibrates regions on the objects of results whose truth is known; estimates and true objects are paired by their ids.
+/// Only estimates that are `ok` and have a covariance count.
+///
+/// # Errors
+/// [`ReadError`] when a file is wrong, or a result shares no such object with its truth.
+pub fn calibrate(pairs: &[ResultAndTruth]) -> Result<Calibration, ReadError> {
+    let mut errors = Vec::new();
+    for [(result_path, result), (truth_path, truth)] in pairs {
+        let estimates = result.to_objects().map_err(|error| error.in_file(result_path))?;
+        let truths = truth.to_objects().map_err(|error| error.in_file(truth_path))?;
+        let known: Vec<SquaredErrors> = estimates
+            .iter()
+            .filter_map(|estimate| errors_of(estimate, truths.iter().find(|truth| truth.id == estimate.id)?))
+            .collect();
+        if known.is_empty() {
+            let problem = format!(
+                "no object that is \"ok\" and has a covariance has the id of an object of {}",
+                truth_path.display()
+            );
+            return Err(EntryError::new("objects", problem).in_file(result_path));
+        }
+        errors.extend(known);
+    }
+    Ok(Calibration::new(&errors))
+}
+
+fn errors_of(estimate: &ObjectBodies, truth: &ObjectBodies) -> Option<SquaredErrors> {
+    if estimate.status != Some(Status::Ok) {
+        return None;
+    }
+    let body = estimate.body()?;
+    let true_body = match (&body, truth.cuboid) {
+        (Body::Cuboid(_), Some(cuboid)) => Body::Cuboid(cuboid),
+        _ => truth.ellipsoid.map(Body::Ellipsoid).or(truth.body())?,
+    };
+    squared_errors(&body, &estimate.covariance?, &true_body)
+}
+
+/// What a result says about its calibration: the files, the number of objects, and for each part of an estimate the
+/// squared distance that takes the place of the quantile of chi-square at each level; null where the objects are too few.
+pub fn calibration_record(calibration: &Calibration, files: &[[&Path; 2]]) -> Value {
+    let limits = |part: RegionPart| -> Map<String, Value> {
+        LEVELS.iter().map(|&level| (level.to_string(), calibration.limit(part, level).into())).collect()
+    };
+    let regions: Map<String, Value> =
+        RegionPart::ALL.iter().map(|&part| (part.name().to_owned(), limits(part).into())).collect();
+    let files = |index: usize| files.iter().map(|pair| pair[index].display().to_string()).collect::<Vec<_>>();
+    json!({
+        "method": "split_conformal",
+        "objects": calibration.objects(),
+        "results": files(0),
+        "truths": files(1),
+        "squared_distance": regions,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file::parse_scene_file;
+
+    fn file(objects: Value) -> SceneFile {
+        let scene = json!({ "format": "quadlift.scene", "version": 1, "name": "a", "objects": objects });
+        parse_scene_file("a.json".as_ref(), scene.to_string().as_bytes()).unwrap()
+    }
+
+    fn ellipsoid(x: f64) -> Value {
+        json!({ "center": [x, 0, 0], "semi_axes": [3, 2, 1], "rotation": [1, 0, 0, 0] })
+    }
+
+    #[test]
+    fn objects_are_paired_by_id_and_must_be_ok() {
+        let matrix: Vec<Vec<f64>> = (0..9).map(|i| (0..9).map(|j| f64::from(u8::from(i == j))).collect()).collect();
+        let estimate = |id: &str, x: f64, status: &str| {
+            let covariance = json!({ "coordinates": "center_vech_shape", "matrix": matrix });
+            json!({ "id": id, "status": status, "ellipsoid": ellipsoid(x), "covariance": covariance })
+        };
+        let result = file(json!([estimate("a", 2.0, "ok"), estimate("b", 9.0, "diverged"), estimate("c", 5.0, "ok")]));
+        let truth = file(json!([
+            { "id": "b", "ellipsoid": ellipsoid(0.0) },
+            { "id": "a", "ellipsoid": ellipsoid(0.0) },
+        ]));
+        let paths = [Path::new("r.json"), Path::new("t.json")];
+        let calibration = calibrate(&[[(paths[0], &result), (paths[1], &truth)]]).unwrap();
+        assert_eq!(calibration.objects(), 1);
+        assert_eq!(calibration.limit(RegionPart::Center, 0.5), Some(4.0));
+        let record = calibration_record(&calibration, &[paths]);
+        assert_eq!(record["squared_distance"]["center"]["0.5"], 4.0);
+        assert_eq!(record["squared_distance"]["body"]["0.95"], Value::Null);
+        let none = file(json!([{ "id": "z", "ellipsoid": ellipsoid(0.0) }]));
+        let error = calibrate(&[[(paths[0], &result), (paths[1], &none)]]).unwrap_err().to_string();
+        assert!(error.contains("r.json") && error.contains("t.json"), "{error}");
+    }
+}
