@@ -9,6 +9,7 @@ mod accv;
 mod association;
 mod cross_validation;
 pub mod data;
+pub mod diagnosis;
 mod error;
 mod false_boxes;
 pub mod held_out;
@@ -58,11 +59,13 @@ pub enum Experiment {
     CrossValidation,
     /// How often the truth lies in the regions that estimates come with; not in the paper.
     Trust,
+    /// The self-check on right scenes and on mistakes; not in the paper.
+    Diagnosis,
 }
 
 impl Experiment {
     /// All experiments, in the order of the paper; then what it describes without figures of its own, and what is ours.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Synthetic,
         Self::Accv,
         Self::Tuw,
@@ -72,11 +75,13 @@ impl Experiment {
         Self::Association,
         Self::CrossValidation,
         Self::Trust,
+        Self::Diagnosis,
     ];
 
     /// Whether it needs the real data.
     pub fn needs_data(self) -> bool {
         !matches!(self, Self::Synthetic | Self::Segmentation | Self::Association | Self::Trust)
+        !matches!(self, Self::Synthetic | Self::Segmentation | Self::Association | Self::Diagnosis)
     }
 }
 
@@ -84,6 +89,7 @@ impl Experiment {
 ///
 /// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none; `segmentation`,
 /// `association` and `trust` show less without.
+/// `association` and `diagnosis` show less without.
 ///
 /// # Errors
 /// [`Error`]: no data, a file that is wrong.
@@ -99,5 +105,6 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Association => association::run(data, seed, progress),
         Experiment::CrossValidation => cross_validation::run(&folder()?, seed, progress),
         Experiment::Trust => trust::run(data, trust::Extent::Whole, seed, progress),
+        Experiment::Diagnosis => diagnosis::run(data, diagnosis::Extent::WHOLE, seed, progress),
     }
 }

@@ -32,6 +32,7 @@ Experiments:
   association   objects from detections without ids (without data: synthetic scenes only)
   cross-validation  what left-out views tell about the quality of estimates
   trust         how often the truth lies in the regions of an estimate (without data: synthetic scenes only)
+  diagnosis     the self-check on right scenes and on mistakes (without data: synthetic scenes only)
   all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
@@ -81,6 +82,7 @@ enum Name {
     Association,
     CrossValidation,
     Trust,
+    Diagnosis,
     All,
 }
 
@@ -96,6 +98,7 @@ impl Name {
             Self::Association => vec![Experiment::Association],
             Self::CrossValidation => vec![Experiment::CrossValidation],
             Self::Trust => vec![Experiment::Trust],
+            Self::Diagnosis => vec![Experiment::Diagnosis],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -166,6 +169,7 @@ fn name(args: &Args) -> &'static str {
         Name::Association => "association",
         Name::CrossValidation => "cross-validation",
         Name::Trust => "trust",
+        Name::Diagnosis => "diagnosis",
         Name::All => "results",
     }
 }

@@ -1,0 +1,144 @@
+//! The mistakes that are made, and what they cost.
+
+use std::collections::HashMap;
+
+use quadlift::diagnose::{BoxFormat, CauseName, Correction, Mistake};
+use quadlift::geometry::{Body, ConvexBody};
+use quadlift::metrics::iou3d_bodies;
+use quadlift::scene::Scene;
+use quadlift::solve::BodyKind;
+use quadlift::synthetic::Trajectory;
+use quadlift::{Options, localize};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A mistake and the correction that undoes it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NamedMistake(Correction);
+
+/// All mistakes, several sizes of those that have a size.
+pub(super) fn all() -> Vec<NamedMistake> {
+    let mut all = vec![
+        Correction::InvertPoses,
+        Correction::OpenGlAxes,
+        Correction::InvertOpenGlPoses,
+        Correction::BodyAxes,
+        Correction::InvertBodyPoses,
+        Correction::LeftHandedAxes,
+        Correction::InvertLeftHandedPoses,
+        Correction::CenterAsTranslation,
+        Correction::TransposedRotation,
+        Correction::NormalizedIntrinsics,
+        Correction::CenteredPrincipalPoint,
+        Correction::NormalizedBoxes,
+        Correction::Letterbox(640.0),
+        Correction::Letterbox(1024.0),
+        Correction::ReversedFrames,
+    ];
+    for was_wxyz in [true, false] {
+        for world_from_cam in [true, false] {
+            all.push(Correction::QuaternionOrder { was_wxyz, world_from_cam });
+        }
+    }
+    all.extend([0.5, 0.8, 1.25, 2.0].map(Correction::FocalFactor));
+    all.extend([0.5, 0.75, 1.5, 2.0].map(Correction::ImageScale));
+    all.extend([-0.2, 0.1].map(Correction::RadialDistortion));
+    all.extend([1, -1, 2, -2, 5].map(Correction::FrameOffset));
+    let formats = [
+        BoxFormat::CornersReadAsSize,
+        BoxFormat::CenterReadAsCorner,
+        BoxFormat::CornerReadAsCenter,
+        BoxFormat::SwappedAxes,
+    ];
+    all.extend(formats.map(Correction::Boxes));
+    all.into_iter().map(NamedMistake).collect()
+}
+
+/// Some mistakes, drawn for a scene.
+pub(super) fn mistakes_of(seed: u64, count: usize) -> Vec<NamedMistake> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6D69_7374);
+    let all = all();
+    (0..count).map(|_| all[rng.random_range(0..all.len())]).collect()
+}
+
+impl NamedMistake {
+    /// Its name in the tables.
+    pub(super) fn name(&self) -> String {
+        match self.0.value() {
+            Some(value) => format!("{} {value}", self.cause().name()),
+            None => self.cause().name().to_owned(),
+        }
+    }
+
+    /// What the self-check should name.
+    pub(super) fn cause(&self) -> CauseName {
+        self.0.cause()
+    }
+
+    /// The wrong scene; `None` where most boxes would be none.
+    pub(super) fn make(&self, scene: &Scene) -> Option<Scene> {
+        let wrong = Mistake(self.0).apply(scene);
+        (2 * wrong.detections.len() >= scene.detections.len()).then_some(wrong)
+    }
+
+    /// Whether the wrong scene is as consistent as the right one, or nearly so, because of where the cameras stand.
+    pub(super) fn is_hidden_by(&self, trajectory: Trajectory) -> bool {
+        match (self.cause(), trajectory) {
+            // Cameras at 200 units from objects within 10: perspective is weak, and a focal length scales the world.
+            (CauseName::FocalLength, Trajectory::Random) => false,
+            (CauseName::FocalLength, _) => true,
+            // Cameras at equal steps on a straight line.
+            (
+                CauseName::FrameOffset
+                | CauseName::LeftHandedAxes
+                | CauseName::CameraToWorld
+                | CauseName::OpenGlAxes
+                | CauseName::LeftHandedCameraToWorld,
+                Trajectory::Street,
+            ) => true,
+            _ => false,
+        }
+    }
+}
+
+/// What a mistake costs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Harm {
+    /// By how much the mean O3D falls.
+    pub o3d: f64,
+    /// Median distance of the centres from those of the right scene, in mean semi-axes.
+    pub shift: f64,
+}
+
+impl Harm {
+    /// Whether it counts.
+    pub(super) fn matters(self) -> bool {
+        self.o3d > 0.1 || self.shift > 0.5
+    }
+}
+
+/// What a mistake costs; `truth` names the true bodies.
+pub(super) fn harm(truth: &[(String, Body)], right: &Scene, wrong: &Scene) -> Harm {
+    let (right, wrong) = (bodies(right), bodies(wrong));
+    let (mut lost, mut shifts) = (0.0, Vec::new());
+    for (id, body) in truth {
+        let o3d = |bodies: &HashMap<String, Body>| bodies.get(id).map_or(0.0, |found| iou3d_bodies(found, body));
+        lost += o3d(&right) - o3d(&wrong);
+        shifts.push(match (right.get(id), wrong.get(id)) {
+            (Some(a), Some(b)) => (a.center() - b.center()).norm() / body.ellipsoid().semi_axes.mean(),
+            (None, _) => 0.0,
+            (Some(_), None) => f64::INFINITY,
+        });
+    }
+    shifts.sort_by(f64::total_cmp);
+    Harm { o3d: lost / truth.len().max(1) as f64, shift: shifts.get(shifts.len() / 2).copied().unwrap_or(0.0) }
+}
+
+/// The estimated bodies by the names of their objects.
+pub(super) fn bodies(scene: &Scene) -> HashMap<String, Body> {
+    let mut options = Options { accept_inconsistent: true, ..Default::default() };
+    options.map.body = Some(BodyKind::Ellipsoid);
+    let Ok(localization) = localize(scene, &options, &|_, _| {}) else { return HashMap::new() };
+    let named = |e: quadlift::solve::Estimate| Some((scene.object_ids[e.object_index].clone(), e.body?));
+    localization.estimates.into_iter().filter_map(named).collect()
+}

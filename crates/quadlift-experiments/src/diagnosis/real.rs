@@ -1,0 +1,81 @@
+//! The real scenes, as they are and with mistakes.
+
+use std::path::Path;
+
+use quadlift::diagnose::{Diagnosis, diagnose};
+use quadlift::scene::Scene;
+use rayon::prelude::*;
+
+use super::Verdict;
+use super::mistakes::{all, bodies, harm};
+use crate::data::TrueScene;
+use crate::error::Error;
+use crate::paper::ACCV_SEQUENCES;
+
+/// Fewest views and objects of a large scene.
+const LARGE: (usize, usize) = (8, 5);
+
+/// What was said of the real scenes.
+pub(super) struct RealVerdicts {
+    /// Of right ones, by data set.
+    pub right: Vec<(&'static str, Vec<Diagnosis>)>,
+    /// Of those with a mistake.
+    pub wrong: Vec<(String, Verdict)>,
+}
+
+/// Files by data set.
+fn files() -> [(&'static str, Vec<String>); 5] {
+    let kitti = |poses: &str, names: &[&str]| names.iter().map(|name| format!("kitti_{name}_{poses}")).collect();
+    [
+        ("LINEMOD", ACCV_SEQUENCES.iter().map(|name| format!("accv_{name}")).collect()),
+        ("LMO", vec!["lmo_A".to_owned(), "lmo_B".to_owned()]),
+        ("TUW", vec!["tuw_demo".to_owned()]),
+        ("KITTI, aligned poses", kitti("aligned", &["S05", "S09", "S22", "S23", "S35", "S35ext", "S36"])),
+        ("KITTI, GPS poses", kitti("oxts", &["S05", "S09", "S22", "S36"])),
+    ]
+}
+
+/// A scene with the detections of one source only.
+fn of_source(scene: &Scene, source: Option<u32>) -> Scene {
+    let mut one = scene.clone();
+    one.detections.retain(|detection| detection.source_index == source);
+    one.detections.iter_mut().for_each(|detection| detection.source_index = None);
+    one.sources.clear();
+    one
+}
+
+/// Checks every source of every scene.
+pub(super) fn run(data: &Path) -> Result<RealVerdicts, Error> {
+    let mut verdicts = RealVerdicts { right: Vec::new(), wrong: Vec::new() };
+    for (set, files) in files() {
+        let mut right = Vec::new();
+        for file in files {
+            let scene = TrueScene::read(data, &file, &file)?.scene;
+            let sources = (0..scene.sources.len()).map(|index| Some(index as u32)).chain([None]);
+            for one in sources.map(|source| of_source(&scene, source)).filter(|one| !one.detections.is_empty()) {
+                right.push(diagnose(&one, |_| true));
+                // What is right is the estimate from the right scene: true bodies are of another kind.
+                let truth: Vec<_> = bodies(&one).into_iter().collect();
+                let large = one.frames.len() >= LARGE.0 && truth.len() >= LARGE.1;
+                let verdict = |mistake: &super::mistakes::NamedMistake| {
+                    let wrong = mistake.make(&one)?;
+                    let diagnosis = diagnose(&wrong, |_| true);
+                    let named = diagnosis.causes.first().is_some_and(|cause| cause.name == mistake.cause());
+                    let verdict = Verdict {
+                        called_wrong: !diagnosis.consistent,
+                        named: !diagnosis.consistent && named,
+                        harm: harm(&truth, &one, &wrong),
+                        large,
+                        hidden: false,
+                    };
+                    Some((mistake.name(), verdict))
+                };
+                let mistakes = all();
+                let found: Vec<_> = mistakes.par_iter().filter_map(verdict).collect();
+                verdicts.wrong.extend(found);
+            }
+        }
+        verdicts.right.push((set, right));
+    }
+    Ok(verdicts)
+}
