@@ -117,13 +117,13 @@ impl Harm {
     }
 }
 
-/// What a mistake costs; `truth` names the true bodies.
-pub(super) fn harm(truth: &[(String, Body)], right: &Scene, wrong: &Scene) -> Harm {
-    let (right, wrong) = (bodies(right), bodies(wrong));
+/// What a mistake costs; `truth` names the true bodies, `right` has the estimates of the right scene.
+pub(super) fn harm(truth: &[(String, Body)], right: &HashMap<String, Body>, wrong: &Scene) -> Harm {
+    let wrong = bodies(wrong);
     let (mut lost, mut shifts) = (0.0, Vec::new());
     for (id, body) in truth {
         let o3d = |bodies: &HashMap<String, Body>| bodies.get(id).map_or(0.0, |found| iou3d_bodies(found, body));
-        lost += o3d(&right) - o3d(&wrong);
+        lost += o3d(right) - o3d(&wrong);
         shifts.push(match (right.get(id), wrong.get(id)) {
             (Some(a), Some(b)) => (a.center() - b.center()).norm() / body.ellipsoid().semi_axes.mean(),
             (None, _) => 0.0,

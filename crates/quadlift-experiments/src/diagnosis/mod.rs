@@ -4,16 +4,17 @@ mod mistakes;
 mod real;
 mod scenes;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use quadlift::associate;
 use quadlift::associate::AssociateOptions;
 use quadlift::diagnose::{Diagnosis, diagnose, diagnose_association};
+use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use rayon::prelude::*;
 
-use self::mistakes::{Harm, harm, mistakes_of};
+use self::mistakes::{Harm, bodies, harm, mistakes_of};
 use self::scenes::RandomScene;
 use crate::data::data_folder;
 use crate::error::Error;
@@ -38,9 +39,9 @@ pub struct Extent {
 
 impl Extent {
     /// What the results page shows.
-    pub const WHOLE: Self = Self { right: 2000, wrong: 400, without_ids: 120 };
+    pub const WHOLE: Self = Self { right: 2000, wrong: 200, without_ids: 40 };
     /// Enough for a test.
-    pub const SMALL: Self = Self { right: 200, wrong: 25, without_ids: 6 };
+    pub const SMALL: Self = Self { right: 200, wrong: 15, without_ids: 3 };
 }
 
 /// What the self-check said of a wrong scene.
@@ -150,13 +151,14 @@ fn wrong_scenes(first: u64, count: u64, steps: &Steps) -> Vec<(String, Verdict)>
     let verdicts = |k: u64| -> Vec<(String, Verdict)> {
         steps.done();
         let Some(drawn) = RandomScene::draw(first + k) else { return Vec::new() };
+        let bodies_of_right = bodies(&drawn.synthetic.scene);
         let chosen = mistakes_of(first + k, 6);
         chosen
             .into_iter()
             .filter_map(|mistake| {
                 let wrong = mistake.make(&drawn.synthetic.scene)?;
                 let diagnosis = diagnose(&wrong, |_| true);
-                Some((mistake.name(), drawn.verdict(&mistake, &wrong, &diagnosis)))
+                Some((mistake.name(), drawn.verdict(&mistake, &bodies_of_right, &wrong, &diagnosis)))
             })
             .collect()
     };
@@ -175,21 +177,28 @@ fn scenes_without_ids(first: u64, count: u64, steps: &Steps) -> (Vec<Diagnosis>,
         steps.done();
         let Some(drawn) = RandomScene::draw(first + k) else { continue };
         right.extend(check(&drawn.synthetic.scene));
+        let bodies_of_right = bodies(&drawn.synthetic.scene);
         wrong.extend(mistakes_of(first + k, 1).into_iter().find_map(|mistake| {
             let wrong = mistake.make(&drawn.synthetic.scene)?;
             let diagnosis = check(&wrong)?;
-            Some((mistake.name(), drawn.verdict(&mistake, &wrong, &diagnosis)))
+            Some((mistake.name(), drawn.verdict(&mistake, &bodies_of_right, &wrong, &diagnosis)))
         }));
     }
     (right, wrong)
 }
 
 impl RandomScene {
-    fn verdict(&self, mistake: &mistakes::NamedMistake, wrong: &Scene, diagnosis: &Diagnosis) -> Verdict {
+    fn verdict(
+        &self,
+        mistake: &mistakes::NamedMistake,
+        right: &HashMap<String, Body>,
+        wrong: &Scene,
+        diagnosis: &Diagnosis,
+    ) -> Verdict {
         Verdict {
             called_wrong: !diagnosis.consistent,
             named: !diagnosis.consistent && diagnosis.causes.first().is_some_and(|c| c.name == mistake.cause()),
-            harm: harm(&self.truth(), &self.synthetic.scene, wrong),
+            harm: harm(&self.synthetic.truth, right, wrong),
             large: self.options.views >= 8 && self.options.objects >= 5,
             hidden: mistake.is_hidden_by(self.options.trajectory),
         }

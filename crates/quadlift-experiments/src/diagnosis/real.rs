@@ -55,7 +55,8 @@ pub(super) fn run(data: &Path) -> Result<RealVerdicts, Error> {
             for one in sources.map(|source| of_source(&scene, source)).filter(|one| !one.detections.is_empty()) {
                 right.push(diagnose(&one, |_| true));
                 // What is right is the estimate from the right scene: true bodies are of another kind.
-                let truth: Vec<_> = bodies(&one).into_iter().collect();
+                let estimates = bodies(&one);
+                let truth: Vec<_> = estimates.clone().into_iter().collect();
                 let large = one.frames.len() >= LARGE.0 && truth.len() >= LARGE.1;
                 let verdict = |mistake: &super::mistakes::NamedMistake| {
                     let wrong = mistake.make(&one)?;
@@ -64,7 +65,7 @@ pub(super) fn run(data: &Path) -> Result<RealVerdicts, Error> {
                     let verdict = Verdict {
                         called_wrong: !diagnosis.consistent,
                         named: !diagnosis.consistent && named,
-                        harm: harm(&truth, &one, &wrong),
+                        harm: harm(&truth, &estimates, &wrong),
                         large,
                         hidden: false,
                     };

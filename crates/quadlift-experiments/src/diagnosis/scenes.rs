@@ -1,6 +1,5 @@
 //! Random right scenes.
 
-use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use rand::{RngExt, SeedableRng};
@@ -41,11 +40,6 @@ impl RandomScene {
         };
         let synthetic = generate(&options).ok()?;
         Some(Self { options, synthetic })
-    }
-
-    /// The true bodies by the names of their objects.
-    pub(super) fn truth(&self) -> Vec<(String, Body)> {
-        self.synthetic.truth.clone()
     }
 }
 
