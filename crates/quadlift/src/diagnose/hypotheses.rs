@@ -1,5 +1,7 @@
 //! The mistakes that are tried, in order of preference: of two that explain a scene equally well the first one is named.
 
+use nalgebra::Vector2;
+
 use super::cause::CauseName;
 use super::correction::{BoxFormat, Correction};
 
@@ -107,6 +109,16 @@ impl Correction {
             Self::Boxes(_) => CauseName::BoxFormat,
             Self::FrameOffset(_) => CauseName::FrameOffset,
             Self::AlphabeticalFrames | Self::NumericFrames | Self::ReversedFrames => CauseName::FrameOrder,
+        }
+    }
+
+    /// By which factor it makes the angles larger under which boxes are seen, for the corrections that have a number.
+    pub(super) fn angular_growth(self, image_size: Option<Vector2<f64>>) -> f64 {
+        match self {
+            Self::FocalFactor(factor) => 1.0 / factor,
+            Self::ImageScale(factor) => factor,
+            Self::Letterbox(side) => image_size.map_or(1.0, |size| size.max() / side),
+            _ => 1.0,
         }
     }
 

@@ -85,6 +85,9 @@ pub(super) fn search(sample: &Sample) -> Option<Search> {
     let try_one = |correction: Correction| {
         let after = misses(sample, &[correction], Some(&given))?;
         let (gain, gain_sd, unanimity) = given.gain_of(&after);
+        // Errors of the poses are angles: beside boxes that look larger they look smaller, which explains nothing.
+        let image_size = sample.frames.iter().find_map(|frame| frame.image_size);
+        let gain = gain - correction.angular_growth(image_size).ln().max(0.0);
         Some(Explanation { correction, after: after.agreement(), gain, gain_sd, unanimity })
     };
     let mut found: Vec<Explanation> =
