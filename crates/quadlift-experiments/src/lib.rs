@@ -80,16 +80,14 @@ impl Experiment {
 
     /// Whether it needs the real data.
     pub fn needs_data(self) -> bool {
-        !matches!(self, Self::Synthetic | Self::Segmentation | Self::Association | Self::Trust)
-        !matches!(self, Self::Synthetic | Self::Segmentation | Self::Association | Self::Diagnosis)
+        matches!(self, Self::Accv | Self::Tuw | Self::Kitti | Self::Minimal | Self::CrossValidation)
     }
 }
 
 /// Runs an experiment. The same seed gives the same report, with any number of threads.
 ///
 /// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none; `segmentation`,
-/// `association` and `trust` show less without.
-/// `association` and `diagnosis` show less without.
+/// `association`, `trust` and `diagnosis` show less without.
 ///
 /// # Errors
 /// [`Error`]: no data, a file that is wrong.
