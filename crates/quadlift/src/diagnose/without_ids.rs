@@ -44,6 +44,9 @@ const NO_EVIDENCE: f64 = 0.3;
 /// A correction that changes nothing.
 const NOTHING: Correction = Correction::FrameOffset(0);
 
+/// Frames with boxes from which on objects should be found.
+const ENOUGH_FRAMES: usize = 5;
+
 /// Checks the association of a scene whose detections name no objects, or whose ids are only evidence.
 ///
 /// Where association has found much evidence this takes a few milliseconds; otherwise a part of the scene is associated
@@ -82,7 +85,9 @@ pub fn diagnose_association(
     let Some(best) = best.filter(|best| {
         best.evidence > (before.evidence + MORE_NATS).max(before.evidence * MORE_TIMES) && best.evidence > NO_EVIDENCE
     }) else {
-        let consistent = found.consistent && before.evidence > NO_EVIDENCE;
+        // In a few frames an object may be seen too seldom.
+        let is_told = tried.frames.iter().filter(|used| **used).count() >= ENOUGH_FRAMES;
+        let consistent = found.consistent && (before.evidence > NO_EVIDENCE || !is_told);
         return Ok(Diagnosis { consistent, ..found });
     };
     // The objects that are found with the coarse number tell the exact one.
