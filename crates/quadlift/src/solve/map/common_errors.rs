@@ -199,7 +199,7 @@ impl ClassStatistics {
         let deviation = self.scatter.max(0.0).sqrt() * self.sums[0] / determinant;
         // Fades in, so that a little more evidence never changes much.
         let threshold = SIGNIFICANT * deviation / field;
-        (field > 0.0 && threshold < 1.0).then(|| field * (1.0 - threshold * threshold))
+        (field > 0.0 && threshold < 1.0).then_some(field * (1.0 - threshold * threshold))
     }
 }
 
