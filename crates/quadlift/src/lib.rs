@@ -25,8 +25,9 @@
 //!
 //! Each folder uses only those above it in this order: [`geometry`] (the vocabulary), [`scene`] (what users bring),
 //! [`solve`] (the method), [`cross_validation`] (how well views that were left out are predicted), [`mod@associate`]
-//! (objects from detections that name none), [`metrics`] (how good an estimate is), [`synthetic`] (scenes with known
-//! truth), and [`localize()`], the one call. The library reads no files and prints nothing.
+//! (objects from detections that name none), [`mod@diagnose`] (does a scene agree with itself), [`metrics`] (how good an
+//! estimate is), [`synthetic`] (scenes with known truth), and [`localize()`], the one call. The library reads no files and
+//! prints nothing.
 #![forbid(unsafe_code)]
 
 pub mod associate;
