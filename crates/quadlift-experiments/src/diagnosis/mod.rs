@@ -35,13 +35,15 @@ pub struct Extent {
     pub wrong: u64,
     /// Scenes without ids, as they are and with one mistake each.
     pub without_ids: u64,
+    /// Every so many of the mistakes are made in real scenes.
+    pub real_stride: usize,
 }
 
 impl Extent {
     /// What the results page shows.
-    pub const WHOLE: Self = Self { right: 2000, wrong: 200, without_ids: 40 };
+    pub const WHOLE: Self = Self { right: 2000, wrong: 200, without_ids: 40, real_stride: 1 };
     /// Enough for a test.
-    pub const SMALL: Self = Self { right: 200, wrong: 15, without_ids: 3 };
+    pub const SMALL: Self = Self { right: 200, wrong: 15, without_ids: 3, real_stride: 15 };
 }
 
 /// What the self-check said of a wrong scene.
@@ -75,7 +77,7 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
     let right = right_scenes(first, extent.right, &steps);
     let with_ids = wrong_scenes(first, extent.wrong, &steps);
     let (right_without, without_ids) = scenes_without_ids(first, extent.without_ids, &steps);
-    let real = data_folder(data).ok().map(|folder| real::run(&folder)).transpose()?;
+    let real = data_folder(data).ok().map(|folder| real::run(&folder, extent.real_stride)).transpose()?;
 
     let mut table = Table::new(
         "Right scenes: how many are called wrong, or warned of",

@@ -44,8 +44,8 @@ fn of_source(scene: &Scene, source: Option<u32>) -> Scene {
     one
 }
 
-/// Checks every source of every scene.
-pub(super) fn run(data: &Path) -> Result<RealVerdicts, Error> {
+/// Checks every source of every scene, as it is and with every `stride`th mistake.
+pub(super) fn run(data: &Path, stride: usize) -> Result<RealVerdicts, Error> {
     let mut verdicts = RealVerdicts { right: Vec::new(), wrong: Vec::new() };
     for (set, files) in files() {
         let mut right = Vec::new();
@@ -71,7 +71,7 @@ pub(super) fn run(data: &Path) -> Result<RealVerdicts, Error> {
                     };
                     Some((mistake.name(), verdict))
                 };
-                let mistakes = all();
+                let mistakes: Vec<_> = all().into_iter().step_by(stride.max(1)).collect();
                 let found: Vec<_> = mistakes.par_iter().filter_map(verdict).collect();
                 verdicts.wrong.extend(found);
             }
