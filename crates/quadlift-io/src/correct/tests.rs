@@ -136,7 +136,7 @@ fn corrections() -> Vec<Correction> {
 #[test]
 fn every_option_undoes_its_mistake() {
     for correction in corrections() {
-        let wrong = with_mistake(&correction.mistake());
+        let wrong = with_mistake(&Mistake(correction));
         let option = option_of(&correction, Some(SIZE), 0);
         assert!(json(&wrong) != json(&scene()), "{option}: no mistake");
         assert_close(&json(&corrected(wrong, &option)), &json(&scene()), &option);
@@ -152,7 +152,7 @@ fn moved_frames_come_back_but_for_those_that_were_lost() {
         let lost = |frame: usize| if n > 0 { frame < n as usize } else { frame >= 12 - n.unsigned_abs() as usize };
         let ids: Vec<String> = expected.frames.iter().map(|frame| frame.id.clone()).collect();
         expected.detections.retain(|d| !lost(ids.iter().position(|id| *id == *d.frame).unwrap()));
-        let found = corrected(with_mistake(&correction.mistake()), &option_of(&correction, None, 0));
+        let found = corrected(with_mistake(&Mistake(correction)), &option_of(&correction, None, 0));
         assert_close(&json(&found), &json(&expected), "frame offset");
     }
 }

@@ -98,8 +98,8 @@ impl Misses {
     }
 
     /// How much better others explain the boxes: the mean decrease of half the negative log likelihood of a box, which
-    /// is about that of the logarithm of its miss, and the standard deviation of that mean from the differences between
-    /// objects (the boxes of an object err together).
+    /// is about that of the logarithm of its miss; the standard deviation of that mean from the differences between objects
+    /// (the boxes of an object err together); and the share of all changes, summed over the objects, for the better.
     pub(super) fn gain_of(&self, after: &Self) -> (f64, f64, f64) {
         let total = self.values.len() as f64;
         let (mut start, mut sums) = (0, Vec::with_capacity(self.ends.len()));
@@ -117,11 +117,6 @@ impl Misses {
         let better: f64 = sums.iter().map(|(sum, _)| sum.max(0.0)).sum();
         let all: f64 = sums.iter().map(|(sum, _)| sum.abs()).sum();
         (gain, sd, if all > 0.0 { better / all } else { 0.0 })
-    }
-
-    /// Mean cost of the first boxes.
-    fn mean_cost(&self, boxes: usize) -> f64 {
-        self.values[..boxes].iter().map(|m| cost(*m, self.scale)).sum::<f64>() / boxes.max(1) as f64
     }
 }
 
@@ -150,22 +145,30 @@ const ENOUGH_TO_GIVE_UP: f64 = 0.25;
 /// A correction whose first boxes cost so much more than they do as they are is given up.
 const HOPELESS: f64 = 0.7;
 
-/// The misses of a sample after some corrections. `None` where they cannot be made, or where they are hopeless beside
-/// `given`, the misses of the sample as it is.
-pub(super) fn misses(sample: &Sample, corrections: &[Correction], given: Option<&Misses>) -> Option<Misses> {
-    let corrected = Corrected::new(sample, corrections)?;
+/// The misses of a sample after a correction, or as it is; `None` where they are hopeless beside `given`, the misses of the
+/// sample as it is.
+pub(super) fn misses(sample: &Sample, correction: Option<Correction>, given: Option<&Misses>) -> Option<Misses> {
+    let frames = correction.and_then(|correction| correction.frames(&sample.frame_ids));
     let total = sample.boxes();
     let (mut values, mut ends) = (Vec::with_capacity(total), Vec::with_capacity(sample.objects.len()));
+    // Costs of the boxes so far: after the correction, and as they are.
+    let (mut cost_after, mut cost_before) = (0.0, 0.0);
     for object in &sample.objects {
-        let rays: Vec<Ray> = object.iter().filter_map(|seen| corrected.ray(sample, seen)).collect();
+        let ray = |seen: &Seen| corrected_ray(sample, seen, correction, frames.as_deref());
+        let rays: Vec<Ray> = object.iter().filter_map(ray).collect();
+        let start = values.len();
         // Boxes without a place after the correction speak against it.
         values.extend(std::iter::repeat_n(LARGEST_MISS, object.len() - rays.len()));
         values.extend(object_misses(&rays));
         ends.push(values.len());
-        let enough = values.len() as f64 > ENOUGH_TO_GIVE_UP * total as f64 && values.len() < total;
-        if let Some(given) = given.filter(|_| enough) {
-            let so_far = values.iter().map(|m| cost(*m, given.scale)).sum::<f64>() / values.len() as f64;
-            if so_far > given.mean_cost(values.len()) + HOPELESS {
+        if let Some(given) = given {
+            for (after, before) in values[start..].iter().zip(&given.values[start..]) {
+                cost_after += cost(*after, given.scale);
+                cost_before += cost(*before, given.scale);
+            }
+            let boxes = values.len() as f64;
+            let enough = boxes > ENOUGH_TO_GIVE_UP * total as f64 && values.len() < total;
+            if enough && cost_after / boxes > cost_before / boxes + HOPELESS {
                 return None;
             }
         }
@@ -173,47 +176,30 @@ pub(super) fn misses(sample: &Sample, corrections: &[Correction], given: Option<
     (!values.is_empty()).then(|| Misses::new(values, ends))
 }
 
-/// Cameras after corrections, and what else is needed to correct boxes.
-struct Corrected<'a> {
-    cameras: Vec<Option<CameraParts>>,
-    frames: Option<Vec<Option<usize>>>,
-    corrections: &'a [Correction],
-}
-
-impl<'a> Corrected<'a> {
-    fn new(sample: &Sample, corrections: &'a [Correction]) -> Option<Self> {
-        let ids: Vec<&str> = sample.frame_ids.iter().map(String::as_str).collect();
-        let mut cameras = Vec::with_capacity(sample.frames.len());
-        for frame in &sample.frames {
-            let mut camera = frame.camera;
-            for correction in corrections {
-                camera = camera.and_then(|camera| correction.camera(&camera, frame.image_size));
-            }
-            cameras.push(camera);
-        }
-        let frames = corrections.iter().find_map(|correction| correction.frames(&ids));
-        Some(Self { cameras, frames, corrections })
+/// The ray of a box after a correction; `frames` has the frame to which the detections of each frame belong then. `None`
+/// where the box has no place.
+fn corrected_ray(
+    sample: &Sample,
+    seen: &Seen,
+    correction: Option<Correction>,
+    frames: Option<&[Option<usize>]>,
+) -> Option<Ray> {
+    let given = seen.frame as usize;
+    let frame = frames.map_or(Some(given), |frames| frames[given])?;
+    let mut camera = sample.frames[frame].camera?;
+    let image_size = sample.frames[given].image_size;
+    let mut bounding_box = seen.bounding_box;
+    // The unit of a miss is the half size that was measured, so that boxes that a correction enlarges do not seem to
+    // agree better.
+    let mut half_size = bounding_box.mean_half_size();
+    if let Some(correction) = correction {
+        camera = correction.camera(&camera, sample.frames[frame].image_size)?;
+        bounding_box = correction.bounding_box(&bounding_box, &camera.intrinsics, image_size)?;
+        let (factor, _) = correction.pixel_map(image_size)?;
+        half_size *= (factor.x * factor.y).sqrt();
     }
-
-    fn ray(&self, sample: &Sample, seen: &Seen) -> Option<Ray> {
-        let given = seen.frame as usize;
-        let frame = self.frames.as_ref().map_or(Some(given), |frames| frames[given])?;
-        let camera = self.cameras[frame].as_ref()?;
-        let image_size = sample.frames[given].image_size;
-        let mut bounding_box = seen.bounding_box;
-        // The unit of a miss is the half size that was measured, so that boxes that a correction enlarges do not seem to
-        // agree better.
-        let mut half_size = bounding_box.mean_half_size();
-        for correction in self.corrections {
-            bounding_box = correction.bounding_box(&bounding_box, &camera.intrinsics, image_size)?;
-            let (factor, _) = correction.pixel_map(image_size)?;
-            half_size *= (factor.x * factor.y).sqrt();
-        }
-        if !lies_in_image(&bounding_box, sample.frames[frame].image_size) {
-            return None;
-        }
-        Some(Ray::new(camera, &bounding_box, half_size))
-    }
+    let fits = lies_in_image(&bounding_box, sample.frames[frame].image_size);
+    fits.then(|| Ray::new(&camera, &bounding_box, half_size))
 }
 
 /// Whether a box lies in an image, but for a margin; where the size of the image is not known it does.

@@ -123,11 +123,6 @@ impl CauseName {
             Self::LengthUnit => "length_unit",
         }
     }
-
-    /// Whether it is a mistake in the poses of the cameras.
-    pub fn is_of_poses(self) -> bool {
-        self <= Self::QuaternionOrder
-    }
 }
 
 /// A mistake that explains why a scene does not agree with itself.

@@ -97,12 +97,6 @@ fn mirror() -> Matrix3<f64> {
 }
 
 impl Correction {
-    /// What makes the mistake that this correction undoes; its maps are the inverse ones. `None` for those that are
-    /// not a bijection: corrections of the principal point.
-    pub fn mistake(self) -> Mistake {
-        Mistake(self)
-    }
-
     /// The corrected pose of a camera, `R` and `t` of `cam_from_world`; the same where the correction is of something
     /// else.
     pub fn pose(&self, r: &Matrix3<f64>, t: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {

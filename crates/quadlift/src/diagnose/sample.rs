@@ -30,15 +30,15 @@ pub(super) struct Seen {
 
 /// Objects with their boxes in wholly visible views, and all frames.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Sample {
+pub(super) struct Sample<'a> {
     pub frames: Vec<SampleFrame>,
-    pub frame_ids: Vec<String>,
+    pub frame_ids: Vec<&'a str>,
     pub objects: Vec<Vec<Seen>>,
 }
 
-impl Sample {
+impl<'a> Sample<'a> {
     /// Takes objects evenly from those that the detections name, of those with many views a part of the views.
-    pub(super) fn new(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Self {
+    pub(super) fn new(scene: &'a Scene, is_used: impl Fn(&Detection) -> bool) -> Self {
         let count = |only_whole: bool| {
             let used = scene.detections.iter().filter(|d| d.object_index.is_some() && is_used(d));
             used.filter(|d| measured_box(scene, d, only_whole).is_some()).count()
@@ -74,7 +74,7 @@ impl Sample {
                     image_size: frame.image_size,
                 })
                 .collect(),
-            frame_ids: scene.frames.iter().map(|frame| frame.id.clone()).collect(),
+            frame_ids: scene.frames.iter().map(|frame| frame.id.as_str()).collect(),
         }
     }
 

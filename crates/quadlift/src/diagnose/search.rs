@@ -79,14 +79,13 @@ pub(super) struct Search {
 
 /// Tries all corrections; `None` where there is nothing to look at.
 pub(super) fn search(sample: &Sample) -> Option<Search> {
-    let given = misses(sample, &[], None)?;
-    let ids: Vec<&str> = sample.frame_ids.iter().map(String::as_str).collect();
-    let discrete = discrete(&ids);
+    let given = misses(sample, None, None)?;
+    let discrete = discrete(&sample.frame_ids);
+    let image_size = sample.frames.iter().find_map(|frame| frame.image_size);
     let try_one = |correction: Correction| {
-        let after = misses(sample, &[correction], Some(&given))?;
+        let after = misses(sample, Some(correction), Some(&given))?;
         let (gain, gain_sd, unanimity) = given.gain_of(&after);
         // Errors of the poses are angles: beside boxes that look larger they look smaller, which explains nothing.
-        let image_size = sample.frames.iter().find_map(|frame| frame.image_size);
         let gain = gain - correction.angular_growth(image_size).ln().max(0.0);
         Some(Explanation { correction, after: after.agreement(), gain, gain_sd, unanimity })
     };
