@@ -9,13 +9,14 @@ yours.
 from __future__ import annotations
 
 from ._core import QuadliftError, __version__
-from ._estimates import AssociatedObject, Estimates, Evaluation, InconsistentSceneWarning
+from ._estimates import Alternative, AssociatedObject, Estimates, Evaluation, InconsistentSceneWarning
 from ._localize import localize
 from ._options import Options, Prior
 from ._rerun import log_recording
 from ._scene import Scene
 
 __all__ = [
+    "Alternative",
     "AssociatedObject",
     "Estimates",
     "Evaluation",

@@ -50,6 +50,28 @@ class InconsistentSceneWarning(UserWarning):
     """
 
 
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another body that fits the views of an object about as well as the reported one.
+
+    Attributes
+    ----------
+    center : ndarray, shape (3,)
+        Its centre in the world.
+    body_axes : ndarray, shape (3,)
+        Half extents of the cuboid.
+    quaternion : ndarray, shape (4,)
+        Its rotation, world from object: a unit quaternion, w first.
+    log_odds : float
+        Natural logarithm of its odds against the reported body: -2 means e^2 = 7.4 times less probable.
+    """
+
+    center: NDArray[np.float64]
+    body_axes: NDArray[np.float64]
+    quaternion: NDArray[np.float64]
+    log_odds: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimates:
     """Estimates of N objects from M detections.
@@ -88,6 +110,14 @@ class Estimates:
         Numbers of views that the estimates rest on.
     rms_residuals : ndarray, shape (N,)
         Root mean square residuals of the used views, pixels.
+    misfits : ndarray, shape (N,)
+        Root mean square residuals of the used views per degree of freedom, relative to half the size of the boxes; NaN
+        for other methods than ``"map"``.
+    misfit_deviations : ndarray, shape (N,)
+        The same in standard deviations of the scene's noise: about 1 where the object's boxes err like the others.
+    alternatives : list of list of Alternative, length N
+        Other bodies that fit the views about as well, the most probable first; sought for cuboids only. The covariance
+        holds the spread between the answers, and a warning says ``ambiguous``.
     predicted_ious : ndarray, shape (N,)
         With ``cross_validate=True``: how well the other views of an object predict the box of each of its views, the
         mean IoU with the measured boxes; NaN where the others determine no body, as with two views.
@@ -103,6 +133,9 @@ class Estimates:
         Which detections count for their object; the others are outliers or took no part.
     residuals : ndarray, shape (M,)
         Root mean square distances between measured and predicted edges, pixels.
+    rejected_because : list of str or None, length M
+        Why a detection is an outlier: ``"residual"`` (it is farther from the body than the noise explains) or
+        ``"behind_camera"`` (the body does not lie wholly in front of the camera). None for all others.
     body : str
         The kind of body that was fitted.
     noise : dict
@@ -116,6 +149,11 @@ class Estimates:
         How well left-out views are predicted, over the scene: `iou` (mean, of the predicted and the measured boxes),
         `edge_error` (median, relative to half the box's size), the numbers of `views` and `objects`, and the `extent`:
         ``"sample"``, or ``"all"`` with ``cross_validate=True``. None where no view can be left out.
+    calibration : dict or None
+        With ``calibration=...``: the number of `objects` with a known truth, the `results` and `truths`, and
+        `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared distance, in
+        units of the covariance, that holds the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and
+        ``"0.99"``; None where the objects are too few. The centre is that of the reported body.
     left_out : dict
         Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
         where the lens cannot be undistorted).
@@ -149,6 +187,9 @@ class Estimates:
     center_sd: NDArray[np.float64]
     views_used: NDArray[np.int64]
     rms_residuals: NDArray[np.float64]
+    misfits: NDArray[np.float64]
+    misfit_deviations: NDArray[np.float64]
+    alternatives: list[list[Alternative]]
     predicted_ious: NDArray[np.float64]
     odd_views: list[str | None]
     warnings: list[list[str]]
@@ -156,9 +197,11 @@ class Estimates:
     object_indices: NDArray[np.int64]
     inliers: NDArray[np.bool_]
     residuals: NDArray[np.float64]
+    rejected_because: list[str | None]
     body: str
     noise: dict[str, float]
     cross_validation: dict[str, Any] | None
+    calibration: dict[str, Any] | None
     left_out: dict[str, int]
     diagnosis: dict[str, Any]
     association: dict[str, Any] | None
@@ -186,7 +229,7 @@ class Estimates:
             values: list[Any] = found[name]
             return values if in_order else [values[k] for k in order]
 
-        association = localized.association_json
+        association, calibration = localized.association_json, localized.calibration_json
         left_out = zip(("without_object", "occluded_or_truncated", "beyond_lens"), localized.left_out, strict=True)
         return cls(
             object_ids=object_ids[order],
@@ -204,6 +247,9 @@ class Estimates:
             center_sd=rows("center_sd"),
             views_used=rows("views_used"),
             rms_residuals=rows("residuals_px"),
+            misfits=rows("misfits"),
+            misfit_deviations=rows("misfit_deviations"),
+            alternatives=[[_alternative(*figures) for figures in others] for others in items("alternatives")],
             predicted_ious=rows("predicted_ious"),
             odd_views=items("odd_views"),
             warnings=items("warnings"),
@@ -211,9 +257,11 @@ class Estimates:
             object_indices=places[found["object_indices"]],
             inliers=found["inliers"],
             residuals=found["detection_residuals_px"],
+            rejected_because=found["rejected_because"],
             body=localized.body,
             noise=json.loads(localized.noise_json),
             cross_validation=json.loads(localized.cross_validation_json),
+            calibration=None if calibration is None else json.loads(calibration),
             left_out=dict(left_out),
             diagnosis=json.loads(localized.diagnosis[0]),
             association=None if association is None else json.loads(association),
@@ -351,6 +399,10 @@ class Estimates:
 
     def _repr_html_(self) -> str:
         return in_notebook(self._localized.report("quadlift", None))
+
+
+def _alternative(center: list[float], axes: list[float], quaternion: list[float], log_odds: float) -> Alternative:
+    return Alternative(np.array(center), np.array(axes), np.array(quaternion), log_odds)
 
 
 @dataclass(frozen=True)

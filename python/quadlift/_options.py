@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
-from typing import Any, Literal, TypedDict
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import numpy as np
 
-from . import _checks
+from . import _checks, _core
 from ._core import QuadliftError
+
+if TYPE_CHECKING:
+    from ._estimates import Estimates
+    from ._scene import Scene
 
 Path = str | os.PathLike[str]
 Progress = Callable[[int, int], object]
@@ -66,6 +70,9 @@ class Options(TypedDict, total=False):
     sigmas: Mapping[str, float] | None
     """Noise levels, such as `Estimates.noise` of other detections of the same detector, instead of estimating them from
     all objects of the call. With them an object's estimate depends on its own views only."""
+    calibration: Sequence[tuple[Scene | Estimates, Scene]]
+    """Results of the same detector, options and kind of scenes, each with a scene that holds its truth:
+    `Estimates.calibration` then says how large regions must be to hold the truth as often as they promise."""
     accept_inconsistent: bool
     """Whether objects may be ``"ok"`` in a scene that does not agree with itself (see `Estimates.diagnosis`)."""
     reg_lambda: float | None
@@ -94,6 +101,7 @@ DEFAULTS: dict[str, Any] = {
     "camera_height": None,
     "pose_noise": None,
     "sigmas": None,
+    "calibration": (),
     "accept_inconsistent": False,
     "reg_lambda": None,
     "seed": 0,
@@ -118,6 +126,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
     if keywords["sigmas"] is not None:
         keywords["sigmas"] = _sigmas(keywords["sigmas"])
+    keywords["calibration"] = _calibration(keywords["calibration"])
     for name in ("cross_validate", "ground_plane", "accept_inconsistent"):
         keywords[name] = _checks.flag(name, keywords[name])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
@@ -177,6 +186,22 @@ def _sigmas(sigmas: Any) -> dict[str, float]:
         raise QuadliftError(f"sigmas is a {type(sigmas).__name__}; expected a mapping of names to numbers")
     names = [_checks.text("a name in sigmas", name) for name in sigmas]
     return {name: _checks.number(f"sigmas[{name!r}]", sigmas[name]) for name in names}
+
+
+def _calibration(pairs: Any) -> list[tuple[_core.Scene, _core.Scene]]:
+    """Pairs of a result and its truth, as the core takes them."""
+    if isinstance(pairs, str | Mapping) or not isinstance(pairs, Sequence):
+        raise QuadliftError(f"calibration is a {type(pairs).__name__}; expected a list of pairs (result, truth)")
+    scenes = []
+    for k, pair in enumerate(pairs):
+        if not isinstance(pair, Sequence) or len(pair) != 2:
+            raise QuadliftError(f"calibration[{k}] is {pair!r}; expected a pair (result, truth)")
+        result, truth = pair
+        if hasattr(result, "to_scene"):
+            result = result.to_scene()
+        result, truth = _checks.scene(f"calibration[{k}][0]", result), _checks.scene(f"calibration[{k}][1]", truth)
+        scenes.append((result, truth))
+    return scenes
 
 
 def _priors(priors: Any) -> tuple[str | None, str | None]:

@@ -62,6 +62,13 @@ def compare(estimates: quadlift.Estimates, objects: list[dict[str, Any]]) -> Non
     same(estimates.center_sd, [o.get("center_sd") for o in objects])
     same(estimates.rms_residuals, [o.get("residual_px") for o in objects])
     assert estimates.views_used.tolist() == [o["views_used"] for o in objects]
+    same(estimates.misfits, of("misfit", "relative"))
+    same(estimates.misfit_deviations, of("misfit", "deviations"))
+    for others, expected in zip(estimates.alternatives, [o.get("alternatives", []) for o in objects], strict=True):
+        for other, wanted in zip(others, expected, strict=True):
+            assert other.log_odds == wanted["log_odds"]
+            found = [other.center, other.body_axes, other.quaternion]
+            same(found, [wanted["cuboid"][field] for field in ("center", "half_extents", "rotation")])
 
 
 @pytest.mark.parametrize("name", list(SCENES))
@@ -261,3 +268,65 @@ def test_masks(program: Program, tmp_path: Path) -> None:
     loaded.write(tmp_path / "other" / "scene.json")
     moved = quadlift.Scene.read(tmp_path / "other" / "scene.json").localize(observations="mask")
     np.testing.assert_array_equal(moved.centers, estimates.centers)
+
+
+def test_why_views_are_rejected(program: Program, tmp_path: Path) -> None:
+    scene, result = tmp_path / "scene.json", tmp_path / "result.json"
+    program("synth", "-q", "-o", scene, *SCENES["boxes"][0])
+    program("localize", "-q", scene, "-o", result)
+    estimates = quadlift.Scene.read(scene).localize()
+    views = {(o["id"], view["frame"]): view for o in read_json(result)["objects"] for view in o["view_residuals_px"]}
+    detections = read_json(scene)["detections"]
+    expected = [views[d["object"], d["frame"]].get("rejected_because") for d in detections]
+    assert estimates.rejected_because == expected
+    assert "residual" in expected
+    assert [why is None for why in expected] == estimates.inliers.tolist()
+
+
+def test_other_bodies_that_fit_as_well(program: Program, tmp_path: Path) -> None:
+    scene, result = tmp_path / "scene.json", tmp_path / "result.json"
+    shape = ["--objects", "12", "--views", "4", "--body", "cuboid", "--trajectory", "arc:60", "--noise", "box:0.05"]
+    program("synth", "-q", "-o", scene, *shape)
+    program("localize", "-q", scene, "-o", result, "--body", "cuboid")
+    estimates = quadlift.Scene.read(scene).localize(body="cuboid")
+    compare(estimates, read_json(result)["objects"])
+    assert any(estimates.alternatives)
+    for others, warnings in zip(estimates.alternatives, estimates.warnings, strict=True):
+        assert bool(others) == any(warning.startswith("ambiguous") for warning in warnings)
+
+
+def test_calibrated_regions(program: Program, tmp_path: Path) -> None:
+    known, result, new, out = (tmp_path / f"{name}.json" for name in ("known", "result", "new", "out"))
+    for path, seed in ((known, "1"), (new, "2")):
+        program("synth", "-q", "-o", path, "--objects", "30", "--views", "10", "--noise", "box:0.05", "--seed", seed)
+    program("localize", "-q", known, "-o", result, "--body", "ellipsoid")
+    program("localize", "-q", new, "-o", out, "--body", "ellipsoid", "--calibration", result, known)
+    scenes = {path: quadlift.Scene.read(path) for path in (known, result, new)}
+    pair = (scenes[result], scenes[known])
+    estimates = scenes[new].localize(body="ellipsoid", calibration=[pair])
+    assert estimates.calibration is not None
+    assert estimates.calibration == read_json(out)["localization"]["calibration"]
+    assert estimates.calibration["objects"] == 30
+    estimates.to_scene().write(tmp_path / "ours.json")
+    assert (tmp_path / "ours.json").read_bytes() == out.read_bytes()
+    # Estimates are results too; the region with the limit holds as many of the known objects as it promises.
+    ours = scenes[known].localize(body="ellipsoid")
+    assert ours.calibration is None
+    again = scenes[new].localize(body="ellipsoid", calibration=[(ours, scenes[known])]).calibration
+    assert again is not None
+    assert again["squared_distance"] == estimates.calibration["squared_distance"]
+    truths = {o["id"]: o["ellipsoid"]["center"] for o in read_json(known)["objects"]}
+    errors = ours.centers - np.array([truths[name] for name in ours.object_ids])
+    distances = np.sort(np.einsum("ni,nij,nj->n", errors, np.linalg.inv(ours.covariances[:, :3, :3]), errors))
+    # ceil(0.9 * 31) = 28 of 30.
+    np.testing.assert_allclose(again["squared_distance"]["center"]["0.9"], distances[27], rtol=1e-6)
+    with pytest.raises(quadlift.QuadliftError, match=r'calibration: .*no object that is "ok"'):
+        scenes[new].localize(calibration=[(scenes[known], scenes[known])])
+    with pytest.raises(quadlift.QuadliftError, match="calibration is an argument of method"):
+        scenes[new].localize(method="lfd", calibration=[pair])
+    wrong: Any = [scenes[known]]
+    with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\] is .*; expected a pair"):
+        scenes[new].localize(calibration=wrong)
+    wrong = [("result.json", scenes[known])]
+    with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\]\[0\]"):
+        scenes[new].localize(calibration=wrong)

@@ -13,7 +13,7 @@ use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::diagnose::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::{Detection, Scene};
-use quadlift::solve::Estimate;
+use quadlift::solve::{Alternative, Estimate, Rejection};
 use quadlift::{Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
@@ -43,6 +43,8 @@ pub struct PyLocalized {
     localization: Localization,
     /// The settings as in a file.
     settings: serde_json::Value,
+    /// How regions are calibrated, where they are.
+    calibration: Option<serde_json::Value>,
     /// Index of the source whose detections were taken.
     source: Option<u32>,
     /// What could not be read, in words.
@@ -102,7 +104,8 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
     refuse_objects(&mut localization, &given, options.accept_inconsistent);
     let settings = settings_record(options, choices.priors.as_deref());
     let seconds = start.elapsed().as_secs_f64();
-    Ok(PyLocalized { loaded, changed, association, localization, settings, source, problems, seconds })
+    let calibration = choices.calibration.clone();
+    Ok(PyLocalized { loaded, changed, association, localization, settings, calibration, source, problems, seconds })
 }
 
 impl PyLocalized {
@@ -114,6 +117,9 @@ impl PyLocalized {
     /// The result as a file: as the program writes it.
     fn file(&self) -> SceneFile {
         let mut file = self.loaded.file().localized(self.scene(), &self.localization, self.settings.clone());
+        if let (Some(calibration), Some(about)) = (&self.calibration, &mut file.localization) {
+            about["calibration"] = calibration.clone();
+        }
         if let Some(association) = &self.association {
             let source = self.source.map(|index| self.scene().sources[index as usize].as_str());
             add_to_result(&mut file, self.loaded.file().detections.clone(), self.scene(), source, association);
@@ -180,6 +186,9 @@ impl PyLocalized {
             to.extend_from_slice(e.covariance.as_ref().map_or(&[], |c| c.matrix.as_slice()))
         })?;
         rows("center_sd", 1, &|e, to| to.extend(e.center_sd()))?;
+        rows("misfit_deviations", 1, &|e, to| to.extend(e.misfit.map(|misfit| misfit.deviations)))?;
+        rows("misfits", 1, &|e, to| to.extend(e.misfit.map(|misfit| misfit.relative)))?;
+        dict.set_item("alternatives", estimates.iter().map(alternatives).collect::<Vec<_>>())?;
         rows("residuals_px", 1, &|e, to| to.extend(e.rms_residual_px()))?;
         let checked = &self.localization.cross_validation;
         let of_object = |index| checked.of_estimate(index).filter(|_| checked.extent == Extent::All);
@@ -244,6 +253,12 @@ impl PyLocalized {
         cross_validation_record(&self.localization).to_string()
     }
 
+    /// How regions are calibrated, as JSON.
+    #[getter]
+    fn calibration_json(&self) -> Option<String> {
+        self.calibration.as_ref().map(ToString::to_string)
+    }
+
     /// Whether the scene agrees with itself, as JSON; and what is wrong, in words.
     #[getter]
     fn diagnosis(&self) -> (String, Option<String>) {
@@ -292,6 +307,7 @@ impl PyLocalized {
         let mut objects = Vec::with_capacity(detections.len());
         let mut inliers = Vec::with_capacity(detections.len());
         let mut residuals = Vec::with_capacity(detections.len());
+        let mut rejections = Vec::with_capacity(detections.len());
         for detection in detections {
             let is_of_source = self.source.is_none() || detection.source_index == self.source;
             let object = detection.object_index.filter(|_| is_of_source).map(|index| index as usize);
@@ -304,11 +320,25 @@ impl PyLocalized {
             objects.push(row);
             inliers.push(view.is_some_and(|view| view.inlier));
             residuals.push(view.and_then(|view| view.residual_px).unwrap_or(f64::NAN));
+            rejections.push(view.and_then(|view| view.rejected_because).map(Rejection::name));
         }
         dict.set_item("object_indices", PyArray1::from_vec(py, objects))?;
         dict.set_item("inliers", PyArray1::from_vec(py, inliers))?;
+        dict.set_item("rejected_because", rejections)?;
         dict.set_item("detection_residuals_px", PyArray1::from_vec(py, residuals))
     }
+}
+
+/// Centre, axes, quaternion and log odds of a body.
+type AlternativeFigures = ([f64; 3], [f64; 3], [f64; 4], f64);
+
+/// The other bodies that fit about as well.
+fn alternatives(estimate: &Estimate) -> Vec<AlternativeFigures> {
+    let figures = |other: &Alternative| {
+        let (body, ellipsoid) = (&other.body, other.body.ellipsoid());
+        (ellipsoid.center.coords.into(), axes(body), quaternion_from_rotation(rotation(body)), other.log_odds)
+    };
+    estimate.alternatives.iter().map(figures).collect()
 }
 
 /// Semi-axes, or half extents of a cuboid.

@@ -1,6 +1,7 @@
 //! Options of the localisation, from Python's keywords.
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, IdUse};
@@ -9,9 +10,12 @@ use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements, localize};
 use quadlift_io::builtin_priors;
+use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::priors::{check_metres, parse_priors};
+use serde_json::Value;
 
 use crate::error::refuse;
+use crate::scene::PyScene;
 
 /// The keywords of `localize`, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
@@ -39,6 +43,8 @@ pub struct LocalizeKeywords {
     sigmas: Option<HashMap<String, f64>>,
     accept_inconsistent: bool,
     seed: u64,
+    /// Results and their truths.
+    calibration: Vec<(Py<PyScene>, Py<PyScene>)>,
 }
 
 /// What the keywords say.
@@ -49,6 +55,8 @@ pub struct Choices {
     pub priors: Option<String>,
     /// What ids are worth where the scene is associated first; `None` where it is not.
     pub ids: Option<IdUse>,
+    /// How regions are calibrated, where they are: what the result says about it.
+    pub calibration: Option<Value>,
 }
 
 impl LocalizeKeywords {
@@ -62,6 +70,7 @@ impl LocalizeKeywords {
                 ("camera_height", self.camera_height.is_some()),
                 ("pose_noise", self.pose_noise.is_some()),
                 ("sigmas", self.sigmas.is_some()),
+                ("calibration", !self.calibration.is_empty()),
             ];
             if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
                 return Err(refuse(format!("{name} is an argument of method=\"map\" only")));
@@ -102,7 +111,33 @@ impl LocalizeKeywords {
         let (priors, name) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
         options.map.priors = priors;
         options.source = self.source.clone();
-        Ok(Choices { options, priors: name, ids: self.ids(scene)? })
+        Ok(Choices { options, priors: name, ids: self.ids(scene)?, calibration: self.calibration()? })
+    }
+
+    /// As `--calibration` of the program.
+    fn calibration(&self) -> PyResult<Option<Value>> {
+        if self.calibration.is_empty() {
+            return Ok(None);
+        }
+        let name = |scene: &PyScene, otherwise: &str| match (&*scene.loaded.path, scene.loaded.scene.name.as_str()) {
+            (path, _) if !path.as_os_str().is_empty() => path.to_owned(),
+            (_, "") => otherwise.into(),
+            (_, name) => name.into(),
+        };
+        let names: Vec<[PathBuf; 2]> = self
+            .calibration
+            .iter()
+            .map(|(result, truth)| [name(result.get(), "result"), name(truth.get(), "truth")])
+            .collect();
+        let pairs = self.calibration.iter().zip(&names);
+        let pairs: Vec<ResultAndTruth> = pairs
+            .map(|((result, truth), [of_result, of_truth])| {
+                [(&**of_result, result.get().loaded.file()), (&**of_truth, truth.get().loaded.file())]
+            })
+            .collect();
+        let calibration = calibrate(&pairs).map_err(|error| refuse(format!("calibration: {error}")))?;
+        let names: Vec<[&Path; 2]> = names.iter().map(|[result, truth]| [&**result, &**truth]).collect();
+        Ok(Some(calibration_record(&calibration, &names)))
     }
 
     /// As `--associate` and `--ids` of the program.
