@@ -22,6 +22,8 @@ export interface Report {
   notes: string[];
   /** What is wrong with the scene as a whole, shown above all else. */
   banner: string | null;
+  /** What the drawn regions of the centres promise; null where no object has one. */
+  region: string | null;
 }
 
 export interface Frame {
@@ -42,6 +44,8 @@ export interface Detections {
   state: DetectionState[];
   /** Pixels; null where there is none. */
   residual: (number | null)[];
+  /** Of those that are rejected and say why: row, reason. */
+  rejections: [number, string][];
   /** x0, y0, x1, y1 of each; four nulls where there is no box. */
   box: (number | null)[];
   /** Of those that have an ellipse: row, centre x, y, semi-axes, angle (radians). */
@@ -64,21 +68,33 @@ export interface ReportObject {
   center: Vec3 | null;
   /** Standard deviation of the centre per coordinate. */
   centerSd: number | null;
-  /** Where the centre is with 95 % probability. */
+  /** The region of 95 % of the centre, see `Report.region`. */
   centerShell: Body | null;
   body: Body | null;
   /** The larger body that holds the real object. */
   enclosing: Body | null;
   truth: Body | null;
+  /** Other bodies that fit the views about as well, the most probable first. */
+  alternatives: Alternative[];
   viewsUsed: number;
   viewsRejected: number;
   /** Root mean square over the used views, pixels. */
   residual: number | null;
+  /** The same per degree of freedom, relative to the half size of the boxes. */
+  misfit: number | null;
+  /** The same in standard deviations of the scene's noise. */
+  misfitDeviations: number | null;
   /** Mean IoU of the boxes that its other views predict for each of its views, and the measured ones. */
   predictedIou: number | null;
   /** The frame whose detection the other views contradict. */
   oddView: string | null;
   warnings: string[];
+}
+
+export interface Alternative {
+  body: Body;
+  /** Natural logarithm of its odds against the estimated body. */
+  logOdds: number;
 }
 
 export interface Body {

@@ -1,18 +1,20 @@
 // The selected frame, large: its picture, and the table of what was measured in it.
 
-import { REJECTED, USED, type Report } from "./data.ts";
+import { REJECTED, type Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
 import { detectedRegion, drawFrame, objectAt, wholeFrame, type FrameImages, type Region } from "./draw_frame.ts";
 import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
-import { count, short } from "./words.ts";
+import { count, short, viewState } from "./words.ts";
 
 /** A detection of the selected frame. */
 interface Measured {
   object: number;
   state: number;
   residual: number | null;
+  /** Why it was rejected. */
+  reason: string | undefined;
 }
 
 export class FrameView {
@@ -84,7 +86,7 @@ export class FrameView {
       {
         title: "view",
         value: (row) => row.state,
-        text: (row) => (row.state === REJECTED ? "rejected" : row.state === USED ? "used" : "–"),
+        text: (row) => viewState(row.state, row.reason),
         style: (row) => (row.state === REJECTED ? "bad" : ""),
       },
     ];
@@ -98,7 +100,10 @@ export class FrameView {
       return;
     }
     const { object, state, residual } = frame.detections;
-    const rows = object.map((k, row) => ({ object: k, state: state[row] ?? 0, residual: residual[row] ?? null }));
+    const reasons = new Map(frame.detections.rejections);
+    const rows = object.map((k, row) => (
+      { object: k, state: state[row] ?? 0, residual: residual[row] ?? null, reason: reasons.get(row) }
+    ));
     this.largest = rows.reduce((most, row) => Math.max(most, row.residual ?? 0), 1e-9);
     this.table.show(rows, object);
     this.table.mark(this.selection.object);

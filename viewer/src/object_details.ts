@@ -1,17 +1,19 @@
 // The selected object: its figures, what is to be said about it, and what each view contributed.
 
-import { REJECTED, USED, type Report } from "./data.ts";
+import { REJECTED, type Report, type ReportObject } from "./data.ts";
 import type { Colors } from "./colors.ts";
 import { element } from "./dom.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
-import { extents, remarks, short, statusName, withUnit } from "./words.ts";
+import { alternativeInWords, extents, remarks, short, statusName, viewState, withUnit } from "./words.ts";
 
 /** One view of the selected object. */
 interface ViewOf {
   frame: number;
   state: number;
   residual: number | null;
+  /** Why it was rejected. */
+  reason: string | undefined;
 }
 
 /** `look` turns the 3D view to an object. */
@@ -50,11 +52,24 @@ export function objectDetails(
       ["centre", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${lengthUnit ?? ""}`],
       ["centre's deviation", `± ${withUnit(object.centerSd, lengthUnit)} per coordinate`],
       ["residual", object.residual === null ? "–" : `${short(object.residual)} px over ${object.viewsUsed} views`],
+      ...(object.misfit === null
+        ? []
+        : [["misfit", `${short(100 * object.misfit)} % of the boxes' half size${deviations(object)}`] as [string, string]]),
+      ...(object.alternatives.length === 0
+        ? []
+        : [["other bodies", object.alternatives.map(alternativeInWords).join("; ")] as [string, string]]),
       ...(object.predictedIou === null
         ? []
         : [["left-out views", `predicted by the others with IoU ${object.predictedIou.toFixed(2)}`] as [string, string]]),
     ];
     place.append(factList(facts));
+    if (object.alternatives.length > 0) {
+      const text = "Other bodies fit the views about as well; their wires are drawn while the object is selected.";
+      place.append(element("p", { class: "dim" }, text));
+    }
+    if (object.centerShell !== null && report.region !== null) {
+      place.append(element("p", { class: "dim" }, report.region));
+    }
     for (const remark of remarks(object)) place.append(element("p", { class: "remark" }, remark));
     const rows = viewsOf(report, selection.object);
     if (rows.length > 0) {
@@ -71,6 +86,11 @@ export function objectDetails(
   return place;
 }
 
+function deviations(object: ReportObject): string {
+  const { misfitDeviations } = object;
+  return misfitDeviations === null ? "" : `, ${short(misfitDeviations)} times the scene's noise`;
+}
+
 /** Names and values. */
 export function factList(facts: [string, string][]): HTMLElement {
   return element(
@@ -84,7 +104,8 @@ function viewsOf(report: Report, object: number): ViewOf[] {
   return report.frames.flatMap(({ detections }, frame) => {
     const row = detections.object.indexOf(object);
     if (row < 0) return [];
-    return [{ frame, state: detections.state[row] ?? 0, residual: detections.residual[row] ?? null }];
+    const reason = detections.rejections.find(([k]) => k === row)?.[1];
+    return [{ frame, state: detections.state[row] ?? 0, residual: detections.residual[row] ?? null, reason }];
   });
 }
 
@@ -105,7 +126,7 @@ function viewColumns(report: Report): ConstructorParameters<typeof Table<ViewOf>
     {
       title: "view",
       value: (row) => row.state,
-      text: (row) => (row.state === REJECTED ? "rejected" : row.state === USED ? "used" : "–"),
+      text: (row) => viewState(row.state, row.reason),
       style: (row) => (row.state === REJECTED ? "bad" : ""),
     },
   ];

@@ -49,7 +49,9 @@ export function spacePanel(
     const box = element("input", { type: "checkbox" });
     box.checked = view.isShown(layer);
     box.addEventListener("change", () => view.show(layer, box.checked));
-    tools.append(element("label", {}, box, ` ${name}`));
+    const label = element("label", {}, box, ` ${name}`);
+    if (layer === "centerShell" && report.region !== null) label.title = report.region;
+    tools.append(label);
   }
   const buttons: [string, () => void][] = [["Everything", () => view.lookAtAll()]];
   if (report.objects.length > 0) buttons.unshift(["Objects", () => view.lookAtObjects()]);

@@ -225,7 +225,7 @@ export class View3d {
     this.redraw();
   }
 
-  /** The selected body once more: stronger and with wires. */
+  /** The selected body once more: stronger and with wires; and the wires of the others that fit its views as well. */
   private paintHighlight(): void {
     this.highlight.clear();
     const body = this.report.objects[this.selection.object]?.body;
@@ -237,6 +237,11 @@ export class View3d {
     const outline = lines(wireframe(body), this.space.origin, accent);
     outline.renderOrder = 3;
     this.highlight.add(mesh, outline);
+    for (const other of this.report.objects[this.selection.object]?.alternatives ?? []) {
+      const wires = lines(wireframe(other.body), this.space.origin, this.wires);
+      wires.renderOrder = 3;
+      this.highlight.add(wires);
+    }
   }
 
   /** Fits the picture to its place; in a narrow view as much is seen from side to side as in a square one. */

@@ -1,6 +1,6 @@
 // Numbers and names as people read them.
 
-import type { Body, ReportObject, ScoreColumn } from "./data.ts";
+import { REJECTED, USED, type Alternative, type Body, type DetectionState, type ReportObject, type ScoreColumn } from "./data.ts";
 
 /** A number with three significant digits, without an exponent where that is readable. */
 export function short(value: number | null): string {
@@ -37,6 +37,24 @@ const REASON: Record<string, string> = {
   degenerate: "its views do not determine it: they are all from one place, or contradict each other",
   diverged: "no finite body in front of the cameras fits its views",
 };
+
+const REJECTION: Record<string, string> = {
+  residual: "residual",
+  behind_camera: "behind the camera",
+};
+
+/** What became of a view, with the reason where it was rejected. */
+export function viewState(state: DetectionState | number, reason: string | undefined): string {
+  if (state === USED) return "used";
+  if (state !== REJECTED) return "–";
+  return reason === undefined ? "rejected" : `rejected (${REJECTION[reason] ?? reason})`;
+}
+
+/** How probable another body is beside the estimated one, in words. */
+export function alternativeInWords(alternative: Alternative): string {
+  const share = (100 / (1 + Math.exp(-alternative.logOdds))).toFixed(0);
+  return `${extents(alternative.body)}, log odds ${alternative.logOdds.toFixed(1)} (${share} %)`;
+}
 
 /** A status in the table. */
 export function statusName(status: string | null): string {

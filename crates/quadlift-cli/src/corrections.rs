@@ -54,9 +54,9 @@ pub struct Corrections {
     #[arg(long, value_name = "F", value_parser = args::positive)]
     box_scale: Option<f64>,
 
-    /// The boxes were measured in a letterboxed square image of this size, such as 640x640
+    /// The boxes were measured in a letterboxed image of this size, such as 640x640 or 640x384
     #[arg(long, value_name = "WxH", value_parser = letterbox)]
-    letterbox: Option<Correction>,
+    letterbox: Option<RecordCorrection>,
 
     /// The order in which frames were numbered when detections were made: alphabetical, numeric or reversed
     #[arg(long, value_name = "ORDER", value_parser = options::frame_order)]
@@ -81,7 +81,7 @@ pub struct SceneCorrections {
 /// What the self-check does with a scene that does not agree with itself.
 #[derive(clap::Args)]
 pub struct CheckArgs {
-    /// Apply the correction that the self-check proposes, if it proposes one
+    /// Apply the correction that the self-check proposes, and again until the scene agrees with itself (3 at most)
     #[arg(long, help_heading = "Corrections of the scene")]
     pub fix: bool,
 
@@ -106,8 +106,8 @@ fn box_format(text: &str) -> Result<BoxNumbers, String> {
     options::box_format(text).map(BoxNumbers)
 }
 
-fn letterbox(text: &str) -> Result<Correction, String> {
-    options::letterbox(args::image_size(text)?)
+fn letterbox(text: &str) -> Result<RecordCorrection, String> {
+    Ok(options::letterbox(args::image_size(text)?))
 }
 
 impl Corrections {
@@ -121,7 +121,6 @@ impl Corrections {
             self.box_format.and_then(|format| format.0),
             self.normalized_boxes.then_some(Correction::NormalizedBoxes),
             self.box_scale.map(Correction::ImageScale),
-            self.letterbox,
             self.frame_order,
             // A shift by more frames than there are leaves nothing in its place, whatever the number.
             frame_offset
@@ -129,6 +128,7 @@ impl Corrections {
                 .map(|offset| Correction::FrameOffset(i32::try_from(-offset).unwrap_or(i32::MAX))),
         ];
         let mut list: Vec<RecordCorrection> = known.into_iter().flatten().map(RecordCorrection::Known).collect();
+        list.extend(self.letterbox);
         list.extend(image_size.map(RecordCorrection::ImageSize));
         list.extend(self.pose_unit.map(RecordCorrection::PoseUnit));
         list.extend(self.up.map(|up| RecordCorrection::Up(up.0)));

@@ -3,21 +3,25 @@
 use std::path::Path;
 
 use quadlift::associate::{AssociateOptions, IdUse, Outcome as AssociationOutcome, associate};
-use quadlift::diagnose::{Diagnosis, diagnose, diagnose_association};
+use quadlift::diagnose::{Cause, Diagnosis, diagnose, diagnose_association};
 use quadlift::scene::Scene;
+use quadlift_io::SceneFile;
 use quadlift_io::correct::correct;
-use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
+use quadlift_io::diagnosis::{Context, cause_record, diagnosis_in_words, diagnosis_record, together_in_words};
 use serde_json::Value;
 
 use crate::corrections::{CheckArgs, CorrectedScene};
 use crate::error::{InconsistentError, Outcome};
 use crate::output::Output;
+use crate::two_mistakes::two_mistakes;
 
 /// What the self-check found, and what it was told to do about it.
 #[derive(Debug, Clone, Default)]
 pub struct Check {
     /// What it found, once what was asked for has been mended.
     pub diagnosis: Diagnosis,
+    /// Two mistakes that together explain what none explains alone.
+    together: Option<[Cause; 2]>,
     /// What is known of the scene.
     context: Context,
     /// How often the scene may yet be mended.
@@ -37,11 +41,20 @@ impl Check {
         let context = Context::of(&scene.file, scene.frame_offset).after(&scene.corrections);
         let diagnosis = of_source(&scene.scene, source);
         let fixes = if args.fix { MOST_FIXES } else { 0 };
-        let mut check = Self { diagnosis, context, fixes, accepted: args.accept_inconsistent };
+        let accepted = args.accept_inconsistent;
+        let mut check = Self { diagnosis, together: None, context, fixes, accepted };
+        check.seek_two(&scene.file, |scene| of_source(scene, source));
         while check.fix(scene, path)? {
             check.diagnosis = of_source(&scene.scene, source);
         }
         Ok(check)
+    }
+
+    /// What was found in the detections of a source, and nothing to be done about it.
+    pub fn of(diagnosis: Diagnosis, context: Context, file: &SceneFile, source: Option<&str>) -> Self {
+        let mut check = Self { diagnosis, context, ..Self::default() };
+        check.seek_two(file, |scene| of_source(scene, source));
+        check
     }
 
     /// The same, where detections that name no object are associated for it.
@@ -60,18 +73,46 @@ impl Check {
         Ok(check)
     }
 
-    /// Mends the scene by what explains its disagreement best, where that is asked for. Whether anything was done.
+    /// Looks for two mistakes at once where the scene does not agree with itself and no cause is known.
+    fn seek_two(&mut self, file: &SceneFile, check: impl Fn(&Scene) -> Diagnosis) {
+        if !self.diagnosis.consistent && self.diagnosis.causes.is_empty() && self.together.is_none() {
+            self.together = two_mistakes(file, &self.diagnosis, &self.context, check);
+        }
+    }
+
+    /// The same where no detections of different frames agree on an object.
+    pub fn seek_two_without_ids(&mut self, scene: &CorrectedScene, source: Option<&str>) {
+        if self.diagnosis.causes.is_empty() && scene.scene.detections.len() <= MOST_TRIED {
+            self.diagnosis.consistent = false;
+            self.seek_two(&scene.file, |scene| without_ids(scene, source));
+        }
+    }
+
+    /// Mends the scene by what explains its disagreement best, where that is asked for. Whether anything was done. A mistake
+    /// is not mended twice, unless it is one of a number, which was found roughly at first.
     pub fn fix(&mut self, scene: &mut CorrectedScene, path: &Path) -> anyhow::Result<bool> {
-        let cause = self.diagnosis.causes.first().filter(|_| self.fixes > 0 && !self.diagnosis.consistent);
-        let Some((cause, correction)) = cause.and_then(|cause| Some((cause, self.context.correction(cause)?))) else {
+        if self.fixes == 0 || self.diagnosis.consistent {
             return Ok(false);
+        }
+        let causes: Vec<Cause> = match self.together.take() {
+            Some(two) => two.into(),
+            None => self.diagnosis.causes.first().cloned().into_iter().collect(),
         };
-        let notes = correct(&mut scene.file, &[correction]).map_err(|error| error.in_file(path))?;
+        let mut mended = false;
+        for cause in causes {
+            let Some(correction) = self.context.correction(&cause) else { continue };
+            let option = self.context.option(&cause).unwrap_or_default();
+            let by_fix = format!("({option}, by --fix)");
+            if cause.value.is_none() && scene.notes.iter().any(|note| note.ends_with(&by_fix)) {
+                continue;
+            }
+            let notes = correct(&mut scene.file, &[correction]).map_err(|error| error.in_file(path))?;
+            scene.notes.extend(notes.into_iter().map(|note| format!("{note} {by_fix}")));
+            self.fixes = self.fixes.saturating_sub(1);
+            mended = true;
+        }
         scene.scene = scene.file.to_scene().map_err(|error| error.in_file(path))?;
-        let option = self.context.option(cause).unwrap_or_default();
-        scene.notes.extend(notes.into_iter().map(|note| format!("{note} ({option}, by --fix)")));
-        self.fixes -= 1;
-        Ok(true)
+        Ok(mended)
     }
 
     /// Takes what was found later, with more knowledge of the scene, unless it had disagreed with itself before.
@@ -88,12 +129,19 @@ impl Check {
 
     /// For results and `--json`.
     pub fn record(&self) -> Value {
-        diagnosis_record(&self.diagnosis, &self.context)
+        let mut record = diagnosis_record(&self.diagnosis, &self.context);
+        if let Some(two) = &self.together {
+            record["together"] = two.iter().map(|cause| cause_record(cause, &self.context)).collect();
+        }
+        record
     }
 
     /// What is wrong and what mends it, in words.
     pub fn in_words(&self) -> Option<String> {
-        diagnosis_in_words(&self.diagnosis, &self.context)
+        match &self.together {
+            Some(two) => Some(together_in_words(two, &self.context)),
+            None => diagnosis_in_words(&self.diagnosis, &self.context),
+        }
     }
 
     /// The error of a scene in which association finds nothing; `left_out` says which detections took no part.
@@ -130,6 +178,9 @@ impl Check {
 
 /// Corrections that `--fix` makes one after another: numbers that are found without ids are rough at first.
 const MOST_FIXES: usize = 3;
+
+/// In scenes with more detections than this, two mistakes at once are not sought without ids, which would take too long.
+const MOST_TRIED: usize = 1000;
 
 /// More detections than this are not associated for the self-check alone, which would take too long.
 const MOST_ASSOCIATED: usize = 5000;

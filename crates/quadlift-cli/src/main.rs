@@ -20,6 +20,7 @@ mod report;
 mod segmentation;
 mod synthetic_file;
 mod table;
+mod two_mistakes;
 mod words;
 
 use std::process::ExitCode;

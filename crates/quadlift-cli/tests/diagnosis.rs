@@ -6,7 +6,7 @@
 mod common;
 
 use common::Folder;
-use common::mistakes::{Mistake, mistakes, right_scene};
+use common::mistakes::{Mistake, inverse, mistakes, opengl, right_scene, with_boxes, with_frames, with_poses};
 use serde_json::{Value, json};
 
 #[test]
@@ -113,4 +113,111 @@ fn mistakes_are_named_without_ids() {
         mended += usize::from(fixed == 0);
     }
     assert!(wrong >= 10 && named >= 9 && mended >= 8, "{wrong} {named} {mended}");
+}
+
+/// Two mistakes at once: one after the other where each is seen behind the other, together where only both explain it.
+#[test]
+fn two_mistakes_at_once_are_mended() {
+    let folder = Folder::new();
+    let right = right_scene(&folder);
+    folder.succeed("localize right.json -o right_result.json");
+    let truth = folder.json("right_result.json");
+    let [w, h] = ["width", "height"].map(|name| right["cameras"][0][name].as_f64().unwrap());
+    let half = |scene: &Value| with_boxes(scene, |b| b.map(|x| x * 0.5));
+    let shares = |scene: &Value| with_boxes(scene, |b| [b[0] / w, b[1] / h, b[2] / w, b[3] / h]);
+    let late = |scene: &Value| with_frames(scene, |k| Some(k + 1));
+    let cases = [
+        ("inverted and half", with_poses(&half(&right), inverse), Some(["camera_to_world", "image_size"])),
+        ("inverted and shares", with_poses(&shares(&right), inverse), Some(["camera_to_world", "normalized_boxes"])),
+        ("OpenGL and half", with_poses(&half(&right), opengl), Some(["opengl_axes", "image_size"])),
+        ("inverted and late", with_poses(&late(&right), inverse), None),
+        ("half and late", half(&late(&right)), None),
+    ];
+    for (case, scene, together) in cases {
+        folder.write_json("wrong.json", &scene);
+        let run = folder.run("localize wrong.json --json");
+        assert_eq!(run.code, 3, "{case}: {}", run.stderr);
+        let document: Value = serde_json::from_str(&run.stdout).unwrap();
+        let diagnosis = &document["scenes"][0]["diagnosis"];
+        if let Some(names) = together {
+            assert_eq!(diagnosis["causes"], json!([]), "{case}");
+            let found = diagnosis["together"].as_array().unwrap();
+            assert_eq!(found.iter().map(|cause| cause["name"].as_str().unwrap()).collect::<Vec<_>>(), names, "{case}");
+            let info = folder.succeed("info wrong.json");
+            for cause in found {
+                let option = cause["option"].as_str().unwrap();
+                assert!(run.stderr.contains("two mistakes at once") && run.stderr.contains(option), "{}", run.stderr);
+                assert!(info.contains(option), "{info}");
+            }
+        }
+        let text = folder.succeed("localize wrong.json -o fixed.json --fix");
+        assert_eq!(text.matches("corrected: ").count(), 2, "{case}: {text}");
+        let fixed = folder.json("fixed.json");
+        for (object, same) in fixed["objects"].as_array().unwrap().iter().zip(truth["objects"].as_array().unwrap()) {
+            let distance: f64 = (0..3)
+                .map(|k| (object["center"][k].as_f64().unwrap() - same["center"][k].as_f64().unwrap()).powi(2))
+                .sum();
+            assert!(object["status"] == "ok" && distance.sqrt() < 0.5, "{case}: {distance} {object}");
+        }
+    }
+    // Without ids.
+    let mut scene = with_poses(&half(&right), inverse);
+    scene.as_object_mut().unwrap().remove("objects");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection.as_object_mut().unwrap().remove("object");
+    }
+    folder.write_json("wrong.json", &scene);
+    let run = folder.run("localize wrong.json");
+    assert!(run.code == 3 && run.stderr.contains("--pose-convention world-from-camera"), "{}", run.stderr);
+    assert!(folder.succeed("localize wrong.json --fix").contains("8 of 8 objects localised"));
+}
+
+/// What was mended is not mended again.
+#[test]
+fn fixing_twice_changes_nothing() {
+    let folder = Folder::new();
+    let right = right_scene(&folder);
+    for mistake in mistakes(&right).into_iter().filter(|m| ["camera_to_world", "image_size"].contains(&m.name)) {
+        folder.write_json("wrong.json", &mistake.scene);
+        let text = folder.succeed("associate wrong.json -o once.json --ids trust --fix");
+        assert!(text.contains("by --fix"), "{text}");
+        let text = folder.succeed("associate once.json -o twice.json --ids trust --fix");
+        assert!(!text.contains("corrected"), "{text}");
+        for part in ["cameras", "frames", "detections"] {
+            assert_eq!(folder.json("once.json")[part], folder.json("twice.json")[part], "{}", mistake.name);
+        }
+    }
+}
+
+/// Letterboxes need not be square: Ultralytics pads to multiples of 32.
+#[test]
+fn a_letterbox_may_be_of_any_shape() {
+    let folder = Folder::new();
+    let right = right_scene(&folder);
+    let [w, h] = ["width", "height"].map(|name| right["cameras"][0][name].as_f64().unwrap());
+    for [width, height] in [[640.0, 384.0], [640.0, 640.0], [256.0, 480.0]] {
+        let gain = f64::min(width / w, height / h);
+        let margin = [0.5 * (width - gain * w), 0.5 * (height - gain * h)];
+        let scene = with_boxes(&right, |b| [0, 1, 2, 3].map(|k| b[k] * gain + margin[k % 2]));
+        folder.write_json("wrong.json", &scene);
+        folder.succeed(&format!("associate wrong.json -o mended.json --ids trust --letterbox {width}x{height}"));
+        let mended = folder.json("mended.json");
+        for (a, b) in mended["detections"].as_array().unwrap().iter().zip(right["detections"].as_array().unwrap()) {
+            for k in 0..4 {
+                let [a, b] = [a, b].map(|detection| detection["box"][k].as_f64().unwrap());
+                assert!((a - b).abs() < 1e-6, "{width}x{height}: {a} {b}");
+            }
+        }
+    }
+}
+
+/// Boxes that are x, y, width, height make reversed corners: the message names the option, which mends them.
+#[test]
+fn reversed_boxes_point_to_the_box_format() {
+    let folder = Folder::new();
+    let right = right_scene(&folder);
+    folder.write_json("wrong.json", &with_boxes(&right, |b| [b[0], b[1], b[2] - b[0], b[3] - b[1]]));
+    let run = folder.run("localize wrong.json");
+    assert!(run.code == 1 && run.stderr.contains("--box-format xywh"), "{}", run.stderr);
+    assert!(folder.succeed("localize wrong.json --box-format xywh").contains("8 of 8 objects localised"));
 }

@@ -65,20 +65,37 @@ impl Context {
 /// The diagnosis as results have it: `{consistent, score, causes: [{name, value, before, after, option}]}`. `score`,
 /// `before` and `after` are typical misses ([`Agreement::miss`]); `score` is `null` where there was nothing to look at.
 pub fn diagnosis_record(diagnosis: &Diagnosis, context: &Context) -> Value {
-    let cause = |cause: &Cause| {
-        json!({
-            "name": cause.name.name(),
-            "value": cause.value,
-            "before": cause.before.miss,
-            "after": cause.after.miss,
-            "option": context.option(cause),
-        })
-    };
     json!({
         "consistent": diagnosis.consistent,
         "score": diagnosis.agreement.map(|agreement: Agreement| agreement.miss),
-        "causes": diagnosis.causes.iter().map(cause).collect::<Vec<_>>(),
+        "causes": diagnosis.causes.iter().map(|cause| cause_record(cause, context)).collect::<Vec<_>>(),
     })
+}
+
+/// One cause of a [`diagnosis_record`].
+pub fn cause_record(cause: &Cause, context: &Context) -> Value {
+    json!({
+        "name": cause.name.name(),
+        "value": cause.value,
+        "before": cause.before.miss,
+        "after": cause.after.miss,
+        "option": context.option(cause),
+    })
+}
+
+/// Two mistakes that together explain why a scene does not agree with itself, in words, with the options that mend them.
+pub fn together_in_words([first, second]: &[Cause; 2], context: &Context) -> String {
+    let with_option = |cause: &Cause| {
+        let option = context.option(cause).map(|option| format!(" ({option})"));
+        format!("{}{}", cause_in_words(cause), option.unwrap_or_default())
+    };
+    format!(
+        "two mistakes at once: {}, and {}: {}, by {} once both are undone",
+        with_option(first),
+        with_option(second),
+        miss_in_words(first.before),
+        half_sizes(second.after.miss)
+    )
 }
 
 /// Takes a diagnosis that was made with other knowledge of the scene (before its identities were found) into its

@@ -32,6 +32,8 @@ pub struct Report {
     pub notes: Vec<String>,
     /// What is wrong with the scene as a whole, shown above all else: it does not agree with itself.
     pub banner: Option<String>,
+    /// What the drawn regions of the centres promise, in a sentence; absent where no object has one.
+    pub region: Option<String>,
 }
 
 /// A posed image.
@@ -64,6 +66,8 @@ pub struct ReportDetections {
     pub state: Vec<u8>,
     /// Residuals in pixels.
     pub residual: Vec<Option<f64>>,
+    /// Of those that are rejected and say why: row, and name of the reason (see [`quadlift::solve::Rejection::name`]).
+    pub rejections: Vec<(usize, String)>,
     /// x0, y0, x1, y1 of each; four times nothing where there is no box.
     #[serde(rename = "box")]
     pub boxes: Vec<Option<f64>>,
@@ -87,7 +91,7 @@ pub struct ReportObject {
     pub center: Option<[f64; 3]>,
     /// Standard deviation of the centre per coordinate.
     pub center_sd: Option<f64>,
-    /// Where the centre is with 95 % probability.
+    /// The region of 95 % of the centre, see [`Report::region`].
     pub center_shell: Option<ReportBody>,
     /// The estimated body.
     pub body: Option<ReportBody>,
@@ -95,18 +99,34 @@ pub struct ReportObject {
     pub enclosing: Option<ReportBody>,
     /// The true body.
     pub truth: Option<ReportBody>,
+    /// Other bodies that fit the views about as well, the most probable first.
+    pub alternatives: Vec<ReportAlternative>,
     /// Number of views that were used.
     pub views_used: usize,
     /// Number of views that were rejected.
     pub views_rejected: usize,
     /// Root mean square residual of the used views in pixels.
     pub residual: Option<f64>,
+    /// The same per degree of freedom, relative to the half size of the boxes.
+    pub misfit: Option<f64>,
+    /// The same in standard deviations of the scene's noise.
+    pub misfit_deviations: Option<f64>,
     /// Mean IoU of the boxes that its other views predict for each of its views, and the measured ones.
     pub predicted_iou: Option<f64>,
     /// Id of the frame whose detection the other views contradict.
     pub odd_view: Option<String>,
     /// What makes the estimate weak, in words.
     pub warnings: Vec<String>,
+}
+
+/// Another body that fits an object's views about as well as the estimated one.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct ReportAlternative {
+    /// The body.
+    pub body: ReportBody,
+    /// Natural logarithm of its odds against the estimated body.
+    pub log_odds: f64,
 }
 
 /// A body of any kind.

@@ -9,7 +9,7 @@ use quadlift_io::{EntryError, SceneFile};
 use crate::data::{Report, ReportDetections, ReportFrame};
 use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
-use crate::run::{run_banner, run_notes, run_settings, run_source};
+use crate::run::{run_banner, run_notes, run_region, run_settings, run_source};
 use crate::scores::Scores;
 use crate::thumbnails::{evenly_spread, thumbnails};
 
@@ -99,6 +99,7 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
         settings: content.estimate.map(run_settings).unwrap_or_default(),
         notes,
         banner: content.estimate.and_then(run_banner),
+        region: content.estimate.filter(|_| objects.list.iter().any(|o| o.center_shell.is_some())).map(run_region),
         frames: frames.iter().map(frame).collect(),
         scores: content.scores.map(|scores| objects.scores(scores)),
         categories: objects.categories,
@@ -183,6 +184,9 @@ impl ReportDetections {
         self.detection_index.push(detection_index);
         self.object.push(object.map_or(-1, |index| index as i64));
         self.state.push(view.map_or(0, |view| if view.inlier { 1 } else { 2 }));
+        if let Some(reason) = view.and_then(|view| view.rejected_because.as_ref()) {
+            self.rejections.push((self.object.len() - 1, reason.clone()));
+        }
         self.residual.push(view.and_then(|view| view.residual_px).map(|x| (100.0 * x).round() / 100.0));
         self.boxes.extend(edges.unwrap_or([None; 4]));
     }
@@ -248,12 +252,14 @@ mod tests {
 
     #[test]
     fn detections_of_the_source_are_joined_with_what_the_estimate_says_of_them() {
-        let views = json!([{ "frame": "0", "inlier": false, "residual_px": 7.0 }, { "frame": "2", "inlier": true }]);
+        let views = json!([{ "frame": "0", "inlier": false, "residual_px": 7.0, "rejected_because": "residual" }, { "frame": "2", "inlier": true }]);
         let file = estimate(json!({ "id": "cup", "status": "degenerate", "view_residuals_px": views }));
         let report = report(&content(&scene(3), &file)).unwrap();
         let states: Vec<&[u8]> = report.frames.iter().map(|frame| &*frame.detections.state).collect();
         assert_eq!(states, [[2], [0], [1]]);
         assert_eq!(report.frames[0].detections.residual, [Some(7.0)]);
+        let rejections: Vec<&[(usize, String)]> = report.frames.iter().map(|f| &*f.detections.rejections).collect();
+        assert_eq!(rejections, [&[(0, "residual".to_owned())][..], &[], &[]]);
         assert_eq!(report.frames[0].detections.boxes, [Some(10.0), Some(20.0), Some(110.0), Some(60.0)]);
         // The size of a frame that nobody knows holds its boxes.
         assert!(report.frames[0].size[0] > 110.0 && report.frames[0].size[0] < 120.0);
@@ -264,6 +270,50 @@ mod tests {
             [setting("seed", "0"), setting("source", "yolo"), setting("noise, edge", "0.0123")]
         );
         assert_eq!(report.notes, ["3 detections took no part: they name no object"]);
+    }
+
+    #[test]
+    fn an_object_has_its_other_bodies_and_its_misfit() {
+        let cuboid = |turn: [f64; 4]| json!({ "center": [0, 0, 5], "half_extents": [2, 1, 1], "rotation": turn });
+        let fields = json!({ "id": "cup", "status": "ok", "cuboid": cuboid([1.0, 0.0, 0.0, 0.0]),
+            "alternatives": [{ "cuboid": cuboid([0.6, 0.0, 0.0, 0.8]), "log_odds": -0.7 }],
+            "misfit": { "deviations": 1.5, "relative": 0.03 } });
+        let report = report(&content(&scene(1), &estimate(fields.clone()))).unwrap();
+        let object = &report.objects[0];
+        assert_eq!((object.misfit, object.misfit_deviations), (Some(0.03), Some(1.5)));
+        let other = &object.alternatives[0];
+        assert_eq!((other.body.kind, other.body.rotation[3], other.log_odds), ("cuboid", 0.8, -0.7));
+        // Bodies that are none are refused like those of the estimate.
+        let mut wrong = fields;
+        wrong["alternatives"][0]["cuboid"]["half_extents"][1] = json!(-1);
+        let error = super::report(&content(&scene(1), &estimate(wrong))).unwrap_err();
+        assert_eq!(error.entry, "objects[0].alternatives[0].cuboid.half_extents");
+    }
+
+    #[test]
+    fn the_region_of_a_centre_says_what_it_promises() {
+        let unit: Vec<Vec<f64>> = (0..9).map(|i| (0..9).map(|j| f64::from(u8::from(i == j))).collect()).collect();
+        let ellipsoid = json!({ "center": [0, 0, 5], "semi_axes": [1, 1, 1], "rotation": [1, 0, 0, 0] });
+        let mut file = estimate(json!({ "id": "cup", "status": "ok", "ellipsoid": ellipsoid,
+            "covariance": { "coordinates": "center_vech_shape", "matrix": unit } }));
+        let shown = |file: &SceneFile| {
+            let report = report(&content(&scene(1), file)).unwrap();
+            (report.objects[0].center_shell.as_ref().unwrap().half[0].powi(2), report.region.unwrap())
+        };
+        let (size, words) = shown(&file);
+        assert!((size - 7.8147).abs() < 1e-4 && words.contains("not calibrated"), "{size} {words}");
+        let mut calibrated = |limit: serde_json::Value| {
+            file.localization.as_mut().unwrap()["calibration"] = json!({ "objects": 30, "results": ["old.json"],
+                "truths": ["truth.json"], "squared_distance": { "center": { "0.95": limit } } });
+            shown(&file)
+        };
+        let (size, words) = calibrated(json!(20.25));
+        assert!((size - 20.25).abs() < 1e-9, "{size}");
+        assert!(words.contains("calibrated on 30 objects of old.json"), "{words}");
+        let (size, words) = calibrated(serde_json::Value::Null);
+        assert!((size - 7.8147).abs() < 1e-4 && words.contains("too few for 95 %"), "{size} {words}");
+        let none = report(&content(&scene(1), &estimate(json!({ "id": "cup", "status": "degenerate" })))).unwrap();
+        assert_eq!(none.region, None);
     }
 
     #[test]

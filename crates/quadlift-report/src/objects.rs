@@ -3,17 +3,15 @@
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Point3};
-use quadlift::geometry::Ellipsoid;
+use quadlift::geometry::{Cuboid, Ellipsoid};
 use quadlift::scene::Detection;
 use quadlift_io::EntryError;
 use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
 
-use crate::data::{ReportBody, ReportObject, ReportScores, ScoreRow};
+use crate::data::{ReportAlternative, ReportBody, ReportObject, ReportScores, ScoreRow};
 use crate::document::{Content, MOST_OBJECTS};
+use crate::run::center_limit;
 use crate::scores::{Scores, TrueObjectScores};
-
-/// Of a centre with normal errors, this many squared standard deviations hold 95 % (chi squared, three degrees).
-const CHI2_95: f64 = 7.814_727_903_251_178;
 
 /// The objects of a report and where they are in it.
 #[derive(Debug, Default)]
@@ -33,8 +31,10 @@ impl Objects {
         let scene = content.scene;
         let mut objects = Self::default();
         if let Some(file) = content.estimate {
-            for (record, bodies) in file.objects.iter().zip(file.to_objects()?) {
-                objects.estimate(record, bodies);
+            let limit = center_limit(file);
+            for (index, (record, bodies)) in file.objects.iter().zip(file.to_objects()?).enumerate() {
+                let others = record.to_alternatives(&format!("objects[{index}]"))?;
+                objects.estimate(record, bodies, &others, limit);
             }
         }
         if let Some(file) = content.truth {
@@ -88,13 +88,15 @@ impl Objects {
         object
     }
 
-    fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies) {
+    /// An estimate with the other bodies that fit as well; `limit` is the squared distance at which the region of its centre
+    /// ends.
+    fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies, others: &[(Cuboid, f64)], limit: f64) {
         if record.status.is_none() {
             // An object without a status is no estimate: in a scene that was never localised it is the truth.
             return self.truth(bodies, Some(&record.id));
         }
         let shell = bodies.covariance.as_ref().zip(bodies.center).and_then(|(covariance, center)| {
-            let shape: Matrix3<f64> = covariance.matrix.fixed_view::<3, 3>(0, 0) * CHI2_95;
+            let shape: Matrix3<f64> = covariance.matrix.fixed_view::<3, 3>(0, 0) * limit;
             Ellipsoid::from_shape(center, &shape).ok()
         });
         let object = self.entry(&record.id, record.category.as_ref());
@@ -106,6 +108,11 @@ impl Objects {
         object.enclosing = (bodies.enclosing_cuboid.as_ref().map(ReportBody::from))
             .or(bodies.enclosing_superellipsoid.as_ref().map(Into::into))
             .or(bodies.enclosing_ellipsoid.as_ref().map(Into::into));
+        let alternative =
+            |(cuboid, log_odds): &(Cuboid, f64)| ReportAlternative { body: cuboid.into(), log_odds: *log_odds };
+        object.alternatives = others.iter().map(alternative).collect();
+        object.misfit = record.misfit.as_ref().map(|misfit| misfit.relative);
+        object.misfit_deviations = record.misfit.as_ref().map(|misfit| misfit.deviations);
         object.views_rejected = record.views_rejected.len();
         object.views_used = record.views_used.unwrap_or(0);
         object.residual = record.residual_px;

@@ -4,6 +4,9 @@ use quadlift_io::SceneFile;
 use quadlift_io::diagnosis::record_in_words;
 use serde_json::Value;
 
+/// The quantile of 95 % of chi-square with three degrees of freedom.
+const CHI2_95: f64 = 7.814_727_903_251_178;
+
 /// The source whose detections were taken.
 pub fn run_source(file: &SceneFile) -> Option<&str> {
     file.localization.as_ref()?.get("settings")?.get("source")?.as_str()
@@ -34,6 +37,45 @@ pub fn run_settings(file: &SceneFile) -> Vec<(String, String)> {
 pub fn run_banner(file: &SceneFile) -> Option<String> {
     let words = record_in_words(file.localization.as_ref()?.get("diagnosis")?)?;
     Some(format!("The scene does not agree with itself: {words}. No place or size on this page can be trusted."))
+}
+
+/// The squared distance at which the region of 95 % of a centre ends, in units of its covariance: as it was calibrated,
+/// else the quantile of chi-square with three degrees of freedom.
+pub fn center_limit(file: &SceneFile) -> f64 {
+    calibrated_limit(file).unwrap_or(CHI2_95)
+}
+
+/// What the region of 95 % of a centre promises, in sentences.
+pub fn run_region(file: &SceneFile) -> String {
+    let calibration = file.localization.as_ref().and_then(|run| run.get("calibration"));
+    let objects = calibration.and_then(|about| about.get("objects")?.as_u64());
+    let results = calibration.and_then(|about| about.get("results")?.as_array());
+    let results: Vec<&str> = results.into_iter().flatten().filter_map(Value::as_str).collect();
+    let results = results.join(", ");
+    let limit = calibrated_limit(file);
+    match (objects, limit) {
+        (Some(objects), Some(limit)) => format!(
+            "Region of 95 %, calibrated on {objects} objects of {results}: the centre of the tangent body of an object that \
+             is like these lies inside with a probability of at least 95 % (squared distance {limit:.2}, without \
+             calibration {CHI2_95:.2})."
+        ),
+        _ => {
+            let why = match objects {
+                Some(objects) => {
+                    format!("not calibrated, since {objects} objects with a known truth are too few for 95 %")
+                }
+                None => "not calibrated on a known truth".to_owned(),
+            };
+            format!(
+                "Region of 95 %, {why}: the centre of the tangent body lies inside for 95 % of the objects, if \
+                 the errors are as the scene's residuals show them. Errors that all views have in common are not in it."
+            )
+        }
+    }
+}
+
+fn calibrated_limit(file: &SceneFile) -> Option<f64> {
+    file.localization.as_ref()?.pointer("/calibration/squared_distance/center/0.95")?.as_f64().filter(|x| *x > 0.0)
 }
 
 /// What took no part, in sentences.

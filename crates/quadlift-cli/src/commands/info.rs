@@ -7,11 +7,11 @@ use std::path::PathBuf;
 use quadlift::diagnose::Diagnosis;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
-use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
+use quadlift_io::diagnosis::Context;
 use serde::Serialize;
 
 use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
-use crate::diagnosis::{of_source, without_ids};
+use crate::diagnosis::{Check, of_source, without_ids};
 use crate::error::Outcome;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
@@ -107,13 +107,16 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     // The source that agrees least with the poses, or the only one.
     let diagnoses = report.sources.iter().flat_map(|source| {
         let name = source.name.as_deref();
-        [of_source(&scene, name), without_ids(&scene, name)]
+        [(of_source(&scene, name), name), (without_ids(&scene, name), name)]
     });
     let miss = |d: &Diagnosis| d.agreement.map_or(0.0, |agreement| agreement.miss);
-    let worst = |a: &Diagnosis, b: &Diagnosis| b.consistent.cmp(&a.consistent).then(miss(a).total_cmp(&miss(b)));
-    let diagnosis = diagnoses.max_by(worst).unwrap_or_default();
-    report.diagnosis = diagnosis_record(&diagnosis, &context);
-    report.oddities.extend(diagnosis_in_words(&diagnosis, &context));
+    let worst = |(a, _): &(Diagnosis, Option<&str>), (b, _): &(Diagnosis, Option<&str>)| {
+        b.consistent.cmp(&a.consistent).then(miss(a).total_cmp(&miss(b)))
+    };
+    let (diagnosis, name) = diagnoses.max_by(worst).unwrap_or_default();
+    let check = Check::of(diagnosis, context, &file, name);
+    report.diagnosis = check.record();
+    report.oddities.extend(check.in_words());
     out.report(&render(&report))?;
     out.document(&report)?;
     Ok(Outcome::Fine)

@@ -34,7 +34,8 @@ pub fn right_scene(folder: &Folder) -> Value {
     right
 }
 
-type Pose = [[f64; 4]; 3];
+/// `[R | t]` by rows.
+pub type Pose = [[f64; 4]; 3];
 
 /// The scene with other poses, `[R | t]` by rows.
 pub fn with_poses(scene: &Value, change: impl Fn(Pose) -> Pose) -> Value {
@@ -75,14 +76,16 @@ pub fn with_frames(scene: &Value, place: impl Fn(usize) -> Option<usize>) -> Val
     scene
 }
 
-fn inverse(m: Pose) -> Pose {
+/// Poses that map the other way.
+pub fn inverse(m: Pose) -> Pose {
     [0, 1, 2].map(|i| {
         let t = -(0..3).map(|k| m[k][i] * m[k][3]).sum::<f64>();
         [m[0][i], m[1][i], m[2][i], t]
     })
 }
 
-fn opengl(m: Pose) -> Pose {
+/// Poses with OpenGL's camera axes.
+pub fn opengl(m: Pose) -> Pose {
     [m[0], m[1].map(|x| -x), m[2].map(|x| -x)]
 }
 
@@ -98,23 +101,23 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
     vec![
         of(
             "Poses that map from the camera to the world",
-            "A scene file has `cam_from_world`: world points to camera points, as COLMAP writes it. Many programs write \
-             the inverse: SLAM systems, ARKit, most data sets.",
+            "`cam_from_world` maps world points to camera points, as in COLMAP. SLAM systems, ARKit and most data sets store \
+             the inverse.",
             "camera-to-world",
             "camera_to_world",
             with_poses(right, inverse),
         ),
         of(
             "OpenGL's camera axes",
-            "Cameras look along z and y points down, as OpenCV has it. In OpenGL y points up and z backwards.",
+            "quadlift uses OpenCV's camera axes: y points down and z forwards. In OpenGL y points up and z backwards.",
             "OpenGL axes",
             "opengl_axes",
             with_poses(right, opengl),
         ),
         of(
-            "Both",
-            "nerfstudio, instant-ngp and Blender have poses from the camera to the world with OpenGL's axes. `quadlift \
-             import nerfstudio` knows that; a file that was made by hand may not.",
+            "Camera-to-world poses with OpenGL's axes",
+            "nerfstudio, instant-ngp and Blender store camera-to-world poses with OpenGL's axes. `quadlift import nerfstudio` \
+             converts them; a script of your own must do so too.",
             "camera-to-world with OpenGL axes",
             "opengl_camera_to_world",
             with_poses(right, |m| inverse(opengl(m))),
@@ -128,16 +131,16 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
         ),
         of(
             "Boxes of letterboxed images",
-            "Many networks take square images: a photo is scaled and gets margins. Boxes that come straight from the \
-             network are in its pixels.",
+            "Many networks take square images: a photo is scaled to fit and gets margins. The raw boxes of the network are \
+             in the pixels of that square. (For margins of another shape give its size, such as `--letterbox 640x384`.)",
             "letterboxed image of 640 x 640",
             "letterbox",
             with_boxes(right, |b| [b[0] * gain + px, b[1] * gain + py, b[2] * gain + px, b[3] * gain + py]),
         ),
         of(
             "Boxes as shares of the image",
-            "YOLO's label files have coordinates from 0 to 1. `quadlift import-detections yolo` knows that; a scene file \
-             has pixels.",
+            "YOLO's label files hold coordinates from 0 to 1, which `quadlift import-detections yolo` converts; a scene file \
+             holds pixels.",
             "boxes are normalised",
             "normalized_boxes",
             with_boxes(right, |b| [b[0] / w, b[1] / h, b[2] / w, b[3] / h]),
@@ -151,7 +154,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
         ),
         of(
             "A wrong focal length",
-            "Half of it, because the images were resized after the calibration, or a value out of the metadata of a \
+            "Here half of it: the images were resized after the calibration, or the value comes from the metadata of a \
              photo.",
             "focal length",
             "focal_length",

@@ -15,7 +15,7 @@ pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<u
     let needs_size = matches!(correction, Correction::NormalizedBoxes | Correction::Letterbox(_));
     change(file, |record, size| {
         if needs_size && size.is_none() {
-            return Err("the size of the image is needed and not known: give the camera a \"width\" and a \"height\"");
+            return Err(UNKNOWN_SIZE);
         }
         map(record, correction, size)
     })
@@ -47,6 +47,31 @@ pub(super) fn from_image_size(file: &mut SceneFile, measured: [f64; 2]) -> Resul
     let [width, height] = measured;
     Ok(format!("{scaled} of {detections} detections were scaled from images of {width} x {height} pixels"))
 }
+
+/// Maps boxes from letterboxed images of this width and height to the images of the cameras; returns the number of the
+/// detections.
+pub(super) fn from_letterbox(file: &mut SceneFile, letterbox: [f64; 2]) -> Result<usize, EntryError> {
+    let letterbox = Vector2::from(letterbox);
+    change(file, |record, size| {
+        let size = size.ok_or(UNKNOWN_SIZE)?;
+        // The image was scaled by this, and moved by the margins.
+        let gain = letterbox.component_div(&size).min();
+        let shift = -0.5 * (letterbox / gain - size);
+        if let Some(edges) = &mut record.bounding_box {
+            *edges = [0, 1, 2, 3].map(|k| edges[k] / gain + shift[k % 2]);
+        }
+        if let Some(ellipse) = &mut record.ellipse {
+            ellipse.center = [0, 1].map(|k| ellipse.center[k] / gain + shift[k]);
+            ellipse.semi_axes = ellipse.semi_axes.map(|x| x / gain);
+        }
+        map_polygons(record, Vector2::repeat(1.0 / gain), shift);
+        Ok(())
+    })
+}
+
+/// The problem of a correction that needs the size of the image.
+const UNKNOWN_SIZE: &str =
+    "the size of the image is needed and not known: give the camera a \"width\" and a \"height\"";
 
 /// Changes every detection, with the size of its frame's image; returns their number.
 fn change(
@@ -84,11 +109,15 @@ fn map(
             ellipse.extra = extra;
         }
     }
+    map_polygons(record, factor, shift);
+    Ok(())
+}
+
+fn map_polygons(record: &mut DetectionRecord, factor: Vector2<f64>, shift: Vector2<f64>) {
     let polygons = record.mask.as_mut().and_then(|mask| mask.polygons.as_mut());
     for coordinates in polygons.into_iter().flatten() {
         for (index, x) in coordinates.iter_mut().enumerate() {
             *x = *x * factor[index % 2] + shift[index % 2];
         }
     }
-    Ok(())
 }

@@ -26,6 +26,9 @@ pub enum RecordCorrection {
     Known(Correction),
     /// The boxes were measured in images of this width and height, in pixels; they are scaled to the cameras' images.
     ImageSize([f64; 2]),
+    /// The boxes were measured in letterboxed images of this width and height, in pixels, that need not be square: the
+    /// image was scaled to fit, keeps its proportions and has equal margins on both sides.
+    Letterbox([f64; 2]),
     /// The translations of the poses are in a unit of this length in metres; the scene is in metres afterwards.
     PoseUnit(f64),
     /// The world direction against gravity.
@@ -70,6 +73,10 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
         match *correction {
             RecordCorrection::Known(known) => notes.push(apply(file, &known)?),
             RecordCorrection::ImageSize(size) => notes.push(boxes::from_image_size(file, size)?),
+            RecordCorrection::Letterbox(size) => {
+                let detections = boxes::from_letterbox(file, size)?;
+                notes.push(format!("the boxes of {} were corrected", count(detections, "detection")));
+            }
             RecordCorrection::PoseUnit(metres) => {
                 let frames = poses::scale(file, metres);
                 file.length_unit = Some("m".to_owned());

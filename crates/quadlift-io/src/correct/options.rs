@@ -75,15 +75,12 @@ pub fn frame_order(text: &str) -> Result<Correction, String> {
     of_name(&FRAME_ORDERS, text)
 }
 
-/// What undoes `--letterbox`: boxes were measured in a letterboxed image of this size.
-///
-/// # Errors
-/// In words, where the image is not square.
-pub fn letterbox([width, height]: [f64; 2]) -> Result<Correction, String> {
-    if width != height {
-        return Err(format!("the letterboxed image is {width} x {height}; expected a square, such as 640x640"));
+/// What undoes `--letterbox`: boxes were measured in a letterboxed image of this width and height, in pixels.
+pub fn letterbox([width, height]: [f64; 2]) -> RecordCorrection {
+    match width == height {
+        true => RecordCorrection::Known(Correction::Letterbox(width)),
+        false => RecordCorrection::Letterbox([width, height]),
     }
-    Ok(Correction::Letterbox(width))
 }
 
 impl RecordCorrection {
@@ -111,12 +108,12 @@ impl RecordCorrection {
             },
             "normalized-boxes" => Correction::NormalizedBoxes,
             "box-scale" => Correction::ImageScale(positive()?),
-            "letterbox" => letterbox(size()?)?,
             "frame-offset" => {
                 let offset: i32 = value.trim().parse().map_err(|_| "expected a whole number")?;
                 Correction::FrameOffset(-offset)
             }
             "frame-order" => frame_order(value)?,
+            "letterbox" => return Ok(Some(letterbox(size()?))),
             "image-size" => return Ok(Some(Self::ImageSize(size()?))),
             "pose-unit" => return Ok(Some(Self::PoseUnit(pose_unit(value)?))),
             "up" => return Ok(Some(Self::Up(up(value)?))),

@@ -73,6 +73,22 @@ impl SceneFile {
     }
 }
 
+impl ObjectRecord {
+    /// The other cuboids that fit the object's views about as well, with their log odds. `entry` is the place of the
+    /// object in the file.
+    ///
+    /// # Errors
+    /// [`EntryError`] names the first number that makes no cuboid.
+    pub fn to_alternatives(&self, entry: &str) -> Result<Vec<(Cuboid, f64)>, EntryError> {
+        let others = self.alternatives.iter().enumerate();
+        others
+            .map(|(k, other)| {
+                Ok((one_cuboid(&other.cuboid, format!("{entry}.alternatives[{k}].cuboid"))?, other.log_odds))
+            })
+            .collect()
+    }
+}
+
 fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError> {
     let place = |field: &str| format!("{entry}.{field}");
     let mut object = ObjectBodies {
@@ -107,12 +123,15 @@ fn ellipsoid(record: &Option<EllipsoidRecord>, place: String) -> Result<Option<E
 }
 
 fn cuboid(record: &Option<CuboidRecord>, place: String) -> Result<Option<Cuboid>, EntryError> {
-    let Some(record) = record else { return Ok(None) };
-    Ok(Some(Cuboid {
+    record.as_ref().map(|record| one_cuboid(record, place)).transpose()
+}
+
+fn one_cuboid(record: &CuboidRecord, place: String) -> Result<Cuboid, EntryError> {
+    Ok(Cuboid {
         center: finite_point(&record.center, format!("{place}.center"))?,
         half_extents: positive_lengths(&record.half_extents, format!("{place}.half_extents"))?,
         rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
-    }))
+    })
 }
 
 fn superellipsoid(record: &Option<SuperellipsoidRecord>, place: String) -> Result<Option<Superellipsoid>, EntryError> {

@@ -159,7 +159,9 @@ fn detection_input<'a>(
 ) -> Result<DetectionInput<'a>, EntryError> {
     let bounding_box = record.bounding_box.map(BoundingBox::new).transpose().map_err(|error| {
         let hint = match error {
-            BoundingBoxError::Empty(_) => " (a box [x, y, width, height] must be converted)",
+            BoundingBoxError::Empty(_) => {
+                " (if the numbers are x, y, width, height: --box-format xywh; centre and size: --box-format cxcywh)"
+            }
             BoundingBoxError::NotFinite(_) => "",
         };
         EntryError::new(entry(".box"), format!("{error}{hint}"))
