@@ -115,9 +115,6 @@ pub fn associate_and_check(
 ) -> anyhow::Result<Association> {
     let mut association = with_progress(title, &corrected.scene, options, out)?;
     check.update(&diagnose_association(&corrected.scene, &association, options)?);
-    if association.outcome == Outcome::NothingAgrees {
-        check.seek_two_without_ids(corrected, options.source.as_deref());
-    }
     while check.fix(corrected, path)? {
         association = with_progress(title, &corrected.scene, options, out)?;
         check.diagnosis = diagnose_association(&corrected.scene, &association, options)?;

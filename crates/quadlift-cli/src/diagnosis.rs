@@ -80,14 +80,6 @@ impl Check {
         }
     }
 
-    /// The same where no detections of different frames agree on an object.
-    pub fn seek_two_without_ids(&mut self, scene: &CorrectedScene, source: Option<&str>) {
-        if self.diagnosis.causes.is_empty() && scene.scene.detections.len() <= MOST_TRIED {
-            self.diagnosis.consistent = false;
-            self.seek_two(&scene.file, |scene| without_ids(scene, source));
-        }
-    }
-
     /// Mends the scene by what explains its disagreement best, where that is asked for. Whether anything was done. A mistake
     /// is not mended twice, unless it is one of a number, which was found roughly at first.
     pub fn fix(&mut self, scene: &mut CorrectedScene, path: &Path) -> anyhow::Result<bool> {
@@ -125,6 +117,11 @@ impl Check {
     /// Whether the scene does not agree with itself and the user has not accepted that.
     pub fn refuses(&self) -> bool {
         !self.diagnosis.consistent && !self.accepted
+    }
+
+    /// Whether a cause is known of what is wrong.
+    pub fn is_explained(&self) -> bool {
+        self.together.is_some() || !self.diagnosis.causes.is_empty()
     }
 
     /// For results and `--json`.
@@ -178,9 +175,6 @@ impl Check {
 
 /// Corrections that `--fix` makes one after another: numbers that are found without ids are rough at first.
 const MOST_FIXES: usize = 3;
-
-/// In scenes with more detections than this, two mistakes at once are not sought without ids, which would take too long.
-const MOST_TRIED: usize = 1000;
 
 /// More detections than this are not associated for the self-check alone, which would take too long.
 const MOST_ASSOCIATED: usize = 5000;

@@ -160,16 +160,6 @@ fn two_mistakes_at_once_are_mended() {
             assert!(object["status"] == "ok" && distance.sqrt() < 0.5, "{case}: {distance} {object}");
         }
     }
-    // Without ids.
-    let mut scene = with_poses(&half(&right), inverse);
-    scene.as_object_mut().unwrap().remove("objects");
-    for detection in scene["detections"].as_array_mut().unwrap() {
-        detection.as_object_mut().unwrap().remove("object");
-    }
-    folder.write_json("wrong.json", &scene);
-    let run = folder.run("localize wrong.json");
-    assert!(run.code == 3 && run.stderr.contains("--pose-convention world-from-camera"), "{}", run.stderr);
-    assert!(folder.succeed("localize wrong.json --fix").contains("8 of 8 objects localised"));
 }
 
 /// What was mended is not mended again.

@@ -73,7 +73,7 @@ fn section(folder: &Folder, mistake: &Mistake) -> String {
 /// Two mistakes that only show together.
 fn two_mistakes(folder: &Folder, right: &Value) -> String {
     folder.write_json("wrong.json", &with_boxes(&with_poses(right, inverse), |b| b.map(|x| x * 0.5)));
-    let story = "Where none of the usual mistakes explains the disagreement, pairs of them are tried. `--fix` makes both \
+    let story = "Where none of the usual mistakes explains the disagreement, pairs of them are tried, if the detections have ids. `--fix` makes both \
                  corrections.";
     recorded(folder, "## Two mistakes at once", story, "localize wrong.json")
 }
@@ -152,11 +152,13 @@ fn recorded(folder: &Folder, title: &str, story: &str, wrong: &str) -> String {
     let command = format!("{wrong} {}", options.join(" "));
     let mended = folder.succeed(&command);
     let summary = mended.lines().find(|line| line.contains("localised")).unwrap();
-    let corrected: Vec<&str> = mended.lines().filter(|line| line.starts_with("corrected: ")).collect();
-    assert!(!corrected.is_empty(), "{title}: {mended}");
+    // Where detections are matched with cameras, options work on them before there is a scene to correct.
+    let mut lines = vec![summary];
+    lines.extend(mended.lines().filter(|line| line.starts_with("corrected: ")));
+    assert!(lines.len() > 1 || wrong.contains("--cameras"), "{title}: {mended}");
     let mut text = format!("\n{title}\n\n{}\n\n", wrapped(story));
     writeln!(text, "```text\n$ quadlift {wrong}\n{}", wrapped(run.stderr.trim_end())).unwrap();
-    writeln!(text, "$ quadlift {command}\n{summary}\n{}\n```", corrected.join("\n")).unwrap();
+    writeln!(text, "$ quadlift {command}\n{}\n```", lines.join("\n")).unwrap();
     text
 }
 

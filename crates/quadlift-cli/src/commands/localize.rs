@@ -465,7 +465,7 @@ fn one_scene(
     }
     // Rays that do not cross (all from one point, one view of each object) cannot disagree.
     let undetermined = |e: &Estimate| matches!(e.status, Status::Degenerate | Status::TooFewViews);
-    let cannot_tell = check.diagnosis.causes.is_empty() && estimates.iter().all(undetermined);
+    let cannot_tell = !check.is_explained() && estimates.iter().all(undetermined);
     let outcome = if cannot_tell { Outcome::Fine } else { check.tell(&title, out) };
     if localised == 0 && outcome == Outcome::Fine {
         return Err(anyhow!("{title}: no object could be localised"));
