@@ -59,7 +59,7 @@ pub fn two_mistakes(
             before: unmended,
             after: second.before,
         };
-        best = Some([cause, Cause { after: agreement, ..second.clone() }]);
+        best = Some([cause, Cause { after: agreement, ..*second }]);
     }
     best
 }
