@@ -87,6 +87,8 @@ impl NamedMistake {
             // Cameras at 200 units from objects within 10: perspective is weak, and a focal length scales the world.
             (CauseName::FocalLength, Trajectory::Random) => false,
             (CauseName::FocalLength, _) => true,
+            // Cameras at equal steps on an arc: the offset turns the world, nearly.
+            (CauseName::FrameOffset, Trajectory::Arc { .. }) => true,
             // Cameras at equal steps on a straight line.
             (
                 CauseName::FrameOffset

@@ -1,18 +1,12 @@
-//! How well the views of each object agree with each other: do the rays through its boxes' centres meet?
+//! How well the views of each object agree with each other: by how much do the rays through its boxes' centres miss?
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::Vector2;
 
-use super::camera::CameraParts;
 use super::correction::Correction;
+use super::rays::{LARGEST_MISS, Ray, meeting_point, misses_of};
 use super::sample::{Sample, Seen};
+use super::search::Gain;
 use crate::geometry::BoundingBox;
-use crate::geometry::linalg::solve_spd;
-
-/// Rounds of reweighting.
-const ROUNDS: usize = 8;
-
-/// Misses beyond this, in half sizes, are equally bad: the box shows something else.
-const LARGEST_MISS: f64 = 3.0;
 
 /// Misses below this are as good as none: pixels are rounded, and a box's centre is not quite the object's.
 const SMALLEST_MISS: f64 = 0.003;
@@ -22,6 +16,9 @@ const AGREES: f64 = 0.5;
 
 /// A box that reaches farther out of the image than this share of the image's size was not measured in it.
 const OUTSIDE_MARGIN: f64 = 0.1;
+
+/// Share of the boxes that may be of something else: as many as the fits of objects bear.
+const OUTLIER_SHARE: f64 = 0.3;
 
 /// How well a scene agrees with itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,44 +30,6 @@ pub struct Agreement {
     pub share: f64,
     /// Number of boxes that were looked at.
     pub boxes: usize,
-}
-
-/// A ray through the centre of a box.
-#[derive(Debug, Clone, Copy)]
-struct Ray {
-    rotation: Matrix3<f64>,
-    translation: Vector3<f64>,
-    /// Where it meets the plane at depth one.
-    direction: Vector2<f64>,
-    /// Half size of the box at depth one.
-    half_size: f64,
-}
-
-impl Ray {
-    /// The ray through the middle of a box: the planes halfway between those of opposite edges meet in it. Through the
-    /// centre of a sphere it goes exactly.
-    fn new(camera: &CameraParts, b: &BoundingBox, half_size: f64) -> Self {
-        let k = &camera.intrinsics;
-        let middle = |low: f64, high: f64| (0.5 * (low.atan() + high.atan())).tan();
-        Self {
-            rotation: camera.rotation,
-            translation: camera.translation,
-            direction: Vector2::new(
-                middle((b.x0 - k.cx) / k.fx, (b.x1 - k.cx) / k.fx),
-                middle((b.y0 - k.cy) / k.fy, (b.y1 - k.cy) / k.fy),
-            ),
-            half_size: half_size / (k.fx * k.fy).sqrt(),
-        }
-    }
-
-    /// Distance of the projected point from the centre of the box, in half sizes.
-    fn miss(&self, point: &Vector3<f64>) -> f64 {
-        let p = self.rotation * point + self.translation;
-        if p.z.is_nan() || p.z <= 0.0 {
-            return LARGEST_MISS;
-        }
-        ((p.xy() / p.z - self.direction).norm() / self.half_size).min(LARGEST_MISS)
-    }
 }
 
 /// The misses of all boxes of a sample, object by object.
@@ -97,10 +56,8 @@ impl Misses {
         Agreement { miss: self.scale, share: agreeing / boxes.max(1) as f64, boxes }
     }
 
-    /// How much better others explain the boxes: the mean decrease of half the negative log likelihood of a box, which
-    /// is about that of the logarithm of its miss; the standard deviation of that mean from the differences between objects
-    /// (the boxes of an object err together); and the share of all changes, summed over the objects, for the better.
-    pub(super) fn gain_of(&self, after: &Self) -> (f64, f64, f64) {
+    /// How much better others explain the boxes.
+    pub(super) fn gain_of(&self, after: &Self) -> Gain {
         let total = self.values.len() as f64;
         let (mut start, mut sums) = (0, Vec::with_capacity(self.ends.len()));
         for &end in &self.ends {
@@ -116,14 +73,16 @@ impl Misses {
             if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
         let better: f64 = sums.iter().map(|(sum, _)| sum.max(0.0)).sum();
         let all: f64 = sums.iter().map(|(sum, _)| sum.abs()).sum();
-        (gain, sd, if all > 0.0 { better / all } else { 0.0 })
+        Gain { after: after.agreement(), gain, sd, unanimity: if all > 0.0 { better / all } else { 0.0 } }
     }
 }
 
 /// Half the negative log likelihood of a box that misses by `miss`, up to a constant: Student's t distribution in the
-/// plane with two degrees of freedom, whose tails hold the outliers.
+/// plane with two degrees of freedom, or a box of something else, which may miss by anything up to [`LARGEST_MISS`].
 fn cost(miss: f64, scale: f64) -> f64 {
-    scale.ln() + (1.0 + 0.5 * (miss / scale).powi(2)).ln()
+    let own = (scale * (1.0 + 0.5 * (miss / scale).powi(2))).powi(-2);
+    let other = 2.0 / LARGEST_MISS.powi(2);
+    -0.5 * ((1.0 - OUTLIER_SHARE) * own + OUTLIER_SHARE * other).ln()
 }
 
 /// The scale of the misses by maximum likelihood; no smaller than [`SMALLEST_MISS`].
@@ -139,11 +98,8 @@ fn scale_of(misses: &[f64]) -> f64 {
     scale
 }
 
-/// Share of the boxes after which a correction may be given up.
-const ENOUGH_TO_GIVE_UP: f64 = 0.25;
-
-/// A correction whose first boxes cost so much more than they do as they are is given up.
-const HOPELESS: f64 = 0.7;
+/// A correction is given up after a share of the boxes when these cost on average so much more than they do as they are.
+const HOPELESS: [(f64, f64); 2] = [(0.05, 1.5), (0.25, 0.5)];
 
 /// The misses of a sample after a correction, or as it is; `None` where they are hopeless beside `given`, the misses of the
 /// sample as it is.
@@ -159,7 +115,7 @@ pub(super) fn misses(sample: &Sample, correction: Option<Correction>, given: Opt
         let start = values.len();
         // Boxes without a place after the correction speak against it.
         values.extend(std::iter::repeat_n(LARGEST_MISS, object.len() - rays.len()));
-        values.extend(object_misses(&rays));
+        values.extend(misses_of(&rays));
         ends.push(values.len());
         if let Some(given) = given {
             for (after, before) in values[start..].iter().zip(&given.values[start..]) {
@@ -167,8 +123,8 @@ pub(super) fn misses(sample: &Sample, correction: Option<Correction>, given: Opt
                 cost_before += cost(*before, given.scale);
             }
             let boxes = values.len() as f64;
-            let enough = boxes > ENOUGH_TO_GIVE_UP * total as f64 && values.len() < total;
-            if enough && cost_after / boxes > cost_before / boxes + HOPELESS {
+            let loss = (cost_after - cost_before) / boxes;
+            if HOPELESS.iter().any(|(share, limit)| boxes > share * total as f64 && loss > *limit) {
                 return None;
             }
         }
@@ -178,7 +134,7 @@ pub(super) fn misses(sample: &Sample, correction: Option<Correction>, given: Opt
 
 /// The ray of a box after a correction; `frames` has the frame to which the detections of each frame belong then. `None`
 /// where the box has no place.
-fn corrected_ray(
+pub(super) fn corrected_ray(
     sample: &Sample,
     seen: &Seen,
     correction: Option<Correction>,
@@ -210,44 +166,12 @@ fn lies_in_image(b: &BoundingBox, image_size: Option<Vector2<f64>>) -> bool {
     })
 }
 
-/// The miss of each ray by the point that most of them agree with, as large as if the point had not been fitted to them.
-fn object_misses(rays: &[Ray]) -> Vec<f64> {
-    let Some(point) = meeting_point(rays) else { return vec![LARGEST_MISS; rays.len()] };
-    let count = 2.0 * rays.len() as f64;
-    let freedom = (count / (count - 3.0).max(1.0)).sqrt();
-    rays.iter().map(|ray| (ray.miss(&point) * freedom).min(LARGEST_MISS)).collect()
-}
-
-/// The point where most of the rays meet: squared misses, those beyond a shrinking scale count less and less.
-fn meeting_point(rays: &[Ray]) -> Option<Vector3<f64>> {
-    if rays.len() < 2 {
-        return None;
-    }
-    let mut weights = vec![1.0; rays.len()];
-    let mut point = None;
-    for round in 0..ROUNDS {
-        let mut normal = Matrix3::zeros();
-        let mut right = Vector3::zeros();
-        for (ray, weight) in rays.iter().zip(&weights) {
-            for axis in 0..2 {
-                let row = (ray.rotation.row(axis) - ray.rotation.row(2) * ray.direction[axis]).transpose();
-                let value = ray.direction[axis] * ray.translation.z - ray.translation[axis];
-                normal += row * row.transpose() * *weight;
-                right += row * (value * weight);
-            }
-        }
-        let solution = solve_spd(&normal, &right).filter(|p| p.iter().all(|x| x.is_finite()))?;
-        point = Some(solution);
-        let misses: Vec<f64> = rays.iter().map(|ray| ray.miss(&solution)).collect();
-        let mut sorted = misses.clone();
-        sorted.sort_by(f64::total_cmp);
-        let scale = (2.0 * sorted[sorted.len() / 2]).clamp(0.02, if round < 3 { 3.0 } else { 1.0 });
-        for ((weight, ray), miss) in weights.iter_mut().zip(rays).zip(misses) {
-            // The linear residual is the miss times depth and half size.
-            let depth = (ray.rotation.row(2).transpose().dot(&solution) + ray.translation.z).abs().max(1e-12);
-            let robust = 1.0 / (1.0 + (miss / scale).powi(2)).powi(2);
-            *weight = robust / (depth * ray.half_size).powi(2);
-        }
-    }
-    point
+/// The mean half extent of an object of a sample, in world units: that of the sphere that its boxes show; `None` where its
+/// rays do not meet.
+pub(super) fn size(sample: &Sample, object: &[Seen]) -> Option<f64> {
+    let rays: Vec<Ray> = object.iter().filter_map(|seen| corrected_ray(sample, seen, None, None)).collect();
+    let point = meeting_point(&rays)?;
+    let mut sizes: Vec<f64> = rays.iter().map(|ray| ray.half_size() * ray.depth(&point)).collect();
+    let middle = sizes.len() / 2;
+    Some(*sizes.select_nth_unstable_by(middle, f64::total_cmp).1).filter(|size| *size > 0.0)
 }

@@ -1,6 +1,6 @@
 //! Corrections and mistakes applied to a whole scene.
 
-use nalgebra::Vector2;
+use nalgebra::{Unit, Vector2, Vector3};
 
 use super::camera::CameraParts;
 use super::correction::{Correction, Mistake};
@@ -11,13 +11,17 @@ impl Correction {
     /// The corrected scene. Detections that have no place or no measurement any more are left out; lenses are kept as
     /// they are (what was undistorted with wrong intrinsics is not undistorted again).
     pub fn apply(&self, scene: &Scene) -> Scene {
-        rewrite(
+        let mut corrected = rewrite(
             scene,
             |camera, size| self.camera(camera, size),
             |b, camera, size| self.bounding_box(b, &camera.intrinsics, size),
             |e, size| self.ellipse(e, size),
             self.frames(&ids(scene)),
-        )
+        );
+        if let Self::Up(up) = self {
+            corrected.up = Unit::try_new(Vector3::from(*up), 0.0).or(scene.up);
+        }
+        corrected
     }
 }
 

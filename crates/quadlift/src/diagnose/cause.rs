@@ -142,3 +142,10 @@ pub struct Cause {
     /// How well it agrees with itself once the mistake is undone; the same as `before` where agreement does not tell.
     pub after: Agreement,
 }
+
+impl Cause {
+    /// The cause that a correction undoes.
+    pub(super) fn new(correction: Correction, before: Agreement, after: Agreement) -> Self {
+        Self { name: correction.cause(), value: correction.value(), correction: Some(correction), before, after }
+    }
+}

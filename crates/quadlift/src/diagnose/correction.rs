@@ -79,6 +79,10 @@ pub enum Correction {
     NumericFrames,
     /// Detections belong to the frames in reverse order.
     ReversedFrames,
+    /// The world's direction against gravity is this one.
+    Up([f64; 3]),
+    /// Lengths of the poses are multiplied by a factor: they are in another unit.
+    Lengths(f64),
 }
 
 /// OpenGL's camera axes, from and to OpenCV's.
@@ -113,6 +117,7 @@ impl Correction {
             Self::InvertLeftHandedPoses => mirrored(inverse()),
             Self::CenterAsTranslation => (*r, -(r * t)),
             Self::TransposedRotation => (r.transpose(), *t),
+            Self::Lengths(factor) => (*r, t * factor),
             Self::QuaternionOrder { was_wxyz, world_from_cam } => reordered(r, t, was_wxyz, world_from_cam),
             _ => (*r, *t),
         }
@@ -267,7 +272,8 @@ fn undistorted(pixel: &Vector2<f64>, k: &Intrinsics, coefficient: f64) -> Option
     pixel.iter().all(|x| x.is_finite()).then_some(pixel)
 }
 
-/// A mistake: the inverse of a [`Correction`], which makes test scenes.
+/// A mistake: the inverse of a [`Correction`], which makes test scenes. [`Correction::Up`] has none: it says what is right
+/// whatever was wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mistake(pub Correction);
 
@@ -288,6 +294,7 @@ impl Mistake {
             }
             Correction::CenterAsTranslation => (*r, -(r.transpose() * t)),
             Correction::QuaternionOrder { was_wxyz, world_from_cam } => reordered(r, t, !was_wxyz, world_from_cam),
+            Correction::Lengths(factor) => (*r, t / factor),
             // Their own inverses, or nothing.
             other => other.pose(r, t),
         }

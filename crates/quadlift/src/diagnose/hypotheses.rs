@@ -109,6 +109,8 @@ impl Correction {
             Self::Boxes(_) => CauseName::BoxFormat,
             Self::FrameOffset(_) => CauseName::FrameOffset,
             Self::AlphabeticalFrames | Self::NumericFrames | Self::ReversedFrames => CauseName::FrameOrder,
+            Self::Up(_) => CauseName::Up,
+            Self::Lengths(_) => CauseName::LengthUnit,
         }
     }
 
@@ -125,7 +127,11 @@ impl Correction {
     /// Its number, see [`super::Cause::value`].
     pub fn value(self) -> Option<f64> {
         match self {
-            Self::FocalFactor(x) | Self::ImageScale(x) | Self::Letterbox(x) | Self::RadialDistortion(x) => Some(x),
+            Self::FocalFactor(x)
+            | Self::ImageScale(x)
+            | Self::Letterbox(x)
+            | Self::RadialDistortion(x)
+            | Self::Lengths(x) => Some(x),
             Self::FrameOffset(n) => Some(f64::from(n)),
             _ => None,
         }

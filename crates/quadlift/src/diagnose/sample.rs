@@ -6,8 +6,8 @@ use super::camera::CameraParts;
 use crate::geometry::BoundingBox;
 use crate::scene::{Detection, Scene};
 
-/// Boxes that are looked at, at most; enough to tell (see `thresholds`), and few enough to be quick.
-const MOST_BOXES: usize = 400;
+/// Boxes that are looked at, at most: enough to tell, and few enough to be quick.
+const MOST_BOXES: usize = 300;
 
 /// Distance from the image border, in pixels, within which a box counts as cut off: its centre is not the object's.
 const BORDER_PX: f64 = 2.0;
@@ -34,6 +34,8 @@ pub(super) struct Sample<'a> {
     pub frames: Vec<SampleFrame>,
     pub frame_ids: Vec<&'a str>,
     pub objects: Vec<Vec<Seen>>,
+    /// Which objects of the scene they are.
+    pub object_indices: Vec<usize>,
 }
 
 impl<'a> Sample<'a> {
@@ -47,16 +49,18 @@ impl<'a> Sample<'a> {
         let only_whole = 10 * count(true) >= count(false);
         let box_of = |d: &Detection| measured_box(scene, d, only_whole);
         let groups = scene.detections_by_object(|d| is_used(d) && box_of(d).is_some());
-        let groups: Vec<&Vec<u32>> = groups.iter().filter(|group| group.len() >= 2).collect();
+        let groups: Vec<(usize, &Vec<u32>)> = groups.iter().enumerate().filter(|(_, group)| group.len() >= 2).collect();
         // Objects with two views tell little: they are looked at only where there are no others.
-        let has_three = groups.iter().any(|group| group.len() >= 3);
-        let groups: Vec<&Vec<u32>> = groups.into_iter().filter(|group| !has_three || group.len() >= 3).collect();
-        let total: usize = groups.iter().map(|group| group.len()).sum();
+        let has_three = groups.iter().any(|(_, group)| group.len() >= 3);
+        let groups: Vec<(usize, &Vec<u32>)> =
+            groups.into_iter().filter(|(_, group)| !has_three || group.len() >= 3).collect();
+        let total: usize = groups.iter().map(|(_, group)| group.len()).sum();
         // Of large scenes a part of the objects and a part of their views, so that both are spread evenly.
         let share = (total as f64 / MOST_BOXES as f64).max(1.0);
         let object_stride = share.sqrt().ceil().min((groups.len() as f64 / 5.0).max(1.0)).floor() as usize;
         let per_object = MOST_BOXES / groups.len().div_ceil(object_stride).max(1);
-        let objects = groups.iter().step_by(object_stride.max(1)).map(|group| {
+        let chosen = || groups.iter().step_by(object_stride.max(1));
+        let objects = chosen().map(|(_, group)| {
             let view_stride = group.len().div_ceil(per_object.max(3));
             let views = group.iter().step_by(view_stride.max(1)).filter_map(|&index| {
                 let detection = &scene.detections[index as usize];
@@ -66,6 +70,7 @@ impl<'a> Sample<'a> {
         });
         Self {
             objects: objects.collect(),
+            object_indices: chosen().map(|(object, _)| *object).collect(),
             frames: scene
                 .frames
                 .iter()

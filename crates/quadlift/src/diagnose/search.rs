@@ -1,6 +1,6 @@
 //! The search for the mistake that explains a scene whose objects are known.
 
-use super::agreement::{Agreement, misses};
+use super::agreement::{Agreement, Misses, misses};
 use super::correction::Correction;
 use super::hypotheses::{FAMILIES, Family, discrete};
 use super::sample::Sample;
@@ -17,7 +17,7 @@ const GOLDEN: f64 = 0.381_966_011_250_105_1;
 const AS_GOOD: f64 = 0.03;
 
 /// A correction explains a disagreement when it makes the misses smaller by this factor (a logarithm: 1.5 times)...
-const EXPLAINS: f64 = 0.4;
+const EXPLAINS: f64 = 0.25;
 
 /// ...and by so many standard deviations of that, from the differences between objects...
 const SIGNIFICANT: f64 = 4.0;
@@ -28,52 +28,59 @@ const UNANIMOUS: f64 = 0.97;
 /// From so many boxes and objects on; with fewer it must explain more, and all objects must gain.
 const ENOUGH_BOXES: usize = 20;
 const ENOUGH_OBJECTS: usize = 4;
-const EXPLAINS_FEW_OBJECTS: f64 = 0.8;
-const EXPLAINS_FEW_BOXES: f64 = 1.2;
+const EXPLAINS_FEW_OBJECTS: f64 = 0.6;
+const EXPLAINS_FEW_BOXES: f64 = 0.9;
 
 /// A correction that makes the misses smaller by this (a logarithm) is worth a warning, when it is significant.
-const WORTH_A_WARNING: f64 = 0.2;
+const WORTH_A_WARNING: f64 = 0.1;
 
 /// After a correction that explains a disagreement the boxes agree.
 const AGREES: f64 = 0.5;
 
-/// A correction with what it does.
-#[derive(Debug, Clone)]
-pub(super) struct Explanation {
-    pub correction: Correction,
+/// How much better a hypothesis explains the boxes of a sample.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Gain {
     pub after: Agreement,
-    /// How much better it explains the boxes: about the decrease of the logarithm of their misses.
+    /// The mean decrease of half the negative log likelihood of a box, which is about that of the logarithm of its miss.
     pub gain: f64,
-    /// Its standard deviation, from the differences between objects.
-    pub gain_sd: f64,
+    /// Its standard deviation, from the differences between objects (the boxes of an object err together).
+    pub sd: f64,
     /// Share of all changes, summed over the objects, that are for the better, in [0, 1].
     pub unanimity: f64,
 }
 
-impl Explanation {
-    /// Whether the mistake that it undoes was made, as far as so many boxes of so many objects tell.
+impl Gain {
+    /// Whether the hypothesis is right, as far as so many boxes of so many objects tell.
     pub(super) fn explains(&self, boxes: usize, objects: usize) -> bool {
         if self.after.miss > AGREES || boxes < super::FEWEST_BOXES {
             return false;
         }
         if boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS {
-            return self.gain >= EXPLAINS && (self.gain >= SIGNIFICANT * self.gain_sd || self.unanimity >= UNANIMOUS);
+            return self.gain >= EXPLAINS && (self.gain >= SIGNIFICANT * self.sd || self.unanimity >= UNANIMOUS);
         }
         let least = if boxes >= ENOUGH_BOXES { EXPLAINS_FEW_OBJECTS } else { EXPLAINS_FEW_BOXES };
         self.gain >= least && self.unanimity >= UNANIMOUS
     }
 
-    /// Whether it may have been made.
+    /// Whether it may be right.
     pub(super) fn is_likely(&self, boxes: usize, objects: usize) -> bool {
         let enough = boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS;
-        enough && self.gain >= WORTH_A_WARNING && self.gain >= SIGNIFICANT * self.gain_sd && self.unanimity >= UNANIMOUS
+        enough && self.gain >= WORTH_A_WARNING && self.gain >= SIGNIFICANT * self.sd && self.unanimity >= UNANIMOUS
     }
+}
+
+/// A correction with what it does.
+#[derive(Debug, Clone)]
+pub(super) struct Explanation {
+    pub correction: Correction,
+    pub gain: Gain,
 }
 
 /// How well a sample agrees as it is, and corrections that make it agree better, the best ones first.
 #[derive(Debug, Clone)]
 pub(super) struct Search {
-    pub before: Agreement,
+    /// The sample as it is.
+    pub given: Misses,
     pub explanations: Vec<Explanation>,
 }
 
@@ -84,36 +91,36 @@ pub(super) fn search(sample: &Sample) -> Option<Search> {
     let image_size = sample.frames.iter().find_map(|frame| frame.image_size);
     let try_one = |correction: Correction| {
         let after = misses(sample, Some(correction), Some(&given))?;
-        let (gain, gain_sd, unanimity) = given.gain_of(&after);
+        let mut gain = given.gain_of(&after);
         // Errors of the poses are angles: beside boxes that look larger they look smaller, which explains nothing.
-        let gain = gain - correction.angular_growth(image_size).ln().max(0.0);
-        Some(Explanation { correction, after: after.agreement(), gain, gain_sd, unanimity })
+        gain.gain -= correction.angular_growth(image_size).ln().max(0.0);
+        Some(Explanation { correction, gain })
     };
     let mut found: Vec<Explanation> =
         map_indices(discrete.len(), |k| try_one(discrete[k])).into_iter().flatten().collect();
     let narrowed = map_indices(FAMILIES.len(), |k| narrowed(&FAMILIES[k], &try_one));
     found.extend(narrowed.into_iter().flatten());
-    found.retain(|e| e.gain > 0.0);
+    found.retain(|e| e.gain.gain > 0.0);
     // The first of those that are as good as the best.
-    let best = found.iter().map(|e| e.gain).fold(0.0, f64::max);
+    let best = found.iter().map(|e| e.gain.gain).fold(0.0, f64::max);
     found.sort_by(|a, b| {
-        let close = |e: &Explanation| e.gain >= best - AS_GOOD;
+        let close = |e: &Explanation| e.gain.gain >= best - AS_GOOD;
         close(b).cmp(&close(a)).then(if close(a) && close(b) {
             std::cmp::Ordering::Equal
         } else {
-            b.gain.total_cmp(&a.gain)
+            b.gain.gain.total_cmp(&a.gain.gain)
         })
     });
-    Some(Search { before: given.agreement(), explanations: found })
+    Some(Search { given, explanations: found })
 }
 
-/// The best correction of a family: from the best one of its grid, by golden sections.
+/// The best correction of a family, where one of its grid is better than none: from the best of them, by golden sections.
 fn narrowed(family: &Family, try_one: &impl Fn(Correction) -> Option<Explanation>) -> Option<Explanation> {
     let try_value = |value: f64| try_one((family.make)(value));
-    let gain = |e: &Option<Explanation>| e.as_ref().map_or(f64::NEG_INFINITY, |e| e.gain);
+    let gain = |e: &Option<Explanation>| e.as_ref().map_or(f64::NEG_INFINITY, |e| e.gain.gain);
     let tried: Vec<Option<Explanation>> = family.grid.iter().map(|&value| try_value(value)).collect();
     let best = (0..tried.len()).max_by(|&a, &b| gain(&tried[a]).total_cmp(&gain(&tried[b])))?;
-    let mut best_found = tried[best].clone()?;
+    let mut best_found = tried[best].clone().filter(|found| found.gain.gain > 0.0)?;
     let mut low = family.grid[best.saturating_sub(1)];
     let mut high = family.grid[(best + 1).min(family.grid.len() - 1)];
     for _ in 0..NARROWING {
@@ -125,7 +132,7 @@ fn narrowed(family: &Family, try_one: &impl Fn(Correction) -> Option<Explanation
             low = left
         }
         for found in [at_left, at_right].into_iter().flatten() {
-            if found.gain > best_found.gain {
+            if found.gain.gain > best_found.gain.gain {
                 best_found = found;
             }
         }

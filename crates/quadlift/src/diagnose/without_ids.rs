@@ -6,10 +6,11 @@
 
 use nalgebra::Vector2;
 
-use super::agreement::Agreement;
+use super::agreement::{Agreement, misses};
 use super::correction::{BoxFormat, Correction};
 use super::hypotheses::{FAMILIES, Family, discrete};
-use super::{Cause, Diagnosis, FEWEST_BOXES, diagnose};
+use super::sample::Sample;
+use super::{Cause, Diagnosis, FEWEST_BOXES, of_boxes, of_search, search};
 use crate::associate::{AssociateError, AssociateOptions, Association, associate};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene};
@@ -62,7 +63,18 @@ pub fn diagnose_association(
     let source = scene.source_index(options.source.as_deref())?;
     let is_used = |d: &Detection| source.is_none() || d.source_index == source;
     let named = association.applied_to(scene, source);
-    let found = diagnose(&named, is_used);
+    let found = of_boxes(&named, is_used);
+    Ok(with_hypotheses(scene, found, association, is_used, options)?.and_up(scene))
+}
+
+/// The diagnosis of an association, beside those of the scene with each mistake undone.
+fn with_hypotheses(
+    scene: &Scene,
+    found: Diagnosis,
+    association: &Association,
+    is_used: impl Fn(&Detection) -> bool,
+    options: &AssociateOptions,
+) -> Result<Diagnosis, AssociateError> {
     if !found.consistent && !found.causes.is_empty() {
         return Ok(found);
     }
@@ -92,13 +104,7 @@ pub fn diagnose_association(
     };
     // The objects that are found with the coarse number tell the exact one.
     let correction = best.refined(&is_used);
-    let cause = Cause {
-        name: correction.cause(),
-        value: correction.value(),
-        correction: Some(correction),
-        before: before.agreement,
-        after: best.agreement,
-    };
+    let cause = Cause::new(correction, before.agreement, best.agreement);
     Ok(Diagnosis { consistent: false, agreement: Some(before.agreement), causes: vec![cause] })
 }
 
@@ -117,7 +123,7 @@ fn evidence(association: &Association) -> f64 {
 }
 
 /// A part of a scene that is associated again and again.
-struct Tried<'a> {
+pub(super) struct Tried<'a> {
     scene: &'a Scene,
     /// Which frames take part.
     frames: Vec<bool>,
@@ -127,16 +133,19 @@ struct Tried<'a> {
 }
 
 /// A part of a scene, corrected and associated.
-struct Trial {
+pub(super) struct Trial {
     correction: Correction,
     /// Evidence for each detection, nats.
-    evidence: f64,
-    agreement: Agreement,
-    named: Scene,
+    pub evidence: f64,
+    pub agreement: Agreement,
+    /// The part, with the objects that were found.
+    pub named: Scene,
+    /// The places of its detections in the whole scene, corrected.
+    pub detections: Vec<usize>,
 }
 
 impl<'a> Tried<'a> {
-    fn new(scene: &'a Scene, is_used: &impl Fn(&Detection) -> bool, options: &AssociateOptions) -> Self {
+    pub(super) fn new(scene: &'a Scene, is_used: &impl Fn(&Detection) -> bool, options: &AssociateOptions) -> Self {
         let mut counts = vec![0usize; scene.frames.len()];
         let used = scene.detections.iter().filter(|d| is_used(d));
         used.for_each(|d| counts[d.frame_index as usize] += 1);
@@ -159,7 +168,8 @@ impl<'a> Tried<'a> {
         }
     }
 
-    fn given(&self) -> Result<Trial, AssociateError> {
+    /// The part as it is, associated.
+    pub(super) fn given(&self) -> Result<Trial, AssociateError> {
         self.associated(self.scene.clone(), NOTHING)
     }
 
@@ -206,6 +216,7 @@ impl<'a> Tried<'a> {
             boxes.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             boxes.iter().take(self.boxes_in_frame).for_each(|&(_, index)| kept[index] = true);
         }
+        let detections: Vec<usize> = (0..kept.len()).filter(|&index| kept[index]).collect();
         let mut kept = kept.into_iter();
         scene.detections.retain(|_| kept.next().unwrap_or_default());
         let association = associate(&scene, &self.options, &|_, _| {})?;
@@ -213,7 +224,7 @@ impl<'a> Tried<'a> {
         let named = association.applied_to(&scene, self.source);
         let assigned = association.objects.iter().map(|o| o.views as f64).sum::<f64>() / boxes;
         let agreement = diagnose_agreement(&named, assigned);
-        Ok(Trial { correction, evidence: evidence(&association) / boxes, agreement, named })
+        Ok(Trial { correction, evidence: evidence(&association) / boxes, agreement, named, detections })
     }
 }
 
@@ -221,7 +232,9 @@ impl Trial {
     /// Its correction, with a number that suits the objects that were found.
     fn refined(&self, is_used: &impl Fn(&Detection) -> bool) -> Correction {
         let correction = self.correction;
-        let better = diagnose(&self.named, is_used).causes.first().and_then(|cause| cause.correction);
+        let sample = Sample::new(&self.named, is_used);
+        let found = search::search(&sample).map(|search| of_search(&search, &sample)).unwrap_or_default();
+        let better = found.causes.first().and_then(|cause| cause.correction);
         match (correction, better) {
             (Correction::ImageScale(a), Some(Correction::ImageScale(b))) => Correction::ImageScale(a * b),
             (Correction::FocalFactor(a), Some(Correction::FocalFactor(b))) => Correction::FocalFactor(a * b),
@@ -232,8 +245,8 @@ impl Trial {
 
 /// Agreement of the objects that an association found; boxes without an object do not agree with any.
 fn diagnose_agreement(named: &Scene, assigned: f64) -> Agreement {
-    let found = diagnose(named, |_| true).agreement;
-    let Some(found) = found else { return Agreement { miss: 3.0, share: 0.0, boxes: named.detections.len() } };
+    let found = misses(&Sample::new(named, |_| true), None, None);
+    let Some(found) = found.map(|misses| misses.agreement()) else { return Agreement { miss: 3.0, share: 0.0, boxes: named.detections.len() } };
     Agreement { share: found.share * assigned, boxes: named.detections.len(), ..found }
 }
 
