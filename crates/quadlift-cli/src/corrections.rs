@@ -21,7 +21,7 @@ pub struct Corrections {
     #[arg(long, value_name = "NAME", value_parser = options::pose_convention)]
     pose_convention: Option<Correction>,
 
-    /// Unit of the poses' translations: mm, cm, m, km, in or ft; the scene is in metres then
+    /// Unit of the poses' translations: mm, cm, m, km, in, ft or its length in metres; the scene is in metres then
     #[arg(long, value_name = "UNIT", value_parser = options::pose_unit)]
     pose_unit: Option<f64>,
 
@@ -122,6 +122,7 @@ impl Corrections {
             self.normalized_boxes.then_some(Correction::NormalizedBoxes),
             self.box_scale.map(Correction::ImageScale),
             self.frame_order,
+            self.up.map(|up| Correction::Up(up.0)),
             // A shift by more frames than there are leaves nothing in its place, whatever the number.
             frame_offset
                 .filter(|offset| *offset != 0)
@@ -131,7 +132,6 @@ impl Corrections {
         list.extend(self.letterbox);
         list.extend(image_size.map(RecordCorrection::ImageSize));
         list.extend(self.pose_unit.map(RecordCorrection::PoseUnit));
-        list.extend(self.up.map(|up| RecordCorrection::Up(up.0)));
         list
     }
 }

@@ -210,4 +210,62 @@ fn reversed_boxes_point_to_the_box_format() {
     let run = folder.run("localize wrong.json");
     assert!(run.code == 1 && run.stderr.contains("--box-format xywh"), "{}", run.stderr);
     assert!(folder.succeed("localize wrong.json --box-format xywh").contains("8 of 8 objects localised"));
+
+/// Mistakes that no convention explains: in `up`, the ids, the poses, the unit of lengths.
+#[test]
+fn mistakes_without_a_convention_are_named() {
+    let folder = Folder::new();
+    let right = right_scene(&folder);
+    let check = |name: &str, scene: &Value, options: &str, words: &str, option: Option<&str>| {
+        folder.write_json("wrong.json", scene);
+        let run = folder.run(&format!("localize wrong.json -o out.json {options}"));
+        assert!(run.code == 3 && run.stderr.contains(words), "{name}: {} {}", run.code, run.stderr);
+        let result = folder.json("out.json");
+        assert!(result["objects"].as_array().unwrap().iter().all(|o| o["status"] != "ok"), "{name}");
+        let cause = &result["localization"]["diagnosis"]["causes"][0];
+        assert_eq!((cause["name"].as_str(), cause["option"].as_str()), (Some(name), option));
+        let Some(option) = option else { return };
+        let mended = folder.run(&format!("localize wrong.json -o mended.json {options} {option}"));
+        assert_eq!(mended.code, 0, "{name}: {}", mended.stderr);
+        assert_eq!(folder.json("mended.json")["localization"]["diagnosis"]["consistent"], true, "{name}");
+    };
+    let mut scene = right.clone();
+    scene["up"] = json!([0.0, 1.0, 0.0]);
+    check("up", &scene, "", "\"up\" is not the direction in which the cameras stand upright", Some("--up z"));
+
+    // Numbered anew in each frame.
+    let mut scene = right.clone();
+    let mut next = std::collections::BTreeMap::new();
+    scene["detections"].as_array_mut().unwrap().sort_by(|a, b| {
+        let x = |d: &Value| d["box"][0].as_f64().unwrap();
+        x(a).total_cmp(&x(b))
+    });
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        let number = next.entry(detection["frame"].to_string()).or_insert(0);
+        detection["object"] = json!(number.to_string());
+        *number += 1;
+    }
+    scene.as_object_mut().unwrap().remove("objects");
+    check("object_ids", &scene, "", "ids do not stay", Some("--associate always --ids ignore"));
+
+    // The last pose is held.
+    let mut scene = right.clone();
+    for frame in 7..12 {
+        scene["frames"][frame]["cam_from_world"] = right["frames"][7]["cam_from_world"].clone();
+    }
+    check("duplicate_poses", &scene, "", "33 % of the frames have the pose of another frame", None);
+
+    // Millimetres beside priors in metres.
+    let mut scene = with_poses(&right, |pose| pose.map(|[a, b, c, t]| [a, b, c, 1000.0 * t]));
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["category"] = json!("thing");
+    }
+    let size = |k: usize| -> f64 {
+        let objects = right["objects"].as_array().unwrap();
+        objects.iter().map(|o| 2.0 * o["ellipsoid"]["semi_axes"][k].as_f64().unwrap()).sum::<f64>()
+            / objects.len() as f64
+    };
+    let mean = [0, 1, 2].map(size);
+    folder.write("priors.toml", &format!("[thing]\nsize = {mean:?}\nsize_sd = {:?}\n", mean.map(|x| 0.3 * x)));
+    check("length_unit", &scene, "--priors priors.toml", "do not fit the sizes", Some("--pose-unit mm"));
 }

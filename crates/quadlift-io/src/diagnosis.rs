@@ -6,7 +6,7 @@ use quadlift::solve::Status;
 use serde_json::{Value, json};
 
 use crate::correct::RecordCorrection;
-use crate::correct::options::option_of;
+use crate::correct::options::{option_of, short};
 use crate::scene_file::SceneFile;
 
 /// What is known of a scene file when its mistakes are named.
@@ -141,7 +141,11 @@ pub fn diagnosis_in_words(diagnosis: &Diagnosis, context: &Context) -> Option<St
 
 /// A cause with the agreement before and after it is undone, and the option that does that.
 fn cause_with_evidence(cause: &Cause, option: Option<&str>) -> String {
-    let mut text = format!("{}: {}", cause_in_words(cause), miss_in_words(cause.before));
+    let mut text = cause_in_words(cause);
+    // Boxes tell nothing of the direction of gravity and of units.
+    if !matches!(cause.name, CauseName::Up | CauseName::LengthUnit) {
+        text.push_str(&format!(": {}", miss_in_words(cause.before)));
+    }
     if cause.after.miss < cause.before.miss {
         text.push_str(&format!(", by {} once that is undone", half_sizes(cause.after.miss)));
     }
@@ -211,12 +215,20 @@ pub fn cause_in_words(cause: &Cause) -> String {
         CauseName::FrameOffset => frame_offset(cause.value.unwrap_or_default()),
         CauseName::FrameOrder => "the detections are in another frame order than the poses".to_owned(),
         CauseName::ObjectIds => "the object ids do not stay with their objects".to_owned(),
-        CauseName::DuplicatePoses => "frames that show different things have the same pose".to_owned(),
-        CauseName::ScaleJump => "the trajectory changes its scale".to_owned(),
-        CauseName::Up => "\"up\" is not the direction in which cameras and objects stand upright".to_owned(),
+        CauseName::DuplicatePoses => {
+            let share = cause.value.unwrap_or_default();
+            format!(
+                "{:.0} % of the frames have the pose of another frame, although they show something else",
+                100.0 * share
+            )
+        }
+        CauseName::ScaleJump => {
+            format!("the trajectory changes its scale: its later part would have to be {} times as large", value(2))
+        }
+        CauseName::Up => "\"up\" is not the direction in which the cameras stand upright".to_owned(),
         CauseName::LengthUnit => format!(
-            "the lengths are not in the unit that the scene names: {} times as long would fit what is known",
-            value(4)
+            "the lengths do not fit the sizes that are known: they would have to be {} times as long",
+            cause.value.map_or_else(String::new, short)
         ),
         other => other.name().replace('_', " "),
     }

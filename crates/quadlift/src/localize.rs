@@ -221,7 +221,9 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
                 .collect();
         }
     }
-    let diagnosis = diagnose(scene, |d| from_source(d) && visible(d));
+    let is_used = |d: &Detection| from_source(d) && visible(d);
+    let mut diagnosis = diagnose(scene, is_used);
+    diagnosis.check_lengths(scene, is_used, &options.map.priors);
     if !diagnosis.consistent && !options.accept_inconsistent {
         estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
     }

@@ -31,8 +31,6 @@ pub enum RecordCorrection {
     Letterbox([f64; 2]),
     /// The translations of the poses are in a unit of this length in metres; the scene is in metres afterwards.
     PoseUnit(f64),
-    /// The world direction against gravity.
-    Up([f64; 3]),
 }
 
 impl RecordCorrection {
@@ -43,6 +41,7 @@ impl RecordCorrection {
             (Correction::ImageScale(factor), Some(size)) => {
                 Self::ImageSize(size.map(|x| (x / factor).round().max(1.0)))
             }
+            (Correction::Lengths(factor), _) => Self::PoseUnit(options::nearest_unit(factor)),
             (Correction::Letterbox(side), _) => Self::Known(Correction::Letterbox(side.round())),
             (other, _) => Self::Known(other),
         }
@@ -82,10 +81,6 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
                 file.length_unit = Some("m".to_owned());
                 notes.push(format!("the lengths of {} are metres now, times {metres}", count(frames, "pose")));
             }
-            RecordCorrection::Up(up) => {
-                file.up = Some(up);
-                notes.push(format!("up is {up:?}"));
-            }
         }
     }
     Ok(notes)
@@ -110,6 +105,10 @@ fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryE
         | Correction::AlphabeticalFrames
         | Correction::NumericFrames
         | Correction::ReversedFrames => frames::correct(file, correction),
+        Correction::Up(up) => {
+            file.up = Some(*up);
+            format!("up is {up:?}")
+        }
         _ => format!("{} were corrected", count(poses::correct(file, correction)?, "pose")),
     })
 }

@@ -116,19 +116,35 @@ impl RecordCorrection {
             "letterbox" => return Ok(Some(letterbox(size()?))),
             "image-size" => return Ok(Some(Self::ImageSize(size()?))),
             "pose-unit" => return Ok(Some(Self::PoseUnit(pose_unit(value)?))),
-            "up" => return Ok(Some(Self::Up(up(value)?))),
+            "up" => Correction::Up(up(value)?),
             _ => return Err(format!("there is no correction \"{name}\"")),
         };
         Ok(Some(Self::Known(known)))
     }
 }
 
+/// The values of `--pose-unit`, in metres.
+const UNITS: [(&str, f64); 6] = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3), ("ft", 0.3048), ("in", 0.0254)];
+
+/// A length that was found from sizes is that of a unit when it differs by less than this factor: sizes of things differ.
+const SAME_UNIT: f64 = 1.6;
+
 /// Reads the value of `--pose-unit`: the length of the unit in metres.
 ///
 /// # Errors
-/// The units that are known, in words.
+/// What was expected, in words.
 pub fn pose_unit(text: &str) -> Result<f64, String> {
-    of_name(&[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3), ("ft", 0.3048), ("in", 0.0254)], text)
+    let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
+    length.map_or_else(|| of_name(&UNITS, text).map_err(|error| format!("{error}, or a length in metres")), Ok)
+}
+
+/// The length of the unit that is meant by a length in metres that was found from sizes; the length with two digits where
+/// it is none (the scale of a map that has no unit).
+pub fn nearest_unit(metres: f64) -> f64 {
+    let distance = |unit: f64| (metres / unit).ln().abs();
+    let near = UNITS.iter().map(|(_, unit)| *unit).filter(|unit| distance(*unit) < SAME_UNIT.ln());
+    let digits = 10_f64.powf(1.0 - metres.log10().floor());
+    near.min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or((metres * digits).round() / digits)
 }
 
 /// Reads the value of `--up`: an axis such as `-y`, or a direction X,Y,Z.
@@ -183,12 +199,24 @@ pub fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_of
         Correction::AlphabeticalFrames | Correction::NumericFrames | Correction::ReversedFrames => {
             format!("--frame-order {}", name_of(&FRAME_ORDERS, correction))
         }
+        Correction::Up(direction) => {
+            let axis = direction.iter().position(|x| x.abs() == 1.0);
+            match axis {
+                Some(k) => format!("--up {}{}", if direction[k] < 0.0 { "-" } else { "" }, ["x", "y", "z"][k]),
+                None => format!("--up {}", direction.map(short).join(",")),
+            }
+        }
+        Correction::Lengths(factor) => {
+            let unit = nearest_unit(factor);
+            let named = UNITS.iter().find(|(_, length)| *length == unit);
+            format!("--pose-unit {}", named.map_or_else(|| short(unit), |(name, _)| (*name).to_owned()))
+        }
         _ => format!("--pose-convention {}", name_of(&POSE_CONVENTIONS, correction)),
     }
 }
 
 /// A number with four significant digits.
-fn short(x: f64) -> String {
+pub(crate) fn short(x: f64) -> String {
     let digits = if x == 0.0 { 0 } else { (3 - x.abs().log10().floor() as i32).clamp(0, 9) };
     let text = format!("{x:.*}", digits as usize);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -197,6 +225,16 @@ fn short(x: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lengths_are_those_of_units_or_numbers() {
+        assert_eq!(pose_unit("mm"), Ok(1e-3));
+        assert_eq!(pose_unit("0.27"), Ok(0.27));
+        assert!(pose_unit("-1").unwrap_err().contains("m, cm, mm, km, ft, in, or a length in metres"));
+        for (found, meant) in [(0.9, 1.0), (0.0008, 1e-3), (0.033, 0.0254), (0.27, 0.3048), (5.123, 5.1)] {
+            assert_eq!(nearest_unit(found), meant);
+        }
+    }
 
     #[test]
     fn options_name_their_corrections() {
@@ -219,5 +257,9 @@ mod tests {
         assert_eq!(option(Correction::FocalFactor(12.0)), "--focal-factor 12");
         assert_eq!(option(Correction::CenteredPrincipalPoint), "--intrinsics-format transposed");
         assert_eq!(option(Correction::ReversedFrames), "--frame-order reversed");
+        assert_eq!(option(Correction::Up([0.0, -1.0, 0.0])), "--up -y");
+        assert_eq!(option(Correction::Up([0.0, 0.6, 0.8])), "--up 0,0.6,0.8");
+        assert_eq!(option(Correction::Lengths(0.0011)), "--pose-unit mm");
+        assert_eq!(option(Correction::Lengths(0.000234567)), "--pose-unit 0.00023");
     }
 }

@@ -55,9 +55,9 @@ pub enum CauseName {
     DuplicatePoses,
     /// The trajectory changes its scale.
     ScaleJump,
-    /// `up` contradicts the cameras' own upright.
+    /// `up` is not the direction in which the cameras stand upright.
     Up,
-    /// Lengths are not in the unit that the scene names.
+    /// Lengths do not fit the priors on sizes: they are in another unit.
     LengthUnit,
 }
 
@@ -132,8 +132,8 @@ pub struct Cause {
     pub name: CauseName,
     /// How much of it: the factor on focal lengths (`focal_length`), the factor on the boxes' pixels (`image_size`), the
     /// side of the letterboxed image in pixels (`letterbox`), the coefficient of a radial lens (`missing_distortion`), the
-    /// number of frames (`frame_offset`), the share of the frames (`duplicate_poses`), the factor on lengths
-    /// (`scale_jump`, `length_unit`). Absent where there is nothing to measure.
+    /// number of frames (`frame_offset`), the share of the frames (`duplicate_poses`), the factor on the
+    /// later part of the trajectory (`scale_jump`), the factor on all lengths (`length_unit`). Absent where there is nothing to measure.
     pub value: Option<f64>,
     /// What undoes it, where something does.
     pub correction: Option<Correction>,

@@ -34,9 +34,11 @@ pub(super) fn wrong_lengths(
     }
     let has_prior = |d: &Detection| is_used(d) && d.object_index.is_some_and(|object| known[object as usize].is_some());
     let sample = Sample::new(scene, has_prior);
-    let factors = sample.objects.iter().zip(&sample.object_indices).filter_map(|(boxes, &object)| {
-        Some((known[object as usize]? / agreement::size(&sample, boxes)?).ln())
-    });
+    let factors = sample
+        .objects
+        .iter()
+        .zip(&sample.object_indices)
+        .filter_map(|(boxes, &object)| Some((known[object as usize]? / agreement::size(&sample, boxes)?).ln()));
     let mut factors: Vec<f64> = factors.filter(|factor| factor.is_finite()).collect();
     if factors.len() < FEWEST_OBJECTS {
         return None;
@@ -57,7 +59,9 @@ impl super::Diagnosis {
     /// a scene in millimetres does not agree with priors in metres. Nothing changes where they agree, where too few
     /// objects have a prior, or where the scene does not agree with itself anyway.
     pub fn check_lengths(&mut self, scene: &Scene, is_used: impl Fn(&Detection) -> bool, priors: &CategoryPriors) {
-        let Some(agreement) = self.agreement.filter(|_| self.consistent && !priors.by_category.is_empty()) else { return };
+        let Some(agreement) = self.agreement.filter(|_| self.consistent && !priors.by_category.is_empty()) else {
+            return;
+        };
         let Some(correction) = wrong_lengths(scene, is_used, priors) else { return };
         self.consistent = false;
         self.causes.insert(0, Cause::new(correction, agreement, agreement));
@@ -78,9 +82,8 @@ mod tests {
         let mut scene = synthetic.scene;
         scene.categories = vec!["thing".to_owned()];
         scene.detections.iter_mut().for_each(|d| d.category_index = Some(0));
-        let extents: Vec<f64> = (synthetic.truth.iter())
-            .map(|(_, body)| 2.0 * body.ellipsoid().semi_axes.product().cbrt())
-            .collect();
+        let extents: Vec<f64> =
+            (synthetic.truth.iter()).map(|(_, body)| 2.0 * body.ellipsoid().semi_axes.product().cbrt()).collect();
         let mean = extents.iter().sum::<f64>() / extents.len() as f64;
         let size = Some(SizePrior { mean: [mean; 3], sd: [0.3 * mean; 3] });
         let mut priors = CategoryPriors::default();

@@ -142,3 +142,99 @@ fn mistakes_are_named_without_ids() {
         assert!(found.zip(expected).is_none_or(|(a, b)| (a / b - 1.0).abs() < 0.1), "{found:?} {expected:?}");
     }
 }
+
+/// The scene with the steps of its trajectory multiplied by a factor from the middle on.
+fn with_scale_jump(scene: &Scene, factor: f64) -> Scene {
+    let camera = |frame: usize| super::CameraParts::from_projection(&scene.frames[frame].projection).unwrap();
+    let center = |c: &super::CameraParts| -(c.rotation.transpose() * c.translation);
+    let middle = scene.frames.len() / 2;
+    let anchor = center(&camera(middle - 1));
+    let mut jumped = scene.clone();
+    for (frame, changed) in jumped.frames.iter_mut().enumerate().skip(middle) {
+        let mut camera = camera(frame);
+        camera.translation = -(camera.rotation * (anchor + (center(&camera) - anchor) * factor));
+        changed.projection = camera.projection().unwrap();
+    }
+    jumped
+}
+
+#[test]
+fn a_jump_of_the_scale_is_named_with_its_factor() {
+    for (trajectory, factor) in [(Trajectory::Orbit, 0.5), (Trajectory::Random, 1.4), (Trajectory::default(), 1.25)] {
+        let diagnosis = diagnose(&with_scale_jump(&scene(trajectory, 2), factor), |_| true);
+        assert!(!diagnosis.consistent, "{trajectory:?}: {diagnosis:?}");
+        assert_eq!(diagnosis.causes[0].name, CauseName::ScaleJump, "{trajectory:?}: {diagnosis:?}");
+        let found = diagnosis.causes[0].value.unwrap() * factor;
+        assert!((found - 1.0).abs() < 0.1, "{trajectory:?}: {found}");
+    }
+}
+
+#[test]
+fn repeated_poses_are_named_with_their_share() {
+    for (repeated, consistent) in [(12, false), (5, false), (0, true)] {
+        let mut scene = scene(Trajectory::Orbit, 2);
+        for frame in 12 - repeated..12 {
+            scene.frames[frame].projection = scene.frames[12 - repeated].projection;
+        }
+        let diagnosis = diagnose(&scene, |_| true);
+        assert_eq!(diagnosis.consistent, consistent, "{repeated}: {diagnosis:?}");
+        assert_eq!(diagnosis.causes.first().map(|c| c.name), (!consistent).then_some(CauseName::DuplicatePoses));
+        let share = diagnosis.causes.first().and_then(|c| c.value);
+        assert!(share.is_none_or(|share| (share * 12.0 - (f64::from(repeated as u32) - 1.0)).abs() < 1.5), "{share:?}");
+    }
+}
+
+#[test]
+fn a_camera_that_stands_still_repeats_its_pose_rightly() {
+    let mut scene = scene(Trajectory::Orbit, 2);
+    for frame in 6..12 {
+        scene.frames[frame].projection = scene.frames[5].projection;
+        let first: Vec<_> = scene.detections.iter().filter(|d| d.frame_index == 5).cloned().collect();
+        for d in scene.detections.iter_mut().filter(|d| d.frame_index == frame as u32) {
+            d.bounding_box = first.iter().find(|f| f.object_index == d.object_index).and_then(|f| f.bounding_box);
+        }
+    }
+    let diagnosis = diagnose(&scene, |_| true);
+    assert!(diagnosis.consistent && diagnosis.causes.is_empty(), "{diagnosis:?}");
+}
+
+#[test]
+fn ids_that_start_anew_in_each_frame_are_no_ids() {
+    let mut scene = scene(Trajectory::Orbit, 2);
+    // Numbered from left to right.
+    let mut order: Vec<usize> = (0..scene.detections.len()).collect();
+    let x = |k: usize| scene.detections[k].bounding_box.unwrap().x0;
+    order.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
+    let mut next = [0; 12];
+    for k in order {
+        let detection = &mut scene.detections[k];
+        let number = &mut next[detection.frame_index as usize];
+        detection.object_index = Some(*number);
+        *number += 1;
+    }
+    let diagnosis = diagnose(&scene, |_| true);
+    assert!(!diagnosis.consistent);
+    assert_eq!(diagnosis.causes.first().map(|c| c.name), Some(CauseName::ObjectIds), "{diagnosis:?}");
+    assert!(diagnosis.causes[0].after.miss < 0.1, "{diagnosis:?}");
+}
+
+#[test]
+fn false_boxes_do_not_hide_a_mistake() {
+    let options = SyntheticOptions {
+        seed: 5,
+        objects: 10,
+        views: 8,
+        trajectory: Trajectory::Arc { span: 60.0 },
+        observations: Observations::Boxes,
+        outlier_share: 0.3,
+        ..Default::default()
+    };
+    let right = generate(&options).unwrap().scene;
+    let diagnosis = diagnose(&right, |_| true);
+    assert!(diagnosis.consistent && diagnosis.causes.is_empty(), "{diagnosis:?}");
+    for correction in [Correction::InvertPoses, Correction::ImageScale(2.0), Correction::NormalizedIntrinsics] {
+        let diagnosis = diagnose(&Mistake(correction).apply(&right), |_| true);
+        assert!(!diagnosis.consistent, "{correction:?}: {diagnosis:?}");
+        assert_eq!(diagnosis.causes.first().map(|c| c.name), Some(correction.cause()), "{correction:?}: {diagnosis:?}");
+    }
+}

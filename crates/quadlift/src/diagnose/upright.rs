@@ -51,7 +51,8 @@ fn upright_direction(cameras: &[Matrix3<f64>]) -> Option<Vector3<f64>> {
     }
     let count = cameras.len() as f64;
     let axis = |camera: &Matrix3<f64>, row: usize| camera.row(row).transpose();
-    let scatter: Matrix3<f64> = cameras.iter().map(|c| axis(c, 0) * axis(c, 0).transpose()).sum::<Matrix3<f64>>() / count;
+    let scatter: Matrix3<f64> =
+        cameras.iter().map(|c| axis(c, 0) * axis(c, 0).transpose()).sum::<Matrix3<f64>>() / count;
     let eigen = scatter.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
@@ -103,7 +104,7 @@ mod tests {
                 (Vector3::x(), true),
                 (-Vector3::z(), true),
             ] {
-                scene.up = Some(up);
+                scene.up = Some(nalgebra::Unit::new_normalize(up));
                 let found = corrected_up(&scene);
                 assert_eq!(found, wrong.then_some(Correction::Up([0.0, 0.0, 1.0])), "{trajectory:?} {up:?}");
             }

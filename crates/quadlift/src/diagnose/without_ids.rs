@@ -27,6 +27,9 @@ const MOST_BOXES: usize = 200;
 /// How often the distance between two numbers of a family is halved.
 const HALVINGS: usize = 3;
 
+/// How often the objects that were found refine a number, at most.
+const REFINEMENTS: usize = 3;
+
 /// Evidence for each detection (nats) from which on an association needs no second look.
 const PLENTY_OF_EVIDENCE: f64 = 6.0;
 
@@ -94,7 +97,7 @@ fn with_hypotheses(
     let mut results = map_indices(discrete.len(), |k| tried.with(discrete[k]));
     results.extend(map_indices(FAMILIES.len(), |k| tried.narrowed(&FAMILIES[k])));
     let best = results.into_iter().fold(None, better);
-    let Some(best) = best.filter(|best| {
+    let Some(mut best) = best.filter(|best| {
         best.evidence > (before.evidence + MORE_NATS).max(before.evidence * MORE_TIMES) && best.evidence > NO_EVIDENCE
     }) else {
         // In a few frames an object may be seen too seldom.
@@ -102,9 +105,15 @@ fn with_hypotheses(
         let consistent = found.consistent && (before.evidence > NO_EVIDENCE || !is_told);
         return Ok(Diagnosis { consistent, ..found });
     };
-    // The objects that are found with the coarse number tell the exact one.
-    let correction = best.refined(&is_used);
-    let cause = Cause::new(correction, before.agreement, best.agreement);
+    // The objects that are found with the coarse number tell a better one, with which they are found better.
+    for _ in 0..REFINEMENTS {
+        let refined = tried.with(best.refined(&is_used));
+        if evidence_of(&refined) <= best.evidence {
+            break;
+        }
+        best = refined.unwrap_or(best);
+    }
+    let cause = Cause::new(best.refined(&is_used), before.agreement, best.agreement);
     Ok(Diagnosis { consistent: false, agreement: Some(before.agreement), causes: vec![cause] })
 }
 
@@ -246,7 +255,9 @@ impl Trial {
 /// Agreement of the objects that an association found; boxes without an object do not agree with any.
 fn diagnose_agreement(named: &Scene, assigned: f64) -> Agreement {
     let found = misses(&Sample::new(named, |_| true), None, None);
-    let Some(found) = found.map(|misses| misses.agreement()) else { return Agreement { miss: 3.0, share: 0.0, boxes: named.detections.len() } };
+    let Some(found) = found.map(|misses| misses.agreement()) else {
+        return Agreement { miss: 3.0, share: 0.0, boxes: named.detections.len() };
+    };
     Agreement { share: found.share * assigned, boxes: named.detections.len(), ..found }
 }
 
