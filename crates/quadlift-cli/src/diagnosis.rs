@@ -31,15 +31,18 @@ pub struct Check {
 }
 
 impl Check {
-    /// Checks a scene, and mends it where `--fix` asks for that: what was done is added to its notes.
+    /// Checks a scene, and mends it where `--fix` asks for that: what was done is added to its notes. Where the detections
+    /// are to be associated, `ids` says what their ids are worth: those that may be wrong tell nothing yet.
     pub fn new(
         scene: &mut CorrectedScene,
         args: &CheckArgs,
         source: Option<&str>,
+        ids: Option<IdUse>,
         path: &Path,
     ) -> anyhow::Result<Self> {
         let context = Context::of(&scene.file, scene.frame_offset).after(&scene.corrections);
-        let diagnosis = of_source(&scene.scene, source);
+        let are_trusted = ids.is_none_or(|ids| ids == IdUse::Trust);
+        let diagnosis = if are_trusted { of_source(&scene.scene, source) } else { Diagnosis::default() };
         let fixes = if args.fix { MOST_FIXES } else { 0 };
         let accepted = args.accept_inconsistent;
         let mut check = Self { diagnosis, together: None, context, fixes, accepted };
@@ -64,7 +67,7 @@ impl Check {
         source: Option<&str>,
         path: &Path,
     ) -> anyhow::Result<Self> {
-        let mut check = Self::new(scene, args, source, path)?;
+        let mut check = Self::new(scene, args, source, None, path)?;
         check.update(&without_ids(&scene.scene, source));
         while check.fix(scene, path)? {
             check.diagnosis = of_source(&scene.scene, source);

@@ -124,7 +124,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         return usage(error.to_string());
     }
     let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
-    let mut check = Check::new(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
+    let mut check = Check::new(&mut corrected, &args.check, args.source.as_deref(), Some(options.ids), &args.scene)?;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
         check_metres(&corrected.scene)?;
     }

@@ -357,10 +357,11 @@ fn one_scene(
     let title = input.display().to_string();
     let mut corrected = read()?;
     let source = settings.options.source.as_deref();
-    let mut check = Check::new(&mut corrected, &args.check, source, input)?;
+    let ids = args.associate.ids_for(&corrected.scene, source, args.ids);
+    let mut check = Check::new(&mut corrected, &args.check, source, ids, input)?;
     let read = start.elapsed();
     let mut association = None;
-    if let Some(ids) = args.associate.ids_for(&corrected.scene, source, args.ids) {
+    if let Some(ids) = ids {
         let options = AssociateOptions {
             source: settings.options.source.clone(),
             ids,

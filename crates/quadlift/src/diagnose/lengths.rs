@@ -11,8 +11,9 @@ const FEWEST_OBJECTS: usize = 3;
 /// Sizes that differ by this factor from what is known are in another unit: no prior is so wrong.
 const OTHER_UNIT: f64 = 2.5;
 
-/// The sizes of most objects must differ by nearly the same factor: median distance from the median, in its logarithm.
-const ALIKE: f64 = 0.4;
+/// The factor must be clear beside the differences between objects: so many times their median distance from it, in its
+/// logarithm.
+const CLEAR: f64 = 3.0;
 
 /// The factor that the lengths of a scene lack to agree with what is known of the sizes of its categories, where they
 /// clearly do not agree.
@@ -45,7 +46,7 @@ pub(super) fn wrong_lengths(
     }
     let middle = median(&mut factors);
     let mut distances: Vec<f64> = factors.iter().map(|factor| (factor - middle).abs()).collect();
-    let is_wrong = middle.abs() > OTHER_UNIT.ln() && median(&mut distances) < ALIKE;
+    let is_wrong = middle.abs() > OTHER_UNIT.ln().max(CLEAR * median(&mut distances));
     is_wrong.then(|| Correction::Lengths(middle.exp()))
 }
 
