@@ -210,6 +210,7 @@ fn reversed_boxes_point_to_the_box_format() {
     let run = folder.run("localize wrong.json");
     assert!(run.code == 1 && run.stderr.contains("--box-format xywh"), "{}", run.stderr);
     assert!(folder.succeed("localize wrong.json --box-format xywh").contains("8 of 8 objects localised"));
+}
 
 /// Mistakes that no convention explains: in `up`, the ids, the poses, the unit of lengths.
 #[test]
