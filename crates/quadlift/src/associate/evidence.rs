@@ -62,7 +62,8 @@ mod tests {
     use crate::scene::Scene;
 
     fn of_views(views: u32, shift: f64) -> f64 {
-        let (mut observations, model) = seen_by(10, &ellipsoid());
+        let (mut observations, mut model) = seen_by(10, &ellipsoid());
+        model.volume = 1e5;
         observations.move_boxes(0, &nalgebra::Vector2::new(shift, 0.0));
         let options = AssociateOptions::default();
         let problem = Problem::new(&Scene::default(), &observations, &options);

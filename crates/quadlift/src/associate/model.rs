@@ -42,7 +42,8 @@ pub(super) struct Model {
     pub log_clutter_rate: f64,
     /// Sizes of each category, where they are known.
     pub log_sizes: Vec<Option<LogSize>>,
-    /// Volume that the objects' centres fill, cubed world units.
+    /// Volume in which objects may be, cubed world units: what their centres fill; around a lone object, a ball about it
+    /// that reaches to its cameras. Infinite before any object is known: no object has evidence then.
     pub volume: f64,
     /// Number of objects.
     pub objects: f64,
@@ -63,7 +64,7 @@ impl Model {
             pixel_sd: options.pixel_sd,
             log_clutter_rate: (per_frame * FIRST_CLUTTER_SHARE).max(0.05).ln(),
             log_sizes: given_sizes,
-            volume: 1e5,
+            volume: f64::INFINITY,
             objects: 1.0,
             hidden: vec![[false; 4]; observations.boxes.len()],
             shifts: vec![Vector2::zeros(); observations.cameras.len()],
@@ -93,16 +94,8 @@ impl Model {
         let assigned: usize = objects.iter().map(|o| o.boxes.len()).sum();
         self.log_clutter_rate = ((all - assigned as f64) / frames).max(0.02 * all / frames).max(0.02).ln();
         self.learn_sizes(&problem.given_sizes, objects);
-        if objects.len() >= 2 {
-            let mut radii: Vec<f64> = objects.iter().map(|o| o.radius).collect();
-            let margin = 4.0 * median(&mut radii).unwrap_or(0.0);
-            let extent: [f64; 3] = std::array::from_fn(|axis| {
-                let mut places: Vec<f64> = objects.iter().map(|o| o.center[axis]).collect();
-                let low = quantile(&mut places, 0.05).unwrap_or(0.0);
-                quantile(&mut places, 0.95).unwrap_or(0.0) - low + margin
-            });
-            let longest = extent.iter().copied().fold(0.0, f64::max);
-            self.volume = extent.iter().map(|x| x.max(0.05 * longest)).product();
+        if let Some(volume) = volume_of(observations, objects) {
+            self.volume = volume;
         }
         self.objects = objects.len() as f64;
     }
@@ -156,4 +149,25 @@ impl Model {
             }
         }
     }
+}
+
+/// The volume in which objects may be; `None` where there is no object.
+fn volume_of(observations: &Observations, objects: &[Object]) -> Option<f64> {
+    if let [lone] = objects {
+        // Nothing tells how far others are apart. The distance of the cameras is a length of the scene's own.
+        let depth = |&index: &u32| {
+            let camera = &observations.cameras[observations.boxes[index as usize].frame];
+            camera.axis.dot(&lone.center) + camera.matrix[(2, 3)]
+        };
+        let distance = median(&mut lone.boxes.iter().map(depth).collect::<Vec<f64>>())?;
+        return (distance > 0.0).then(|| 4.0 / 3.0 * std::f64::consts::PI * distance.powi(3));
+    }
+    let margin = 4.0 * median(&mut objects.iter().map(|o| o.radius).collect::<Vec<f64>>())?;
+    let extent: [f64; 3] = std::array::from_fn(|axis| {
+        let mut places: Vec<f64> = objects.iter().map(|o| o.center[axis]).collect();
+        let low = quantile(&mut places, 0.05).unwrap_or(0.0);
+        quantile(&mut places, 0.95).unwrap_or(0.0) - low + margin
+    });
+    let longest = extent.iter().copied().fold(0.0, f64::max);
+    Some(extent.iter().map(|x| x.max(0.05 * longest)).product())
 }

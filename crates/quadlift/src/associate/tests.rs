@@ -395,3 +395,41 @@ fn what_moves_is_doubtful_or_no_object() {
     }
     assert!(trusted * 2 < moving.len(), "{trusted} of {} boxes of what moves", moving.len());
 }
+
+/// The same scene in another unit of length: what was `1` is `unit` long.
+fn in_unit(scene: &Scene, unit: f64) -> Scene {
+    let mut scene = scene.clone();
+    for frame in &mut scene.frames {
+        let mut matrix = *frame.projection.matrix();
+        matrix.column_mut(3).scale_mut(unit);
+        frame.projection = Projection::from_matrix(matrix).unwrap();
+    }
+    scene
+}
+
+#[test]
+fn evidence_does_not_depend_on_the_unit_of_length() {
+    // A lone object tells nothing of the volume in which objects may be.
+    for objects in [1, 2] {
+        let noise = vec![Noise::BoxEdges(0.1)];
+        let make =
+            SyntheticOptions { objects, views: 4, noise, detector: Detector::default(), cube_side: 20.0, ..base(6) };
+        let scene = generate(&make).unwrap().scene;
+        let evidence = |unit: f64| -> Vec<f64> {
+            run(&in_unit(&scene, unit), &AssociateOptions::default())
+                .objects
+                .iter()
+                .map(|o| o.evidence.unwrap())
+                .collect()
+        };
+        let in_metres = evidence(1.0);
+        assert_eq!(in_metres.len(), objects);
+        for unit in [1e-3, 1e3] {
+            let other = evidence(unit);
+            assert_eq!(other.len(), objects, "{unit}");
+            for (a, b) in in_metres.iter().zip(other) {
+                assert!((a - b).abs() < 1e-3, "{a} with the unit 1, {b} with the unit {unit}");
+            }
+        }
+    }
+}
