@@ -1,5 +1,7 @@
 //! The one call: a scene and options in, estimates out.
 
+mod check;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::cross_validation::{CrossValidation, CrossValidationOptions, choose_folds, summarise};
@@ -8,8 +10,7 @@ use crate::parallel::map_indices;
 use crate::scene::{BORDER_TOLERANCE_PX, Detection, Scene, SourceError, View};
 use crate::solve::map::{MapContext, map};
 use crate::solve::{
-    BodyKind, Estimate, Fold, MapOptions, Method, PoseNoise, RegOptions, Status, ViewReport, predict_fold,
-    solve_closed_form,
+    BodyKind, Estimate, Fold, MapOptions, Method, RegOptions, Status, ViewReport, predict_fold, solve_closed_form,
 };
 
 /// Which of a detection's measurements are used.
@@ -31,26 +32,29 @@ pub enum UsedMeasurements {
 }
 
 impl UsedMeasurements {
-    /// Removes from a view what is not used; `false` when it lacks what is.
-    fn keep(self, view: &mut View) -> bool {
+    /// Whether a detection has what is used.
+    fn are_in(self, detection: &Detection) -> bool {
+        match self {
+            Self::Auto => true,
+            Self::Box => detection.bounding_box.is_some(),
+            Self::Ellipse => detection.ellipse.is_some(),
+            Self::BoxAndEllipse => detection.bounding_box.is_some() && detection.ellipse.is_some(),
+            Self::Mask => detection.support_lines.as_deref().is_some_and(|lines| lines.bounding_box().is_some()),
+        }
+    }
+
+    /// Removes from a view what is not used.
+    fn keep_only(self, view: &mut View) {
         if self != Self::Mask {
             view.support_lines = None;
         }
         match self {
-            Self::Auto => true,
-            Self::Box => {
-                view.ellipse = None;
-                view.bounding_box.is_some()
-            }
-            Self::Ellipse => {
-                view.bounding_box = None;
-                view.ellipse.is_some()
-            }
-            Self::BoxAndEllipse => view.bounding_box.is_some() && view.ellipse.is_some(),
+            Self::Auto | Self::BoxAndEllipse => {}
+            Self::Box => view.ellipse = None,
+            Self::Ellipse => view.bounding_box = None,
             Self::Mask => {
                 view.ellipse = None;
                 view.bounding_box = view.support_lines.and_then(|lines| lines.bounding_box());
-                view.bounding_box.is_some()
             }
         }
     }
@@ -104,6 +108,8 @@ pub struct LeftOut {
     pub occluded_or_truncated: usize,
     /// They lie where the lens cannot be undistorted, see [`crate::geometry::Camera::undistort_point`].
     pub beyond_lens: usize,
+    /// They lack what is used of detections, see [`Options::measurements`].
+    pub without_measurement: usize,
 }
 
 /// The result for a scene.
@@ -133,11 +139,7 @@ pub type Progress<'a> = &'a (dyn Fn(usize, usize) + Sync);
 /// [`LocalizeError`] when the options do not fit the scene; a single object that cannot be solved is a
 /// [`crate::solve::Status`] instead.
 pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<Localization, LocalizeError> {
-    check(options)?;
-    if options.map.ground_plane && scene.up.is_none() && !scene.frames.is_empty() {
-        let text = "the ground plane needs to know where up is; give the scene an \"up\" direction (against gravity)";
-        return Err(LocalizeError::Option(text.to_owned()));
-    }
+    check::check(options, scene)?;
     let source = scene.source_index(options.source.as_deref())?;
     let from_source = |d: &Detection| source.is_none() || d.source_index == source;
     let visible = |d: &Detection| {
@@ -145,7 +147,8 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         within(d.occluded, options.max_occluded) && within(d.truncated, options.max_truncated)
     };
     let measured = |d: &Detection| d.bounding_box.is_some() || d.ellipse.is_some();
-    let mut groups = scene.detections_by_object(|d| from_source(d) && visible(d) && measured(d));
+    let usable = |d: &Detection| measured(d) && options.measurements.are_in(d);
+    let mut groups = scene.detections_by_object(|d| from_source(d) && visible(d) && usable(d));
     // In the order of the frames, so that neighbours in the list are neighbours in time.
     for group in &mut groups {
         group.sort_by_key(|&index| scene.detections[index as usize].frame_index);
@@ -163,6 +166,8 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
                 named[object as usize] = true;
                 left_out.occluded_or_truncated += usize::from(!visible(detection));
                 left_out.beyond_lens += usize::from(visible(detection) && !measured(detection));
+                let lacks = measured(detection) && !usable(detection);
+                left_out.without_measurement += usize::from(visible(detection) && lacks);
             }
         }
     }
@@ -175,7 +180,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         for (view, &detection) in object.views.iter_mut().zip(&groups[objects[k]]) {
             view.hidden_edges = hidden[detection as usize];
         }
-        object.views.retain_mut(|view| options.measurements.keep(view));
+        object.views.iter_mut().for_each(|view| options.measurements.keep_only(view));
         // The closed forms keep the border as it is; the refinement knows that detectors are wrong near it.
         if options.method == Method::Map {
             for view in &mut object.views {
@@ -211,13 +216,13 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         (estimates, Vec::new(), BodyKind::Ellipsoid, folds, predicted)
     };
     let cross_validation = summarise(&estimates, &folds, predicted, &options.cross_validation);
-    // The views of objects with too few of them are listed all the same.
+    // The views of objects with too few of them are listed all the same, as not used.
     for (estimate, &object) in estimates.iter_mut().zip(&objects) {
         if estimate.views.is_empty() {
             estimate.views = groups[object]
                 .iter()
                 .map(|&d| scene.detections[d as usize].frame_index as usize)
-                .map(ViewReport::without_body)
+                .map(ViewReport::not_used)
                 .collect();
         }
     }
@@ -228,42 +233,4 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
         estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
     }
     Ok(Localization { estimates, left_out, noise, body, cross_validation, diagnosis })
-}
-
-fn check(options: &Options) -> Result<(), LocalizeError> {
-    let map = &options.map;
-    let refuse = |text: String| Err(LocalizeError::Option(text));
-    if let Some(BodyKind::Superellipsoid(q)) = map.body
-        && !(1.0..=2.0).contains(&q)
-    {
-        return refuse(format!(
-            "the support exponent of a superellipsoid is {q}; expected 1 (cuboid) to 2 (ellipsoid)"
-        ));
-    }
-    if options.method != Method::Map && map.body.is_some_and(|body| body != BodyKind::Ellipsoid) {
-        return refuse("only the method map fits bodies other than ellipsoids".to_owned());
-    }
-    if options.method != Method::Map && map.sigmas.is_some() {
-        return refuse("only the method map takes sigmas".to_owned());
-    }
-    if options.measurements == UsedMeasurements::Mask && !matches!(options.method, Method::Map | Method::Planes) {
-        return refuse("only the methods map and planes take masks; the others take their ellipses".to_owned());
-    }
-    if let Some(PoseNoise { rotation_sd, translation_sd }) = map.pose_noise
-        && !(rotation_sd > 0.0 && translation_sd > 0.0)
-    {
-        return refuse(format!(
-            "the standard deviations of the pose noise are {rotation_sd} and {translation_sd}; expected positive numbers"
-        ));
-    }
-    if map.shape_sd.is_nan() || map.shape_sd <= 0.0 {
-        return refuse(format!(
-            "the standard deviation of the shape prior is {}; expected a positive number",
-            map.shape_sd
-        ));
-    }
-    if options.reg.lambda.is_nan() || options.reg.lambda < 0.0 || options.reg.lambda.is_infinite() {
-        return refuse(format!("lambda is {}; expected a finite number that is not negative", options.reg.lambda));
-    }
-    Ok(())
 }

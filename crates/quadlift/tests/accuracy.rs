@@ -213,10 +213,26 @@ fn the_kind_of_body_is_chosen_from_the_boxes() {
     };
     assert_eq!(chosen(BodyKind::Ellipsoid, 0.0), BodyKind::Ellipsoid);
     assert_eq!(chosen(BodyKind::Ellipsoid, 0.1), BodyKind::Ellipsoid);
-    assert_eq!(chosen(BodyKind::Cuboid, 0.0), BodyKind::Superellipsoid(1.0));
+    assert_eq!(chosen(BodyKind::Cuboid, 0.0), BodyKind::Cuboid);
     assert_eq!(chosen(BodyKind::Superellipsoid(1.5), 0.0), BodyKind::Superellipsoid(1.5));
-    let BodyKind::Superellipsoid(exponent) = chosen(BodyKind::Cuboid, 0.05) else { panic!("an ellipsoid was chosen") };
-    assert!(exponent <= 1.3, "{exponent}");
+    match chosen(BodyKind::Cuboid, 0.05) {
+        BodyKind::Cuboid => {}
+        BodyKind::Superellipsoid(exponent) => assert!(exponent <= 1.3, "{exponent}"),
+        BodyKind::Ellipsoid => panic!("an ellipsoid was chosen"),
+    }
+}
+
+#[test]
+fn a_cuboid_that_was_chosen_is_written_like_one_that_was_asked_for() {
+    let synthetic = generate(&SyntheticOptions { objects: 12, body: BodyKind::Cuboid, ..boxes(0.0)(3) }).unwrap();
+    let run = |body| {
+        let options = Options { map: MapOptions { body, ..Default::default() }, ..Default::default() };
+        localize(&synthetic.scene, &options, &|_, _| {}).unwrap().estimates
+    };
+    for (chosen, asked) in run(None).iter().zip(run(Some(BodyKind::Cuboid))) {
+        assert_eq!(chosen.body, asked.body);
+        assert!(chosen.cuboid().is_some() && chosen.status == asked.status);
+    }
 }
 
 #[test]
@@ -239,4 +255,42 @@ fn wrong_poses_are_found_out() {
         (score(None), score(Some(PoseNoise { rotation_sd: 0.002, translation_sd: 0.01 })));
     println!("poses taken as exact {taken_as_exact:.3}, corrected {corrected:.3}");
     assert!(corrected > 0.9 && corrected > taken_as_exact + 0.1, "{taken_as_exact} {corrected}");
+}
+
+#[test]
+fn uncertainties_have_the_unit_of_the_world() {
+    for body in [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Superellipsoid(1.5)] {
+        let sds = |scale: f64| -> Vec<f64> {
+            let made = generate(&SyntheticOptions { objects: 4, scale, body, ..boxes(0.03)(2) }).unwrap();
+            let map = MapOptions { body: Some(body), ..Default::default() };
+            let estimates =
+                localize(&made.scene, &Options { map, ..Default::default() }, &|_, _| {}).unwrap().estimates;
+            estimates.iter().map(|e| e.center_sd().unwrap()).collect()
+        };
+        for (one, thousand) in sds(1.0).into_iter().zip(sds(1000.0)) {
+            assert!((thousand / one / 1000.0 - 1.0).abs() < 0.02, "{body:?}: {one} {thousand}");
+        }
+    }
+}
+
+#[test]
+fn detections_without_what_is_used_are_counted_and_their_objects_have_used_no_view() {
+    use quadlift::UsedMeasurements;
+    let made = generate(&SyntheticOptions { objects: 3, views: 6, ..boxes(0.01)(1) }).unwrap();
+    let run =
+        |measurements| localize(&made.scene, &Options { measurements, ..Default::default() }, &|_, _| {}).unwrap();
+    let found = run(UsedMeasurements::Ellipse);
+    assert_eq!(found.left_out.without_measurement, 18);
+    for estimate in &found.estimates {
+        assert_eq!((estimate.status, estimate.views_used()), (Status::TooFewViews, 0));
+    }
+    let found = run(UsedMeasurements::Box);
+    assert_eq!(found.left_out.without_measurement, 0);
+    assert!(found.estimates.iter().all(|estimate| estimate.views_used() == 6));
+    // Two views of three that are asked for: listed, and not used.
+    let options = Options { min_views: 7, ..Default::default() };
+    for estimate in localize(&made.scene, &options, &|_, _| {}).unwrap().estimates {
+        assert_eq!((estimate.views.len(), estimate.views_used()), (6, 0));
+        assert!(estimate.views.iter().all(|view| view.rejected_because.is_none()));
+    }
 }

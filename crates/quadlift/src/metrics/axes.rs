@@ -81,6 +81,23 @@ mod tests {
     }
 
     #[test]
+    fn the_order_of_the_axes_does_not_matter_whatever_its_hand() {
+        // All orders of the axes; half of them make a left-handed frame of a right-handed one.
+        let truth = ellipsoid([3.0, 2.0, 1.0], Rotation3::from_euler_angles(0.7, -0.4, 1.9));
+        let turn = Rotation3::from_euler_angles(0.1, 0.05, -0.08);
+        for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            let mut axes = Matrix3::from_fn(|i, j| (truth.rotation * turn)[(i, order[j])]);
+            if axes.determinant() < 0.0 {
+                axes *= -1.0;
+            }
+            let rotation = Rotation3::from_matrix_unchecked(axes);
+            let renamed = ellipsoid(order.map(|k| truth.semi_axes[k]), rotation);
+            let error = rotation_error_modulo_symmetry(&renamed, &truth);
+            assert!((error - turn.angle()).abs() < 1e-9, "{order:?}: {error} {}", turn.angle());
+        }
+    }
+
+    #[test]
     fn size_errors_are_relative_and_signed() {
         let truth = ellipsoid([1.0, 4.0, 2.0], Rotation3::identity());
         let estimate = ellipsoid([3.0, 1.0, 2.0], Rotation3::identity());

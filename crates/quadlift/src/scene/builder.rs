@@ -175,17 +175,26 @@ impl SceneBuilder {
         if input.bounding_box.is_none() && input.ellipse.is_none() {
             return Err(SceneError::NothingMeasured);
         }
-        let object_index = intern(input.object, &mut self.objects, &mut self.scene.object_ids);
-        let source_index = intern(input.source, &mut self.sources, &mut self.scene.sources);
-        let category_index = intern(input.category, &mut self.categories, &mut self.scene.categories);
-        if let Some(object) = object_index
-            && let Some(first) = self.seen.insert((object, frame_index, source_index), next)
+        // A detection that is refused leaves no names behind. One with a new name is no duplicate.
+        let known = |name: Option<&str>, names: &HashMap<String, u32>| match name {
+            Some(name) => names.get(name).copied().map(Some),
+            None => Some(None),
+        };
+        if let Some(Some(object)) = known(input.object, &self.objects)
+            && let Some(source) = known(input.source, &self.sources)
+            && let Some(&first) = self.seen.get(&(object, frame_index, source))
         {
             return Err(SceneError::DuplicateDetection {
                 object: input.object.unwrap_or_default().to_owned(),
                 frame: input.frame.to_owned(),
                 first: first as usize,
             });
+        }
+        let object_index = intern(input.object, &mut self.objects, &mut self.scene.object_ids);
+        let source_index = intern(input.source, &mut self.sources, &mut self.scene.sources);
+        let category_index = intern(input.category, &mut self.categories, &mut self.scene.categories);
+        if let Some(object) = object_index {
+            self.seen.insert((object, frame_index, source_index), next);
         }
         let frame = &self.scene.frames[frame_index as usize];
         let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(input.bounding_box, input.ellipse);
@@ -259,6 +268,9 @@ mod tests {
         assert_eq!(b.add_detection(&nothing), Err(SceneError::NothingMeasured));
         b.add_detection(&detection("a")).unwrap();
         assert!(matches!(b.add_detection(&detection("a")), Err(SceneError::DuplicateDetection { first: 0, .. })));
+        let again = DetectionInput { category: Some("mug"), ..detection("a") };
+        assert!(matches!(b.add_detection(&again), Err(SceneError::DuplicateDetection { first: 0, .. })));
+        assert_eq!(b.scene.categories.len(), 0, "a refused detection leaves no names behind");
         // Another source may see the same object in the same frame.
         b.add_detection(&DetectionInput { source: Some("yolo"), ..detection("a") }).unwrap();
         assert!(b.up([0.0; 3]).is_err());

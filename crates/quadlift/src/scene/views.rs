@@ -137,3 +137,23 @@ impl Scene {
         ObjectViews { object_index, category_index, views }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_side_of_the_border_cuts_off_its_own_edge() {
+        let size = Some(Vector2::new(640.0, 480.0));
+        let inside = [50.0, 60.0, 600.0, 400.0];
+        let at_the_border = [1.5, 1.5, 638.5, 478.5];
+        let of = |edges: [f64; 4]| edges_at_border(&BoundingBox::new(edges).unwrap(), size, BORDER_TOLERANCE_PX);
+        assert_eq!(of(inside), [false; 4]);
+        for edge in 0..4 {
+            let mut edges = inside;
+            edges[edge] = at_the_border[edge];
+            assert_eq!(of(edges), std::array::from_fn(|k| k == edge), "{edges:?}");
+        }
+        assert_eq!(edges_at_border(&BoundingBox::new(at_the_border).unwrap(), None, 2.0), [false; 4]);
+    }
+}

@@ -67,6 +67,8 @@ pub enum Warning {
     },
     /// The covariance could not be computed.
     NoCovariance,
+    /// The iteration ended before it had found the body that fits best ([`super::Method::Map`] only).
+    NotConverged,
 }
 
 impl std::fmt::Display for Warning {
@@ -94,6 +96,9 @@ impl std::fmt::Display for Warning {
                 100.0 / (1.0 + (-log_odds).exp())
             ),
             Self::NoCovariance => write!(f, "the uncertainty could not be computed"),
+            Self::NotConverged => {
+                write!(f, "not converged: the iteration ended before it had found the body that fits best")
+            }
         }
     }
 }
@@ -133,14 +138,19 @@ pub struct ViewReport {
     /// relative to the size of the box, so that a large residual in pixels may be a small one here
     /// ([`super::Method::Map`] only).
     pub deviations: Option<f64>,
-    /// Whether the view was used; a rejected view is an outlier.
+    /// Whether the view was used. One that was not is an outlier, or its object could not be solved.
     pub inlier: bool,
-    /// Why it was not used; absent where it was.
+    /// Why it was rejected; absent where it was used, and where the object could not be solved.
     pub rejected_because: Option<Rejection>,
 }
 
 impl ViewReport {
-    /// A view that counts, of which nothing else is known: the object has no body.
+    /// A view of an object that could not be solved.
+    pub fn not_used(frame_index: usize) -> Self {
+        Self { inlier: false, ..Self::without_body(frame_index) }
+    }
+
+    /// A view that was used, of which nothing else is known: the object has no body.
     pub fn without_body(frame_index: usize) -> Self {
         Self { frame_index, residual_px: None, deviations: None, inlier: true, rejected_because: None }
     }
@@ -278,5 +288,25 @@ impl Estimate {
     pub fn center_sd(&self) -> Option<f64> {
         let c = self.covariance.as_ref()?.matrix;
         Some(((c[(0, 0)] + c[(1, 1)] + c[(2, 2)]) / 3.0).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn residuals_are_those_of_the_views_that_were_used() {
+        let seen = |residual, inlier| ViewReport {
+            residual_px: residual,
+            inlier,
+            rejected_because: (!inlier).then_some(Rejection::Residual),
+            ..ViewReport::without_body(0)
+        };
+        let views = vec![seen(Some(3.0), true), seen(Some(100.0), false), seen(None, true), seen(Some(5.0), true)];
+        let estimate = Estimate { views, ..Estimate::failed(0, None, Status::Ok) };
+        assert_eq!(estimate.views_used(), 3);
+        assert!((estimate.rms_residual_px().unwrap() - 17.0f64.sqrt()).abs() < 1e-12);
+        assert_eq!(Estimate::failed(0, None, Status::Diverged).rms_residual_px(), None);
     }
 }

@@ -10,6 +10,7 @@
 
 use super::super::estimate::Misfit;
 use super::super::options::MapOptions;
+use super::chi_square::over_freedom;
 use super::noise::{NoiseGroup, NoiseLevels};
 
 /// What misfits are compared with: the noise levels times this factor.
@@ -38,7 +39,7 @@ impl Reference {
         // Of chi-square with few degrees of freedom the median lies below the mean (Wilson and Hilferty).
         let mut levels: Vec<(f64, f64)> = misfits
             .filter(|misfit| misfit.freedom > 0.0)
-            .map(|misfit| (misfit.deviations.powi(2) / chi_square_over_freedom(misfit.freedom, 0.0), misfit.freedom))
+            .map(|misfit| (misfit.deviations.powi(2) / over_freedom(misfit.freedom, 0.0), misfit.freedom))
             .collect();
         levels.sort_by(|a, b| a.0.total_cmp(&b.0));
         let half = 0.5 * levels.iter().map(|(_, freedom)| freedom).sum::<f64>();
@@ -68,22 +69,15 @@ impl Reference {
     }
 }
 
-/// Quantile of the chi-square distribution over its degrees of freedom, `z` standard deviations of a Gaussian above the
-/// median (Wilson and Hilferty 1931).
-fn chi_square_over_freedom(freedom: f64, z: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom);
-    (1.0 - spread + z * spread.sqrt()).max(0.1).powi(3)
-}
-
 /// Whether a misfit (against the reference) is far beyond what noise does.
 pub(super) fn is_inconsistent(misfit: &Misfit) -> bool {
-    let expected = chi_square_over_freedom(misfit.freedom.max(1.0), ONE_IN_1000);
+    let expected = over_freedom(misfit.freedom.max(1.0), ONE_IN_1000);
     misfit.relative > SMALLEST_MISFIT && misfit.deviations.powi(2) > HETEROGENEITY * expected
 }
 
 /// Whether a misfit (against the reference) is one that noise makes.
 pub(super) fn agrees(misfit: &Misfit) -> bool {
-    misfit.deviations.powi(2) < chi_square_over_freedom(misfit.freedom.max(1.0), ONE_IN_100)
+    misfit.deviations.powi(2) < over_freedom(misfit.freedom.max(1.0), ONE_IN_100)
 }
 
 /// Standard deviations of a Gaussian that one of 1000 exceeds.

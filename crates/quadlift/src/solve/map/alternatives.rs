@@ -15,6 +15,7 @@ use super::first_fit::FirstFit;
 use super::fit::{Fit, POLISH};
 use super::levenberg_marquardt::minimise;
 use super::noise::NoiseLevels;
+use super::normal_equations::NormalEquations;
 use crate::geometry::{Body, ConvexBody};
 
 /// Log odds below which another answer is not reported: 1 to 7.4. Of 400 synthetic cuboids in 8 views (boxes with 2 and
@@ -59,8 +60,8 @@ impl<B: FirstFit> Fit<B> {
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
         let frame = &self.prepared.measurements.frame;
         let seed = self.prepared.seed(context);
-        let evidence = |cost: f64, log_determinant: f64| -0.5 * (cost + log_determinant);
-        let own = evidence(best.cost, log_determinant_of(&best));
+        let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
+        let Some(own) = evidence(&best) else { return Vec::new() };
         let mut found: Vec<Alternative> = Vec::new();
         for (start, screened) in B::screened(&self.prepared, &self.ellipsoid, noise, self.outlier_scale, context, seed)
         {
@@ -76,7 +77,7 @@ impl<B: FirstFit> Fit<B> {
                 continue;
             }
             let Some((model, equations)) = descend(start, POLISH) else { continue };
-            let log_odds = evidence(equations.cost, log_determinant_of(&equations)) - own;
+            let Some(log_odds) = evidence(&equations).map(|other| other - own) else { continue };
             if let Some(body) = is_new(&model).filter(|_| log_odds > LEAST_LOG_ODDS) {
                 found.push(Alternative { body, log_odds });
             }

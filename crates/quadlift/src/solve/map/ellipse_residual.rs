@@ -92,7 +92,7 @@ impl EllipseMeasurement {
         .map(|group| (group, 1.0 / noise.of(group)));
         let as_vector = as_vector || self.shape_only;
         let mut push = |residual: f64, row: Row, (group, weight): (NoiseGroup, f64)| {
-            rows.push(ResidualRow { residual: residual * weight, row: row.map(|x| x * weight), group });
+            rows.push(ResidualRow { residual: residual * weight, row: row.map(|x| x * weight), group, counts: true });
         };
         let Some(outline) = Outline::new(&self.m, &self.offset, body) else {
             let first = if self.shape_only { 3 } else { 0 };

@@ -124,8 +124,10 @@ impl<'a> Chains<'a> {
             let start = OrientedModel::new(*body.center(), *body.axes(), semi_axes, exponent);
             match minimise(start.clone(), NEXT, |body| objective.linearise(body), BodyModel::retract) {
                 Some((body, equations)) => {
-                    if equations.cost < cost {
-                        (cost, log_determinant) = (equations.cost, log_determinant_of(&equations));
+                    if equations.cost < cost
+                        && let Some(determinant) = log_determinant_of(&equations)
+                    {
+                        (cost, log_determinant) = (equations.cost, determinant);
                     }
                     (equations.cost, body)
                 }
@@ -148,12 +150,13 @@ impl<'a> Chains<'a> {
     }
 }
 
-/// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal.
-pub(super) fn log_determinant_of(equations: &NormalEquations) -> f64 {
+/// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal; `None` where H is
+/// singular.
+pub(super) fn log_determinant_of(equations: &NormalEquations) -> Option<f64> {
     let mut hessian = equations.hessian();
     for k in 3..6 {
         hessian[(k, k)] += ROTATION_PRECISION;
     }
     // Twice the sum of the logarithms of Cholesky's diagonal.
-    cholesky(&hessian).map_or(0.0, |l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
+    cholesky(&hessian).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
 }

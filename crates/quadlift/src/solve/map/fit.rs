@@ -15,7 +15,7 @@ use super::common_errors::{
 use super::covariance;
 use super::first_fit::FirstFit;
 use super::ground::{GroundPlane, LowestPoint};
-use super::levenberg_marquardt::{Stop, minimise};
+use super::levenberg_marquardt::{End, Minimum, Stop, minimise, minimum};
 use super::measurements::Plane;
 use super::noise::{CovarianceLevels, NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
@@ -30,6 +30,10 @@ const BETWEEN_ROUNDS: Stop = Stop { evaluations: 6, promised_decrease: 0.1 };
 
 /// The end.
 pub(super) const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
+
+/// A fit whose cost could still fall by more than this has not converged: it is about the square of the distance to the
+/// minimum, in standard deviations of the estimate, of which a tenth does not matter.
+const LARGEST_PROMISE: f64 = 0.01;
 
 /// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
 const SUSPECT_COST: f64 = 12.0;
@@ -51,6 +55,8 @@ pub(super) struct Fit<B> {
     pub outlier_scale: Option<f64>,
     /// The ground plane in the object's frame, where the object stands on it.
     pub ground: Option<(Plane, f64)>,
+    /// Whether the last iteration ended at a minimum.
+    pub converged: bool,
 }
 
 impl<B: FirstFit> Fit<B> {
@@ -122,8 +128,9 @@ impl<B: FirstFit> Fit<B> {
         objective.statistics(&self.body, &self.equations, context.options.correlated_views)
     }
 
-    /// Logarithm of the evidence for the noise levels of the last fit, up to what does not depend on them.
-    pub(super) fn evidence(&self, noise: &NoiseLevels) -> f64 {
+    /// Logarithm of the evidence for the noise levels of the last fit, up to what does not depend on them; `None` when the
+    /// normal equations are singular.
+    pub(super) fn evidence(&self, noise: &NoiseLevels) -> Option<f64> {
         self.objective(noise, self.outlier_scale).evidence(&self.body, &self.equations)
     }
 
@@ -141,6 +148,7 @@ impl<B: FirstFit> Fit<B> {
             equations,
             outlier_scale: Some(OUTLIER_SCALE),
             ground: self.ground,
+            converged: false,
         })
     }
 
@@ -192,15 +200,19 @@ impl<B: FirstFit> Fit<B> {
         (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
     }
 
-    /// The fit under new noise levels; the old one where that fails.
+    /// The fit under new noise levels. Where it cannot be evaluated under them its cost is infinite, and it ends as
+    /// diverged.
     pub(super) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
         let plain = self.objective(noise, None);
         let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
         let objective = Objective { outlier_scale: scale, ..plain };
-        match minimise(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
-            Some((body, equations)) => Self { body, equations, outlier_scale: scale, ..self.clone() },
-            None => self.clone(),
+        match minimum(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
+            Some(Minimum { state: body, equations, end }) => {
+                let converged = !matches!(end, End::UsedUp { promised } if promised > LARGEST_PROMISE);
+                Self { body, equations, outlier_scale: scale, converged, ..self.clone() }
+            }
+            None => Self { equations: NormalEquations::nowhere(), ..self.clone() },
         }
     }
 
@@ -209,7 +221,7 @@ impl<B: FirstFit> Fit<B> {
         let mut sums = vec![(0.0, 0usize); self.prepared.views.views.len()];
         self.objective(noise, None).each_row(&self.body, |view, row, _| {
             sums[view].0 += row.residual * row.residual;
-            sums[view].1 += usize::from(row.residual != 0.0);
+            sums[view].1 += usize::from(row.counts);
         });
         sums.into_iter().map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt())).collect()
     }
@@ -231,7 +243,7 @@ impl<B: FirstFit> Fit<B> {
         if far { Self { outlier_scale: Some(OUTLIER_SCALE), ..self }.refined(noise, true) } else { self }
     }
 
-    /// Squared norm of each view's whitened residuals.
+    /// Squared norm of each view's whitened residuals, as if there were four of them.
     fn view_costs(&self, noise: &NoiseLevels) -> Vec<f64> {
         self.prepared.objective(noise, None).view_costs(&self.body)
     }
@@ -252,7 +264,7 @@ impl<B: FirstFit> Fit<B> {
         objective.each_row(&self.body, |view, row, weight| {
             component = if view == last_view { component + 1 } else { 1 };
             last_view = view;
-            if row.residual == 0.0 || weight <= 0.0 {
+            if !row.counts || weight <= 0.0 {
                 return;
             }
             let normal = Vector3::new(row.row[0], row.row[1], row.row[2]);
@@ -318,7 +330,7 @@ impl<B: FirstFit> Fit<B> {
         let blank = Estimate::failed(views.object_index, views.category_index, Status::Ok);
         let body = self.body.body_in_world(&measurements.frame, context.body);
         let behind = |view: &View| view.projection.depth(&measurements.frame.point_in_world(self.body.center())) <= 0.0;
-        if views.views.iter().all(behind) || !is_a_body(&body, &views.views) {
+        if !self.equations.cost.is_finite() || views.views.iter().all(behind) || !is_a_body(&body, &views.views) {
             return Estimate { status: Status::Diverged, ..blank };
         }
         let costs = self.view_costs(noise);
@@ -331,6 +343,9 @@ impl<B: FirstFit> Fit<B> {
         estimate.covariance = self.covariance(noise, context);
         if estimate.covariance.is_none() {
             estimate.warnings.push(Warning::NoCovariance);
+        }
+        if !self.converged {
+            estimate.warnings.push(Warning::NotConverged);
         }
         estimate.misfit = self.misfit(noise).map(|misfit| reference.against(misfit));
         if estimate.misfit.as_ref().is_some_and(is_inconsistent) {

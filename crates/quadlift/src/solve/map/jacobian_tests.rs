@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3}
 use proptest::prelude::*;
 
 use super::super::conditioning::ObjectFrame;
+use super::super::sigmas::Sigmas;
 use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
 use super::measurements::{Measurements, Plane};
 use super::noise::NoiseLevels;
@@ -81,6 +82,25 @@ fn check_rows_in_form<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) {
     }
 }
 
+/// The gradient of the cost of all views, 2 J^T W r, against differences of the cost: with heavy tails, with views that
+/// may be outliers, and with edges that count less than ellipses.
+fn check_loss(m: &Measurements, body: &EllipsoidModel, noise: &NoiseLevels, outlier_scale: Option<f64>) {
+    let prior = ObjectPrior::default();
+    let heavy_tails = true;
+    let objective =
+        Objective { measurements: m, prior: &prior, ground: None, noise, heavy_tails, outlier_scale, smooth: true };
+    let here = objective.linearise(body).unwrap();
+    for k in 0..9 {
+        let mut step = SVector::<f64, 9>::zeros();
+        step[k] = STEP;
+        let cost = |step| objective.linearise(&body.retract(&step).unwrap()).unwrap().cost;
+        let numeric = (cost(step) - cost(-step)) / (2.0 * STEP);
+        let analytic = 2.0 * here.gradient()[k];
+        let scale = here.gradient().amax() + 1e-3 * here.cost;
+        assert!((numeric - analytic).abs() < 1e-4 * scale, "parameter {k}: {numeric} {analytic}");
+    }
+}
+
 /// The gradient of the priors' cost, 2 J^T r, against differences of the cost.
 fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
     let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false);
@@ -139,6 +159,26 @@ proptest! {
         };
         prop_assume!(measurements(true).edges.iter().all(smooth));
         check_rows(&measurements(true), &body);
+    }
+
+    #[test]
+    fn robust_losses(
+        a in -3.0..3.0f64, x in -0.5..0.5f64, edges in 0.0..0.9f64, ellipses in 0.0..0.9f64, scale in 1.0..30.0f64,
+    ) {
+        let body = EllipsoidModel::from_axes(Vector3::new(x, -0.2, 0.1), rotation(a, 0.4, 0.7), Vector3::new(1.7, 1.1, 0.6));
+        let correlations = [("edge_correlation", edges), ("ellipse_correlation", ellipses), ("edge_relative", 0.1)];
+        let noise = NoiseLevels::given(&Sigmas::new(correlations).unwrap(), 67.0);
+        let ellipse = Ellipse::new(Vector2::new(330.0, 225.0), Vector2::new(80.0, 60.0), -0.3).unwrap();
+        let frame = ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8 };
+        let views = [
+            view(0.2, None, Some([250.0, 160.0, 420.0, 300.0])),
+            view(0.7, Some(ellipse), Some([245.0, 165.0, 415.0, 290.0])),
+            view(-0.4, Some(ellipse), None),
+            view(1.1, Some(ellipse), Some([150.0, 165.0, 400.0, 390.0])),
+        ];
+        let m = Measurements::new(frame, &views, false);
+        check_loss(&m, &body, &noise, None);
+        check_loss(&m, &body, &noise, Some(scale));
     }
 
     #[test]

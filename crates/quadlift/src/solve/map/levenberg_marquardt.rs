@@ -15,6 +15,31 @@ pub(crate) struct Stop {
     pub promised_decrease: f64,
 }
 
+/// Why an iteration stopped.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum End {
+    /// A step promises less than was asked for.
+    Converged,
+    /// No step is short enough to lower the cost, as at a kink.
+    NoLowerStep,
+    /// The evaluations are used up; a step still promises to lower the cost by so much.
+    UsedUp {
+        /// The decrease.
+        promised: f64,
+    },
+}
+
+/// Where an iteration ended.
+#[derive(Debug, Clone)]
+pub(crate) struct Minimum<State> {
+    /// The best state.
+    pub state: State,
+    /// The objective there.
+    pub equations: NormalEquations,
+    /// Why it ended.
+    pub end: End,
+}
+
 /// With this damping the steps are too short to be worth taking.
 const LARGEST_DAMPING: f64 = 1e6;
 
@@ -32,11 +57,21 @@ pub(crate) fn minimise<State: Clone>(
     linearise: impl Fn(&State) -> Option<NormalEquations>,
     retract: impl Fn(&State, &SVector<f64, 9>) -> Option<State>,
 ) -> Option<(State, NormalEquations)> {
+    minimum(start, stop, linearise, retract).map(|found| (found.state, found.equations))
+}
+
+/// The same as [`minimise`], with the reason why the iteration stopped.
+pub(crate) fn minimum<State: Clone>(
+    start: State,
+    stop: Stop,
+    linearise: impl Fn(&State) -> Option<NormalEquations>,
+    retract: impl Fn(&State, &SVector<f64, 9>) -> Option<State>,
+) -> Option<Minimum<State>> {
     let mut state = start;
     let mut here = linearise(&state).filter(|n| n.cost.is_finite())?;
     let mut damping = 1e-3;
     let mut evaluations = 1;
-    while evaluations < stop.evaluations {
+    let end = loop {
         let (hessian, gradient) = (here.hessian(), here.gradient());
         let mut damped = hessian;
         for i in 0..9 {
@@ -45,14 +80,17 @@ pub(crate) fn minimise<State: Clone>(
         let Some(mut step) = solve_spd(&damped, &-gradient) else {
             damping *= 10.0;
             if damping > LARGEST_DAMPING {
-                break;
+                break End::NoLowerStep;
             }
             continue;
         };
         // The decrease that the quadratic model promises.
         let promised = -step.dot(&gradient) * 2.0 - (step.transpose() * hessian * step)[0];
         if promised < stop.promised_decrease && damping < 1.0 {
-            break;
+            break End::Converged;
+        }
+        if evaluations >= stop.evaluations {
+            break End::UsedUp { promised };
         }
         let length = step.amax();
         if length > LONGEST_STEP {
@@ -68,12 +106,12 @@ pub(crate) fn minimise<State: Clone>(
             _ => {
                 damping *= 8.0;
                 if damping > LARGEST_DAMPING {
-                    break;
+                    break End::NoLowerStep;
                 }
             }
         }
-    }
-    Some((state, here))
+    };
+    Some(Minimum { state, equations: here, end })
 }
 
 #[cfg(test)]
@@ -104,6 +142,34 @@ mod tests {
         let (x, end) = minimise(start, stop, linearise, |x, d| Some(x + d)).unwrap();
         assert!(end.cost < 1e-15, "{x} {}", end.cost);
         assert!((x[0] - 1.0).abs() < 1e-6 && (x[8] - 8.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_reason_for_the_end_is_told() {
+        // A quartic: steps that Gauss and Newton take shorten the way by a third each.
+        let quartic = |x: &f64| {
+            let mut n = NormalEquations::zero();
+            let mut row = [0.0; 9];
+            row[0] = 2.0 * x;
+            n.add_quadratic(x * x, &row);
+            Some(n)
+        };
+        // |x|, as a residual whose derivative jumps: from 0 no step lowers it.
+        let kink = |x: &f64| {
+            let mut n = NormalEquations::zero();
+            let mut row = [0.0; 9];
+            row[0] = if *x < 0.0 { -1.0 } else { 1.0 };
+            n.add_quadratic(1.0 + x.abs(), &row);
+            Some(n)
+        };
+        let retract = |x: &f64, d: &SVector<f64, 9>| Some(x + d[0]);
+        let stop = |evaluations| Stop { evaluations, promised_decrease: 1e-12 };
+        assert_eq!(minimum(1.0, stop(60), quartic, retract).unwrap().end, End::Converged);
+        assert_eq!(minimum(0.0, stop(60), kink, retract).unwrap().end, End::NoLowerStep);
+        let early = minimum(1.0, stop(2), quartic, retract).unwrap();
+        let End::UsedUp { promised } = early.end else { panic!("{:?}", early.end) };
+        // Of a cost of x^4 the undamped step promises all.
+        assert!((promised / early.state.powi(4) - 1.0).abs() < 0.01, "{promised} {}", early.state);
     }
 
     #[test]

@@ -11,6 +11,7 @@
 mod agreement;
 mod alternatives;
 pub(crate) mod body_model;
+mod chi_square;
 mod common_errors;
 mod covariance;
 mod ellipse_residual;
@@ -18,6 +19,8 @@ mod exponent;
 mod few_views;
 mod first_fit;
 mod fit;
+#[cfg(test)]
+mod fit_tests;
 mod ground;
 #[cfg(test)]
 mod jacobian_tests;
@@ -136,6 +139,8 @@ pub fn map(
     let scene = scene_of(if options.body.is_some() { together } else { &sample });
     let exponent = options.body.map_or_else(|| exponent::clearly_better(&scene, &context), |_| None);
     match exponent {
+        // The last of the exponents is a cuboid, and is written as one.
+        Some(exponent) if exponent <= 1.0 => finish_oriented(BodyKind::Cuboid),
         Some(exponent) => finish_oriented(BodyKind::Superellipsoid(exponent)),
         // The kind of body was chosen from objects that are not fitted together.
         None if scene.len() > together.len() => {

@@ -22,6 +22,11 @@ impl NormalEquations {
         Self { cost: 0.0, hessian: [[0.0; PARAMETERS]; PARAMETERS], gradient: [0.0; PARAMETERS] }
     }
 
+    /// Of a state at which the objective cannot be evaluated: infinite cost, singular equations.
+    pub(crate) fn nowhere() -> Self {
+        Self { cost: f64::INFINITY, ..Self::zero() }
+    }
+
     /// Adds the derivatives of one residual; the cost is left to the caller.
     #[inline]
     pub(crate) fn add_row(&mut self, residual: f64, row: &Row, weight: f64) {

@@ -18,7 +18,7 @@ use super::noise::NoiseLevels;
 use super::objective::{ObjectPrior, Objective};
 use super::poses::PoseCorrections;
 use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
-use crate::scene::ObjectViews;
+use crate::scene::{ObjectViews, View};
 
 /// From a start: many steps, no need to end exactly.
 pub(super) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };
@@ -69,18 +69,24 @@ impl Prepared {
         let seed = self.seed(context);
         let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
         let (body, equations) = B::from_ellipsoid(&self, &ellipsoid, noise, None, context, seed).ok_or(failed)?;
-        let fit = Fit { prepared: Arc::new(self), ellipsoid, body, equations, outlier_scale: None, ground: None };
+        let fit = Fit {
+            prepared: Arc::new(self),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale: None,
+            ground: None,
+            converged: false,
+        };
         Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
     }
 
-    /// Seed of what is drawn for this object: it comes from its measurements, so that it is the same whatever the object's
-    /// name is and whatever other objects there are.
+    /// Seed of what is drawn for this object: it comes from the directions in which its cameras look, so that it is the
+    /// same whatever the object's name is, whatever other objects there are, in which order the frames come, which way up
+    /// their images are, and where the origin of the world and what its unit is.
     pub(super) fn seed(&self, context: &MapContext) -> u64 {
-        let boxes = self.views.views.iter().filter_map(|view| view.bounding_box);
-        let ellipses = self.views.views.iter().filter_map(|view| view.ellipse);
-        let numbers = boxes.flat_map(|b| [b.x0, b.y0, b.x1, b.y1]);
-        context.seed
-            ^ hash(numbers.chain(ellipses.flat_map(|e| [e.center.x, e.center.y, e.semi_axes.x, e.semi_axes.y])))
+        let of_view = |view: &View| hash(view.projection.m().row(2).iter().copied());
+        context.seed ^ self.views.views.iter().map(of_view).fold(0, u64::wrapping_add)
     }
 
     /// The objective of the object, not on any ground plane.

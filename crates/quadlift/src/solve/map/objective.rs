@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::super::estimate::Misfit;
 use super::body_model::BodyModel;
+use super::chi_square;
 use super::measurements::{Measurements, Plane};
 use super::noise::{NoiseGroup, NoiseLevels, NoiseStatistics, Weights};
 use super::normal_equations::{NormalEquations, PARAMETERS, Row};
@@ -11,10 +12,19 @@ use super::robust::FEWEST_VIEWS;
 use super::rows::{ResidualRow, view_rows};
 use crate::geometry::linalg::invert_spd;
 
-/// Scale of the redescending loss (Geman-McClure) on the norm of a view's whitened residuals.
+/// Residuals of a view for which the scale of the loss and limits on its sum of squares are meant: four edges. Sums of
+/// other numbers are compared by their probability ([`chi_square::as_of`]).
+const USUAL_RESIDUALS: usize = 4;
+
+/// Scale of the redescending loss (Geman-McClure) on the norm of a view's four whitened residuals.
 pub(super) const OUTLIER_SCALE: f64 = 4.0;
 
-/// The outlier scale of an object whose views have these squared residuals: larger where half of the views agree less
+/// A view's sum of squared whitened residuals, as if there were four of them.
+pub(super) fn usual_cost(sum: f64, residuals: usize) -> f64 {
+    chi_square::as_of(sum, residuals, USUAL_RESIDUALS)
+}
+
+/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where half of the views agree less
 /// well than the noise of the scene lets expect, because then that noise is not the object's.
 pub(super) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
     view_costs.sort_by(f64::total_cmp);
@@ -96,7 +106,8 @@ pub(super) struct Objective<'a> {
     pub noise: &'a NoiseLevels,
     /// Whether single edges may be wrong.
     pub heavy_tails: bool,
-    /// Whether views may be outliers: the scale beyond which they count less, in units of the noise.
+    /// Whether views may be outliers: the scale beyond which they count less, in units of the noise, for a view of four
+    /// residuals.
     pub outlier_scale: Option<f64>,
     /// Whether shapes of ellipses are compared in the smooth form, for the way from a start.
     pub smooth: bool,
@@ -120,15 +131,24 @@ impl Objective<'_> {
         equations.cost.is_finite().then_some(equations)
     }
 
-    /// Cost of a view and the factor on the weights of its rows.
+    /// Cost of a view and the factor on the weights of its rows: Geman and McClure's loss of the view's weighted sum of
+    /// squares, and its derivative.
     #[inline]
     fn view_loss(&self, rows: &[ResidualRow], weights: &Weights) -> (f64, f64) {
         let (edges, others) = self.view_cost(rows);
         let cost = edges * weights.edges() + others * weights.ellipses();
-        let Some(scale) = self.outlier_scale else { return (cost, 1.0) };
-        // Whether a view is an outlier does not depend on how many others there are.
-        let ratio = 1.0 + (edges + others) / (scale * scale);
+        let Some(squared_scale) = self.squared_scale(rows.len()) else { return (cost, 1.0) };
+        // Whether a view is an outlier does not depend on how many others there are: the scale is weighted like the sum.
+        let count = rows.len().max(1) as f64;
+        let mean_weight = rows.iter().map(|row| weights.of(row.group)).sum::<f64>() / count;
+        let ratio = 1.0 + cost / (mean_weight.max(f64::MIN_POSITIVE) * squared_scale);
         (cost / ratio, 1.0 / (ratio * ratio))
+    }
+
+    /// The square of the outlier scale for a view of so many residuals.
+    #[inline]
+    fn squared_scale(&self, residuals: usize) -> Option<f64> {
+        self.outlier_scale.map(|scale| chi_square::as_of(scale * scale, USUAL_RESIDUALS, residuals.max(1)))
     }
 
     /// Twice the negative log likelihood of a view's edges and of its other residuals, up to constants.
@@ -169,13 +189,13 @@ impl Objective<'_> {
         if self.heavy_tails && group.has_heavy_tails() { (TAILS - squared) / (TAILS + squared) } else { 1.0 }
     }
 
-    /// Squared norm of each view's whitened residuals.
+    /// Squared norm of each view's whitened residuals, as if there were four of them in each.
     pub(super) fn view_costs(&self, body: &impl BodyModel) -> Vec<f64> {
         let mut rows = Vec::with_capacity(16);
         (0..self.measurements.views.len())
             .map(|view| {
                 view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-                rows.iter().map(|row| row.residual * row.residual).sum()
+                usual_cost(rows.iter().map(|row| row.residual * row.residual).sum(), rows.len())
             })
             .collect()
     }
@@ -193,21 +213,21 @@ impl Objective<'_> {
     }
 
     /// Logarithm of the evidence for the noise levels at a fit (Laplace's approximation), up to what does not depend on
-    /// them.
-    pub(super) fn evidence(&self, body: &impl BodyModel, equations: &NormalEquations) -> f64 {
-        let Some(covariance) = invert_spd(&equations.hessian()) else { return 0.0 };
+    /// them; `None` when the normal equations are singular.
+    pub(super) fn evidence(&self, body: &impl BodyModel, equations: &NormalEquations) -> Option<f64> {
+        let covariance = invert_spd(&equations.hessian())?;
         let weights = self.weights();
         let mut rows = Vec::with_capacity(16);
         let mut normaliser = 0.0;
         for view in 0..self.measurements.views.len() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let (_, view_weight) = self.view_loss(&rows, &weights);
-            for row in rows.iter().filter(|row| row.residual != 0.0) {
+            for row in rows.iter().filter(|row| row.counts) {
                 let weight = view_weight * weights.of(row.group);
                 normaliser += weight * self.noise.of(row.group).ln();
             }
         }
-        0.5 * (covariance.determinant().ln() - equations.cost) - normaliser
+        Some(0.5 * (covariance.determinant().ln() - equations.cost) - normaliser)
     }
 
     /// Residual statistics for the noise levels; nothing when the normal equations are singular.
@@ -230,7 +250,7 @@ impl Objective<'_> {
             std::mem::swap(&mut rows, &mut before);
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let (_, view_weight) = self.view_loss(&rows, &weights);
-            for row in rows.iter().filter(|row| row.residual != 0.0) {
+            for row in rows.iter().filter(|row| row.counts) {
                 let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
                 let weight = view_weight * self.row_weight(row, &Weights::INDEPENDENT);
                 let shared = weights.of(row.group);
@@ -244,7 +264,7 @@ impl Objective<'_> {
                 for (a, b) in before.iter().zip(&rows) {
                     let (products, squares, pairs) = &mut neighbours[usize::from(!a.group.is_edge())];
                     // Edges that do not count are zero; wild ones would drown the others.
-                    if a.residual != 0.0 && b.residual != 0.0 && a.residual.abs().max(b.residual.abs()) < WILD {
+                    if a.counts && b.counts && a.residual.abs().max(b.residual.abs()) < WILD {
                         *products += a.residual * b.residual;
                         *squares += 0.5 * (a.residual * a.residual + b.residual * b.residual);
                         *pairs += 1;
@@ -276,11 +296,11 @@ impl Objective<'_> {
         for (view, measured) in self.measurements.views.iter().enumerate() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let cost: f64 = rows.iter().map(|row| row.residual * row.residual).sum();
-            if self.outlier_scale.is_some_and(|scale| cost > scale * scale) {
+            if self.squared_scale(rows.len()).is_some_and(|limit| cost > limit) {
                 continue;
             }
             let (_, view_weight) = self.view_loss(&rows, &weights);
-            for row in rows.iter().filter(|row| row.residual != 0.0) {
+            for row in rows.iter().filter(|row| row.counts) {
                 let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
                 let weight = view_weight * self.row_weight(row, &Weights::INDEPENDENT);
                 let leverage = weight * weights.of(row.group) * gradient.dot(&(covariance * gradient));

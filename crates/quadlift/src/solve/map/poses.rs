@@ -21,6 +21,19 @@ pub(super) struct PoseCorrections {
     frames: BTreeMap<usize, Motion>,
 }
 
+#[cfg(test)]
+impl PoseCorrections {
+    /// Frames that have been moved so far.
+    pub(super) fn of_frames(frames: BTreeMap<usize, Motion>) -> Self {
+        Self { frames }
+    }
+
+    /// How far a frame has been moved.
+    pub(super) fn of_frame(&self, frame: usize) -> Option<Motion> {
+        self.frames.get(&frame).copied()
+    }
+}
+
 impl PoseCorrections {
     /// Moves the frames to where the fitted objects want them and the prior allows. Returns by how much they were moved
     /// now, for the objects to follow.

@@ -1,5 +1,6 @@
 //! Gross outliers: found by hypotheses from three views each, kept out by a redescending loss (E5, ours).
 
+use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -8,7 +9,7 @@ use super::body_model::{BodyModel, EllipsoidModel};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
 use super::noise::{NoiseGroup, NoiseLevels};
-use super::objective::{CHI2_MEDIAN, OUTLIER_SCALE, Objective};
+use super::objective::{CHI2_MEDIAN, OUTLIER_SCALE, Objective, usual_cost};
 use super::rows::SMALLEST_DEPTH;
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 use crate::scene::View;
@@ -68,10 +69,12 @@ pub(super) fn fit_without_outliers(
     let rank = (count / 2 + 2).min(count) - 1;
     costs.sort_by(f64::total_cmp);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let order = order_of_cameras(views);
     let mut hypotheses = Vec::with_capacity(2 * HYPOTHESES);
     let mut draw = |number: usize, hypotheses: &mut Vec<(f64, EllipsoidModel)>| {
         for _ in 0..number {
-            for body in hypothesis(&tangents, &draw_three(count, &mut rng)).into_iter().flatten() {
+            let triple = draw_three(count, &mut rng).map(|k| order[k]);
+            for body in hypothesis(&tangents, &triple).into_iter().flatten() {
                 let mut costs = plane_costs(&tangents, &body, objective.noise);
                 costs.sort_by(f64::total_cmp);
                 hypotheses.push((costs[rank], body));
@@ -109,9 +112,23 @@ fn plane_costs(tangents: &Measurements, body: &impl BodyModel, noise: &NoiseLeve
             let residual = edge.plane.n.dot(body.center()) + edge.plane.d - body.support_gradient(&edge.plane.n).0;
             if edge.one_sided && residual < 0.0 { 0.0 } else { residual * residual }
         });
-        squares.sum::<f64>() * inverse * inverse * 4.0 / edges.len().max(1) as f64
+        usual_cost(squares.sum::<f64>() * inverse * inverse, edges.len())
     });
     costs.collect()
+}
+
+/// The views in an order that is the cameras' own, so that draws do not depend on the order of the frames: by where the
+/// cameras look, and of those that look the same way by where they are, along a direction in which no rig is built.
+fn order_of_cameras(views: &[View]) -> Vec<usize> {
+    let direction = Vector3::new(0.618_034, 0.414_214, 0.732_051);
+    let along = |view: &View| {
+        let looks = view.projection.m().row(2).transpose().dot(&direction);
+        (looks, view.projection.center_in_world().map_or(0.0, |center| center.coords.dot(&direction)))
+    };
+    let places: Vec<(f64, f64)> = views.iter().map(along).collect();
+    let mut order: Vec<usize> = (0..views.len()).collect();
+    order.sort_by(|&a, &b| places[a].0.total_cmp(&places[b].0).then(places[a].1.total_cmp(&places[b].1)));
+    order
 }
 
 /// Three different indices below `n`.

@@ -15,6 +15,8 @@ pub(super) struct ResidualRow {
     pub residual: f64,
     pub row: Row,
     pub group: NoiseGroup,
+    /// Whether it is a measurement here: not where an edge is cut off and the body reaches beyond it.
+    pub counts: bool,
 }
 
 /// Fills `rows` with the residuals of one view; edges keep their places, those that do not count are zero. `smooth` is
@@ -58,6 +60,7 @@ pub(super) fn view_rows(
         // A body that reaches beyond an edge at the image border agrees with it.
         let agrees = measured.one_sided && residual <= 0.0;
         let scale = if agrees { 0.0 } else { inverse_size / noise.of(measured.group) };
-        rows.push(ResidualRow { residual: residual * scale, row: row.map(|x| x * scale), group: measured.group });
+        let (residual, row) = (residual * scale, row.map(|x| x * scale));
+        rows.push(ResidualRow { residual, row, group: measured.group, counts: !agrees });
     }
 }

@@ -76,7 +76,7 @@ impl<B: FirstFit> SceneFit<B> {
             return scene;
         }
         let other = Self::settled(count, views_of, default.scaled(LITTLE_NOISE), context);
-        if other.evidence() > scene.evidence() + CLEARLY { other } else { scene }
+        if other.evidence_over(&scene) > CLEARLY { other } else { scene }
     }
 
     /// Fits from these noise levels until levels and fits agree; with levels that are given, until the fits stand.
@@ -149,9 +149,11 @@ impl<B: FirstFit> SceneFit<B> {
         self.fits.len()
     }
 
-    /// Logarithm of the evidence for the noise levels, up to what does not depend on them.
-    fn evidence(&self) -> f64 {
-        self.fits.iter().flatten().map(|fit| fit.evidence(&self.noise)).sum()
+    /// Logarithm of the evidence for the noise levels against those of another fit to the same objects, over the objects
+    /// whose normal equations are regular in both.
+    fn evidence_over(&self, other: &Self) -> f64 {
+        let evidence = |scene: &Self, index: usize| scene.fits[index].as_ref().ok()?.evidence(&scene.noise);
+        (0..self.fits.len()).filter_map(|k| Some(evidence(self, k)? - evidence(other, k)?)).sum()
     }
 
     /// The fitted objects.
@@ -200,7 +202,15 @@ impl<B: FirstFit> SceneFit<B> {
         let outlier_scale = outliers.then_some(OUTLIER_SCALE);
         let equations = prepared.objective(&self.noise, outlier_scale).linearise(&body)?;
         let ellipsoid = EllipsoidModel::from_axes(*body.center(), *body.axes(), body.semi_axes());
-        let mut fit = Fit { prepared: Arc::new(prepared), ellipsoid, body, equations, outlier_scale, ground: None };
+        let mut fit = Fit {
+            prepared: Arc::new(prepared),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale,
+            ground: None,
+            converged: false,
+        };
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on(ground, up);
         }

@@ -1,0 +1,101 @@
+//! What fits say of cameras that move, and of bodies that are none.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, Vector3, Vector6};
+
+use super::super::estimate::Status;
+use super::super::options::{BodyKind, MapOptions, PoseNoise};
+use super::MapContext;
+use super::agreement::Reference;
+use super::body_model::{BodyModel, EllipsoidModel};
+use super::fit::Fit;
+use super::noise::NoiseLevels;
+use super::normal_equations::NormalEquations;
+use super::object::Prepared;
+use super::poses::PoseCorrections;
+use crate::localize::Options;
+use crate::scene::ObjectViews;
+use crate::synthetic::{Observations, SyntheticOptions, generate};
+
+/// An object of five views, with a ball for its body, and the options.
+fn ball(test: impl Fn(&Fit<EllipsoidModel>, &NoiseLevels, &MapContext)) {
+    let make = SyntheticOptions { objects: 1, views: 5, observations: Observations::Boxes, ..Default::default() };
+    let scene = generate(&make).unwrap().scene;
+    let detections: Vec<u32> = (0..5).collect();
+    let views: ObjectViews = scene.object_views(0, &detections);
+    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Options::default().map };
+    let context = MapContext::new(&scene.categories, None, Vec::new(), 0, &options);
+    let prepared = Prepared::new(views, &context).unwrap();
+    let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
+    let noise = NoiseLevels::new(67.0);
+    let equations = prepared.objective(&noise, None).linearise(&body).unwrap();
+    let ellipsoid = body.clone();
+    let prepared = Arc::new(prepared);
+    let fit = Fit { prepared, ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true };
+    test(&fit, &noise, &context);
+}
+
+/// Residuals of all views after the camera of a frame has been moved.
+fn residuals(fit: &Fit<EllipsoidModel>, noise: &NoiseLevels, context: &MapContext, by: Vector6<f64>) -> Vec<f64> {
+    let moved = PoseCorrections::of_frames(BTreeMap::from([(2, by)]));
+    let prepared = fit.prepared.with_poses(&moved, context);
+    let mut all = Vec::new();
+    prepared.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
+    all
+}
+
+#[test]
+fn residuals_follow_a_camera_that_turns_or_moves() {
+    ball(|fit, noise, context| {
+        let mut rows = Vec::new();
+        fit.each_pose_row(noise, |frame, _, derivative, _| rows.push((frame, derivative)));
+        assert_eq!(rows.len(), 20);
+        for k in 0..6 {
+            // A ball looks the same from all sides: turns have no other effect than to move it.
+            let step = if k < 3 { 1e-6 } else { 1e-4 };
+            let mut by = Vector6::zeros();
+            by[k] = step;
+            let (plus, minus) = (residuals(fit, noise, context, by), residuals(fit, noise, context, -by));
+            for (row, (frame, derivative)) in rows.iter().enumerate() {
+                let numeric = (plus[row] - minus[row]) / (2.0 * step);
+                let analytic = if *frame == 2 { derivative[k] } else { 0.0 };
+                let scale = derivative.fixed_rows::<3>(k / 3 * 3).amax();
+                assert!((numeric - analytic).abs() < 1e-3 * scale, "{row} {k}: {numeric} {analytic}");
+            }
+        }
+    });
+}
+
+#[test]
+fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
+    ball(|fit, noise, _| {
+        let moved = Vector6::new(0.01, -0.02, 0.03, 0.4, 0.5, -0.6);
+        let mut poses = PoseCorrections::of_frames(BTreeMap::from([(2, moved)]));
+        let prior = PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 };
+        // With this noise measurements are worth nothing.
+        let step = poses.update(std::iter::once(fit), &noise.scaled(1e9), prior);
+        assert!((step.of_frame(2).unwrap() + moved).norm() < 1e-6);
+        assert!(poses.of_frame(2).unwrap().norm() < 1e-6);
+    });
+}
+
+#[test]
+fn bodies_that_have_run_away_have_diverged() {
+    ball(|fit, noise, context| {
+        let ends = |body: EllipsoidModel, equations: NormalEquations| {
+            let fit = Fit { body, equations, ..fit.clone() };
+            fit.estimate(noise, Reference::among(noise, std::iter::empty(), context.options), context)
+        };
+        assert_eq!(ends(fit.body.clone(), fit.equations).status, Status::Ok);
+        // Behind the cameras, a point, nowhere.
+        let away = *fit.body.center() - fit.prepared.measurements.views[0].axis * 1e4;
+        for (center, radius) in [(away, 0.9), (*fit.body.center(), 1e-4), (*fit.body.center(), 1e4)] {
+            let body = EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(radius));
+            let estimate = ends(body, fit.equations);
+            assert_eq!((estimate.status, estimate.center), (Status::Diverged, None), "{center} {radius}");
+        }
+        assert_eq!(ends(fit.body.clone(), NormalEquations::nowhere()).status, Status::Diverged);
+    });
+}
