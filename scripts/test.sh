@@ -12,4 +12,11 @@ if ! command -v cargo >/dev/null; then
 fi
 # A changed snapshot is a failure here, never a file to be reviewed later.
 export INSTA_UPDATE=no
-cargo test --workspace --locked --no-fail-fast "$@"
+cargo test --workspace --locked --no-run "$@"
+# A test that hangs is a failure: cargo names those that have been running for more than a minute. All of them take about
+# ten minutes of two cores.
+limit=()
+if command -v timeout >/dev/null; then
+    limit=(timeout --verbose --kill-after=30 "${QUADLIFT_TEST_MINUTES:-90}m")
+fi
+"${limit[@]}" cargo test --workspace --locked --no-fail-fast "$@"

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
@@ -17,10 +18,20 @@ fn data() -> Option<PathBuf> {
     match data_folder(chosen) {
         Ok(folder) => Some(folder),
         Err(error) => {
-            println!("skipped: {error}");
+            skipped(&error.to_string());
             None
         }
     }
+}
+
+/// Tells that a test has been skipped, past the capture of the test runner; with `QUADLIFT_REQUIRE_DATA=1` it fails.
+fn skipped(why: &str) {
+    assert!(
+        std::env::var_os("QUADLIFT_REQUIRE_DATA").is_none_or(|value| value != "1"),
+        "QUADLIFT_REQUIRE_DATA=1, but {why}"
+    );
+    let name = std::thread::current().name().unwrap_or("a test").to_owned();
+    let _ = writeln!(std::io::stderr(), "skipped {name}: {why}");
 }
 
 /// Runs an experiment on the real data, where it is at hand.

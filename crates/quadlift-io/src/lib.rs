@@ -25,6 +25,8 @@ pub mod scene_file;
 pub mod segmentation;
 #[cfg(feature = "parquet")]
 pub mod tables;
+#[cfg(test)]
+mod test_data;
 pub mod wording;
 pub mod write;
 

@@ -3,6 +3,7 @@
 
 pub mod mistakes;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
@@ -129,6 +130,16 @@ pub fn real_scenes() -> Option<PathBuf> {
     if scenes.is_dir() {
         return std::fs::canonicalize(scenes).ok();
     }
-    println!("skipped: there is no real data in {} (set QUADLIFT_DATA)", scenes.display());
+    skipped(&format!("there is no real data in {} (set QUADLIFT_DATA)", scenes.display()));
     None
+}
+
+/// Tells that a test has been skipped, past the capture of the test runner; with `QUADLIFT_REQUIRE_DATA=1` it fails.
+pub fn skipped(why: &str) {
+    assert!(
+        std::env::var_os("QUADLIFT_REQUIRE_DATA").is_none_or(|value| value != "1"),
+        "QUADLIFT_REQUIRE_DATA=1, but {why}"
+    );
+    let name = std::thread::current().name().unwrap_or("a test").to_owned();
+    let _ = writeln!(std::io::stderr(), "skipped {name}: {why}");
 }

@@ -1,23 +1,12 @@
 //! Imports of real data, where they are at hand: the same cameras as in the ready scenes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::PixelCenters;
 use super::bop::{BopOptions, read_bop};
 use super::kitti::{KittiOptions, read_kitti};
 use crate::scene_file::{SceneFile, read_scene_file};
-
-/// A folder or file of the real data, if it is there.
-fn data(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("QUADLIFT_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")), PathBuf::from);
-    let path = data.join(name);
-    if !path.exists() {
-        println!("skipped: there is no {}; set QUADLIFT_DATA", path.display());
-        return None;
-    }
-    Some(path)
-}
+use crate::test_data::real_data as data;
 
 /// Compares the cameras of the frames of a ready scene, 1e-6 relative; gives the largest difference.
 fn compare(found: &SceneFile, ready: &SceneFile) -> f64 {

@@ -1,7 +1,7 @@
 //! Round trips, and tables that are wrong.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use proptest::prelude::*;
 use serde_json::json;
@@ -37,12 +37,8 @@ fn every_entry_comes_back() {
 
 #[test]
 fn the_scenes_at_hand_come_back() {
-    let data = std::env::var_os("QUADLIFT_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let Ok(entries) = fs::read_dir(data.join("scenes")) else {
-        println!("skipped: there is no real data in {} (set QUADLIFT_DATA)", data.display());
-        return;
-    };
+    let Some(scenes) = crate::test_data::real_data("scenes") else { return };
+    let entries = fs::read_dir(scenes).unwrap();
     let paths = entries.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "json"));
     let mut count = 0;
     for path in paths {

@@ -1,24 +1,14 @@
 //! The real scenes, where they are at hand: they cannot be part of the project.
 
-use std::path::PathBuf;
-
 use quadlift_segment::PixelTerm;
 
 use crate::scene_file::{parse_scene_file, read_scene_file, write_scene};
-
-/// The folder of the real data.
-fn data() -> PathBuf {
-    std::env::var_os("QUADLIFT_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")), PathBuf::from)
-}
+use crate::test_data::real_data;
 
 #[test]
 fn every_real_scene_is_read_checked_and_written_back() {
-    let data = data();
-    let Ok(folder) = std::fs::read_dir(data.join("scenes")) else {
-        println!("skipped: there is no {}; set QUADLIFT_DATA", data.join("scenes").display());
-        return;
-    };
+    let Some(scenes) = real_data("scenes") else { return };
+    let folder = std::fs::read_dir(scenes).unwrap();
     let mut count = 0;
     for path in folder.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "json")) {
         let file = read_scene_file(&path).unwrap();
@@ -39,11 +29,7 @@ fn every_real_scene_is_read_checked_and_written_back() {
 
 #[test]
 fn the_masks_of_real_scenes_have_the_boxes_of_their_detections() {
-    let path = data().join("scenes/lmo_A.json");
-    if !path.exists() {
-        println!("skipped: there is no {}; set QUADLIFT_DATA", path.display());
-        return;
-    }
+    let Some(path) = real_data("scenes/lmo_A.json") else { return };
     let file = read_scene_file(&path).unwrap();
     let (scene, images) = (file.to_scene().unwrap(), file.to_images(&path).unwrap());
     assert_eq!(images.read_image(&scene, 0).unwrap().dimensions(), (640, 480));
