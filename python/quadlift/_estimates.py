@@ -156,7 +156,7 @@ class Estimates:
         ``"0.99"``; None where the objects are too few. The centre is that of the reported body.
     left_out : dict
         Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
-        where the lens cannot be undistorted).
+        where the lens cannot be undistorted), `without_measurement` (they lack what `measurements` asks for).
     diagnosis : dict
         Whether the scene agrees with itself: `consistent`, `score` (by how much of their half size boxes typically miss
         their object; None where no object has two boxes) and `causes`, the usual mistakes that explain it, the best
@@ -230,7 +230,8 @@ class Estimates:
             return values if in_order else [values[k] for k in order]
 
         association, calibration = localized.association_json, localized.calibration_json
-        left_out = zip(("without_object", "occluded_or_truncated", "beyond_lens"), localized.left_out, strict=True)
+        reasons = ("without_object", "occluded_or_truncated", "beyond_lens", "without_measurement")
+        left_out = zip(reasons, localized.left_out, strict=True)
         return cls(
             object_ids=object_ids[order],
             categories=items("categories"),

@@ -99,6 +99,10 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
         let n = count(left_out.beyond_lens, "detection");
         let _ = writeln!(text, "left out {n} where the lens cannot be undistorted (80 degrees from the axis or more)");
     }
+    if left_out.without_measurement > 0 {
+        let n = count(left_out.without_measurement, "detection");
+        let _ = writeln!(text, "left out {n} without what --measurements uses");
+    }
     if let Some(noise) = typical_error(localization) {
         let _ = writeln!(text, "{DIM}{noise}{DIM:#}");
     }

@@ -14,7 +14,7 @@ use quadlift::diagnose::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::{Detection, Scene};
 use quadlift::solve::{Alternative, Estimate, Rejection};
-use quadlift::{Localization, UsedMeasurements, localize};
+use quadlift::{LeftOut, Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
@@ -266,11 +266,13 @@ impl PyLocalized {
         (diagnosis_record(diagnosis, &context).to_string(), diagnosis_in_words(diagnosis, &context))
     }
 
-    /// Detections that took no part: without object, occluded or truncated, beyond the lens.
+    /// Detections that took no part: without object, occluded or truncated, beyond the lens, without the measurement that
+    /// is used.
     #[getter]
-    fn left_out(&self) -> (usize, usize, usize) {
+    fn left_out(&self) -> (usize, usize, usize, usize) {
         let left_out = self.localization.left_out;
-        (left_out.without_object, left_out.occluded_or_truncated, left_out.beyond_lens)
+        let LeftOut { without_object, occluded_or_truncated, beyond_lens, without_measurement } = left_out;
+        (without_object, occluded_or_truncated, beyond_lens, without_measurement)
     }
 
     /// Whether identities were found.

@@ -183,7 +183,13 @@ impl ReportDetections {
     ) {
         self.detection_index.push(detection_index);
         self.object.push(object.map_or(-1, |index| index as i64));
-        self.state.push(view.map_or(0, |view| if view.inlier { 1 } else { 2 }));
+        // A view of an object that could not be solved has not been used, and not been rejected either.
+        let state = |view: &ViewRecord| match view.inlier {
+            true => 1,
+            false if view.rejected_because.is_some() || view.residual_px.is_some() => 2,
+            false => 0,
+        };
+        self.state.push(view.map_or(0, state));
         if let Some(reason) = view.and_then(|view| view.rejected_because.as_ref()) {
             self.rejections.push((self.object.len() - 1, reason.clone()));
         }

@@ -85,6 +85,7 @@ pub fn run_notes(file: &SceneFile) -> Vec<String> {
         ("without_object", "they name no object"),
         ("occluded_or_truncated", "they are too occluded or truncated"),
         ("beyond_lens", "they lie where the lens cannot be undistorted"),
+        ("without_measurement", "they lack the measurement that was asked for"),
     ];
     let note = |(name, reason): (&str, &str)| {
         let number = left_out(name).filter(|&number| number > 0)?;

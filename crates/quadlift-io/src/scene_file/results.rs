@@ -43,7 +43,12 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
         center: estimate.center.map(|center| center.coords.into()).filter(|c: &[f64; 3]| c.iter().all(finite)),
         center_sd: estimate.center_sd().filter(finite),
         views_used: Some(estimate.views_used()),
-        views_rejected: estimate.views.iter().filter(|v| !v.inlier).map(|v| frame_id(v.frame_index)).collect(),
+        views_rejected: estimate
+            .views
+            .iter()
+            .filter(|v| v.rejected_because.is_some())
+            .map(|v| frame_id(v.frame_index))
+            .collect(),
         residual_px: estimate.rms_residual_px().filter(finite),
         alternatives: estimate.alternatives.iter().filter_map(alternative).collect(),
         misfit: estimate.misfit.filter(|m| finite(&m.deviations) && finite(&m.relative)).map(|m| MisfitRecord {

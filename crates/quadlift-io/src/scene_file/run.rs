@@ -110,6 +110,7 @@ pub fn left_out_record(localization: &Localization) -> Value {
         "without_object": left_out.without_object,
         "occluded_or_truncated": left_out.occluded_or_truncated,
         "beyond_lens": left_out.beyond_lens,
+        "without_measurement": left_out.without_measurement,
     })
 }
 
