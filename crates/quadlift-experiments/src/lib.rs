@@ -59,6 +59,8 @@ pub enum Experiment {
     CrossValidation,
     /// How often the truth lies in the regions that estimates come with; not in the paper.
     Trust,
+    /// The same with a quarter of the synthetic objects: the part of [`Experiment::ALL`].
+    TrustBrief,
     /// The self-check on right scenes and on mistakes; not in the paper.
     Diagnosis,
 }
@@ -74,7 +76,7 @@ impl Experiment {
         Self::Segmentation,
         Self::Association,
         Self::CrossValidation,
-        Self::Trust,
+        Self::TrustBrief,
         Self::Diagnosis,
     ];
 
@@ -103,6 +105,7 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Association => association::run(data, seed, progress),
         Experiment::CrossValidation => cross_validation::run(&folder()?, seed, progress),
         Experiment::Trust => trust::run(data, trust::Extent::Whole, seed, progress),
+        Experiment::TrustBrief => trust::run(data, trust::Extent::Brief, seed, progress),
         Experiment::Diagnosis => diagnosis::run(data, diagnosis::Extent::WHOLE, seed, progress),
     }
 }

@@ -20,8 +20,7 @@ const VIEWS: [usize; 6] = [2, 3, 5, 10, 20, 50];
 /// Views from which the noise levels are those of the residuals.
 const ENOUGH_VIEWS: usize = 10;
 
-/// Scenes of a cell, and objects of each.
-const SCENES: u64 = 20;
+/// Objects of a scene.
 const OBJECTS: usize = 100;
 
 /// What is measured.
@@ -60,7 +59,7 @@ pub(super) fn steps() -> usize {
 }
 
 /// The objects of a cell against the truth.
-fn cell(kind: &Kind, span: f64, views: usize, seed: u64) -> Result<Vec<Judged>, Error> {
+fn cell(kind: &Kind, span: f64, views: usize, scenes: u64, seed: u64) -> Result<Vec<Judged>, Error> {
     let map = MapOptions { body: Some(kind.body), ..Default::default() };
     let of_scene = |scene: u64| -> Result<Vec<Judged>, Error> {
         let synthetic = generate(&SyntheticOptions {
@@ -78,23 +77,25 @@ fn cell(kind: &Kind, span: f64, views: usize, seed: u64) -> Result<Vec<Judged>, 
         let pairs = localization.estimates.iter().zip(&synthetic.truth);
         Ok(pairs.filter_map(|(estimate, (_, truth))| Judged::new(estimate, truth)).collect())
     };
-    let scenes: Vec<_> = (0..SCENES).into_par_iter().map(of_scene).collect::<Result<_, _>>()?;
+    let scenes: Vec<_> = (0..scenes).into_par_iter().map(of_scene).collect::<Result<_, _>>()?;
     Ok(scenes.concat())
 }
 
-/// Adds the tables of the synthetic cells.
+/// Adds the tables of the synthetic cells, each of this many scenes of 100 objects.
 ///
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Localize`].
-pub(super) fn add(report: &mut Report, seed: u64, steps: &Steps) -> Result<(), Error> {
+pub(super) fn add(report: &mut Report, scenes: u64, seed: u64, steps: &Steps) -> Result<(), Error> {
+    let objects = (scenes * OBJECTS as u64) as f64;
     report.text(format!(
-        "Synthetic: cameras on an arc at distance 200, {} objects a cell ({SCENES} scenes). Boxes with edge noise of 0.05 \
+        "Synthetic: cameras on an arc at distance 200, {objects} objects a cell ({scenes} scenes). Boxes with edge noise of 0.05 \
          half sizes; ellipses with translation 0.1, size 0.1 for each axis and rotation 10 degrees; cuboids are asked for \
-         as cuboids. The standard error of a share is 1.1 at 50 % and 0.7 at 90 %. With fewer than nine views the noise \
+         as cuboids. The standard error of a share is {:.1} at 50 % and {:.1} at 90 %. With fewer than nine views the noise \
          levels are drawn to their defaults, so that the regions of 2 to 5 views are far too large here; on real boxes \
          they are not. Cuboids of any orientation in a narrow arc fit their boxes in several ways, which no single \
          covariance tells: their regions of extents and body hold too little.",
-        SCENES * OBJECTS as u64
+        50.0 / objects.sqrt(),
+        30.0 / objects.sqrt()
     ));
     let mut centers = Vec::new();
     for kind in &KINDS {
@@ -108,7 +109,7 @@ pub(super) fn add(report: &mut Report, seed: u64, steps: &Steps) -> Result<(), E
         );
         for span in SPANS {
             for views in VIEWS {
-                let judged = cell(kind, span, views, seed)?;
+                let judged = cell(kind, span, views, scenes, seed)?;
                 steps.done();
                 if views >= ENOUGH_VIEWS && kind.body == BodyKind::Ellipsoid {
                     centers.push(Coverage::of(&judged, Part::Center).inside);

@@ -53,7 +53,8 @@ pub enum Warning {
     },
     /// Every box edge on some side lies on the image border: the object's extent there is not seen.
     AllEdgesCutOff,
-    /// Only two views: the size and the axes rest on the shape prior.
+    /// Only two views: the size and the axes rest on the shape prior, and a false box cannot be detected, because nearly any
+    /// two boxes fit some body with small residuals.
     TwoViews,
     /// The object lies behind, or across the camera plane of, some of the cameras that see it.
     BehindCamera {
