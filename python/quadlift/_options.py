@@ -61,6 +61,8 @@ class Options(TypedDict, total=False):
     """Leave out detections that are more occluded (KITTI's levels)."""
     max_truncated: float | None
     """Leave out detections that are more truncated."""
+    upright: bool
+    """Find out which objects stand upright, an axis along the scene's `up` (default: true)."""
     ground_plane: bool
     """All objects stand on a common ground plane; needs the scene's `up`."""
     camera_height: float | None
@@ -97,6 +99,7 @@ DEFAULTS: dict[str, Any] = {
     "min_views": 0,
     "max_occluded": None,
     "max_truncated": None,
+    "upright": True,
     "ground_plane": False,
     "camera_height": None,
     "pose_noise": None,
@@ -127,7 +130,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     if keywords["sigmas"] is not None:
         keywords["sigmas"] = _sigmas(keywords["sigmas"])
     keywords["calibration"] = _calibration(keywords["calibration"])
-    for name in ("cross_validate", "ground_plane", "accept_inconsistent"):
+    for name in ("cross_validate", "upright", "ground_plane", "accept_inconsistent"):
         keywords[name] = _checks.flag(name, keywords[name])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)

@@ -36,6 +36,7 @@ pub struct LocalizeKeywords {
     min_views: usize,
     max_occluded: Option<f64>,
     max_truncated: Option<f64>,
+    upright: bool,
     ground_plane: bool,
     camera_height: Option<f64>,
     pose_noise: Option<[f64; 2]>,
@@ -96,6 +97,7 @@ impl LocalizeKeywords {
         };
         let map = &mut options.map;
         map.body = body(&self.body)?;
+        map.upright = self.upright;
         map.ground_plane = self.ground_plane;
         map.camera_height = self.camera_height;
         map.pose_noise = self.pose_noise.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });

@@ -51,6 +51,7 @@ those of the visible pixels, the true bodies the smallest ellipsoids around the 
 Examples:
   quadlift synth -o scene.json --noise box:0.05 --outliers 0.05
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
+  quadlift synth -o table.json --trajectory random --body cuboid,ellipsoid --standing --edge-bias 0.04
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
@@ -69,9 +70,13 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
     views: usize,
 
-    /// Kind of the objects: ellipsoid, cuboid or superellipsoid:Q
-    #[arg(long, value_name = "BODY", default_value = "ellipsoid", value_parser = args::body)]
-    body: BodyKind,
+    /// Kind of the objects: ellipsoid, cuboid or superellipsoid:Q; of several they are in turn
+    #[arg(long, value_name = "BODY,...", default_value = "ellipsoid", value_delimiter = ',', value_parser = args::body)]
+    body: Vec<BodyKind>,
+
+    /// Objects stand upright on the plane z = 0
+    #[arg(long)]
+    standing: bool,
 
     /// What is measured in the images
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Measured::Boxes)]
@@ -80,6 +85,11 @@ pub struct Args {
     /// Noise and its amount, such as box:0.05 (see below)
     #[arg(long, value_name = "KIND:AMOUNT", value_parser = noise)]
     noise: Vec<Noise>,
+
+    /// Error of the left, top, right and bottom edges of each object that is the same in all of its boxes: its standard
+    /// deviation, relative to the mean half size
+    #[arg(long, value_name = "SD", default_value_t = 0.0, value_parser = args::finite)]
+    edge_bias: f64,
 
     /// Share of the detections that are replaced by wrong boxes, from 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
@@ -121,7 +131,7 @@ pub struct Args {
         long,
         help_heading = "Rendering",
         conflicts_with_all = [
-            "body", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "DetectorArgs", "IdArgs"
+            "body", "standing", "edge_bias", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "DetectorArgs", "IdArgs"
         ]
     )]
     render: bool,
@@ -292,7 +302,9 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     let options = SyntheticOptions {
         seed: args.seed,
         objects: args.objects.unwrap_or(defaults.objects),
-        body: args.body,
+        kinds: args.body.clone(),
+        standing: args.standing,
+        edge_bias: args.edge_bias,
         views: args.views,
         trajectory: args.trajectory.unwrap_or_default(),
         scale: args.scale,

@@ -57,6 +57,7 @@ pub fn settings_record(options: &Options, priors: Option<&str>) -> Value {
     if options.method == Method::Map {
         let map = &options.map;
         json["body"] = map.body.map_or_else(|| "auto".to_owned(), body_name).into();
+        json["upright"] = map.upright.into();
         json["ground_plane"] = map.ground_plane.into();
         json["camera_height"] = map.camera_height.into();
         json["pose_noise"] = map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();

@@ -112,6 +112,10 @@ pub struct MapOptions {
     /// Whether the correlation of an edge's errors from view to view is estimated, so that many views that err alike
     /// do not count as many.
     pub correlated_views: bool,
+    /// Whether it is found out which objects stand upright, some axis of theirs along the scene's `up`: those for which the
+    /// measurements of all objects speak. Says nothing where `up` is not known, and of categories that have an
+    /// `upright_sd`.
+    pub upright: bool,
     /// Whether all objects stand on a common ground plane, which is estimated; otherwise those whose category's prior
     /// says so do. Needs the scene's `up`.
     pub ground_plane: bool,
@@ -141,6 +145,7 @@ impl Default for MapOptions {
             pixel_noise_size: 67.0,
             heavy_tails: true,
             correlated_views: true,
+            upright: true,
             ground_plane: false,
             camera_height: None,
             hidden_edges: true,

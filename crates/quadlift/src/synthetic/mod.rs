@@ -33,6 +33,7 @@ const CAMERA_STREAM: u64 = 8;
 const POSE_NOISE_STREAM: u64 = 9;
 const FIRST_DETECTOR_STREAM: u64 = 10;
 const TRACK_STREAM: u64 = 13;
+const EDGE_BIAS_STREAM: u64 = 14;
 
 /// A scene and what is true about it.
 #[derive(Debug, Clone)]
@@ -113,12 +114,15 @@ pub fn generate(options: &SyntheticOptions) -> Result<SyntheticScene, SyntheticE
     }
 
     let mut rng = random::stream(options.seed, OBJECT_STREAM);
-    let draw = |index| Object::draw(index, options.trajectory, options.cube_side, &mut rng);
+    let draw = |index| {
+        let object = Object::draw(index, options.trajectory, options.cube_side, &mut rng);
+        if options.standing { object.standing() } else { object }
+    };
     let objects: Vec<Object> = (0..options.objects).map(draw).collect();
     let truth: Vec<(String, Body)> = objects
         .iter()
         .enumerate()
-        .map(|(k, object)| (format!("object_{k:03}"), object.body(options.body, options.scale, &options.offset)))
+        .map(|(k, object)| (format!("object_{k:03}"), object.body(options.kind_of(k), options.scale, &options.offset)))
         .collect();
     let found = detect(options, &objects, &truth, &frames, &projections)?;
     let names = names(options, &found, &truth);
@@ -151,7 +155,8 @@ fn detect(
     let [width, height] = cameras::image_size(options.trajectory);
     let image = Vector2::new(f64::from(width), f64::from(height));
     let is_free = options.trajectory.is_free();
-    let bodies: Vec<Body> = objects.iter().map(|o| o.body(options.body, 1.0, &Vector3::zeros())).collect();
+    let bodies: Vec<Body> =
+        objects.iter().enumerate().map(|(k, o)| o.body(options.kind_of(k), 1.0, &Vector3::zeros())).collect();
     // The exact boxes of what is in view, by object and frame.
     let mut exact_boxes = vec![vec![None; projections.len()]; bodies.len()];
     for (object, body) in bodies.iter().enumerate() {
@@ -171,6 +176,7 @@ fn detect(
     }
     let covered = if options.detector.occlusion { covered(&bodies, projections, &exact_boxes) } else { Vec::new() };
     let mut noise = NoiseSource::new(options, FIRST_NOISE_STREAM);
+    let mut biases = random::stream(options.seed, EDGE_BIAS_STREAM);
     let mut detector = DetectorSource::new(options.detector, options.seed, FIRST_DETECTOR_STREAM);
     let measured = |bounding_box: BoundingBox| {
         let ellipse = options.observations.ellipses().then(|| Ellipse::inscribed_in(&bounding_box));
@@ -179,13 +185,14 @@ fn detect(
     let (mut found, mut duplicates) = (Vec::new(), Vec::new());
     let mut boxes_in: Vec<Vec<BoundingBox>> = vec![Vec::new(); projections.len()];
     for (object, body) in bodies.iter().enumerate() {
+        let bias = [(); 4].map(|()| options.edge_bias * random::normal(&mut biases));
         for (frame, projection) in projections.iter().enumerate() {
             let Some(exact_box) = exact_boxes[object][frame] else { continue };
             // Everything is drawn, whether it is needed or not: one option does not change the draws of another.
             let outlier = noise.outlier(&exact_box)?;
             let mut bounding_box = exact_box;
             if options.observations.boxes() {
-                let noisy = noise.bounding_box(&exact_box)?;
+                let noisy = noise.bounding_box(&exact_box, &bias)?;
                 bounding_box = outlier.unwrap_or(noisy);
             }
             let mut ellipse = None;

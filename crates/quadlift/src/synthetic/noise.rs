@@ -60,9 +60,16 @@ impl<'a> NoiseSource<'a> {
         Ellipse::new(center, semi_axes, angle)
     }
 
-    /// The box with noise; where edges would cross, the right or bottom one stays and the box keeps 0.01 px.
-    pub(super) fn bounding_box(&mut self, exact: &BoundingBox) -> Result<BoundingBox, BoundingBoxError> {
+    /// The box with noise, after its edges have been moved by `bias` mean half sizes; where edges would cross, the right or bottom one stays and the box keeps 0.01 px.
+    pub(super) fn bounding_box(
+        &mut self,
+        exact: &BoundingBox,
+        bias: &[f64; 4],
+    ) -> Result<BoundingBox, BoundingBoxError> {
         let mut edges = exact.edges();
+        for (edge, bias) in edges.iter_mut().zip(bias) {
+            *edge += bias * exact.mean_half_size();
+        }
         for &noise in self.noise {
             if let Noise::BoxEdges(sigma) = noise {
                 let rng = &mut self.by_kind[stream_of(noise)];
@@ -213,7 +220,7 @@ mod tests {
         let mut source = NoiseSource::new(&small, 0);
         let mut sums = [[0.0f64; 2]; 4];
         for _ in 0..COUNT {
-            let noisy = source.bounding_box(&exact).unwrap();
+            let noisy = source.bounding_box(&exact, &[0.0; 4]).unwrap();
             for k in 0..4 {
                 let x = (noisy.edges()[k] - exact.edges()[k]) / 20.0;
                 sums[k][0] += x;
@@ -227,7 +234,7 @@ mod tests {
         }
         let large = options(&[Noise::BoxEdges(3.0)]);
         let mut source = NoiseSource::new(&large, 0);
-        let sizes: Vec<_> = (0..1000).map(|_| source.bounding_box(&exact).unwrap().size().min()).collect();
+        let sizes: Vec<_> = (0..1000).map(|_| source.bounding_box(&exact, &[0.0; 4]).unwrap().size().min()).collect();
         assert!(sizes.iter().all(|&s| s > 0.009));
         assert!(sizes.iter().any(|&s| s < 0.011));
     }

@@ -36,6 +36,14 @@ impl Object {
         object
     }
 
+    /// The same object upright on the plane z = 0: turned about the vertical only, by the angle that its rotation has about
+    /// the world's z axis.
+    pub(super) fn standing(self) -> Self {
+        let (_, _, yaw) = self.rotation.euler_angles();
+        let center = Point3::new(self.center.x, self.center.y, self.semi_axes.z);
+        Self { center, rotation: Rotation3::from_euler_angles(0.0, 0.0, yaw), ..self }
+    }
+
     /// Draws a car beside the street, which runs along x: alternately left and right of it.
     fn draw_parked(index: usize, rng: &mut ChaCha8Rng) -> Self {
         let side = if index.is_multiple_of(2) { 1.0 } else { -1.0 };

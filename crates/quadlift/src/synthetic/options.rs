@@ -17,6 +17,11 @@ pub struct SyntheticOptions {
     pub objects: usize,
     /// Kind of the bodies; the half extents of cuboids are drawn like the semi-axes of ellipsoids.
     pub body: BodyKind,
+    /// Kinds that the objects have in turn, instead of `body`; empty where all are of one kind. Places, sizes and
+    /// rotations are the same whatever the kinds are.
+    pub kinds: Vec<BodyKind>,
+    /// Whether objects stand upright on the plane z = 0, their third axis vertical and turned about it by any angle.
+    pub standing: bool,
     /// Number of views.
     pub views: usize,
     /// Where the cameras stand.
@@ -35,6 +40,9 @@ pub struct SyntheticOptions {
     pub noise: Vec<Noise>,
     /// Probability, in [0, 1], that a detection is replaced by a wrong box near the true one.
     pub outlier_share: f64,
+    /// Standard deviation of an error of each object's left, top, right and bottom edges that is the same in all of its
+    /// boxes, in units of their mean half sizes: what a detector always leaves out or adds.
+    pub edge_bias: f64,
     /// Standard deviation of the error of the cameras' rotations about each of their axes, in degrees: the scene's
     /// cameras are not quite those that have made the measurements.
     pub pose_noise: f64,
@@ -81,6 +89,8 @@ impl Default for SyntheticOptions {
             seed: 0,
             objects: 50,
             body: BodyKind::Ellipsoid,
+            kinds: Vec::new(),
+            standing: false,
             views: 20,
             trajectory: Trajectory::default(),
             distance: 200.0,
@@ -90,6 +100,7 @@ impl Default for SyntheticOptions {
             observations: Observations::Ellipses,
             noise: Vec::new(),
             outlier_share: 0.0,
+            edge_bias: 0.0,
             pose_noise: 0.0,
             detector: Detector::default(),
             ids: SyntheticIds::default(),
@@ -230,7 +241,7 @@ pub enum SyntheticError {
     #[error("only ellipsoids have ellipses as their outlines; observe boxes instead")]
     NotAnEllipse,
     /// A noise acts on what is not observed.
-    #[error("{0} has nothing to act on: box edge noise needs boxes, every other noise ellipses")]
+    #[error("{0} has nothing to act on: noise and bias of box edges need boxes, every other noise ellipses")]
     NoiseWithoutObservation(&'static str),
     /// An object has no outline in a view.
     #[error("{object} cannot be seen in frame {frame}: {reason}")]
@@ -257,6 +268,11 @@ pub enum SyntheticError {
 }
 
 impl SyntheticOptions {
+    /// Kind of the object with this number.
+    pub fn kind_of(&self, object: usize) -> BodyKind {
+        if self.kinds.is_empty() { self.body } else { self.kinds[object % self.kinds.len()] }
+    }
+
     /// Refuses what would not give a scene.
     pub(super) fn check(&self) -> Result<(), SyntheticError> {
         let positive = |x: f64| x.is_finite() && x > 0.0;
@@ -297,13 +313,21 @@ impl SyntheticOptions {
         if !(0.0..=1.0).contains(&self.outlier_share) {
             return out_of_range("outlier share", self.outlier_share, "a number from 0 to 1");
         }
-        if let BodyKind::Superellipsoid(q) = self.body
-            && !(1.0..=2.0).contains(&q)
-        {
-            return out_of_range("exponent of the superellipsoid", q, "a number from 1 to 2");
+        for kind in (0..self.kinds.len().max(1)).map(|object| self.kind_of(object)) {
+            if let BodyKind::Superellipsoid(q) = kind
+                && !(1.0..=2.0).contains(&q)
+            {
+                return out_of_range("exponent of the superellipsoid", q, "a number from 1 to 2");
+            }
+            if self.observations.ellipses() && kind != BodyKind::Ellipsoid {
+                return Err(SyntheticError::NotAnEllipse);
+            }
         }
-        if self.observations.ellipses() && self.body != BodyKind::Ellipsoid {
-            return Err(SyntheticError::NotAnEllipse);
+        if !not_negative(self.edge_bias) {
+            return out_of_range("edge bias", self.edge_bias, "a number that is not negative");
+        }
+        if self.edge_bias > 0.0 && !self.observations.boxes() {
+            return Err(SyntheticError::NoiseWithoutObservation("edge bias"));
         }
         for &noise in &self.noise {
             let (amount, on_boxes) = (noise.amount(), matches!(noise, Noise::BoxEdges(_)));

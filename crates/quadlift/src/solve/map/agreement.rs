@@ -33,23 +33,9 @@ impl Reference {
         Self(1.0f64.max(FINEST_NOISE / noise.of(NoiseGroup::Edge)))
     }
 
-    /// From the misfits of the scene's objects under its noise levels. The median over the degrees of freedom: up to half
-    /// of them may belong to objects with false boxes.
+    /// From the misfits of the scene's objects under its noise levels.
     fn of_scene(noise: &NoiseLevels, misfits: impl Iterator<Item = Misfit>) -> Self {
-        // Of chi-square with few degrees of freedom the median lies below the mean (Wilson and Hilferty).
-        let mut levels: Vec<(f64, f64)> = misfits
-            .filter(|misfit| misfit.freedom > 0.0)
-            .map(|misfit| (misfit.deviations.powi(2) / over_freedom(misfit.freedom, 0.0), misfit.freedom))
-            .collect();
-        levels.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let half = 0.5 * levels.iter().map(|(_, freedom)| freedom).sum::<f64>();
-        let mut sum = 0.0;
-        let median = levels.iter().find(|(_, freedom)| {
-            sum += freedom;
-            sum >= half
-        });
-        let level = median.map_or(1.0, |(level, _)| level.sqrt());
-        Self(level.max(FINEST_NOISE / noise.of(NoiseGroup::Edge)))
+        Self(median_level(misfits).max(FINEST_NOISE / noise.of(NoiseGroup::Edge)))
     }
 
     /// Not more than the noise levels themselves: a scene of a single object, or one in which most objects hold a false
@@ -67,6 +53,24 @@ impl Reference {
     pub(super) fn factor(self) -> f64 {
         self.0
     }
+}
+
+/// The median misfit of objects, in standard deviations of the noise: over the degrees of freedom, since up to half of them
+/// may belong to objects with false boxes. One where no object tells.
+pub(super) fn median_level(misfits: impl Iterator<Item = Misfit>) -> f64 {
+    // Of chi-square with few degrees of freedom the median lies below the mean (Wilson and Hilferty).
+    let mut levels: Vec<(f64, f64)> = misfits
+        .filter(|misfit| misfit.freedom > 0.0)
+        .map(|misfit| (misfit.deviations.powi(2) / over_freedom(misfit.freedom, 0.0), misfit.freedom))
+        .collect();
+    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * levels.iter().map(|(_, freedom)| freedom).sum::<f64>();
+    let mut sum = 0.0;
+    let median = levels.iter().find(|(_, freedom)| {
+        sum += freedom;
+        sum >= half
+    });
+    median.map_or(1.0, |(level, _)| level.sqrt())
 }
 
 /// Whether a misfit (against the reference) is far beyond what noise does.

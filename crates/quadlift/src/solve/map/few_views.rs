@@ -41,7 +41,8 @@ impl<B: FirstFit> Fit<B> {
         for left_out in 0..count {
             let mut views = ObjectViews { views: Vec::with_capacity(count - 1), ..*all };
             views.views.extend(all.views.iter().enumerate().filter(|(k, _)| *k != left_out).map(|(_, view)| *view));
-            let fitted = Prepared::new(views, context).and_then(|object| object.first_fit::<B>(&level, context));
+            let fitted = Prepared::new(views, context)
+                .and_then(|object| self.as_upright(object, context).first_fit::<B>(&level, context));
             let Ok(fit) = fitted else { continue };
             let fit = Self { ground: None, ..fit.refined(&level, true) };
             let Some(misfit) = fit.misfit(&level) else { continue };
@@ -60,9 +61,18 @@ impl<B: FirstFit> Fit<B> {
             return None;
         }
         // All views again, in the frame of those that agree: the loss keeps the other one out.
-        let prepared = Arc::new(Prepared::in_frame(all.clone(), fit.prepared.measurements.frame, context));
+        let prepared = Prepared::in_frame(all.clone(), fit.prepared.measurements.frame, context);
+        let prepared = Arc::new(self.as_upright(prepared, context));
         let all_views = Self { prepared, outlier_scale: Some(OUTLIER_SCALE), ground: None, ..fit };
         Some(all_views.refined(&level, false))
+    }
+
+    /// Other views of the object, standing where this fit has it that it stands.
+    pub(super) fn as_upright(&self, prepared: Prepared, context: &MapContext) -> Prepared {
+        match &context.up {
+            Some(up) if self.is_upright() => prepared.standing(up),
+            _ => prepared,
+        }
     }
 
     /// Whether the measurements contradict the body.

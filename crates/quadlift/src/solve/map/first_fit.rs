@@ -53,6 +53,10 @@ pub(super) trait FirstFit: BodyModel {
     /// The body in the world, of the kind that was asked for.
     fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body;
 
+    /// Logarithm of the density of a body that stands, tilted with this standard deviation (radians), at zero tilt, over that
+    /// of one that lies anyhow. `shape_sd` is the standard deviation of the shape prior.
+    fn log_upright_density(tilt_sd: f64, shape_sd: f64) -> f64;
+
     /// The coordinates of the covariance.
     const COORDINATES: CovarianceCoordinates;
 
@@ -98,6 +102,11 @@ impl FirstFit for EllipsoidModel {
             semi_axes: self.semi_axes() * frame.unit,
             rotation: Rotation3::from_matrix_unchecked(*self.axes()),
         })
+    }
+
+    fn log_upright_density(tilt_sd: f64, shape_sd: f64) -> f64 {
+        // Of the two entries of 1/2 log A between `up` and the horizontal, each of which has the variance `shape_sd^2 / 2`.
+        (0.5 * (shape_sd / tilt_sd).powi(2)).ln_1p()
     }
 
     const COORDINATES: CovarianceCoordinates = CovarianceCoordinates::CenterVechShape;
@@ -166,6 +175,11 @@ impl FirstFit for OrientedModel {
         } else {
             Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent: self.exponent() })
         }
+    }
+
+    fn log_upright_density(tilt_sd: f64, _shape_sd: f64) -> f64 {
+        // One sixth of a Gaussian about each end of each axis over `1 / (4 pi)`.
+        -(3.0 * tilt_sd * tilt_sd).ln()
     }
 
     const COORDINATES: CovarianceCoordinates = CovarianceCoordinates::CenterRotationLogAxes;

@@ -35,6 +35,7 @@ mod robust;
 mod rows;
 mod scene_fit;
 mod starts;
+mod upright;
 
 use nalgebra::{Point3, Unit, Vector3};
 
@@ -134,8 +135,9 @@ pub fn map(
         return finish_oriented(body);
     }
     let context = fitted(body);
-    let scene_of =
-        |objects: &[usize]| SceneFit::<EllipsoidModel>::new(objects.len(), &|k| views_of(objects[k]), &context);
+    let scene_of = |objects: &[usize]| {
+        SceneFit::<EllipsoidModel>::lying_anyhow(objects.len(), &|k| views_of(objects[k]), &context)
+    };
     let scene = scene_of(if options.body.is_some() { together } else { &sample });
     let exponent = options.body.map_or_else(|| exponent::clearly_better(&scene, &context), |_| None);
     match exponent {
@@ -144,9 +146,9 @@ pub fn map(
         Some(exponent) => finish_oriented(BodyKind::Superellipsoid(exponent)),
         // The kind of body was chosen from objects that are not fitted together.
         None if scene.len() > together.len() => {
-            finish(&scene_of(together), [count, stride], views_of, &context, folds, done)
+            finish(&scene_of(together).with_upright(&context), [count, stride], views_of, &context, folds, done)
         }
-        None => finish(&scene, [count, stride], views_of, &context, folds, done),
+        None => finish(&scene.with_upright(&context), [count, stride], views_of, &context, folds, done),
     }
 }
 

@@ -59,6 +59,17 @@ impl Prepared {
         Self { views, measurements, prior: self.prior.clone(), heavy_tails: self.heavy_tails }
     }
 
+    /// The same measurements with another prior.
+    pub(super) fn with_prior(&self, prior: ObjectPrior) -> Self {
+        let (views, measurements) = (self.views.clone(), self.measurements.clone());
+        Self { views, measurements, prior, heavy_tails: self.heavy_tails }
+    }
+
+    /// A copy.
+    pub(super) fn copy(&self) -> Self {
+        self.with_prior(self.prior.clone())
+    }
+
     /// The first fit: from the starts, and again without the outliers where its residuals show some.
     pub(super) fn first_fit<B: FirstFit>(
         self,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::super::estimate::{Estimate, Misfit};
 use super::MapContext;
-use super::agreement::{Reference, is_inconsistent};
+use super::agreement::{Reference, is_inconsistent, median_level};
 use super::body_model::EllipsoidModel;
 use super::common_errors::{CommonStatistics, Spread};
 use super::first_fit::FirstFit;
@@ -15,6 +15,7 @@ use super::object::Prepared;
 use super::objective::OUTLIER_SCALE;
 use super::poses::PoseCorrections;
 use super::robust::FEWEST_VIEWS;
+use super::upright::{UPRIGHT_SHARE, share_of_upright, stands, was_upright};
 use crate::geometry::Body;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
@@ -41,6 +42,9 @@ const FAR_OFF: f64 = 0.7;
 /// Difference of the logarithms of two evidences from which the larger one wins.
 const CLEARLY: f64 = 5.0;
 
+/// Share of the noise levels below which exact data are taken to lie.
+const SMALLEST_LEVEL: f64 = 1e-2;
+
 /// The small noise, relative to the default.
 const LITTLE_NOISE: f64 = 0.05;
 
@@ -58,6 +62,8 @@ pub(super) struct SceneFit<B> {
     reference: Reference,
     ground: Option<GroundPlane>,
     poses: PoseCorrections,
+    /// Share of the objects that stand upright.
+    upright_share: f64,
 }
 
 impl<B: FirstFit> SceneFit<B> {
@@ -66,6 +72,38 @@ impl<B: FirstFit> SceneFit<B> {
     /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
     /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
     pub(super) fn new(count: usize, views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &MapContext) -> Self {
+        Self::lying_anyhow(count, views_of, context).with_upright(context)
+    }
+
+    /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
+    /// views the levels are drawn towards the default.
+    fn upright_level(&self) -> NoiseLevels {
+        let misfits = self.fits().filter_map(|fit| fit.misfit(&self.noise));
+        self.noise.scaled(median_level(misfits).clamp(SMALLEST_LEVEL, 1.0))
+    }
+
+    /// The same with those objects upright that stand.
+    pub(super) fn with_upright(mut self, context: &MapContext) -> Self {
+        let level = self.upright_level();
+        let standing = map_indices(self.fits.len(), |k| self.fits[k].as_ref().ok()?.standing(&level, context));
+        let log_odds: Vec<f64> = standing.iter().flatten().map(|(_, log_odds)| *log_odds).collect();
+        self.upright_share = share_of_upright(&log_odds);
+        let mut changed = false;
+        for (fit, standing) in self.fits.iter_mut().zip(standing) {
+            if let Some((upright, _)) = standing.filter(|(_, log_odds)| stands(*log_odds, self.upright_share)) {
+                *fit = Ok(upright);
+                changed = true;
+            }
+        }
+        if changed { self.again(context) } else { self }
+    }
+
+    /// Fits that nothing makes upright but priors of categories.
+    pub(super) fn lying_anyhow(
+        count: usize,
+        views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+        context: &MapContext,
+    ) -> Self {
         let pixel_size = context.options.pixel_noise_size;
         if let Some(sigmas) = &context.options.sigmas {
             return Self::settled(count, views_of, NoiseLevels::given(sigmas, pixel_size), context);
@@ -83,14 +121,19 @@ impl<B: FirstFit> SceneFit<B> {
     fn settled(
         count: usize,
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
-        mut noise: NoiseLevels,
+        noise: NoiseLevels,
         context: &MapContext,
     ) -> Self {
-        let mut fits: Vec<Result<Fit<B>, Box<Estimate>>> =
-            map_indices(count, |k| Prepared::new(views_of(k), context)?.first_fit(&noise, context));
-        let mut statistics = NoiseStatistics::default();
-        let mut ground = None;
-        let mut poses = PoseCorrections::default();
+        let fits = map_indices(count, |k| Prepared::new(views_of(k), context)?.first_fit(&noise, context));
+        let statistics = NoiseStatistics::default();
+        let reference = Reference::among(&noise, std::iter::empty(), context.options);
+        let poses = PoseCorrections::default();
+        Self { fits, noise, statistics, reference, ground: None, poses, upright_share: UPRIGHT_SHARE }.again(context)
+    }
+
+    /// Rounds of noise levels and refits, from these fits and levels.
+    fn again(self, context: &MapContext) -> Self {
+        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, upright_share, .. } = self;
         let mut started = noise;
         for round in 0..ROUNDS {
             statistics = NoiseStatistics::default();
@@ -141,7 +184,7 @@ impl<B: FirstFit> SceneFit<B> {
         if context.options.sigmas.is_none() && context.options.common_errors {
             noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
         }
-        Self { fits, noise, statistics, reference, ground, poses }
+        Self { fits, noise, statistics, reference, ground, poses, upright_share }
     }
 
     /// Number of the objects.
@@ -196,9 +239,12 @@ impl<B: FirstFit> SceneFit<B> {
         context: &MapContext,
     ) -> Option<Body> {
         self.poses.apply(&mut views);
-        let prepared = Prepared::new(views, context).ok()?;
+        let mut prepared = Prepared::new(views, context).ok()?;
         let frame = prepared.measurements.frame;
         let body = B::of_body(start, &frame)?;
+        if let Some(up) = context.up.filter(|up| context.options.upright && was_upright(&body, up)) {
+            prepared = prepared.standing(&up);
+        }
         let outlier_scale = outliers.then_some(OUTLIER_SCALE);
         let equations = prepared.objective(&self.noise, outlier_scale).linearise(&body)?;
         let ellipsoid = EllipsoidModel::from_axes(*body.center(), *body.axes(), body.semi_axes());
@@ -225,7 +271,12 @@ impl<B: FirstFit> SceneFit<B> {
             fit.stand_on(ground, up);
         }
         let rounds = if B::SEVERAL_STARTS { RECONSIDERED } else { 1 };
-        let fit = (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
+        let reconsidered =
+            |fit: Fit<B>| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
+        let fit = reconsidered(fit);
+        let level = self.upright_level();
+        let upright = fit.standing(&level, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
+        let fit = upright.map_or(fit, |(upright, _)| reconsidered(upright));
         Ok(self.finished(&fit, context))
     }
 

@@ -21,6 +21,9 @@ const FARTHEST_START: f64 = 20.0;
 /// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
 const RANDOM_ROTATIONS: usize = 16;
 
+/// Directions about the vertical from which a body of unknown size that stands starts, over a quarter of a circle.
+const YAW_STARTS: usize = 4;
+
 /// Semi-axes of an upright start whose size is not known, relative to their mean.
 const LONGISH: Vector3<f64> = Vector3::new(1.3, 0.8, 0.96);
 
@@ -57,9 +60,20 @@ pub(super) fn oriented_starts(
     let upright = prior.up.filter(|_| prior.upright_weight > 0.0);
     let mut starts = Vec::new();
     match (upright, prior.log_size) {
-        (Some(up), size) => {
-            let mean = semi_axes.product().cbrt();
-            let semi_axes = size.map_or(Vector3::repeat(mean), |s| Vector3::from(s.map(|(mean, _)| mean.exp())));
+        (Some(up), None) => {
+            let Some((axes, sizes)) = set_upright(ellipsoid, &up) else { return starts };
+            let sizes = sizes * relative_size(exponent);
+            let side = (sizes.x * sizes.y).sqrt();
+            for turn in 0..YAW_STARTS {
+                // With equal sides a body is the same after a quarter of a circle.
+                let angle = std::f64::consts::FRAC_PI_2 / YAW_STARTS as f64 * turn as f64;
+                let turned = axes * Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
+                let sizes = if turn == 0 { sizes } else { Vector3::new(side, side, sizes.z) };
+                starts.push(OrientedModel::new(*ellipsoid.center(), turned, sizes, exponent));
+            }
+        }
+        (Some(up), Some(size)) => {
+            let semi_axes = Vector3::from(size.map(|(mean, _)| mean.exp()));
             let mut all = vec![*ellipsoid.center()];
             all.extend_from_slice(centers);
             for center in all {
@@ -87,6 +101,24 @@ pub(super) fn oriented_starts(
         }
     }
     starts
+}
+
+/// The axes of an ellipsoid set upright and its semi-axes along them, the vertical one last: its shape matrix without the
+/// entries between `up` and the horizontal.
+pub(super) fn set_upright(ellipsoid: &EllipsoidModel, up: &Vector3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
+    let [first, second] = horizontal_basis(up);
+    let basis = Matrix3::from_columns(&[first, second, *up]);
+    let root = basis.transpose() * ellipsoid.root();
+    let mut shape = root * root.transpose();
+    let height = shape[(2, 2)].sqrt();
+    // Zero is below both horizontal eigenvalues, so that the vertical one comes last.
+    shape.fill_row(2, 0.0);
+    shape.fill_column(2, 0.0);
+    let (values, axes) = symmetric_eigen3(&shape)?;
+    let sizes = Vector3::new(values[0].sqrt(), values[1].sqrt(), height);
+    let mut axes = basis * axes;
+    axes.set_column(2, up);
+    (sizes.min() > 0.0 && sizes.iter().all(|x| x.is_finite())).then(|| (right_handed(axes), sizes))
 }
 
 /// Upright ellipsoids in four directions, where it is known that the object stands upright: in few views the direction
