@@ -21,6 +21,11 @@ const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
 /// Oriented starts that are followed to the end.
 const FOLLOWED_STARTS: usize = 3;
 
+/// Subtracted from the log odds that an ellipsoid stands. Bodies are rounder than the shape prior allows for, and a round
+/// one seems to stand: of random ellipsoids in three views of an orbit the log odds are 0.8 on average without it, of
+/// standing ones in six views 1.8 and in many views 3.5 (synthetic scenes, seeds 11 and 12).
+const ROUND_BODIES: f64 = 1.0;
+
 /// How the first fit of each kind of body comes from the ellipsoid.
 pub(super) trait FirstFit: BodyModel {
     /// Whether the first fit chooses between several starts, which is worth repeating under other noise levels.
@@ -106,7 +111,7 @@ impl FirstFit for EllipsoidModel {
 
     fn log_upright_density(tilt_sd: f64, shape_sd: f64) -> f64 {
         // Of the two entries of 1/2 log A between `up` and the horizontal, each of which has the variance `shape_sd^2 / 2`.
-        (0.5 * (shape_sd / tilt_sd).powi(2)).ln_1p()
+        (0.5 * (shape_sd / tilt_sd).powi(2)).ln_1p() - ROUND_BODIES
     }
 
     const COORDINATES: CovarianceCoordinates = CovarianceCoordinates::CenterVechShape;
