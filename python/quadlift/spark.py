@@ -82,7 +82,7 @@ def localize(
         work that they make: on a large cluster give a few for each core.
     **options
         `method`, `priors`, `min_views`, `reg_lambda`, `seed` as in `quadlift.localize`, and without the column `object`
-        also `associate`, `ids`, `ground_plane`, `camera_height`, `pose_noise`.
+        also `associate`, `ids`, `upright`, `ground_plane`, `camera_height`, `pose_noise`.
 
     Returns
     -------

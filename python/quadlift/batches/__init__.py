@@ -296,7 +296,7 @@ def localize_scenes(
     length_unit : str, optional
         World unit.
     **options
-        As in `localize_objects`, and `associate`, `ids`, `ground_plane`, `camera_height`, `pose_noise`,
+        As in `localize_objects`, and `associate`, `ids`, `upright`, `ground_plane`, `camera_height`, `pose_noise`,
         `accept_inconsistent`. Without `sigmas` each scene has noise levels of its own. The objects of a scene that does
         not agree with itself have the status ``"inconsistent"``.
 

@@ -20,7 +20,15 @@ if TYPE_CHECKING:
 
 OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_lambda", "seed"})
 """Options that tables of objects take."""
-OF_SCENES = OF_OBJECTS | {"associate", "ids", "ground_plane", "camera_height", "pose_noise", "accept_inconsistent"}
+OF_SCENES = OF_OBJECTS | {
+    "associate",
+    "ids",
+    "upright",
+    "ground_plane",
+    "camera_height",
+    "pose_noise",
+    "accept_inconsistent",
+}
 """Options that tables of scenes take."""
 EDGES = np.array([1, 2, 4, 8])
 """What left, top, right and bottom count in a column `hidden_edges`."""

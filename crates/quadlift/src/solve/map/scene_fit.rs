@@ -64,6 +64,9 @@ pub(super) struct SceneFit<B> {
     poses: PoseCorrections,
     /// Share of the objects that stand upright.
     upright_share: f64,
+    /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
+    /// views the levels are drawn towards the default.
+    upright_noise: NoiseLevels,
 }
 
 impl<B: FirstFit> SceneFit<B> {
@@ -75,17 +78,12 @@ impl<B: FirstFit> SceneFit<B> {
         Self::lying_anyhow(count, views_of, context).with_upright(context)
     }
 
-    /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
-    /// views the levels are drawn towards the default.
-    fn upright_level(&self) -> NoiseLevels {
-        let misfits = self.fits().filter_map(|fit| fit.misfit(&self.noise));
-        self.noise.scaled(median_level(misfits).clamp(SMALLEST_LEVEL, 1.0))
-    }
-
     /// The same with those objects upright that stand.
     pub(super) fn with_upright(mut self, context: &MapContext) -> Self {
-        let level = self.upright_level();
-        let standing = map_indices(self.fits.len(), |k| self.fits[k].as_ref().ok()?.standing(&level, context));
+        let level = median_level(self.fits().filter_map(|fit| fit.misfit(&self.noise)));
+        self.upright_noise = self.noise.scaled(level.clamp(SMALLEST_LEVEL, 1.0));
+        let standing = |k: usize| self.fits[k].as_ref().ok()?.standing(&self.upright_noise, context);
+        let standing = map_indices(self.fits.len(), standing);
         let log_odds: Vec<f64> = standing.iter().flatten().map(|(_, log_odds)| *log_odds).collect();
         self.upright_share = share_of_upright(&log_odds);
         let mut changed = false;
@@ -128,12 +126,14 @@ impl<B: FirstFit> SceneFit<B> {
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
-        Self { fits, noise, statistics, reference, ground: None, poses, upright_share: UPRIGHT_SHARE }.again(context)
+        let (upright_share, upright_noise) = (UPRIGHT_SHARE, noise);
+        Self { fits, noise, statistics, reference, ground: None, poses, upright_share, upright_noise }.again(context)
     }
 
     /// Rounds of noise levels and refits, from these fits and levels.
     fn again(self, context: &MapContext) -> Self {
-        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, upright_share, .. } = self;
+        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, upright_share, upright_noise, .. } =
+            self;
         let mut started = noise;
         for round in 0..ROUNDS {
             statistics = NoiseStatistics::default();
@@ -184,7 +184,7 @@ impl<B: FirstFit> SceneFit<B> {
         if context.options.sigmas.is_none() && context.options.common_errors {
             noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
         }
-        Self { fits, noise, statistics, reference, ground, poses, upright_share }
+        Self { fits, noise, statistics, reference, ground, poses, upright_share, upright_noise }
     }
 
     /// Number of the objects.
@@ -274,8 +274,8 @@ impl<B: FirstFit> SceneFit<B> {
         let reconsidered =
             |fit: Fit<B>| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
         let fit = reconsidered(fit);
-        let level = self.upright_level();
-        let upright = fit.standing(&level, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
+        let upright =
+            fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
         let fit = upright.map_or(fit, |(upright, _)| reconsidered(upright));
         Ok(self.finished(&fit, context))
     }
