@@ -98,7 +98,8 @@ class Estimates:
     enclosing_semi_axes : ndarray, shape (N, 3)
         Semi-axes of the larger ellipsoid that holds the real object; centre and rotation are the same.
     body_axes, enclosing_body_axes : ndarray, shape (N, 3)
-        Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a superellipsoid.
+        Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a
+        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one).
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N

@@ -2,7 +2,8 @@
 
 What is logged, on the timelines "frame" and, where the frames have times, "time":
 
-    world/estimate/ellipsoids, world/estimate/cuboids   estimated bodies (a superellipsoid as its ellipsoid)
+    world/estimate/ellipsoids, world/estimate/cuboids   estimated bodies (cylinders and
+                                                        superellipsoids as their ellipsoids)
     world/truth/ellipsoids, world/truth/cuboids         true bodies
     world/path                                          the cameras' centres
     world/camera                                        pose of the frame's camera

@@ -32,6 +32,8 @@ export function placement(body: Body, origin: Vec3): THREE.Matrix4 {
 export function unitGeometry(body: Body, bodies: number): THREE.BufferGeometry {
   if (body.kind === "cuboid") return new THREE.BoxGeometry(2, 2, 2);
   const rounds = bodies > MANY ? 16 : 40;
+  // About the third axis, not the second one as in three.js.
+  if (body.kind === "cylinder") return new THREE.CylinderGeometry(1, 1, 2, rounds).rotateX(Math.PI / 2);
   const geometry = new THREE.SphereGeometry(1, rounds, rounds / 2);
   if (body.kind === "ellipsoid") return geometry;
   const positions = geometry.getAttribute("position");

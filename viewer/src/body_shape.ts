@@ -1,4 +1,5 @@
-// Points on bodies. Every body is a unit shape that its axes stretch: a sphere, a cube or a superellipsoid.
+// Points on bodies. Every body is a unit shape that its axes stretch: a sphere, a cube, a cylinder or a
+// superellipsoid.
 
 import type { Body, Vec3 } from "./data.ts";
 import { column, rotationMatrix } from "./linear.ts";
@@ -25,6 +26,12 @@ export function worldFromUnit(body: Body): (point: Vec3) => Vec3 {
   };
 }
 
+/** Points on the rims of the unit cylinder, bottom and top, with the first one again at the end. */
+function rim(points: number, z: -1 | 1): Vec3[] {
+  const at = (k: number): number => (2 * Math.PI * k) / points;
+  return Array.from({ length: points + 1 }, (_, k) => [Math.cos(at(k)), Math.sin(at(k)), z] as Vec3);
+}
+
 const CORNERS: Vec3[] = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1]);
 const EDGES: [number, number][] = [];
 for (let k = 0; k < 8; k++) {
@@ -34,7 +41,8 @@ for (let k = 0; k < 8; k++) {
 /** Points on each of the three curves of a round wireframe. */
 const CURVE_POINTS = 32;
 
-/** Lines that show a body, as pairs of points in the world: edges of a cuboid, else its three central sections. */
+/** Lines that show a body, as pairs of points in the world: edges of a cuboid, rims and four lines between
+ * them of a cylinder, else its three central sections. */
 export function wireframe(body: Body): [Vec3, Vec3][] {
   const place = worldFromUnit(body);
   if (body.kind === "cuboid") {
@@ -42,6 +50,14 @@ export function wireframe(body: Body): [Vec3, Vec3][] {
     return EDGES.map(([i, j]) => [corners[i] as Vec3, corners[j] as Vec3]);
   }
   const lines: [Vec3, Vec3][] = [];
+  if (body.kind === "cylinder") {
+    const [bottom, top] = [rim(CURVE_POINTS, -1).map(place), rim(CURVE_POINTS, 1).map(place)];
+    for (const circle of [bottom, top]) {
+      for (let k = 0; k < CURVE_POINTS; k++) lines.push([circle[k] as Vec3, circle[k + 1] as Vec3]);
+    }
+    for (let k = 0; k < CURVE_POINTS; k += CURVE_POINTS / 4) lines.push([bottom[k] as Vec3, top[k] as Vec3]);
+    return lines;
+  }
   for (let axis = 0; axis < 3; axis++) {
     const at = (k: number): Vec3 => {
       const angle = (2 * Math.PI * k) / CURVE_POINTS;
@@ -55,10 +71,11 @@ export function wireframe(body: Body): [Vec3, Vec3][] {
   return lines;
 }
 
-/** Points whose convex hull is close to the body; of a cuboid its corners. */
+/** Points whose convex hull is close to the body; of a cuboid its corners, of a cylinder its rims. */
 export function surfacePoints(body: Body): Vec3[] {
   const place = worldFromUnit(body);
   if (body.kind === "cuboid") return CORNERS.map(place);
+  if (body.kind === "cylinder") return [...rim(64, -1), ...rim(64, 1)].map(place);
   const points: Vec3[] = [];
   for (let i = 0; i <= 16; i++) {
     const polar = (Math.PI * i) / 16;

@@ -66,6 +66,13 @@ test("outlines reach as far as the projected surface", () => {
   assert.equal(outline(camera(6), cuboid)!.lines.length, 12);
 });
 
+test("the outline of a cylinder from above is that of its nearer rim", () => {
+  const can: Body = { kind: "cylinder", center: [0, 0, 0], half: [1, 1, 0.5], rotation: [1, 0, 0, 0], exponent: 1 };
+  // The rim of radius 1 nearest to the camera is 4.5 away.
+  const radius = 700 / 4.5;
+  near(extent(outline(camera(5), can)!.border), [320 - radius, 240 - radius, 320 + radius, 240 + radius], 0.5);
+});
+
 test("points of a superellipsoid lie on it", () => {
   for (const exponent of [1.1, 1.5, 2]) {
     const power = exponent / (exponent - 1);

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use quadlift::solve::{BodyKind, PoseNoise, Sigmas};
 
-/// Reads `ellipsoid`, `cuboid` or `superellipsoid:Q`.
+/// Reads `ellipsoid`, `cuboid`, `cylinder` or `superellipsoid:Q`.
 pub fn body(text: &str) -> Result<BodyKind, String> {
-    let expected = "expected ellipsoid, cuboid or superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)";
+    let expected = "expected ellipsoid, cuboid, cylinder or superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)";
     match text.split_once(':') {
         None if text == "ellipsoid" => Ok(BodyKind::Ellipsoid),
         None if text == "cuboid" => Ok(BodyKind::Cuboid),
+        None if text == "cylinder" => Ok(BodyKind::Cylinder),
         Some(("superellipsoid", q)) => match q.parse::<f64>() {
             Ok(q) if (1.0..=2.0).contains(&q) => Ok(BodyKind::Superellipsoid(q)),
             _ => Err(format!("\"{q}\" is no exponent; {expected}")),
@@ -116,7 +117,7 @@ mod tests {
 
     #[test]
     fn bodies_are_read_as_they_are_written() {
-        for text in ["ellipsoid", "cuboid", "superellipsoid:1.5"] {
+        for text in ["ellipsoid", "cuboid", "cylinder", "superellipsoid:1.5"] {
             assert_eq!(body_name(body(text).unwrap()), text);
         }
         for text in ["", "ball", "superellipsoid", "superellipsoid:0.9", "superellipsoid:nan", "cuboid:1"] {

@@ -58,12 +58,7 @@ pub fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Vec<Summa
 }
 
 fn full_lengths(body: &Body) -> [f64; 3] {
-    let half = match body {
-        Body::Ellipsoid(e) => e.semi_axes,
-        Body::Cuboid(c) => c.half_extents,
-        Body::Superellipsoid(s) => s.semi_axes,
-    };
-    let mut lengths: [f64; 3] = (half * 2.0).into();
+    let mut lengths: [f64; 3] = (body.half_extents() * 2.0).into();
     lengths.sort_by(|a, b| b.total_cmp(a));
     lengths
 }

@@ -14,6 +14,7 @@ mod error;
 mod false_boxes;
 pub mod held_out;
 mod html;
+mod kinds;
 mod kitti;
 pub mod methods;
 mod minimal;
@@ -63,11 +64,13 @@ pub enum Experiment {
     TrustBrief,
     /// The self-check on right scenes and on mistakes; not in the paper.
     Diagnosis,
+    /// Scenes with bodies of several kinds; not in the paper.
+    Kinds,
 }
 
 impl Experiment {
     /// All experiments, in the order of the paper; then what it describes without figures of its own, and what is ours.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Synthetic,
         Self::Accv,
         Self::Tuw,
@@ -78,6 +81,7 @@ impl Experiment {
         Self::CrossValidation,
         Self::TrustBrief,
         Self::Diagnosis,
+        Self::Kinds,
     ];
 
     /// Whether it needs the real data.
@@ -88,7 +92,7 @@ impl Experiment {
 
 /// Runs an experiment. The same seed gives the same report, with any number of threads.
 ///
-/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` needs none; `segmentation`,
+/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` and `kinds` need none; `segmentation`,
 /// `association`, `trust` and `diagnosis` show less without.
 ///
 /// # Errors
@@ -107,5 +111,6 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Trust => trust::run(data, trust::Extent::Whole, seed, progress),
         Experiment::TrustBrief => trust::run(data, trust::Extent::Brief, seed, progress),
         Experiment::Diagnosis => diagnosis::run(data, diagnosis::Extent::WHOLE, seed, progress),
+        Experiment::Kinds => kinds::run(seed, progress),
     }
 }

@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use nalgebra::Rotation3;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -174,12 +173,12 @@ impl PyLocalized {
             to.extend(e.enclosing_body().as_ref().map(axes).into_iter().flatten());
         })?;
         rows("quaternions", 4, &|e, to| {
-            to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(rotation(b))));
+            to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(&b.rotation())));
         })?;
         rows("rotations", 9, &|e, to| {
             if let Some(body) = &e.body {
                 // By rows; the library's matrices are by columns.
-                to.extend(rotation(body).matrix().transpose().iter());
+                to.extend(body.rotation().matrix().transpose().iter());
             }
         })?;
         rows("covariances", 81, &|e, to| {
@@ -338,24 +337,12 @@ type AlternativeFigures = ([f64; 3], [f64; 3], [f64; 4], f64);
 fn alternatives(estimate: &Estimate) -> Vec<AlternativeFigures> {
     let figures = |other: &Alternative| {
         let (body, ellipsoid) = (&other.body, other.body.ellipsoid());
-        (ellipsoid.center.coords.into(), axes(body), quaternion_from_rotation(rotation(body)), other.log_odds)
+        (ellipsoid.center.coords.into(), axes(body), quaternion_from_rotation(&body.rotation()), other.log_odds)
     };
     estimate.alternatives.iter().map(figures).collect()
 }
 
-/// Semi-axes, or half extents of a cuboid.
+/// Semi-axes, or half extents of a cuboid or cylinder.
 fn axes(body: &Body) -> [f64; 3] {
-    match body {
-        Body::Ellipsoid(body) => body.semi_axes.into(),
-        Body::Cuboid(body) => body.half_extents.into(),
-        Body::Superellipsoid(body) => body.semi_axes.into(),
-    }
-}
-
-fn rotation(body: &Body) -> &Rotation3<f64> {
-    match body {
-        Body::Ellipsoid(body) => &body.rotation,
-        Body::Cuboid(body) => &body.rotation,
-        Body::Superellipsoid(body) => &body.rotation,
-    }
+    body.half_extents().into()
 }

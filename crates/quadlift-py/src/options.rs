@@ -235,11 +235,12 @@ fn body(name: &str) -> PyResult<Option<BodyKind>> {
         ("auto", _) => Ok(None),
         ("ellipsoid", _) => Ok(Some(BodyKind::Ellipsoid)),
         ("cuboid", _) => Ok(Some(BodyKind::Cuboid)),
+        ("cylinder", _) => Ok(Some(BodyKind::Cylinder)),
         // Its range is checked with the other options.
         (_, Some(q)) => Ok(Some(BodyKind::Superellipsoid(q))),
         _ => Err(refuse(format!(
-            "body is \"{name}\"; expected \"auto\", \"ellipsoid\", \"cuboid\" or \"superellipsoid:Q\" with Q from 1 \
-             (cuboid) to 2 (ellipsoid)"
+            "body is \"{name}\"; expected \"auto\", \"ellipsoid\", \"cuboid\", \"cylinder\" or \"superellipsoid:Q\" with Q from \
+             1 (cuboid) to 2 (ellipsoid)"
         ))),
     }
 }

@@ -3,7 +3,9 @@
 //! Lengths are world units. Pixels are those of the frames' pinhole cameras: lens distortion has been taken out.
 
 use nalgebra::Point3;
-use quadlift::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid, quaternion_from_rotation, rotation_from_quaternion};
+use quadlift::geometry::{
+    Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid, quaternion_from_rotation, rotation_from_quaternion,
+};
 use serde::Serialize;
 
 /// A report.
@@ -132,15 +134,15 @@ pub struct ReportAlternative {
 /// A body of any kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReportBody {
-    /// `ellipsoid`, `cuboid` or `superellipsoid`.
+    /// `ellipsoid`, `cuboid`, `cylinder` or `superellipsoid`.
     pub kind: &'static str,
     /// Centre in the world.
     pub center: [f64; 3],
-    /// Semi-axes or half extents.
+    /// Semi-axes, half extents, or the two radii and half the height.
     pub half: [f64; 3],
     /// Unit quaternion, w first.
     pub rotation: [f64; 4],
-    /// Exponent of the support function, in [1, 2].
+    /// Exponent of the support function, in [1, 2]; of a cylinder 1, which tells nothing.
     pub exponent: f64,
 }
 
@@ -185,6 +187,7 @@ impl ReportBody {
         let rotation = rotation_from_quaternion(self.rotation)?;
         Some(match self.kind {
             "cuboid" => Body::Cuboid(Cuboid { center, half_extents: half, rotation }),
+            "cylinder" => Body::Cylinder(Cylinder::from_half_extents(center, half, rotation)),
             "ellipsoid" => Body::Ellipsoid(Ellipsoid { center, semi_axes: half, rotation }),
             _ => Body::Superellipsoid(Superellipsoid {
                 center,
@@ -214,6 +217,18 @@ impl From<&Cuboid> for ReportBody {
             kind: "cuboid",
             center: body.center.coords.into(),
             half: body.half_extents.into(),
+            rotation: quaternion_from_rotation(&body.rotation),
+            exponent: 1.0,
+        }
+    }
+}
+
+impl From<&Cylinder> for ReportBody {
+    fn from(body: &Cylinder) -> Self {
+        Self {
+            kind: "cylinder",
+            center: body.center.coords.into(),
+            half: body.half_extents().into(),
             rotation: quaternion_from_rotation(&body.rotation),
             exponent: 1.0,
         }

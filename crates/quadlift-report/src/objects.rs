@@ -106,6 +106,7 @@ impl Objects {
         object.center_shell = shell.as_ref().map(Into::into);
         object.body = body(&bodies, None);
         object.enclosing = (bodies.enclosing_cuboid.as_ref().map(ReportBody::from))
+            .or(bodies.enclosing_cylinder.as_ref().map(Into::into))
             .or(bodies.enclosing_superellipsoid.as_ref().map(Into::into))
             .or(bodies.enclosing_ellipsoid.as_ref().map(Into::into));
         let alternative =
@@ -151,11 +152,14 @@ impl Objects {
     }
 }
 
-/// The body of an object: of the kind `like` where it has one, else cuboid, superellipsoid or ellipsoid.
+/// The body of an object: of the kind `like` where it has one, else cuboid, cylinder, superellipsoid or ellipsoid.
 fn body(bodies: &ObjectBodies, like: Option<&str>) -> Option<ReportBody> {
     let ellipsoid = bodies.ellipsoid.as_ref().map(ReportBody::from);
     if like == Some("ellipsoid") && ellipsoid.is_some() {
         return ellipsoid;
     }
-    (bodies.cuboid.as_ref().map(Into::into)).or(bodies.superellipsoid.as_ref().map(Into::into)).or(ellipsoid)
+    (bodies.cuboid.as_ref().map(Into::into))
+        .or(bodies.cylinder.as_ref().map(Into::into))
+        .or(bodies.superellipsoid.as_ref().map(Into::into))
+        .or(ellipsoid)
 }

@@ -22,6 +22,7 @@ pub fn outline(projection: &Projection, body: &Body) -> Option<Outline> {
     match body {
         Body::Ellipsoid(body) => Some(closed(ellipse_points(&project_ellipsoid(projection, body).ok()?))),
         Body::Cuboid(body) => cuboid(projection, body),
+        Body::Cylinder(body) => Some(closed(tangent_polygon(projection, body)?)),
         Body::Superellipsoid(body) => Some(closed(tangent_polygon(projection, body)?)),
     }
 }

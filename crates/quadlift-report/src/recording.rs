@@ -194,7 +194,8 @@ fn category(report: &Report, object_index: usize) -> Option<String> {
 
 fn drawable(body: &ReportBody) -> Option<RecordingBody> {
     let drawn = match body.body()? {
-        Body::Superellipsoid(superellipsoid) => ReportBody::from(&Body::Superellipsoid(superellipsoid).ellipsoid()),
+        // Rerun has ellipsoids and boxes.
+        round @ (Body::Cylinder(_) | Body::Superellipsoid(_)) => ReportBody::from(&round.ellipsoid()),
         _ => body.clone(),
     };
     let [w, x, y, z] = drawn.rotation;

@@ -33,6 +33,7 @@ Experiments:
   cross-validation  what left-out views tell about the quality of estimates
   trust         how often the truth lies in the regions of an estimate (without data: synthetic scenes only)
   diagnosis     the self-check on right scenes and on mistakes (without data: synthetic scenes only)
+  kinds         bodies of several kinds, standing and lying (needs no data)
   all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
@@ -83,6 +84,7 @@ enum Name {
     CrossValidation,
     Trust,
     Diagnosis,
+    Kinds,
     All,
 }
 
@@ -99,6 +101,7 @@ impl Name {
             Self::CrossValidation => vec![Experiment::CrossValidation],
             Self::Trust => vec![Experiment::Trust],
             Self::Diagnosis => vec![Experiment::Diagnosis],
+            Self::Kinds => vec![Experiment::Kinds],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -170,6 +173,7 @@ fn name(args: &Args) -> &'static str {
         Name::CrossValidation => "cross-validation",
         Name::Trust => "trust",
         Name::Diagnosis => "diagnosis",
+        Name::Kinds => "kinds",
         Name::All => "results",
     }
 }

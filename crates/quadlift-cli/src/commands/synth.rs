@@ -51,7 +51,7 @@ those of the visible pixels, the true bodies the smallest ellipsoids around the 
 Examples:
   quadlift synth -o scene.json --noise box:0.05 --outliers 0.05
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
-  quadlift synth -o table.json --trajectory random --body cuboid,ellipsoid --standing --edge-bias 0.04
+  quadlift synth -o table.json --trajectory random --body cuboid,cylinder,ellipsoid --standing --edge-bias 0.04
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
@@ -70,7 +70,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
     views: usize,
 
-    /// Kind of the objects: ellipsoid, cuboid or superellipsoid:Q; of several they are in turn
+    /// Kind of the objects: ellipsoid, cuboid, cylinder or superellipsoid:Q; of several they are in turn
     #[arg(long, value_name = "BODY,...", default_value = "ellipsoid", value_delimiter = ',', value_parser = args::body)]
     body: Vec<BodyKind>,
 

@@ -2,11 +2,13 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Point3, Rotation3, Vector3};
-use quadlift::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid, rotation_from_quaternion};
+use nalgebra::{Point3, Rotation3, Vector2, Vector3};
+use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid, rotation_from_quaternion};
 use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status};
 
-use super::object_records::{CovarianceRecord, CuboidRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord};
+use super::object_records::{
+    CovarianceRecord, CuboidRecord, CylinderRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord,
+};
 use super::records::SceneFile;
 use crate::error::EntryError;
 
@@ -29,6 +31,10 @@ pub struct ObjectBodies {
     pub cuboid: Option<Cuboid>,
     /// The larger cuboid that holds the real object.
     pub enclosing_cuboid: Option<Cuboid>,
+    /// The cylinder.
+    pub cylinder: Option<Cylinder>,
+    /// The larger cylinder that holds the real object.
+    pub enclosing_cylinder: Option<Cylinder>,
     /// The superellipsoid.
     pub superellipsoid: Option<Superellipsoid>,
     /// The larger superellipsoid that holds the real object.
@@ -41,6 +47,7 @@ impl ObjectBodies {
     /// The body that was estimated, of its kind: not the ellipsoid that stands for a cuboid.
     pub fn body(&self) -> Option<Body> {
         (self.superellipsoid.map(Body::Superellipsoid))
+            .or(self.cylinder.map(Body::Cylinder))
             .or(self.cuboid.map(Body::Cuboid))
             .or(self.ellipsoid.map(Body::Ellipsoid))
     }
@@ -48,6 +55,7 @@ impl ObjectBodies {
     /// The larger body of this kind that holds the real object.
     pub fn enclosing_body(&self) -> Option<Body> {
         (self.enclosing_superellipsoid.map(Body::Superellipsoid))
+            .or(self.enclosing_cylinder.map(Body::Cylinder))
             .or(self.enclosing_cuboid.map(Body::Cuboid))
             .or(self.enclosing_ellipsoid.map(Body::Ellipsoid))
     }
@@ -100,6 +108,8 @@ fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError
         enclosing_ellipsoid: ellipsoid(&record.enclosing_ellipsoid, place("enclosing_ellipsoid"))?,
         cuboid: cuboid(&record.cuboid, place("cuboid"))?,
         enclosing_cuboid: cuboid(&record.enclosing_cuboid, place("enclosing_cuboid"))?,
+        cylinder: cylinder(&record.cylinder, place("cylinder"))?,
+        enclosing_cylinder: cylinder(&record.enclosing_cylinder, place("enclosing_cylinder"))?,
         superellipsoid: superellipsoid(&record.superellipsoid, place("superellipsoid"))?,
         enclosing_superellipsoid: superellipsoid(&record.enclosing_superellipsoid, place("enclosing_superellipsoid"))?,
         covariance: covariance(record.covariance.as_deref(), place("covariance"))?,
@@ -108,6 +118,7 @@ fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError
         Some(center) => Some(finite_point(&center, place("center"))?),
         None => (object.ellipsoid.map(|body| body.center))
             .or(object.cuboid.map(|body| body.center))
+            .or(object.cylinder.map(|body| body.center))
             .or(object.superellipsoid.map(|body| body.center)),
     };
     Ok(object)
@@ -132,6 +143,25 @@ fn one_cuboid(record: &CuboidRecord, place: String) -> Result<Cuboid, EntryError
         half_extents: positive_lengths(&record.half_extents, format!("{place}.half_extents"))?,
         rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
     })
+}
+
+fn cylinder(record: &Option<CylinderRecord>, place: String) -> Result<Option<Cylinder>, EntryError> {
+    let Some(record) = record else { return Ok(None) };
+    let positive = |x: f64| x > 0.0 && x.is_finite();
+    if !record.radii.into_iter().all(positive) {
+        let problem = format!("expected two positive numbers, found {:?}", record.radii);
+        return Err(EntryError::new(format!("{place}.radii"), problem));
+    }
+    if !positive(record.half_height) {
+        let problem = format!("expected a positive number, found {:?}", record.half_height);
+        return Err(EntryError::new(format!("{place}.half_height"), problem));
+    }
+    Ok(Some(Cylinder {
+        center: finite_point(&record.center, format!("{place}.center"))?,
+        radii: Vector2::from(record.radii),
+        half_height: record.half_height,
+        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
+    }))
 }
 
 fn superellipsoid(record: &Option<SuperellipsoidRecord>, place: String) -> Result<Option<Superellipsoid>, EntryError> {

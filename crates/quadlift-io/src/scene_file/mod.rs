@@ -25,8 +25,8 @@ mod tests;
 pub use bodies::{ObjectBodies, coordinates_name};
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
-    AlternativeRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, EllipsoidRecord, MisfitRecord,
-    ObjectRecord, SuperellipsoidRecord, ViewRecord,
+    AlternativeRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord, EllipsoidRecord,
+    MisfitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use paths::way_to_file;
 pub use read::{parse_scene_file, read_scene_file};

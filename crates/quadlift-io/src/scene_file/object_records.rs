@@ -1,7 +1,7 @@
 //! Objects as they are written in a scene file: bodies, and what an estimator reports about them.
 
 use nalgebra::Point3;
-use quadlift::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid, quaternion_from_rotation};
+use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid, quaternion_from_rotation};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -36,6 +36,12 @@ pub struct ObjectRecord {
     /// The larger cuboid that holds the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enclosing_cuboid: Option<CuboidRecord>,
+    /// The cylinder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cylinder: Option<CylinderRecord>,
+    /// The larger cylinder that holds the real object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enclosing_cylinder: Option<CylinderRecord>,
     /// The superellipsoid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub superellipsoid: Option<SuperellipsoidRecord>,
@@ -101,6 +107,26 @@ pub struct CuboidRecord {
     #[serde(deserialize_with = "numbers::list")]
     pub half_extents: [f64; 3],
     /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `half_extents`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub rotation: [f64; 4],
+    /// Fields that this version does not know.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A cylinder.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct CylinderRecord {
+    /// Centre in the world.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 3],
+    /// Semi-axes of the base in world units.
+    #[serde(deserialize_with = "numbers::list")]
+    pub radii: [f64; 2],
+    /// Half the height in world units.
+    pub half_height: f64,
+    /// Unit quaternion `[w, x, y, z]`; the first two columns of the rotation are the axes of the base, in the order of
+    /// `radii`, the third one is the axis of the cylinder.
     #[serde(deserialize_with = "numbers::list")]
     pub rotation: [f64; 4],
     /// Fields that this version does not know.
@@ -226,6 +252,13 @@ impl From<&Cuboid> for CuboidRecord {
     }
 }
 
+impl From<&Cylinder> for CylinderRecord {
+    fn from(body: &Cylinder) -> Self {
+        let (radii, rotation) = (body.radii.into(), quaternion_from_rotation(&body.rotation));
+        Self { center: list(&body.center), radii, half_height: body.half_height, rotation, extra: Map::new() }
+    }
+}
+
 impl From<&Superellipsoid> for SuperellipsoidRecord {
     fn from(body: &Superellipsoid) -> Self {
         let (semi_axes, rotation) = (body.semi_axes.into(), quaternion_from_rotation(&body.rotation));
@@ -241,6 +274,7 @@ impl ObjectRecord {
         match body {
             Body::Ellipsoid(_) => {}
             Body::Cuboid(cuboid) => self.cuboid = Some(cuboid.into()),
+            Body::Cylinder(cylinder) => self.cylinder = Some(cylinder.into()),
             Body::Superellipsoid(superellipsoid) => self.superellipsoid = Some(superellipsoid.into()),
         }
     }
@@ -251,6 +285,7 @@ impl ObjectRecord {
         match body {
             Body::Ellipsoid(_) => {}
             Body::Cuboid(cuboid) => self.enclosing_cuboid = Some(cuboid.into()),
+            Body::Cylinder(cylinder) => self.enclosing_cylinder = Some(cylinder.into()),
             Body::Superellipsoid(superellipsoid) => self.enclosing_superellipsoid = Some(superellipsoid.into()),
         }
     }

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
     use crate::scene_file::SceneFile;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-    use quadlift::geometry::{Cuboid, Ellipsoid, Projection, Superellipsoid};
+    use quadlift::geometry::{Cuboid, Cylinder, Ellipsoid, Projection, Superellipsoid};
     use quadlift::scene::{DetectionInput, SceneBuilder};
     use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Rejection, Status, ViewReport, Warning};
 
@@ -111,7 +111,7 @@ mod tests {
         let unit_box = quadlift::geometry::BoundingBox::new([0.0, 0.0, 1.0, 1.0]).unwrap();
         for frame in ["f0", "f1"] {
             builder.add_frame(frame, projection, None).unwrap();
-            for object in ["cup", "box", "tin"] {
+            for object in ["cup", "box", "tin", "can"] {
                 let input = DetectionInput {
                     frame,
                     object: Some(object),
@@ -168,6 +168,7 @@ mod tests {
             Body::Ellipsoid(Ellipsoid { center, semi_axes: lengths, rotation }),
             Body::Cuboid(Cuboid { center, half_extents: lengths, rotation }),
             Body::Superellipsoid(Superellipsoid { center, semi_axes: lengths, rotation, support_exponent: 1.5 }),
+            Body::Cylinder(Cylinder::from_half_extents(center, lengths, rotation)),
         ];
         let estimates: Vec<_> = bodies.into_iter().enumerate().map(|(i, body)| estimate(i, body)).collect();
         let localization = Localization { estimates: estimates.clone(), ..Default::default() };
@@ -178,7 +179,7 @@ mod tests {
         let back = crate::scene_file::parse_scene_file("a.json".as_ref(), &bytes).unwrap();
         assert_eq!(back, file);
         let objects = back.to_objects().unwrap();
-        assert_eq!(objects.iter().map(|o| o.id.as_str()).collect::<Vec<_>>(), ["cup", "box", "tin"]);
+        assert_eq!(objects.iter().map(|o| o.id.as_str()).collect::<Vec<_>>(), ["cup", "box", "tin", "can"]);
         for (object, estimate) in objects.iter().zip(&estimates) {
             assert_eq!(object.category.as_deref(), Some("thing"));
             assert_eq!(object.status, Some(Status::Ok));
@@ -191,6 +192,10 @@ mod tests {
         assert_eq!(objects[1].enclosing_cuboid.unwrap().half_extents, lengths * 1.25);
         assert_eq!(objects[2].superellipsoid.unwrap().support_exponent, 1.5);
         assert_eq!(objects[2].enclosing_superellipsoid.unwrap().semi_axes, lengths * 1.25);
+        let can = objects[3].cylinder.unwrap();
+        assert_eq!((can.half_extents(), can.half_height), (lengths, 0.125));
+        assert_eq!(objects[3].enclosing_cylinder.unwrap().half_extents(), lengths * 1.25);
+        assert!(matches!(objects[3].body(), Some(Body::Cylinder(_))) && objects[0].cylinder.is_none());
         assert!(objects[0].cuboid.is_none() && objects[0].superellipsoid.is_none());
         let record = &back.objects[0];
         assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));

@@ -38,6 +38,7 @@ pub fn body_name(body: BodyKind) -> String {
     match body {
         BodyKind::Ellipsoid => "ellipsoid".to_owned(),
         BodyKind::Cuboid => "cuboid".to_owned(),
+        BodyKind::Cylinder => "cylinder".to_owned(),
         BodyKind::Superellipsoid(q) => format!("superellipsoid:{q}"),
     }
 }

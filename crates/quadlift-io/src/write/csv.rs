@@ -71,6 +71,7 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
     let (kind, exponent) = match bodies.body() {
         Some(Body::Ellipsoid(_)) => ("ellipsoid", None),
         Some(Body::Cuboid(_)) => ("cuboid", None),
+        Some(Body::Cylinder(_)) => ("cylinder", None),
         Some(Body::Superellipsoid(body)) => ("superellipsoid", Some(body.support_exponent)),
         None => ("", None),
     };

@@ -10,7 +10,7 @@ use quadlift::geometry::quaternion_from_rotation;
 use serde_json::{Value, json};
 
 use super::mesh::{normal, unit_body};
-use super::{CheckedScene, Document, Object, Placement, colors};
+use super::{CheckedScene, Document, Object, Placement, Shape, colors};
 
 /// How opaque the bodies are.
 const ALPHA: f64 = 0.5;
@@ -45,9 +45,13 @@ pub fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
     let mut mesh_of: BTreeMap<(u64, usize), usize> = BTreeMap::new();
     for object in &scene.objects {
         let placement = Placement::from(&object.body);
-        let shape = placement.support_exponent.to_bits();
+        // A number for each shape; that of a cylinder is none of an exponent.
+        let shape = match placement.shape {
+            Shape::Exponent(exponent) => exponent.to_bits(),
+            Shape::Cylinder => 0,
+        };
         let category = category_indices[object.category_name()];
-        let geometry = shapes.entry(shape).or_insert_with(|| parts.add_unit_body(placement.support_exponent));
+        let geometry = shapes.entry(shape).or_insert_with(|| parts.add_unit_body(placement.shape));
         let mesh = *mesh_of.entry((shape, category)).or_insert_with(|| {
             let mut primitive = geometry.clone();
             primitive["material"] = json!(category);
@@ -164,11 +168,14 @@ struct Parts {
 
 impl Parts {
     /// A primitive without a material.
-    fn add_unit_body(&mut self, support_exponent: f64) -> Value {
-        let mesh = unit_body(support_exponent);
+    fn add_unit_body(&mut self, shape: Shape) -> Value {
+        let mesh = unit_body(shape);
         let mut attributes = json!({ "POSITION": self.add_vectors(&mesh.vertices, true) });
-        // Without normals a viewer shades the faces flat, as a cuboid's shall be.
-        if support_exponent > 1.0 {
+        // Without normals a viewer shades the faces flat, as a cuboid's shall be, and those of a
+        // cylinder may.
+        if let Shape::Exponent(support_exponent) = shape
+            && support_exponent > 1.0
+        {
             let normals: Vec<_> = mesh.vertices.iter().map(|vertex| normal(vertex, support_exponent)).collect();
             attributes["NORMAL"] = self.add_vectors(&normals, false);
         }

@@ -4,10 +4,13 @@ use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::Placement;
+use super::{Placement, Shape};
 
 /// Cells along an edge of the cube from which rounded bodies are made; even, so that the ends of the axes are vertices.
 const DIVISIONS: i32 = 12;
+
+/// Corners of the polygon that stands for the base of a cylinder.
+const ROUND: u32 = 48;
 
 /// A closed surface of triangles that are counterclockwise seen from outside.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,10 +19,35 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// The body of half extents one about the origin.
+pub fn unit_body(shape: Shape) -> Mesh {
+    match shape {
+        Shape::Exponent(exponent) => unit_superellipsoid(exponent),
+        Shape::Cylinder => unit_cylinder(),
+    }
+}
+
+/// The cylinder about the third axis: bottom and top rim, then the middle of bottom and top.
+fn unit_cylinder() -> Mesh {
+    let rim = |z: f64| {
+        (0..ROUND).map(move |k| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(ROUND)).sin_cos();
+            Vector3::new(cos, sin, z)
+        })
+    };
+    let middles = [Vector3::new(0.0, 0.0, -1.0), Vector3::new(0.0, 0.0, 1.0)];
+    let triangles = (0..ROUND).flat_map(|k| {
+        let next = (k + 1) % ROUND;
+        let [a, b, c, d] = [k, next, next + ROUND, k + ROUND];
+        [[a, b, c], [a, c, d], [2 * ROUND, b, a], [2 * ROUND + 1, d, c]]
+    });
+    Mesh { vertices: rim(-1.0).chain(rim(1.0)).chain(middles).collect(), triangles: triangles.collect() }
+}
+
 /// The body of half extents one about the origin with a support exponent from 1 (cube, 8 vertices) to 2 (ball).
 ///
 /// The surface of a cube is divided into cells, whose corners are pushed along their rays onto the body.
-pub fn unit_body(support_exponent: f64) -> Mesh {
+fn unit_superellipsoid(support_exponent: f64) -> Mesh {
     let divisions = if support_exponent <= 1.0 { 1 } else { DIVISIONS };
     let mut mesh = Mesh { vertices: Vec::new(), triangles: Vec::new() };
     let mut index_of = HashMap::new();
@@ -79,7 +107,7 @@ impl Placement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadlift::geometry::{ConvexBody, Superellipsoid};
+    use quadlift::geometry::{Body, ConvexBody, Cylinder, Superellipsoid};
 
     /// Volume by the theorem of Gauss; it is negative where triangles are turned inside out.
     fn volume(mesh: &Mesh) -> f64 {
@@ -89,33 +117,34 @@ mod tests {
 
     #[test]
     fn meshes_have_the_volume_of_the_body_and_no_holes() {
-        for q in [1.0, 1.1, 1.5, 2.0] {
+        let (center, semi_axes) = (Point3::origin(), Vector3::repeat(1.0));
+        let rotation = nalgebra::Rotation3::identity();
+        let exponents = [1.0, 1.1, 1.5, 2.0].map(|support_exponent| {
+            let body = Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent });
+            (Shape::Exponent(support_exponent), body)
+        });
+        let cylinder = Body::Cylinder(Cylinder::from_half_extents(center, semi_axes, rotation));
+        for (q, body) in exponents.into_iter().chain([(Shape::Cylinder, cylinder)]) {
             let mesh = unit_body(q);
-            let body = Superellipsoid {
-                center: Point3::origin(),
-                semi_axes: Vector3::repeat(1.0),
-                rotation: nalgebra::Rotation3::identity(),
-                support_exponent: q,
-            };
             let (found, expected) = (volume(&mesh), body.volume());
-            assert!(found <= expected + 1e-12 && found > 0.97 * expected, "{q}: {found} {expected}");
+            assert!(found <= expected + 1e-12 && found > 0.97 * expected, "{q:?}: {found} {expected}");
             // Euler's formula for a closed surface without handles.
-            assert_eq!(mesh.vertices.len(), mesh.triangles.len() / 2 + 2, "{q}");
+            assert_eq!(mesh.vertices.len(), mesh.triangles.len() / 2 + 2, "{q:?}");
             let mut edges = HashMap::new();
             for t in &mesh.triangles {
                 for k in 0..3 {
                     *edges.entry((t[k], t[(k + 1) % 3])).or_insert(0) += 1;
                 }
             }
-            assert!(edges.iter().all(|((a, b), n)| *n == 1 && edges.get(&(*b, *a)) == Some(&1)), "{q}");
+            assert!(edges.iter().all(|((a, b), n)| *n == 1 && edges.get(&(*b, *a)) == Some(&1)), "{q:?}");
         }
-        assert_eq!(unit_body(1.0).vertices.len(), 8);
+        assert_eq!(unit_body(Shape::Exponent(1.0)).vertices.len(), 8);
     }
 
     #[test]
     fn vertices_lie_on_the_body_and_normals_are_those_of_its_tangent_planes() {
         for q in [1.3, 2.0] {
-            let mesh = unit_body(q);
+            let mesh = unit_body(Shape::Exponent(q));
             for point in &mesh.vertices {
                 let n = normal(point, q);
                 // The tangent plane at the point: n . x = support(n), by the definition of the support function.

@@ -130,18 +130,27 @@ struct Placement {
     /// Semi-axes, or half the extents of a cuboid, along the columns of the rotation.
     half_extents: Vector3<f64>,
     rotation: Rotation3<f64>,
-    /// Exponent of the support function: 1 cuboid, 2 ellipsoid.
-    support_exponent: f64,
+    shape: Shape,
+}
+
+/// The shape of a body whose half extents are one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Shape {
+    /// By the exponent of the support function: 1 cube, 2 ball.
+    Exponent(f64),
+    /// A cylinder about the third axis.
+    Cylinder,
 }
 
 impl From<&Body> for Placement {
     fn from(body: &Body) -> Self {
-        let (half_extents, rotation, support_exponent) = match body {
-            Body::Ellipsoid(body) => (body.semi_axes, body.rotation, 2.0),
-            Body::Cuboid(body) => (body.half_extents, body.rotation, 1.0),
-            Body::Superellipsoid(body) => (body.semi_axes, body.rotation, body.support_exponent),
+        let shape = match body {
+            Body::Ellipsoid(_) => Shape::Exponent(2.0),
+            Body::Cuboid(_) => Shape::Exponent(1.0),
+            Body::Cylinder(_) => Shape::Cylinder,
+            Body::Superellipsoid(body) => Shape::Exponent(body.support_exponent),
         };
-        Self { center: body.center(), half_extents, rotation, support_exponent }
+        Self { center: body.center(), half_extents: body.half_extents(), rotation: body.rotation(), shape }
     }
 }
 
@@ -174,8 +183,8 @@ mod tests {
         let mut file = test_scene::three_bodies();
         file.objects.push(ObjectRecord { id: "lost".into(), ..ObjectRecord::default() });
         let checked = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
-        let exponents: Vec<f64> = checked.objects.iter().map(|o| Placement::from(&o.body).support_exponent).collect();
-        assert_eq!(exponents, [2.0, 1.0, 1.5]);
+        let shapes: Vec<Shape> = checked.objects.iter().map(|o| Placement::from(&o.body).shape).collect();
+        assert_eq!(shapes, [2.0, 1.0, 1.5].map(Shape::Exponent));
         assert_eq!((checked.bodies(), checked.without_body()), (3, &["lost".to_owned()][..]));
         assert_eq!(checked.categories(), ["cup", "box"]);
         let enclosing = CheckedScene::new(&file, BodyChoice::Enclosing).unwrap();

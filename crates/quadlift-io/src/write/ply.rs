@@ -21,7 +21,7 @@ pub fn ply(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
     let category_indices = scene.category_indices();
     for object in &scene.objects {
         let placement = Placement::from(&object.body);
-        let unit = unit_body(placement.support_exponent);
+        let unit = unit_body(placement.shape);
         let vertices = unit.vertices.iter().map(|vertex| placement.to_world(vertex));
         let [r, g, b] = colors::of_category(category_indices[object.category_name()]);
         mesh.add(vertices, [r, g, b, ALPHA[0]], &unit.triangles);

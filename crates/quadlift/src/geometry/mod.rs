@@ -1,4 +1,4 @@
-//! The vocabulary: cameras, boxes, ellipses and ellipsoids, cuboids, superellipsoids, and how they project.
+//! The vocabulary: cameras, boxes, ellipses and ellipsoids, cuboids, cylinders, superellipsoids, and how they project.
 //!
 //! Camera axes are OpenCV's (x right, y down, z forward); pixels are measured from the top-left corner of the image
 //! (the first pixel's centre is at 0.5, 0.5); angles are radians; the world unit is the user's.
@@ -7,6 +7,7 @@ mod bounding_box;
 mod camera;
 mod convex_body;
 mod cuboid;
+mod cylinder;
 mod ellipse;
 mod ellipsoid;
 pub(crate) mod gamma;
@@ -22,6 +23,7 @@ pub use bounding_box::{BoundingBox, BoundingBoxError};
 pub use camera::{CamFromWorld, CameraError, Intrinsics, Projection};
 pub use convex_body::ConvexBody;
 pub use cuboid::Cuboid;
+pub use cylinder::Cylinder;
 pub use ellipse::{Ellipse, EllipseError};
 pub use ellipsoid::{DualQuadric, Ellipsoid, EllipsoidError};
 pub use lens::{Camera, CameraModel, WIDEST_ANGLE_DEG};
@@ -38,6 +40,8 @@ pub enum Body {
     Ellipsoid(Ellipsoid),
     /// A cuboid.
     Cuboid(Cuboid),
+    /// A cylinder.
+    Cylinder(Cylinder),
     /// A superellipsoid.
     Superellipsoid(Superellipsoid),
 }
@@ -48,17 +52,40 @@ impl Body {
         match self {
             Self::Ellipsoid(body) => Self::Ellipsoid(body.scaled(factor)),
             Self::Cuboid(body) => Self::Cuboid(body.scaled(factor)),
+            Self::Cylinder(body) => Self::Cylinder(body.scaled(factor)),
             Self::Superellipsoid(body) => Self::Superellipsoid(body.scaled(factor)),
         }
     }
 
     /// The ellipsoid that stands for the body: itself, the one inscribed in the cuboid, or the one with the
-    /// superellipsoid's second moments.
+    /// second moments of the cylinder or superellipsoid.
     pub fn ellipsoid(&self) -> Ellipsoid {
         match self {
             Self::Ellipsoid(body) => *body,
             Self::Cuboid(body) => body.inscribed_ellipsoid(),
+            Self::Cylinder(body) => body.ellipsoid_of_same_moments(),
             Self::Superellipsoid(body) => body.ellipsoid_of_same_moments(),
+        }
+    }
+
+    /// Half extents of the cuboid around the body along the columns of its rotation: the semi-axes of an ellipsoid or
+    /// superellipsoid, the radii and half the height of a cylinder. World units.
+    pub fn half_extents(&self) -> nalgebra::Vector3<f64> {
+        match self {
+            Self::Ellipsoid(body) => body.semi_axes,
+            Self::Cuboid(body) => body.half_extents,
+            Self::Cylinder(body) => body.half_extents(),
+            Self::Superellipsoid(body) => body.semi_axes,
+        }
+    }
+
+    /// Rotation `world_from_object`: its columns are the axes of the body.
+    pub fn rotation(&self) -> nalgebra::Rotation3<f64> {
+        match self {
+            Self::Ellipsoid(body) => body.rotation,
+            Self::Cuboid(body) => body.rotation,
+            Self::Cylinder(body) => body.rotation,
+            Self::Superellipsoid(body) => body.rotation,
         }
     }
 }
@@ -68,6 +95,7 @@ impl ConvexBody for Body {
         match self {
             Self::Ellipsoid(body) => body.center,
             Self::Cuboid(body) => body.center,
+            Self::Cylinder(body) => body.center,
             Self::Superellipsoid(body) => body.center,
         }
     }
@@ -76,6 +104,7 @@ impl ConvexBody for Body {
         match self {
             Self::Ellipsoid(body) => body.support(n),
             Self::Cuboid(body) => body.support(n),
+            Self::Cylinder(body) => body.support(n),
             Self::Superellipsoid(body) => body.support(n),
         }
     }
@@ -84,6 +113,7 @@ impl ConvexBody for Body {
         match self {
             Self::Ellipsoid(body) => body.volume(),
             Self::Cuboid(body) => body.volume(),
+            Self::Cylinder(body) => body.volume(),
             Self::Superellipsoid(body) => body.volume(),
         }
     }
@@ -92,6 +122,7 @@ impl ConvexBody for Body {
         match self {
             Self::Ellipsoid(body) => body.contains(point),
             Self::Cuboid(body) => body.contains(point),
+            Self::Cylinder(body) => body.contains(point),
             Self::Superellipsoid(body) => body.contains(point),
         }
     }

@@ -1,11 +1,11 @@
 //! Volume IoU of bodies of any kind.
 
-use nalgebra::{Point3, Rotation3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::iou_cuboids::iou3d_cuboids;
 use super::iou_ellipsoids::iou3d_ellipsoids;
 use super::ratio_of_union;
-use crate::geometry::{Body, ConvexBody, Cuboid, Ellipsoid, Superellipsoid};
+use crate::geometry::{Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
 
 /// Number of sample points for bodies of different kind.
 const SAMPLES: u32 = 1 << 19;
@@ -31,7 +31,7 @@ pub fn iou3d_bodies(a: &Body, b: &Body) -> f64 {
 fn share_inside(body: &Body, other: &Body) -> f64 {
     const G: f64 = 1.2207440846057596;
     let step = Vector3::new(1.0 / G, 1.0 / (G * G), 1.0 / (G * G * G));
-    let (half_extents, rotation) = enclosing_box(body);
+    let (half_extents, rotation) = (body.half_extents(), body.rotation());
     // Relative to the first centre: far from the world's origin coordinates lose digits.
     let (body, other) = (at(body, Point3::origin()), at(other, Point3::from(other.center() - body.center())));
     let (mut inside, mut common) = (0u32, 0u32);
@@ -46,20 +46,12 @@ fn share_inside(body: &Body, other: &Body) -> f64 {
     if inside == 0 { 0.0 } else { f64::from(common) / f64::from(inside) }
 }
 
-/// Half extents and rotation of the cuboid around a body.
-fn enclosing_box(body: &Body) -> (Vector3<f64>, Rotation3<f64>) {
-    match body {
-        Body::Ellipsoid(body) => (body.semi_axes, body.rotation),
-        Body::Cuboid(body) => (body.half_extents, body.rotation),
-        Body::Superellipsoid(body) => (body.semi_axes, body.rotation),
-    }
-}
-
 /// The body moved to another centre.
 fn at(body: &Body, center: Point3<f64>) -> Body {
     match *body {
         Body::Ellipsoid(body) => Body::Ellipsoid(Ellipsoid { center, ..body }),
         Body::Cuboid(body) => Body::Cuboid(Cuboid { center, ..body }),
+        Body::Cylinder(body) => Body::Cylinder(Cylinder { center, ..body }),
         Body::Superellipsoid(body) => Body::Superellipsoid(Superellipsoid { center, ..body }),
     }
 }
@@ -67,6 +59,7 @@ fn at(body: &Body, center: Point3<f64>) -> Body {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Rotation3;
     use rand::{RngExt, SeedableRng};
 
     fn superellipsoid(e: &Ellipsoid, support_exponent: f64) -> Body {
@@ -98,6 +91,19 @@ mod tests {
             assert!((counted - exact).abs() < 5e-4, "{counted} {exact}");
             assert_eq!(iou3d_bodies(&Body::Ellipsoid(a), &Body::Ellipsoid(b)), iou3d_ellipsoids(&a, &b));
         }
+    }
+
+    #[test]
+    fn cylinders_that_overlap_in_half_of_their_height_have_a_third() {
+        let Ellipsoid { center, semi_axes, rotation } =
+            random_ellipsoid(&mut rand_chacha::ChaCha8Rng::seed_from_u64(6));
+        let one = Cylinder::from_half_extents(center, semi_axes, rotation);
+        let other = Cylinder { center: center + rotation * Vector3::new(0.0, 0.0, semi_axes.z), ..one };
+        let iou = iou3d_bodies(&Body::Cylinder(one), &Body::Cylinder(other));
+        assert!((iou - 1.0 / 3.0).abs() < 1e-3, "{iou}");
+        let around = Cuboid { center, half_extents: semi_axes, rotation };
+        let iou = iou3d_bodies(&Body::Cylinder(one), &Body::Cuboid(around));
+        assert!((iou - std::f64::consts::FRAC_PI_4).abs() < 1e-3, "{iou}");
     }
 
     #[test]

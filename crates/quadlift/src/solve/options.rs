@@ -38,6 +38,8 @@ pub enum BodyKind {
     Ellipsoid,
     /// A cuboid.
     Cuboid,
+    /// A cylinder with an elliptic base.
+    Cylinder,
     /// A superellipsoid with this exponent of its support function, in [1, 2] (1 cuboid, 2 ellipsoid).
     Superellipsoid(f64),
 }

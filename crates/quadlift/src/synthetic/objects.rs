@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::options::Trajectory;
 use super::random;
-use crate::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
+use crate::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
 use crate::solve::BodyKind;
 
 /// Height of the objects' centres on a floor relative to those in a cube.
@@ -64,12 +64,17 @@ impl Object {
         Self { center, semi_axes, rotation: random::rotation(rng) }
     }
 
-    /// The body, in a world multiplied by `scale` and then moved by `offset`.
+    /// The body (cylinders are round), in a world multiplied by `scale` and then moved by `offset`.
     pub(super) fn body(&self, kind: BodyKind, scale: f64, offset: &Vector3<f64>) -> Body {
         let (center, semi_axes, rotation) = (self.center * scale + offset, self.semi_axes * scale, self.rotation);
         match kind {
             BodyKind::Ellipsoid => Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation }),
             BodyKind::Cuboid => Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation }),
+            BodyKind::Cylinder => {
+                let radius = (semi_axes.x * semi_axes.y).sqrt();
+                let half_extents = Vector3::new(radius, radius, semi_axes.z);
+                Body::Cylinder(Cylinder::from_half_extents(center, half_extents, rotation))
+            }
             BodyKind::Superellipsoid(support_exponent) => {
                 Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent })
             }

@@ -142,6 +142,17 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
             },
         ))
     };
+    let cylinder = || {
+        option::of((numbers(), numbers(), number(), numbers(), extra()).prop_map(
+            |(center, radii, half_height, rotation, extra)| CylinderRecord {
+                center,
+                radii,
+                half_height,
+                rotation,
+                extra,
+            },
+        ))
+    };
     let alternatives = vec((cuboid(), number(), extra()), 0..3).prop_map(|found| {
         let alternative = |(cuboid, log_odds, extra): (Option<CuboidRecord>, f64, _)| {
             Some(AlternativeRecord { cuboid: cuboid?, log_odds, extra })
@@ -149,6 +160,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         found.into_iter().filter_map(alternative).collect::<Vec<_>>()
     });
     let bodies = (ellipsoid(), ellipsoid(), cuboid(), cuboid(), superellipsoid(), superellipsoid());
+    let bodies = (bodies, cylinder(), cylinder());
     let numbers_of_view = (option::of(number()), option::of(number()), option::of(number()));
     let view = (text(), numbers_of_view, any::<bool>(), option::of(text()), extra()).prop_map(
         |(frame, (residual_px, deviations, predicted_iou), inlier, rejected_because, extra)| ViewRecord {
@@ -182,6 +194,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         |(names, figures, bodies, views, checked, extra)| {
             let (id, category, status) = names;
             let (center, center_sd, (residual_px, misfit, alternatives), covariance) = figures;
+            let (bodies, cylinder, enclosing_cylinder) = bodies;
             let (ellipsoid, enclosing_ellipsoid, cuboid, enclosing_cuboid, superellipsoid, enclosing_superellipsoid) =
                 bodies;
             let (views_used, views_rejected, view_residuals_px, warnings) = views;
@@ -195,6 +208,8 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
                 enclosing_ellipsoid,
                 cuboid,
                 enclosing_cuboid,
+                cylinder,
+                enclosing_cylinder,
                 superellipsoid,
                 enclosing_superellipsoid,
                 views_used,

@@ -131,11 +131,7 @@ fn difference(from: &Body, to: &Body) -> nalgebra::SVector<f64, 9> {
 }
 
 fn axes_of(body: &Body) -> (Matrix3<f64>, Vector3<f64>) {
-    match body {
-        Body::Ellipsoid(e) => (*e.rotation.matrix(), e.semi_axes),
-        Body::Cuboid(c) => (*c.rotation.matrix(), c.half_extents),
-        Body::Superellipsoid(s) => (*s.rotation.matrix(), s.semi_axes),
-    }
+    (*body.rotation().matrix(), body.half_extents())
 }
 
 /// The 24 rotations of a cube: which axis of the body gets which name and direction.

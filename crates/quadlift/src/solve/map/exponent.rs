@@ -1,6 +1,6 @@
 //! Objects of unknown kind: one support exponent for the whole scene, from what its boxes fit best (E9, ours).
 
-use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, relative_size};
+use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
 use super::fit::Fit;
 use super::levenberg_marquardt::{Stop, minimise};
 use super::noise::NoiseLevels;
@@ -99,7 +99,7 @@ impl<'a> Chains<'a> {
         let edges = object.measurements.edges.len() as f64;
         let first: Vec<OrientedModel> = turned_axes(&fit.body, &fit.prepared.prior)
             .into_iter()
-            .map(|(axes, semi_axes)| OrientedModel::new(*fit.body.center(), axes, semi_axes, 2.0))
+            .map(|(axes, semi_axes)| OrientedModel::new(*fit.body.center(), axes, semi_axes, Form::Exponent(2.0)))
             .collect();
         Some(Self {
             fit,
@@ -120,8 +120,9 @@ impl<'a> Chains<'a> {
             Objective { ground: self.fit.ground, ..self.object.objective(self.noise, self.fit.outlier_scale) };
         let (mut cost, mut log_determinant) = (f64::INFINITY, 0.0);
         let bodies = self.bodies.iter().chain(&self.first).map(|body| {
-            let semi_axes = body.semi_axes() * (relative_size(exponent) / relative_size(body.exponent()));
-            let start = OrientedModel::new(*body.center(), *body.axes(), semi_axes, exponent);
+            let form = Form::Exponent(exponent);
+            let semi_axes = body.semi_axes() * (form.relative_size() / body.form().relative_size());
+            let start = OrientedModel::new(*body.center(), *body.axes(), semi_axes, form);
             match minimise(start.clone(), NEXT, |body| objective.linearise(body), BodyModel::retract) {
                 Some((body, equations)) => {
                     if equations.cost < cost

@@ -6,14 +6,14 @@ use super::super::conditioning::ObjectFrame;
 use super::super::estimate::{CovarianceCoordinates, Matrix9};
 use super::super::options::BodyKind;
 use super::MapContext;
-use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
+use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
 use super::covariance;
 use super::levenberg_marquardt::{Stop, minimise};
 use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
 use super::starts::{centers_from_size, oriented_starts};
-use crate::geometry::{Body, ConvexBody, Cuboid, Ellipsoid, Superellipsoid};
+use crate::geometry::{Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
 
 /// To decide between many starts: few steps.
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
@@ -149,12 +149,13 @@ impl FirstFit for OrientedModel {
         seed: u64,
     ) -> Vec<(Self, NormalEquations)> {
         let objective = prepared.objective(noise, outlier_scale);
-        let exponent = match context.body {
-            BodyKind::Superellipsoid(exponent) => exponent,
-            BodyKind::Cuboid | BodyKind::Ellipsoid => 1.0,
+        let form = match context.body {
+            BodyKind::Superellipsoid(exponent) => Form::Exponent(exponent),
+            BodyKind::Cylinder => Form::Cylinder,
+            BodyKind::Cuboid | BodyKind::Ellipsoid => Form::Exponent(1.0),
         };
         let centers = centers_from_size(prepared);
-        let starts = oriented_starts(ellipsoid, exponent, &prepared.prior, &centers, seed);
+        let starts = oriented_starts(ellipsoid, form, &prepared.prior, &centers, seed);
         let descend = |start: Self| minimise(start, SCREENING, |body| objective.linearise(body), BodyModel::retract);
         let mut screened: Vec<_> = starts.into_iter().filter_map(descend).collect();
         screened.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
@@ -162,23 +163,28 @@ impl FirstFit for OrientedModel {
     }
 
     fn of_body(body: &Body, frame: &ObjectFrame) -> Option<Self> {
-        let (rotation, semi_axes, exponent) = match body {
+        let form = match body {
             Body::Ellipsoid(_) => return None,
-            Body::Cuboid(body) => (body.rotation, body.half_extents, 1.0),
-            Body::Superellipsoid(body) => (body.rotation, body.semi_axes, body.support_exponent),
+            Body::Cuboid(_) => Form::Exponent(1.0),
+            Body::Cylinder(_) => Form::Cylinder,
+            Body::Superellipsoid(body) => Form::Exponent(body.support_exponent),
         };
         let center = (body.center() - frame.origin) / frame.unit;
-        Some(Self::new(center, *rotation.matrix(), semi_axes / frame.unit, exponent))
+        Some(Self::new(center, *body.rotation().matrix(), body.half_extents() / frame.unit, form))
     }
 
     fn body_in_world(&self, frame: &ObjectFrame, kind: BodyKind) -> Body {
         let center: Point3<f64> = frame.point_in_world(self.center());
         let semi_axes = self.semi_axes() * frame.unit;
         let rotation = Rotation3::from_matrix_unchecked(*self.axes());
-        if kind == BodyKind::Cuboid {
-            Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation })
-        } else {
-            Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent: self.exponent() })
+        match self.form() {
+            Form::Cylinder => Body::Cylinder(Cylinder::from_half_extents(center, semi_axes, rotation)),
+            Form::Exponent(_) if kind == BodyKind::Cuboid => {
+                Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation })
+            }
+            Form::Exponent(support_exponent) => {
+                Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent })
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::super::conditioning::ObjectFrame;
 use super::super::sigmas::Sigmas;
-use super::body_model::{BodyModel, EllipsoidModel, OrientedModel};
+use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
 use super::measurements::{Measurements, Plane};
 use super::noise::NoiseLevels;
 use super::objective::{ObjectPrior, Objective};
@@ -150,8 +150,21 @@ proptest! {
     }
 
     #[test]
+    fn rows_of_a_cylinder(a in -3.0..3.0f64, b in -1.5..1.5f64, x in -0.5..0.5f64, c in 0.3..2.0f64) {
+        let body =
+            OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, c), Form::Cylinder);
+        // At a rim, and at the axis, the support function has a kink.
+        let smooth = |edge: &super::measurements::Edge| {
+            let u = body.axes().tr_mul(&edge.plane.n).normalize();
+            u.z.abs() > 0.01 && u.xy().norm() > 0.02
+        };
+        prop_assume!(measurements(true).edges.iter().all(smooth));
+        check_rows(&measurements(true), &body);
+    }
+
+    #[test]
     fn rows_of_a_superellipsoid(a in -3.0..3.0f64, b in -1.5..1.5f64, x in -0.5..0.5f64, q in 1.2..2.0f64) {
-        let body = OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, 0.6), q);
+        let body = OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, 0.6), Form::Exponent(q));
         // Where a component of R^T n vanishes the curvature of the support function has no bound, and differences tell
         // nothing.
         let smooth = |edge: &super::measurements::Edge| {
@@ -191,7 +204,7 @@ proptest! {
 
     #[test]
     fn priors_of_a_superellipsoid(a in -3.0..3.0f64, b in -1.5..1.5f64, up in -1.0..1.0f64) {
-        let body = OrientedModel::new(Vector3::new(0.1, 0.2, 0.3), rotation(a, b, 0.7), Vector3::new(1.7, 1.1, 0.6), 1.4);
+        let body = OrientedModel::new(Vector3::new(0.1, 0.2, 0.3), rotation(a, b, 0.7), Vector3::new(1.7, 1.1, 0.6), Form::Exponent(1.4));
         check_priors(&prior(Vector3::new(up, 0.3, 0.8)), &body);
     }
 }
@@ -200,8 +213,12 @@ proptest! {
 fn rows_of_a_sphere_and_of_a_cuboid_away_from_its_kinks() {
     let sphere = EllipsoidModel::from_axes(Vector3::new(0.1, 0.0, 0.2), Matrix3::identity(), Vector3::repeat(0.9));
     check_rows(&measurements(false), &sphere);
-    let cuboid =
-        OrientedModel::new(Vector3::new(0.1, 0.1, 0.2), rotation(0.5, 0.3, 0.9), Vector3::new(1.2, 0.8, 0.6), 1.0);
+    let cuboid = OrientedModel::new(
+        Vector3::new(0.1, 0.1, 0.2),
+        rotation(0.5, 0.3, 0.9),
+        Vector3::new(1.2, 0.8, 0.6),
+        Form::Exponent(1.0),
+    );
     check_rows(&measurements(true), &cuboid);
 }
 

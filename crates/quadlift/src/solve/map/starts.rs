@@ -5,7 +5,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
-use super::body_model::{BodyModel, EllipsoidModel, OrientedModel, horizontal_basis, relative_size};
+use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel, horizontal_basis};
 use super::object::Prepared;
 use super::objective::ObjectPrior;
 use crate::geometry::linalg::symmetric_eigen3;
@@ -44,32 +44,32 @@ pub(super) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidM
     (largest > 1e-6 && largest < 1e6).then(|| EllipsoidModel::from_axes(center.coords, axes, clamped))
 }
 
-/// Starts of a body with the support exponent `exponent`, from a fitted ellipsoid.
+/// Starts of a body of a form, from a fitted ellipsoid.
 ///
 /// With a category size they are upright boxes of that size in four directions at `centers`; otherwise the ellipsoid's
 /// own axes, those turned by 45 degrees ([`turned_axes`]) and random rotations (upright ones where `up` is known and asked
 /// for).
 pub(super) fn oriented_starts(
     ellipsoid: &EllipsoidModel,
-    exponent: f64,
+    form: Form,
     prior: &ObjectPrior,
     centers: &[Vector3<f64>],
     seed: u64,
 ) -> Vec<OrientedModel> {
-    let semi_axes = ellipsoid.semi_axes() * relative_size(exponent);
+    let semi_axes = ellipsoid.semi_axes() * form.relative_size();
     let upright = prior.up.filter(|_| prior.upright_weight > 0.0);
     let mut starts = Vec::new();
     match (upright, prior.log_size) {
         (Some(up), None) => {
             let Some((axes, sizes)) = set_upright(ellipsoid, &up) else { return starts };
-            let sizes = sizes * relative_size(exponent);
+            let sizes = sizes * form.relative_size();
             let side = (sizes.x * sizes.y).sqrt();
             for turn in 0..YAW_STARTS {
                 // With equal sides a body is the same after a quarter of a circle.
                 let angle = std::f64::consts::FRAC_PI_2 / YAW_STARTS as f64 * turn as f64;
                 let turned = axes * Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
                 let sizes = if turn == 0 { sizes } else { Vector3::new(side, side, sizes.z) };
-                starts.push(OrientedModel::new(*ellipsoid.center(), turned, sizes, exponent));
+                starts.push(OrientedModel::new(*ellipsoid.center(), turned, sizes, form));
             }
         }
         (Some(up), Some(size)) => {
@@ -78,7 +78,7 @@ pub(super) fn oriented_starts(
             all.extend_from_slice(centers);
             for center in all {
                 for axes in upright_axes(&up) {
-                    starts.push(OrientedModel::new(center, right_handed(axes), semi_axes, exponent));
+                    starts.push(OrientedModel::new(center, right_handed(axes), semi_axes, form));
                 }
             }
         }
@@ -86,21 +86,34 @@ pub(super) fn oriented_starts(
             let sizes = Vector3::from(size.map(|(mean, _)| mean.exp()));
             let own = right_handed(*ellipsoid.axes());
             for rotation in std::iter::once(own).chain(random_rotations(seed)) {
-                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, exponent));
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, form));
             }
         }
         (None, None) => {
             let mean = Vector3::repeat(semi_axes.product().cbrt());
             for (axes, semi_axes) in turned_axes(ellipsoid, prior) {
-                let semi_axes = semi_axes * relative_size(exponent);
-                starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, exponent));
+                let semi_axes = semi_axes * form.relative_size();
+                starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, form));
             }
             for rotation in random_rotations(seed) {
-                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, exponent));
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, form));
             }
         }
     }
-    starts
+    match form {
+        Form::Exponent(_) => starts,
+        Form::Cylinder if prior.log_size.is_some() => starts,
+        Form::Cylinder => starts.iter().flat_map(along_each_axis).collect(),
+    }
+}
+
+/// A start of a cylinder with its axis along each of the three axes.
+fn along_each_axis(start: &OrientedModel) -> [OrientedModel; 3] {
+    [[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|order| {
+        let axes = Matrix3::from_columns(&order.map(|k| start.axes().column(k).into_owned()));
+        let sizes = Vector3::from(order.map(|k| start.semi_axes()[k]));
+        OrientedModel::new(*start.center(), axes, sizes, start.form())
+    })
 }
 
 /// The axes of an ellipsoid set upright and its semi-axes along them, the vertical one last: its shape matrix without the
