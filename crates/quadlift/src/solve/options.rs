@@ -116,7 +116,7 @@ pub struct MapOptions {
     pub correlated_views: bool,
     /// Whether it is found out which objects stand upright, some axis of theirs along the scene's `up`: those for which the
     /// measurements of all objects speak. Says nothing where `up` is not known, and of categories that have an
-    /// `upright_sd`.
+    /// `upright_sd` or a size.
     pub upright: bool,
     /// Whether all objects stand on a common ground plane, which is estimated; otherwise those whose category's prior
     /// says so do. Needs the scene's `up`.

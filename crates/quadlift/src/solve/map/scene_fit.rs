@@ -242,7 +242,10 @@ impl<B: FirstFit> SceneFit<B> {
         let mut prepared = Prepared::new(views, context).ok()?;
         let frame = prepared.measurements.frame;
         let body = B::of_body(start, &frame)?;
-        if let Some(up) = context.up.filter(|up| context.options.upright && was_upright(&body, up)) {
+        if let Some(up) = context
+            .up
+            .filter(|up| context.options.upright && prepared.prior.log_size.is_none() && was_upright(&body, up))
+        {
             prepared = prepared.standing(&up);
         }
         let outlier_scale = outliers.then_some(OUTLIER_SCALE);
