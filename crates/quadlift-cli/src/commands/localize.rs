@@ -116,9 +116,9 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
     max_truncated: Option<f64>,
 
-    /// Do not look for objects that stand upright, an axis along the scene's `up`
+    /// Find out which objects stand upright, an axis along the scene's `up`
     #[arg(long)]
-    no_upright: bool,
+    upright: bool,
 
     /// All objects stand on a common ground plane, which is estimated (the scene needs `up`)
     #[arg(long)]
@@ -199,8 +199,8 @@ impl Args {
         if (self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some()) && method != Method::Map {
             return usage("--ground-plane, --camera-height and --pose-noise are options of --method map only");
         }
-        if self.no_upright && method != Method::Map {
-            return usage("--no-upright is an option of --method map only");
+        if self.upright && method != Method::Map {
+            return usage("--upright is an option of --method map only");
         }
         if !self.calibration.is_empty() && method != Method::Map {
             return usage("--calibration is an option of --method map only: the other methods give no covariance");
@@ -235,7 +235,7 @@ impl Args {
             options.cross_validation.extent = Extent::All;
         }
         options.map.body = self.body.0;
-        options.map.upright = !self.no_upright;
+        options.map.upright = self.upright;
         options.map.ground_plane = self.ground_plane;
         options.map.camera_height = self.camera_height;
         options.map.pose_noise = self.pose_noise;

@@ -147,7 +147,7 @@ impl Default for MapOptions {
             pixel_noise_size: 67.0,
             heavy_tails: true,
             correlated_views: true,
-            upright: true,
+            upright: false,
             ground_plane: false,
             camera_height: None,
             hidden_edges: true,

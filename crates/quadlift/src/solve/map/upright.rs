@@ -145,7 +145,7 @@ impl<B: FirstFit> Fit<B> {
 /// `ln det H`, with the precision that a body has whose rotation is open.
 fn log_determinant<B: FirstFit>(equations: &NormalEquations) -> Option<f64> {
     if B::SEVERAL_STARTS {
-        return Some(super::exponent::log_determinant_of(equations));
+        return super::exponent::log_determinant_of(equations);
     }
     cholesky(&equations.hessian()).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
 }
