@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use crate::correct::RecordCorrection;
 use crate::correct::options::{option_of, short};
+use crate::correct::usual_width;
 use crate::scene_file::SceneFile;
 
 /// What is known of a scene file when its mistakes are named.
@@ -205,7 +206,8 @@ pub fn cause_in_words(cause: &Cause) -> String {
             format!("the boxes are of another image size: their pixels are to be multiplied by {}", value(3))
         }
         CauseName::Letterbox => {
-            format!("the boxes were measured in a letterboxed image of {0} x {0} pixels", value(0))
+            let side = cause.value.map_or(0.0, usual_width);
+            format!("the boxes were measured in a letterboxed image of {side} x {side} pixels")
         }
         CauseName::NormalizedBoxes => {
             "the boxes are normalised (shares of the image's width and height), not pixels".to_owned()

@@ -2,19 +2,28 @@
 
 use std::collections::HashMap;
 
-use quadlift::diagnose::{BoxFormat, CauseName, Correction, Mistake};
+use quadlift::diagnose::{BoxFormat, CameraParts, CauseName, Correction, Mistake};
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift::metrics::iou3d_bodies;
-use quadlift::scene::Scene;
+use quadlift::scene::{Detection, Scene};
 use quadlift::solve::BodyKind;
 use quadlift::synthetic::Trajectory;
 use quadlift::{Options, localize};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A mistake and the correction that undoes it.
+/// A mistake.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct NamedMistake(Correction);
+pub(super) enum NamedMistake {
+    /// A correction undoes it.
+    Undone(Correction),
+    /// The later half of the trajectory has steps multiplied by this.
+    ScaleJump(f64),
+    /// This share of the frames, the last ones, has the pose of the frame before them.
+    RepeatedPoses(f64),
+    /// Ids are numbers in each frame, from left to right.
+    MixedIds,
+}
 
 /// All mistakes, several sizes of those that have a size.
 pub(super) fn all() -> Vec<NamedMistake> {
@@ -51,7 +60,11 @@ pub(super) fn all() -> Vec<NamedMistake> {
         BoxFormat::SwappedAxes,
     ];
     all.extend(formats.map(Correction::Boxes));
-    all.into_iter().map(NamedMistake).collect()
+    let mut all: Vec<NamedMistake> = all.into_iter().map(NamedMistake::Undone).collect();
+    all.extend([0.5, 1.3].map(NamedMistake::ScaleJump));
+    all.extend([0.3, 0.6].map(NamedMistake::RepeatedPoses));
+    all.push(NamedMistake::MixedIds);
+    all
 }
 
 /// Some mistakes, drawn for a scene.
@@ -64,20 +77,39 @@ pub(super) fn mistakes_of(seed: u64, count: usize) -> Vec<NamedMistake> {
 impl NamedMistake {
     /// Its name in the tables.
     pub(super) fn name(&self) -> String {
-        match self.0.value() {
-            Some(value) => format!("{} {value}", self.cause().name()),
-            None => self.cause().name().to_owned(),
-        }
+        let value = match self {
+            Self::Undone(correction) => correction.value(),
+            Self::ScaleJump(x) | Self::RepeatedPoses(x) => Some(*x),
+            Self::MixedIds => None,
+        };
+        let name = self.cause().name();
+        value.map_or_else(|| name.to_owned(), |value| format!("{name} {value}"))
     }
 
     /// What the self-check should name.
     pub(super) fn cause(&self) -> CauseName {
-        self.0.cause()
+        match self {
+            Self::Undone(correction) => correction.cause(),
+            Self::ScaleJump(_) => CauseName::ScaleJump,
+            Self::RepeatedPoses(_) => CauseName::DuplicatePoses,
+            Self::MixedIds => CauseName::ObjectIds,
+        }
     }
 
     /// The wrong scene; `None` where most boxes would be none.
     pub(super) fn make(&self, scene: &Scene) -> Option<Scene> {
-        let wrong = Mistake(self.0).apply(scene);
+        let wrong = match *self {
+            Self::Undone(correction) => Mistake(correction).apply(scene),
+            Self::ScaleJump(factor) => with_scale_jump(scene, factor)?,
+            Self::RepeatedPoses(share) => {
+                let mut wrong = scene.clone();
+                let last = ((1.0 - share) * scene.frames.len() as f64) as usize;
+                let held = scene.frames.get(last.saturating_sub(1))?.projection;
+                wrong.frames.iter_mut().skip(last).for_each(|frame| frame.projection = held);
+                wrong
+            }
+            Self::MixedIds => with_mixed_ids(scene),
+        };
         (2 * wrong.detections.len() >= scene.detections.len()).then_some(wrong)
     }
 
@@ -98,9 +130,39 @@ impl NamedMistake {
                 | CauseName::LeftHandedCameraToWorld,
                 Trajectory::Street,
             ) => true,
+            // A car sees other objects before a jump than after it.
+            (CauseName::ScaleJump, Trajectory::Street) => true,
             _ => false,
         }
     }
+}
+
+fn with_scale_jump(scene: &Scene, factor: f64) -> Option<Scene> {
+    let camera = |frame: usize| CameraParts::from_projection(&scene.frames[frame].projection);
+    let center = |c: &CameraParts| -(c.rotation.transpose() * c.translation);
+    let middle = scene.frames.len() / 2;
+    let anchor = center(&camera(middle.checked_sub(1)?)?);
+    let mut wrong = scene.clone();
+    for (frame, changed) in wrong.frames.iter_mut().enumerate().skip(middle) {
+        let mut camera = camera(frame)?;
+        camera.translation = -(camera.rotation * (anchor + (center(&camera) - anchor) * factor));
+        changed.projection = camera.projection()?;
+    }
+    Some(wrong)
+}
+
+fn with_mixed_ids(scene: &Scene) -> Scene {
+    let mut wrong = scene.clone();
+    let left = |d: &Detection| d.bounding_box.map_or(0.0, |b| b.x0);
+    wrong.detections.sort_by(|a, b| a.frame_index.cmp(&b.frame_index).then(left(a).total_cmp(&left(b))));
+    let (mut frame, mut next) = (u32::MAX, 0);
+    for detection in &mut wrong.detections {
+        next = if detection.frame_index == frame { next + 1 } else { 0 };
+        (frame, detection.object_index) = (detection.frame_index, Some(next));
+    }
+    let largest = wrong.detections.iter().filter_map(|d| d.object_index).max();
+    wrong.object_ids = (0..=largest.unwrap_or_default()).map(|number| format!("number {number}")).collect();
+    wrong
 }
 
 /// What a mistake costs.

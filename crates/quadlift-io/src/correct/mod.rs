@@ -35,14 +35,15 @@ pub enum RecordCorrection {
 
 impl RecordCorrection {
     /// What undoes one of the usual mistakes in a scene whose images have one size, in pixels, where that is known. Sizes
-    /// of images that were found by the self-check are rounded to whole pixels.
+    /// of images that were found by the self-check are rounded: to a usual width where one is near, to whole pixels else.
     pub fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {
         match (*correction, image_size) {
-            (Correction::ImageScale(factor), Some(size)) => {
-                Self::ImageSize(size.map(|x| (x / factor).round().max(1.0)))
+            (Correction::ImageScale(factor), Some([width, height])) => {
+                let measured = usual_width(width / factor);
+                Self::ImageSize([measured, (height * measured / width).round().max(1.0)])
             }
             (Correction::Lengths(factor), _) => Self::PoseUnit(options::nearest_unit(factor)),
-            (Correction::Letterbox(side), _) => Self::Known(Correction::Letterbox(side.round())),
+            (Correction::Letterbox(side), _) => Self::Known(Correction::Letterbox(usual_width(side))),
             (other, _) => Self::Known(other),
         }
     }
@@ -57,6 +58,19 @@ impl RecordCorrection {
             _ => 1,
         }
     }
+}
+
+/// Widths of images are multiples of this as a rule: networks and video codecs ask for it.
+const WIDTH_STEP: f64 = 16.0;
+
+/// Share by which a width that the self-check has found may be wrong.
+const WIDTH_ERROR: f64 = 0.005;
+
+/// The width, in pixels, that is meant by one that was found.
+pub(crate) fn usual_width(found: f64) -> f64 {
+    let usual = (found / WIDTH_STEP).round() * WIDTH_STEP;
+    let is_near = (usual / found - 1.0).abs() < WIDTH_ERROR;
+    if is_near { usual } else { found.round() }.max(1.0)
 }
 
 /// Corrects the records of a scene file; returns what was done, in words. Objects of the file are left as they are.

@@ -2,7 +2,7 @@
 
 use quadlift::diagnose::{BoxFormat, Correction};
 
-use super::RecordCorrection;
+use super::{RecordCorrection, usual_width};
 
 /// The values of `--pose-convention`: what the poses of the file are.
 pub const POSE_CONVENTIONS: [(&str, Correction); 13] = [
@@ -190,7 +190,7 @@ pub fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_of
             RecordCorrection::ImageSize([width, height]) => format!("--image-size {width}x{height}"),
             _ => format!("--box-scale {}", short(factor)),
         },
-        Correction::Letterbox(side) => format!("--letterbox {0}x{0}", side.round()),
+        Correction::Letterbox(side) => format!("--letterbox {0}x{0}", usual_width(side)),
         Correction::FrameOffset(frames) => format!("--frame-offset {}", frame_offset - i64::from(frames)),
         Correction::Boxes(format) => format!("--box-format {}", name_of(&BOX_FORMATS, &Some(format))),
         Correction::NormalizedIntrinsics | Correction::CenteredPrincipalPoint => {
@@ -249,8 +249,11 @@ mod tests {
         let option = |correction: Correction| option_of(&correction, Some([1280.0, 960.0]), 0);
         assert_eq!(option(Correction::Boxes(BoxFormat::SwappedAxes)), "--box-format yxyx");
         assert_eq!(option(Correction::ImageScale(1.9987)), "--image-size 640x480");
+        assert_eq!(option(Correction::ImageScale(2.005)), "--image-size 640x480");
+        assert_eq!(option(Correction::ImageScale(1.97)), "--image-size 650x488");
         assert_eq!(option_of(&Correction::ImageScale(2.0), None, 0), "--box-scale 2");
-        assert_eq!(option(Correction::Letterbox(639.7)), "--letterbox 640x640");
+        assert_eq!(option(Correction::Letterbox(638.1)), "--letterbox 640x640");
+        assert_eq!(option(Correction::Letterbox(600.0)), "--letterbox 600x600");
         assert_eq!(option(Correction::FrameOffset(2)), "--frame-offset -2");
         assert_eq!(option_of(&Correction::FrameOffset(-1), None, 1), "--frame-offset 2");
         assert_eq!(option(Correction::FocalFactor(0.49993)), "--focal-factor 0.4999");
