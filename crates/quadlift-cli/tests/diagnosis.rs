@@ -267,6 +267,6 @@ fn mistakes_without_a_convention_are_named() {
             / objects.len() as f64
     };
     let mean = [0, 1, 2].map(size);
-    folder.write("priors.toml", &format!("[thing]\nsize = {mean:?}\nsize_sd = {:?}\n", mean.map(|x| 0.3 * x)));
+    folder.write("priors.toml", format!("[thing]\nsize = {mean:?}\nsize_sd = {:?}\n", mean.map(|x| 0.3 * x)));
     check("length_unit", &scene, "--priors priors.toml", "do not fit the sizes", Some("--pose-unit mm"));
 }

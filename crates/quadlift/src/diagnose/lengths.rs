@@ -39,7 +39,7 @@ pub(super) fn wrong_lengths(
         .objects
         .iter()
         .zip(&sample.object_indices)
-        .filter_map(|(boxes, &object)| Some((known[object as usize]? / agreement::size(&sample, boxes)?).ln()));
+        .filter_map(|(boxes, &object)| Some((known[object]? / agreement::size(&sample, boxes)?).ln()));
     let mut factors: Vec<f64> = factors.filter(|factor| factor.is_finite()).collect();
     if factors.len() < FEWEST_OBJECTS {
         return None;
