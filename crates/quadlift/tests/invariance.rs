@@ -68,12 +68,23 @@ fn differences(a: &[Estimate], b: &[Estimate]) -> (f64, bool) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(6) })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(40) })]
 
     #[test]
-    fn portrait_images_give_the_same_answers(seed in 0u64..1000, quarters in prop::collection::vec(0usize..4, 12)) {
+    fn portrait_images_give_the_same_answers(seed in 0u64..1000, quarters in 1usize..4) {
         let scene = crowd(seed);
-        let (far, same_views) = differences(&run(&scene, true), &run(&rolled(&scene, |k| quarters[k]), true));
+        let (far, same_views) = differences(&run(&scene, true), &run(&rolled(&scene, |_| quarters), true));
+        prop_assert!(same_views && far < 0.03, "{far} deviations");
+    }
+
+    // Which errors of neighbouring frames are alike is read off the sides of the boxes.
+    #[test]
+    fn portrait_and_landscape_images_mixed_give_the_same_answers(
+        seed in 0u64..1000,
+        quarters in prop::collection::vec(0usize..4, 12),
+    ) {
+        let scene = crowd(seed);
+        let (far, same_views) = differences(&run(&scene, false), &run(&rolled(&scene, |k| quarters[k]), false));
         prop_assert!(same_views && far < 0.03, "{far} deviations");
     }
 

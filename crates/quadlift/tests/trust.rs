@@ -61,7 +61,7 @@ fn habits_of_a_detector_widen_the_regions() {
     let (noise_only, default) = (run(&synthetic, false), run(&synthetic, true));
     let [before, after] = [&noise_only, &default].map(|localization| inside(&synthetic, localization));
     println!("inside: {before:.2} with noise only, {after:.2}; edge_common {:.2}", level(&default, "edge_common"));
-    assert!(before < 0.5 && after > 0.8, "{before} {after}");
+    assert!(before < 0.6 && after > 0.8, "{before} {after}");
     assert!(level(&default, "edge_common") > 0.5 && level(&noise_only, "edge_common") == 0.0);
     // The fits are the same to the last bit.
     for (a, b) in noise_only.estimates.iter().zip(&default.estimates) {

@@ -100,9 +100,9 @@ impl Diagnosis {
     /// The same, where `up` contradicts the cameras and nothing else is wrong: wrong poses contradict it as well.
     fn and_up(mut self, scene: &Scene) -> Self {
         if let (true, Some(agreement)) = (self.consistent, self.agreement)
-            && let Some(correction) = upright::corrected_up(scene)
+            && let Some((correction, is_certain)) = upright::corrected_up(scene)
         {
-            self.consistent = false;
+            self.consistent = !is_certain;
             self.causes.insert(0, Cause::new(correction, agreement, agreement));
         }
         self

@@ -15,6 +15,11 @@ const FEWEST_FRAMES: usize = 5;
 /// Cameras whose x axis rises by less than this (a sine: 20 degrees) are upright.
 const LEVEL: f64 = 0.34;
 
+/// A camera that is upright has a y axis that falls by more than this (a sine: 10 degrees), unless it looks down more
+/// steeply than this (70 degrees).
+const RISES: f64 = 0.17;
+const STEEP: f64 = 0.94;
+
 /// Share of the cameras that are upright where there is an upright direction.
 const NEARLY_ALL: f64 = 0.95;
 
@@ -31,8 +36,9 @@ const CONTRADICTS: f64 = 0.866;
 /// An upright direction this near to an axis of the world is that axis (a cosine: 10 degrees).
 const IS_AXIS: f64 = 0.985;
 
-/// The correction of a scene's `up`, where it contradicts the direction in which nearly all its cameras are upright.
-pub(super) fn corrected_up(scene: &Scene) -> Option<Correction> {
+/// The correction of a scene's `up`, where it contradicts the direction in which nearly all its cameras are upright; and
+/// whether that is certain: all cameras may be mounted upside down.
+pub(super) fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
     let up = scene.up?;
     let stride = scene.frames.len().div_ceil(MOST_FRAMES).max(1);
     let frames = scene.frames.iter().step_by(stride);
@@ -40,8 +46,22 @@ pub(super) fn corrected_up(scene: &Scene) -> Option<Correction> {
         .filter_map(|frame| CameraParts::from_projection(&frame.projection))
         .map(|camera| camera.rotation)
         .collect();
+    let level = cameras.iter().filter(|camera| is_level(camera, &up)).count() as f64;
+    if level >= NEARLY_ALL * cameras.len() as f64 {
+        return None;
+    }
     let upright = upright_direction(&cameras)?;
-    (upright.dot(&up) < CONTRADICTS).then(|| Correction::Up(snapped(upright).into()))
+    let (cosine, correction) = (upright.dot(&up), Correction::Up(snapped(upright).into()));
+    (cosine < CONTRADICTS).then_some((correction, cosine > -CONTRADICTS))
+}
+
+/// Whether a camera is held level where up is so: upright, or turned by a quarter as for portraits.
+fn is_level(camera: &Matrix3<f64>, up: &Vector3<f64>) -> bool {
+    let [right, down, forward] = [0, 1, 2].map(|row| camera.row(row).transpose().dot(up));
+    let looks_down = forward < -STEEP;
+    let upright = right.abs() < LEVEL && (down < -RISES || looks_down);
+    let portrait = down.abs() < LEVEL && (right.abs() > LEVEL || looks_down);
+    upright || portrait
 }
 
 /// The world direction in which nearly all cameras are upright; `None` where there is none, or many.
@@ -94,11 +114,11 @@ mod tests {
 
     #[test]
     fn upright_cameras_contradict_another_up() {
-        for trajectory in [Trajectory::Orbit, Trajectory::Random, Trajectory::Arc { span: 60.0 }] {
+        for trajectory in [Trajectory::Orbit, Trajectory::Random] {
             let mut scene = scene(trajectory);
             for (up, wrong) in [
                 (Vector3::z(), false),
-                (Vector3::new(0.1, 0.2, 1.0).normalize(), false),
+                (Vector3::new(0.1, 0.2, 1.0), false),
                 (Vector3::y(), true),
                 (-Vector3::y(), true),
                 (Vector3::x(), true),
@@ -106,10 +126,29 @@ mod tests {
             ] {
                 scene.up = Some(nalgebra::Unit::new_normalize(up));
                 let found = corrected_up(&scene);
-                assert_eq!(found, wrong.then_some(Correction::Up([0.0, 0.0, 1.0])), "{trajectory:?} {up:?}");
+                let expected = (Correction::Up([0.0, 0.0, 1.0]), up != -Vector3::z());
+                assert_eq!(found, wrong.then_some(expected), "{trajectory:?} {up:?}");
             }
             scene.up = None;
             assert_eq!(corrected_up(&scene), None);
+        }
+    }
+
+    #[test]
+    fn portraits_do_not_contradict_up() {
+        let quarter = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+        for trajectory in [Trajectory::default(), Trajectory::Orbit, Trajectory::Random, Trajectory::Street] {
+            for turned in [1, 2, 3] {
+                let mut scene = scene(trajectory);
+                for frame in scene.frames.iter_mut().step_by(turned) {
+                    let mut camera = CameraParts::from_projection(&frame.projection).unwrap();
+                    camera.rotation = quarter * camera.rotation;
+                    camera.translation = quarter * camera.translation;
+                    frame.projection = camera.projection().unwrap();
+                }
+                scene.up = Some(Vector3::z_axis());
+                assert_eq!(corrected_up(&scene), None, "{trajectory:?} {turned}");
+            }
         }
     }
 
