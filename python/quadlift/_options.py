@@ -41,7 +41,7 @@ class Options(TypedDict, total=False):
     method: Literal["map", "planes", "lfd", "pfd", "reg"]
     """Estimator: `map` (refinement, the best; the default), `planes`, `lfd` and `pfd` (closed forms), `reg`."""
     body: str
-    """`ellipsoid`, `cuboid`, `cylinder`, `superellipsoid:Q` (Q from 1, cuboid, to 2, ellipsoid) or `auto` (the default)."""
+    """`ellipsoid`, `cuboid`, `cylinder`, `superellipsoid:Q` (Q from 1, cuboid, to 2, ellipsoid) or `auto` (default)."""
     source: str | None
     """Take the detections of this source only; needed when the scene has several."""
     observations: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
