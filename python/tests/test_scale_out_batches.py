@@ -62,7 +62,7 @@ def test_same_as_scenes(fleet: Fleet, body: str) -> None:
 
 def test_priors(fleet: Fleet) -> None:
     """Sizes of categories and upright stance, which each object has for itself."""
-    prior: dict[str, Any] = {"size": (3.0, 3.0, 3.0), "size_sd": (0.5, 0.5, 0.5), "upright_sd": 0.1}
+    prior: dict[str, Any] = {"size": (6.0, 6.0, 6.0), "size_sd": (1.0, 1.0, 1.0), "upright_sd": 0.1}
     options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid", "priors": {"car": prior}}
     rows = of_objects(fleet.shuffled())
     found = batches.localize_objects(rows, fleet.cameras, up=fleet.up, **options)
