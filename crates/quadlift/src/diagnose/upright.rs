@@ -15,7 +15,7 @@ const FEWEST_FRAMES: usize = 5;
 /// Cameras whose x axis rises by less than this (a sine: 20 degrees) are upright.
 const LEVEL: f64 = 0.34;
 
-/// A camera that is upright has a y axis that falls by more than this (a sine: 10 degrees), unless it looks down more
+/// A camera that is upright has a y axis that rises or falls by more than this (a sine: 10 degrees), unless it looks down more
 /// steeply than this (70 degrees).
 const RISES: f64 = 0.17;
 const STEEP: f64 = 0.94;
@@ -46,8 +46,10 @@ pub(super) fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
         .filter_map(|frame| CameraParts::from_projection(&frame.projection))
         .map(|camera| camera.rotation)
         .collect();
-    let level = cameras.iter().filter(|camera| is_level(camera, &up)).count() as f64;
-    if level >= NEARLY_ALL * cameras.len() as f64 {
+    let share = |held: fn(&Matrix3<f64>, &Vector3<f64>) -> bool| {
+        cameras.iter().filter(|camera| held(camera, &up)).count() as f64 / cameras.len() as f64
+    };
+    if share(is_level) >= NEARLY_ALL && share(is_upside_down) < NEARLY_ALL {
         return None;
     }
     let upright = upright_direction(&cameras)?;
@@ -55,13 +57,23 @@ pub(super) fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
     (cosine < CONTRADICTS).then_some((correction, cosine > -CONTRADICTS))
 }
 
-/// Whether a camera is held level where up is so: upright, or turned by a quarter as for portraits.
+/// Whether a camera is held level where up is so: its image may be turned by quarters, as for portraits.
 fn is_level(camera: &Matrix3<f64>, up: &Vector3<f64>) -> bool {
-    let [right, down, forward] = [0, 1, 2].map(|row| camera.row(row).transpose().dot(up));
+    let [right, down, forward] = in_camera(camera, up);
     let looks_down = forward < -STEEP;
-    let upright = right.abs() < LEVEL && (down < -RISES || looks_down);
-    let portrait = down.abs() < LEVEL && (right.abs() > LEVEL || looks_down);
-    upright || portrait
+    (right.abs() < LEVEL && (down.abs() > RISES || looks_down))
+        || (down.abs() < LEVEL && (right.abs() > LEVEL || looks_down))
+}
+
+/// Whether a camera is upside down where up is so.
+fn is_upside_down(camera: &Matrix3<f64>, up: &Vector3<f64>) -> bool {
+    let [right, down, forward] = in_camera(camera, up);
+    right.abs() < LEVEL && (down > RISES || forward > STEEP)
+}
+
+/// A direction of the world in the axes of a camera: right, down, forward.
+fn in_camera(camera: &Matrix3<f64>, direction: &Vector3<f64>) -> [f64; 3] {
+    (camera * direction).into()
 }
 
 /// The world direction in which nearly all cameras are upright; `None` where there is none, or many.
@@ -109,7 +121,7 @@ mod tests {
     use crate::synthetic::{SyntheticOptions, Trajectory, generate};
 
     fn scene(trajectory: Trajectory) -> Scene {
-        generate(&SyntheticOptions { objects: 3, views: 12, trajectory, ..Default::default() }).unwrap().scene
+        generate(&SyntheticOptions { objects: 3, views: 40, trajectory, ..Default::default() }).unwrap().scene
     }
 
     #[test]
@@ -138,16 +150,20 @@ mod tests {
     fn portraits_do_not_contradict_up() {
         let quarter = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
         for trajectory in [Trajectory::default(), Trajectory::Orbit, Trajectory::Random, Trajectory::Street] {
-            for turned in [1, 2, 3] {
+            for pattern in 0..8 {
                 let mut scene = scene(trajectory);
-                for frame in scene.frames.iter_mut().step_by(turned) {
+                for (index, frame) in scene.frames.iter_mut().enumerate() {
+                    let turns =
+                        if pattern < 3 { usize::from(index % (pattern + 1) == 0) } else { index * pattern / 3 % 4 };
                     let mut camera = CameraParts::from_projection(&frame.projection).unwrap();
-                    camera.rotation = quarter * camera.rotation;
-                    camera.translation = quarter * camera.translation;
+                    for _ in 0..turns {
+                        camera.rotation = quarter * camera.rotation;
+                        camera.translation = quarter * camera.translation;
+                    }
                     frame.projection = camera.projection().unwrap();
                 }
                 scene.up = Some(Vector3::z_axis());
-                assert_eq!(corrected_up(&scene), None, "{trajectory:?} {turned}");
+                assert_eq!(corrected_up(&scene), None, "{trajectory:?} {pattern}");
             }
         }
     }

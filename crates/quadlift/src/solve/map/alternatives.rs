@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::super::estimate::{Alternative, Covariance, CovarianceCoordinates, Estimate, Warning};
 use super::super::options::BodyKind;
 use super::MapContext;
+use super::agreement::Reference;
 use super::body_model::BodyModel;
 use super::exponent::log_determinant_of;
 use super::first_fit::FirstFit;
@@ -33,6 +34,16 @@ const DIFFERENT: f64 = 0.2;
 /// by as much.
 const HOPELESS: f64 = 20.0;
 
+/// Log odds from which on another answer takes the place of the fit: 150 to 1. Between that and even odds the fit stays,
+/// so that neighbouring scenes have the same answer.
+const DECISIVE: f64 = 5.0;
+
+/// The minimum of another answer, in the object's frame.
+struct Other<B> {
+    model: B,
+    equations: NormalEquations,
+}
+
 impl<B: FirstFit> Fit<B> {
     /// Adds the other answers to the estimate of this fit: bodies, a warning, and the spread between the answers to the
     /// covariance.
@@ -40,10 +51,17 @@ impl<B: FirstFit> Fit<B> {
         &self,
         mut estimate: Estimate,
         noise: &NoiseLevels,
+        reference: Reference,
         context: &MapContext,
     ) -> Estimate {
         let Some(body) = estimate.body.filter(|_| context.body == BodyKind::Cuboid) else { return estimate };
         let found = self.alternatives(&body, noise, context);
+        if let Some((_, Other { model, equations })) = found.first().filter(|(found, _)| found.log_odds > DECISIVE) {
+            // The rounds ended in a worse minimum. The odds grow with each step, so that this ends.
+            let better = Self { body: model.clone(), equations: *equations, converged: true, ..self.clone() };
+            return better.estimate(noise, reference, context);
+        }
+        let found: Vec<Alternative> = found.into_iter().map(|(found, _)| found).collect();
         let Some(most_probable) = found.first() else { return estimate };
         estimate.warnings.push(Warning::Ambiguous { log_odds: most_probable.log_odds });
         if let Some(covariance) = &mut estimate.covariance {
@@ -54,7 +72,7 @@ impl<B: FirstFit> Fit<B> {
     }
 
     /// Other minima that are not much less probable than the fit, the most probable first.
-    fn alternatives(&self, body: &Body, noise: &NoiseLevels, context: &MapContext) -> Vec<Alternative> {
+    fn alternatives(&self, body: &Body, noise: &NoiseLevels, context: &MapContext) -> Vec<(Alternative, Other<B>)> {
         let objective = self.objective(noise, self.outlier_scale);
         let descend = |start: B, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
@@ -62,13 +80,13 @@ impl<B: FirstFit> Fit<B> {
         let seed = self.prepared.seed(context);
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
-        let mut found: Vec<Alternative> = Vec::new();
+        let mut found: Vec<(Alternative, Other<B>)> = Vec::new();
         for (start, screened) in B::screened(&self.prepared, &self.ellipsoid, noise, self.outlier_scale, context, seed)
         {
             if found.len() == LARGEST_NUMBER || screened.cost > best.cost + HOPELESS {
                 break;
             }
-            let known: Vec<Body> = std::iter::once(*body).chain(found.iter().map(|other| other.body)).collect();
+            let known: Vec<Body> = std::iter::once(*body).chain(found.iter().map(|(other, _)| other.body)).collect();
             let is_new = |model: &B| {
                 let other = model.body_in_world(frame, context.body);
                 known.iter().all(|one| are_different(one, &other)).then_some(other)
@@ -79,10 +97,10 @@ impl<B: FirstFit> Fit<B> {
             let Some((model, equations)) = descend(start, POLISH) else { continue };
             let Some(log_odds) = evidence(&equations).map(|other| other - own) else { continue };
             if let Some(body) = is_new(&model).filter(|_| log_odds > LEAST_LOG_ODDS) {
-                found.push(Alternative { body, log_odds });
+                found.push((Alternative { body, log_odds }, Other { model, equations }));
             }
         }
-        found.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+        found.sort_by(|(a, _), (b, _)| b.log_odds.total_cmp(&a.log_odds));
         found
     }
 }

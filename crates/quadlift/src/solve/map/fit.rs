@@ -351,6 +351,6 @@ impl<B: FirstFit> Fit<B> {
         if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
             estimate.status = Status::Inconsistent;
         }
-        self.with_alternatives(estimate, noise, context)
+        self.with_alternatives(estimate, noise, reference, context)
     }
 }
