@@ -3,35 +3,20 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
-use std::io::Write;
+#[path = "../../quadlift-io/src/test_data.rs"]
+mod test_data;
+
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use quadlift::scene::Frame;
-use quadlift_experiments::data::{TrueScene, data_folder};
+use quadlift_experiments::data::TrueScene;
 use quadlift_experiments::methods::REG_LAMBDA;
 use quadlift_experiments::{Error, Experiment, Report, diagnosis, reg_weight, run, segmentation, trust};
 
+/// The folder of the real data, where it is at hand.
 fn data() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let chosen = std::env::var_os("QUADLIFT_DATA").is_none().then_some(beside.as_path());
-    match data_folder(chosen) {
-        Ok(folder) => Some(folder),
-        Err(error) => {
-            skipped(&error.to_string());
-            None
-        }
-    }
-}
-
-/// Tells that a test has been skipped, past the capture of the test runner; with `QUADLIFT_REQUIRE_DATA=1` it fails.
-fn skipped(why: &str) {
-    assert!(
-        std::env::var_os("QUADLIFT_REQUIRE_DATA").is_none_or(|value| value != "1"),
-        "QUADLIFT_REQUIRE_DATA=1, but {why}"
-    );
-    let name = std::thread::current().name().unwrap_or("a test").to_owned();
-    let _ = writeln!(std::io::stderr(), "skipped {name}: {why}");
+    Some(test_data::real_data("scenes")?.parent()?.to_owned())
 }
 
 /// Runs an experiment on the real data, where it is at hand.

@@ -1,4 +1,5 @@
-//! Real data for tests, where they are at hand: they cannot be part of the project.
+//! Real data for tests, where they are at hand: they cannot be part of the project. The tests of the program and of the
+//! experiments take this file too.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

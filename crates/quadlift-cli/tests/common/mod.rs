@@ -2,8 +2,9 @@
 #![allow(dead_code)] // Each test file uses a part of it.
 
 pub mod mistakes;
+#[path = "../../../quadlift-io/src/test_data.rs"]
+mod test_data;
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
@@ -124,22 +125,5 @@ impl From<Output> for Run {
 
 /// The folder of real scenes, if it is there.
 pub fn real_scenes() -> Option<PathBuf> {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let data = std::env::var_os("QUADLIFT_DATA").map_or_else(|| workspace.join("../shared/data"), PathBuf::from);
-    let scenes = data.join("scenes");
-    if scenes.is_dir() {
-        return std::fs::canonicalize(scenes).ok();
-    }
-    skipped(&format!("there is no real data in {} (set QUADLIFT_DATA)", scenes.display()));
-    None
-}
-
-/// Tells that a test has been skipped, past the capture of the test runner; with `QUADLIFT_REQUIRE_DATA=1` it fails.
-pub fn skipped(why: &str) {
-    assert!(
-        std::env::var_os("QUADLIFT_REQUIRE_DATA").is_none_or(|value| value != "1"),
-        "QUADLIFT_REQUIRE_DATA=1, but {why}"
-    );
-    let name = std::thread::current().name().unwrap_or("a test").to_owned();
-    let _ = writeln!(std::io::stderr(), "skipped {name}: {why}");
+    std::fs::canonicalize(test_data::real_data("scenes")?).ok()
 }

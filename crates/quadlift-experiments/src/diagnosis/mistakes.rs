@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use quadlift::diagnose::{BoxFormat, CameraParts, CauseName, Correction, Mistake};
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift::metrics::iou3d_bodies;
-use quadlift::scene::{Detection, Scene};
+use quadlift::scene::{Detection, Frame, Scene};
 use quadlift::solve::BodyKind;
 use quadlift::synthetic::Trajectory;
 use quadlift::{Options, localize};
@@ -138,15 +138,14 @@ impl NamedMistake {
 }
 
 fn with_scale_jump(scene: &Scene, factor: f64) -> Option<Scene> {
-    let camera = |frame: usize| CameraParts::from_projection(&scene.frames[frame].projection);
-    let center = |c: &CameraParts| -(c.rotation.transpose() * c.translation);
+    let camera = |frame: &Frame| CameraParts::from_projection(&frame.projection);
     let middle = scene.frames.len() / 2;
-    let anchor = center(&camera(middle.checked_sub(1)?)?);
+    let anchor = camera(scene.frames.get(middle.checked_sub(1)?)?)?.center();
     let mut wrong = scene.clone();
-    for (frame, changed) in wrong.frames.iter_mut().enumerate().skip(middle) {
-        let mut camera = camera(frame)?;
-        camera.translation = -(camera.rotation * (anchor + (center(&camera) - anchor) * factor));
-        changed.projection = camera.projection()?;
+    for frame in &mut wrong.frames[middle..] {
+        let camera = camera(frame)?;
+        let center = anchor + (camera.center() - anchor) * factor;
+        frame.projection = camera.with_center(&center).projection()?;
     }
     Some(wrong)
 }

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::correction::Correction;
-use super::rays::{LARGEST_MISS, Ray, meeting_point, misses_of};
+use super::rays::{LARGEST_MISS, Ray, median, meeting_point, misses_of};
 use super::sample::{Sample, Seen};
 use super::search::Gain;
 use crate::geometry::BoundingBox;
@@ -41,12 +41,15 @@ pub(super) struct Misses {
     ends: Vec<usize>,
     /// Scale of the misses, see [`scale_of`].
     scale: f64,
+    /// What each miss costs under that scale, see [`cost`].
+    costs: Vec<f64>,
 }
 
 impl Misses {
     fn new(values: Vec<f64>, ends: Vec<usize>) -> Self {
         let scale = scale_of(&values);
-        Self { values, ends, scale }
+        let costs = values.iter().map(|miss| cost(*miss, scale)).collect();
+        Self { values, ends, scale, costs }
     }
 
     /// What users see of it.
@@ -61,7 +64,7 @@ impl Misses {
         let total = self.values.len() as f64;
         let (mut start, mut sums) = (0, Vec::with_capacity(self.ends.len()));
         for &end in &self.ends {
-            let sum = |misses: &Self| misses.values[start..end].iter().map(|m| cost(*m, misses.scale)).sum::<f64>();
+            let sum = |misses: &Self| misses.costs[start..end].iter().sum::<f64>();
             sums.push((sum(self) - sum(after), (end - start) as f64));
             start = end;
         }
@@ -118,9 +121,9 @@ pub(super) fn misses(sample: &Sample, correction: Option<Correction>, given: Opt
         values.extend(misses_of(&rays));
         ends.push(values.len());
         if let Some(given) = given {
-            for (after, before) in values[start..].iter().zip(&given.values[start..]) {
+            for (after, before) in values[start..].iter().zip(&given.costs[start..]) {
                 cost_after += cost(*after, given.scale);
-                cost_before += cost(*before, given.scale);
+                cost_before += before;
             }
             let boxes = values.len() as f64;
             let loss = (cost_after - cost_before) / boxes;
@@ -172,6 +175,5 @@ pub(super) fn size(sample: &Sample, object: &[Seen]) -> Option<f64> {
     let rays: Vec<Ray> = object.iter().filter_map(|seen| corrected_ray(sample, seen, None, None)).collect();
     let point = meeting_point(&rays)?;
     let mut sizes: Vec<f64> = rays.iter().map(|ray| ray.half_size() * ray.depth(&point)).collect();
-    let middle = sizes.len() / 2;
-    Some(*sizes.select_nth_unstable_by(middle, f64::total_cmp).1).filter(|size| *size > 0.0)
+    median(&mut sizes).filter(|size| *size > 0.0)
 }

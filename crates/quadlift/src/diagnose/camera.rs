@@ -38,4 +38,14 @@ impl CameraParts {
         pose.set_column(3, &self.translation);
         Projection::from_matrix(self.intrinsics.matrix() * pose).ok()
     }
+
+    /// The camera centre in the world, for a rotation.
+    pub fn center(&self) -> Vector3<f64> {
+        -(self.rotation.transpose() * self.translation)
+    }
+
+    /// The same camera with another centre.
+    pub fn with_center(&self, center: &Vector3<f64>) -> Self {
+        Self { translation: -(self.rotation * center), ..*self }
+    }
 }

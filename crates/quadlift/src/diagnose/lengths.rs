@@ -1,5 +1,6 @@
 //! Are lengths in the unit that the priors on sizes have? Boxes and poses alone cannot tell.
 
+use super::rays::median;
 use super::sample::Sample;
 use super::{Cause, Correction, agreement};
 use crate::scene::{Detection, Scene};
@@ -44,15 +45,10 @@ pub(super) fn wrong_lengths(
     if factors.len() < FEWEST_OBJECTS {
         return None;
     }
-    let middle = median(&mut factors);
+    let middle = median(&mut factors)?;
     let mut distances: Vec<f64> = factors.iter().map(|factor| (factor - middle).abs()).collect();
-    let is_wrong = middle.abs() > OTHER_UNIT.ln().max(CLEAR * median(&mut distances));
+    let is_wrong = middle.abs() > OTHER_UNIT.ln().max(CLEAR * median(&mut distances)?);
     is_wrong.then(|| Correction::Lengths(middle.exp()))
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 impl super::Diagnosis {

@@ -113,9 +113,7 @@ fn refined(rays: &[Ray], start: Vector3<f64>) -> Option<Vector3<f64>> {
         }
         last = total;
         weights.copy_from_slice(&misses);
-        let middle = misses.len() / 2;
-        let median = *misses.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let scale = (2.0 * median).clamp(0.02, if round < 3 { 3.0 } else { 1.0 });
+        let scale = (2.0 * median(&mut misses)?).clamp(0.02, if round < 3 { 3.0 } else { 1.0 });
         for (weight, ray) in weights.iter_mut().zip(rays) {
             // The linear residual is the miss times depth and half size.
             let depth = ray.depth(&point).abs().max(1e-12);
@@ -169,4 +167,10 @@ fn best_of_pairs(rays: &[Ray], given: Vector3<f64>) -> Vector3<f64> {
 fn total_cost(rays: &[Ray], point: &Vector3<f64>) -> f64 {
     let bounded = |miss: f64| 1.0 - 1.0 / (1.0 + (miss / CONTESTED_MISS).powi(2));
     rays.iter().map(|ray| bounded(ray.miss(point))).sum()
+}
+
+/// The median, of an even number of values the larger one in the middle; changes their order. `None` without values.
+pub(super) fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -1,8 +1,8 @@
 //! Right scenes are called right, and mistakes by their names.
 
-use super::{BoxFormat, CauseName, Correction, Diagnosis, Mistake, diagnose, diagnose_association};
+use super::{BoxFormat, CameraParts, CauseName, Correction, Diagnosis, Mistake, diagnose, diagnose_association};
 use crate::associate::{AssociateOptions, associate};
-use crate::scene::Scene;
+use crate::scene::{Frame, Scene};
 use crate::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 
 fn scene(trajectory: Trajectory, seed: u64) -> Scene {
@@ -145,15 +145,14 @@ fn mistakes_are_named_without_ids() {
 
 /// The scene with the steps of its trajectory multiplied by a factor from the middle on.
 fn with_scale_jump(scene: &Scene, factor: f64) -> Scene {
-    let camera = |frame: usize| super::CameraParts::from_projection(&scene.frames[frame].projection).unwrap();
-    let center = |c: &super::CameraParts| -(c.rotation.transpose() * c.translation);
+    let camera = |frame: &Frame| CameraParts::from_projection(&frame.projection).unwrap();
     let middle = scene.frames.len() / 2;
-    let anchor = center(&camera(middle - 1));
+    let anchor = camera(&scene.frames[middle - 1]).center();
     let mut jumped = scene.clone();
-    for (frame, changed) in jumped.frames.iter_mut().enumerate().skip(middle) {
-        let mut camera = camera(frame);
-        camera.translation = -(camera.rotation * (anchor + (center(&camera) - anchor) * factor));
-        changed.projection = camera.projection().unwrap();
+    for frame in &mut jumped.frames[middle..] {
+        let camera = camera(frame);
+        let center = anchor + (camera.center() - anchor) * factor;
+        frame.projection = camera.with_center(&center).projection().unwrap();
     }
     jumped
 }

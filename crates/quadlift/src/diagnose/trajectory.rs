@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 
 use super::agreement::{Misses, corrected_ray, misses};
-use super::rays::{Ray, meeting_point};
+use super::rays::{Ray, median, meeting_point};
 use super::sample::{Sample, Seen};
 use super::search::Gain;
 use crate::geometry::linalg::solve_spd;
@@ -42,9 +42,9 @@ pub(super) fn repeated_poses(sample: &Sample) -> Option<f64> {
     let same_pose: Vec<usize> = (sample.frames.iter().enumerate())
         .map(|(index, frame)| {
             let Some(camera) = frame.camera.filter(|_| seen_in[index]) else { return index };
-            let key = [0, 1, 2].map(|axis| camera.rotation.row(axis).iter().map(|x| x.to_bits()).collect::<Vec<u64>>());
-            let place = [0, 1, 2].map(|axis| camera.translation[axis].to_bits());
-            *first_of.entry((key, place)).or_insert(index)
+            let numbers = camera.rotation.iter().chain(camera.translation.iter());
+            let pose: Vec<u64> = numbers.map(|x| x.to_bits()).collect();
+            *first_of.entry(pose).or_insert(index)
         })
         .collect();
     // How far the boxes of each frame are from those of the same object in the first frame of its pose.
@@ -141,9 +141,7 @@ fn rescaled<'a>(sample: &Sample<'a>, from: u32) -> Option<(f64, Sample<'a>)> {
         let miss = |rows: &[(Vector4<f64>, f64); 2]| rows.map(|(row, value)| row.dot(&solution) - value);
         let mut misses: Vec<f64> = residuals.iter().map(|rows| Vector2::from(miss(rows)).norm()).collect();
         let weight_of = misses.clone();
-        let middle = misses.len() / 2;
-        let median = *misses.get_mut(..).filter(|m| !m.is_empty())?.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let scale = (2.0 * median).max(0.02);
+        let scale = (2.0 * median(&mut misses)?).max(0.02);
         let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
         for (rows, miss) in residuals.iter().zip(weight_of) {
             let weight = if round == 0 { 1.0 } else { (1.0 + (miss / scale).powi(2)).powi(-2) };

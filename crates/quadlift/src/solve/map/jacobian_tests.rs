@@ -82,6 +82,18 @@ fn check_rows_in_form<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) {
     }
 }
 
+/// The gradient of an objective against differences of its cost, to this accuracy.
+fn check_gradient<B: BodyModel>(objective: &Objective, body: &B, accuracy: f64) {
+    let gradient = objective.linearise(body).unwrap().gradient() * 2.0;
+    for k in 0..9 {
+        let mut step = SVector::<f64, 9>::zeros();
+        step[k] = STEP;
+        let cost = |step| objective.linearise(&body.retract(&step).unwrap()).unwrap().cost;
+        let numeric = (cost(step) - cost(-step)) / (2.0 * STEP);
+        assert!((numeric - gradient[k]).abs() < accuracy, "parameter {k}: {numeric} {}", gradient[k]);
+    }
+}
+
 /// The gradient of the cost of all views, 2 J^T W r, against differences of the cost: with heavy tails, with views that
 /// may be outliers, and with edges that count less than ellipses.
 fn check_loss(m: &Measurements, body: &EllipsoidModel, noise: &NoiseLevels, outlier_scale: Option<f64>) {
@@ -90,15 +102,7 @@ fn check_loss(m: &Measurements, body: &EllipsoidModel, noise: &NoiseLevels, outl
     let objective =
         Objective { measurements: m, prior: &prior, ground: None, noise, heavy_tails, outlier_scale, smooth: true };
     let here = objective.linearise(body).unwrap();
-    for k in 0..9 {
-        let mut step = SVector::<f64, 9>::zeros();
-        step[k] = STEP;
-        let cost = |step| objective.linearise(&body.retract(&step).unwrap()).unwrap().cost;
-        let numeric = (cost(step) - cost(-step)) / (2.0 * STEP);
-        let analytic = 2.0 * here.gradient()[k];
-        let scale = here.gradient().amax() + 1e-3 * here.cost;
-        assert!((numeric - analytic).abs() < 1e-4 * scale, "parameter {k}: {numeric} {analytic}");
-    }
+    check_gradient(&objective, body, 1e-4 * (here.gradient().amax() + 1e-3 * here.cost));
 }
 
 /// The gradient of the priors' cost, 2 J^T r, against differences of the cost.
@@ -115,14 +119,7 @@ fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
         smooth: false,
     };
     let here = objective.linearise(body).unwrap();
-    for k in 0..9 {
-        let mut step = SVector::<f64, 9>::zeros();
-        step[k] = STEP;
-        let cost = |step| objective.linearise(&body.retract(&step).unwrap()).unwrap().cost;
-        let numeric = (cost(step) - cost(-step)) / (2.0 * STEP);
-        let analytic = 2.0 * here.gradient()[k];
-        assert!((numeric - analytic).abs() < 1e-5 * (1.0 + here.cost), "parameter {k}: {numeric} {analytic}");
-    }
+    check_gradient(&objective, body, 1e-5 * (1.0 + here.cost));
 }
 
 fn prior(up: Vector3<f64>) -> ObjectPrior {

@@ -24,6 +24,7 @@ use crate::scene::{ObjectViews, View};
 pub(super) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };
 
 /// An object's measurements and priors in its own frame.
+#[derive(Clone)]
 pub(super) struct Prepared {
     pub views: ObjectViews,
     pub measurements: Measurements,
@@ -57,17 +58,6 @@ impl Prepared {
         let measurements =
             Measurements::new(self.measurements.frame, &views.views, context.body != BodyKind::Ellipsoid);
         Self { views, measurements, prior: self.prior.clone(), heavy_tails: self.heavy_tails }
-    }
-
-    /// The same measurements with another prior.
-    pub(super) fn with_prior(&self, prior: ObjectPrior) -> Self {
-        let (views, measurements) = (self.views.clone(), self.measurements.clone());
-        Self { views, measurements, prior, heavy_tails: self.heavy_tails }
-    }
-
-    /// A copy.
-    pub(super) fn copy(&self) -> Self {
-        self.with_prior(self.prior.clone())
     }
 
     /// The first fit: from the starts, and again without the outliers where its residuals show some.

@@ -24,8 +24,8 @@ pub(super) fn usual_cost(sum: f64, residuals: usize) -> f64 {
     chi_square::as_of(sum, residuals, USUAL_RESIDUALS)
 }
 
-/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where half of the views agree less
-/// well than the noise of the scene lets expect, because then that noise is not the object's.
+/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where half of
+/// the views agree less well than the noise of the scene lets expect, because then that noise is not the object's.
 pub(super) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
     view_costs.sort_by(f64::total_cmp);
     let median = view_costs.get(view_costs.len() / 2).copied().unwrap_or(0.0);

@@ -80,6 +80,9 @@ impl<B: FirstFit> SceneFit<B> {
 
     /// The same with those objects upright that stand.
     pub(super) fn with_upright(mut self, context: &MapContext) -> Self {
+        if !context.options.upright {
+            return self;
+        }
         let level = median_level(self.fits().filter_map(|fit| fit.misfit(&self.noise)));
         self.upright_noise = self.noise.scaled(level.clamp(SMALLEST_LEVEL, 1.0));
         let standing = |k: usize| self.fits[k].as_ref().ok()?.standing(&self.upright_noise, context);

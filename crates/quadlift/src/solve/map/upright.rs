@@ -70,13 +70,12 @@ pub(super) fn was_upright(body: &impl BodyModel, up: &Vector3<f64>) -> bool {
 impl Prepared {
     /// The same object with some axis of it along `up`; as it is where its category says how upright it is.
     pub(super) fn standing(&self, up: &Unit<Vector3<f64>>) -> Self {
-        let mut prior = self.prior.clone();
-        if prior.upright_weight > 0.0 {
-            return self.copy();
+        let mut standing = self.clone();
+        if standing.prior.upright_weight <= 0.0 {
+            standing.prior.up = Some(up.into_inner());
+            standing.prior.upright_weight = 1.0 / TILT_SD;
         }
-        prior.up = Some(up.into_inner());
-        prior.upright_weight = 1.0 / TILT_SD;
-        self.with_prior(prior)
+        standing
     }
 }
 
@@ -97,7 +96,7 @@ impl<B: FirstFit> Fit<B> {
         let near = self.put_upright(&prepared, &up, noise, context);
         let few = prepared.views.views.len() < FEW_VIEWS;
         let again = || {
-            let fit = prepared.copy().first_fit::<B>(noise, context).ok()?;
+            let fit = Prepared::clone(&prepared).first_fit::<B>(noise, context).ok()?;
             Some(Self { prepared: prepared.clone(), ground: self.ground, ..fit }.refined(noise, false))
         };
         let again = if few || self.outlier_scale.is_some() || near.is_none() { again() } else { None };
