@@ -240,7 +240,6 @@ impl Objective<'_> {
         let mut statistics = NoiseStatistics::default();
         let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
         let weights = self.weights();
-        let mut counts = [0; NoiseGroup::ALL.len()];
         // Of edges, of ellipses.
         let mut neighbours = [(0.0, 0.0, 0); 2];
         let mut determined = 0.0;
@@ -258,7 +257,6 @@ impl Objective<'_> {
                 determined += leverage;
                 // The scale of Student's t distribution by maximum likelihood: weighted squares over the number.
                 statistics.add(row.group, row.residual, weight, view_weight - leverage);
-                counts[row.group as usize] += 1;
             }
             if correlated_views && rows.len() == before.len() {
                 for (a, b) in before.iter().zip(&rows) {
@@ -277,10 +275,7 @@ impl Objective<'_> {
                 statistics.add_neighbours(k == 0, products / squares, pairs);
             }
         }
-        statistics.add_determined(determined, PARAMETERS);
-        for group in NoiseGroup::ALL {
-            statistics.add_views(group, counts[group as usize], views);
-        }
+        statistics.add_object(determined, PARAMETERS, views);
         statistics
     }
 
