@@ -92,11 +92,11 @@ const ENOUGH_PAIRS: f64 = 16.0;
 /// with aligned poses and .46 to .51 with GPS poses (single cars that turn over make most of the difference); synthetic
 /// scenes of 50 objects differ by less than .005. With smaller products of both, exact boxes of five cars in three views no
 /// longer count as exact (O3D .65 to .78 instead of .86).
-const COUNTED: f64 = 0.018;
+const COUNTED: f64 = 0.015;
 
 /// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
 /// come from elsewhere. See [`COUNTED`].
-const ANY_LEVEL: f64 = 0.4;
+const ANY_LEVEL: f64 = 0.3;
 
 /// Standard deviation of the logarithm of the levels of detectors. Tuned on KITTI, with [`COUNTED`] .05: with .5, .7 and 1
 /// O3D is .62, .62 and .59 with aligned poses and .48, .46 and .46 with GPS poses.
