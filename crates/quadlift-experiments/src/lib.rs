@@ -12,6 +12,7 @@ pub mod data;
 pub mod diagnosis;
 mod error;
 mod false_boxes;
+mod few_views;
 pub mod held_out;
 mod html;
 mod kinds;
@@ -66,11 +67,13 @@ pub enum Experiment {
     Diagnosis,
     /// Scenes with bodies of several kinds; not in the paper.
     Kinds,
+    /// The default beside a level that is given and a closed form, with 2 to 20 views; not in the paper.
+    FewViews,
 }
 
 impl Experiment {
     /// All experiments, in the order of the paper; then what it describes without figures of its own, and what is ours.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Synthetic,
         Self::Accv,
         Self::Tuw,
@@ -82,6 +85,7 @@ impl Experiment {
         Self::TrustBrief,
         Self::Diagnosis,
         Self::Kinds,
+        Self::FewViews,
     ];
 
     /// Whether it needs the real data.
@@ -92,7 +96,7 @@ impl Experiment {
 
 /// Runs an experiment. The same seed gives the same report, with any number of threads.
 ///
-/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic` and `kinds` need none; `segmentation`,
+/// `data` is the folder of the real data (see [`data::data_folder`]); `synthetic`, `kinds` and `few-views` need none; `segmentation`,
 /// `association`, `trust` and `diagnosis` show less without.
 ///
 /// # Errors
@@ -112,5 +116,6 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::TrustBrief => trust::run(data, trust::Extent::Brief, seed, progress),
         Experiment::Diagnosis => diagnosis::run(data, diagnosis::Extent::WHOLE, seed, progress),
         Experiment::Kinds => kinds::run(seed, progress),
+        Experiment::FewViews => few_views::run(seed, progress),
     }
 }

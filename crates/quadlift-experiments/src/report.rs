@@ -161,7 +161,7 @@ pub fn page(reports: &[Report], command: &str, plots: &str) -> String {
          printed figures in the rows whose setting is \"paper\". This page is written by\n\n    {command}\n\nThe same \
          seed gives the same page, with any number of threads. The real data cannot be part of the project (its \
          licences do not allow it); the folder that holds its `scenes` is named with `--data DIR` or the environment \
-         variable `QUADLIFT_DATA`. `synthetic` needs no data.\n\n{CONVENTIONS}\n"
+         variable `QUADLIFT_DATA`. `synthetic` and `few-views` need no data.\n\n{CONVENTIONS}\n"
     );
     let _ = writeln!(text, "{}", summary(reports).to_markdown());
     for report in reports {

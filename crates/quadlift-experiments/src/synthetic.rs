@@ -137,7 +137,7 @@ fn of_boxes(sigma: f64) -> SyntheticOptions {
     SyntheticOptions { observations: Observations::Boxes, noise, ..Default::default() }
 }
 
-fn true_scene(options: &SyntheticOptions) -> Result<TrueScene, Error> {
+pub(crate) fn true_scene(options: &SyntheticOptions) -> Result<TrueScene, Error> {
     let synthetic = generate(options)?;
     let object = |(id, body): (String, quadlift::geometry::Body)| TruthObject {
         id,

@@ -71,6 +71,16 @@ fn synthetic_scenes() {
 }
 
 #[test]
+fn few_views() {
+    let report = run(Experiment::FewViews, None, 0, &|_, _, _| {}).unwrap();
+    // Aims: .010 and .005; exact boxes in two views .78.
+    let bounds = [("few_views_given", 0.0, 0.010), ("few_views_planes", 0.0, 0.005), ("few_views_two", 0.78, 0.9)];
+    assert_within(&report, &bounds);
+    let map = |views, noise| cell(&report, "Few views", &[views, noise], "map");
+    assert!(map("3", "0.00") > 0.99 && map("5", "0.01") > 0.91 && map("3", "0.10") > 0.67);
+}
+
+#[test]
 fn the_weight_of_reg_is_what_the_rule_gives() {
     let points = reg_weight::scan(0).unwrap();
     assert_eq!(reg_weight::nearest(&points), Some(REG_LAMBDA));

@@ -34,6 +34,7 @@ Experiments:
   trust         how often the truth lies in the regions of an estimate (without data: synthetic scenes only)
   diagnosis     the self-check on right scenes and on mistakes (without data: synthetic scenes only)
   kinds         bodies of several kinds, standing and lying (needs no data)
+  few-views     the default with 2 to 20 views beside a level that is given and a closed form (needs no data)
   all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
@@ -85,6 +86,7 @@ enum Name {
     Trust,
     Diagnosis,
     Kinds,
+    FewViews,
     All,
 }
 
@@ -102,6 +104,7 @@ impl Name {
             Self::Trust => vec![Experiment::Trust],
             Self::Diagnosis => vec![Experiment::Diagnosis],
             Self::Kinds => vec![Experiment::Kinds],
+            Self::FewViews => vec![Experiment::FewViews],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -174,6 +177,7 @@ fn name(args: &Args) -> &'static str {
         Name::Trust => "trust",
         Name::Diagnosis => "diagnosis",
         Name::Kinds => "kinds",
+        Name::FewViews => "few-views",
         Name::All => "results",
     }
 }

@@ -90,9 +90,8 @@ pub(super) fn add(report: &mut Report, scenes: u64, seed: u64, steps: &Steps) ->
     report.text(format!(
         "Synthetic: cameras on an arc at distance 200, {objects} objects a cell ({scenes} scenes). Boxes with edge noise of 0.05 \
          half sizes; ellipses with translation 0.1, size 0.1 for each axis and rotation 10 degrees; cuboids are asked for \
-         as cuboids. The standard error of a share is {:.1} at 50 % and {:.1} at 90 %. With fewer than nine views the noise \
-         levels are drawn to their defaults, so that the regions of 2 to 5 views are far too large here; on real boxes \
-         they are not. Cuboids of any orientation in a narrow arc fit their boxes in several ways, which no single \
+         as cuboids. The standard error of a share is {:.1} at 50 % and {:.1} at 90 %. With few views the noise \
+         levels are drawn a little towards what is usual for detectors. Cuboids of any orientation in a narrow arc fit their boxes in several ways, which no single \
          covariance tells: their regions of extents and body hold too little.",
         50.0 / objects.sqrt(),
         30.0 / objects.sqrt()

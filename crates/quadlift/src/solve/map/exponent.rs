@@ -46,7 +46,7 @@ pub(super) fn clearly_better(scene: &SceneFit<EllipsoidModel>, context: &MapCont
     let fits: Vec<&Fit<EllipsoidModel>> = scene.fits().collect();
     let stride = fits.len().div_ceil(TRIED_OBJECTS).max(1);
     // A body of the wrong kind errs alike in neighbouring views: what looks like correlation is what is looked for.
-    let noise = scene.noise().uncorrelated();
+    let noise = scene.noise_of_independent_views(context);
     let mut tried: Vec<Chains> =
         fits.into_iter().step_by(stride).filter_map(|fit| Chains::new(fit, &noise, context)).collect();
     let data: f64 = tried.iter().map(|chains| chains.edges - PARAMETERS as f64).sum();

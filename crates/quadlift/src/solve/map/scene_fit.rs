@@ -207,9 +207,10 @@ impl<B: FirstFit> SceneFit<B> {
         self.fits.iter().flatten()
     }
 
-    /// The noise levels.
-    pub(super) fn noise(&self) -> &NoiseLevels {
-        &self.noise
+    /// The noise levels that the same residuals show when views are taken as independent; those that were given.
+    pub(super) fn noise_of_independent_views(&self, context: &MapContext) -> NoiseLevels {
+        let noise = self.noise.uncorrelated();
+        if context.options.sigmas.is_some() { noise } else { noise.updated(&self.statistics).uncorrelated() }
     }
 
     /// The estimate of a fitted object.
