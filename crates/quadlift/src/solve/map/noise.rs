@@ -90,8 +90,7 @@ const ENOUGH_PAIRS: f64 = 16.0;
 /// Tuned together with [`ANY_LEVEL`] on TUW, KITTI (RRC boxes with the car prior, mean O3D; exact boxes in three views) and
 /// synthetic boxes in 2 to 20 views. From .015 to .05, with [`ANY_LEVEL`] from .1 to .5: TUW .820 to .822, KITTI .60 to .64
 /// with aligned poses and .46 to .51 with GPS poses (single cars that turn over make most of the difference); synthetic
-/// scenes of 50 objects differ by less than .005. With smaller products of both, exact boxes of five cars in three views no
-/// longer count as exact (O3D .65 to .78 instead of .86).
+/// scenes of 50 objects differ by less than .005.
 const COUNTED: f64 = 0.015;
 
 /// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
