@@ -42,7 +42,8 @@ impl Table {
         for title in titles {
             let title = title.as_ref();
             table.left.push(title.starts_with('<'));
-            table.header.push(title.strip_prefix('<').unwrap_or(title).to_owned());
+            // Escaped here, so that its width is that of what is shown.
+            table.header.push(one_line(title.strip_prefix('<').unwrap_or(title)));
         }
         table
     }
@@ -115,6 +116,14 @@ mod tests {
         table.push(vec!["杯子".into(), "".into(), "-10.25".into()]);
         let text = anstream::adapter::strip_str(&table.render()).to_string();
         assert_eq!(text, "name   x [m]\na       1.50\n杯子  -10.25\n");
+    }
+
+    #[test]
+    fn control_characters_in_titles_are_escaped_and_keep_the_columns_aligned() {
+        let mut table = Table::new(["<name", "x [m\n\u{1b}]"]);
+        table.push(vec!["a".into(), "1.50".into()]);
+        let text = anstream::adapter::strip_str(&table.render()).to_string();
+        assert_eq!(text, "name  x [m\\n\\u{1b}]\na              1.50\n");
     }
 
     #[test]
