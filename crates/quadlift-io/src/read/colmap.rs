@@ -12,7 +12,7 @@ use quadlift::geometry::CameraModel;
 use super::Import;
 use super::bytes::Bytes;
 use super::poses::{matrix4, rotation_of, rows};
-use super::text::{Fields, lines};
+use super::text::{Fields, Line, lines};
 use crate::error::{ReadError, as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 
@@ -62,7 +62,7 @@ pub fn parse_text(cameras: File, images: File) -> Result<Import, ReadError> {
         let (model_name, size, params) = camera_fields(&mut fields).map_err(|problem| line.error(problem))?;
         model.add_camera(id, model_name, size, params).map_err(|problem| line.error(problem))?;
     }
-    let mut image_lines = lines(images.0, as_utf8(images.0, images.1)?);
+    let mut image_lines = lines(images.0, as_utf8(images.0, images.1)?).peekable();
     while let Some(line) = image_lines.find(|line| !line.is_blank_or_comment()) {
         let mut fields = line.fields();
         fields.whole::<u32>("an image id, a whole number")?;
@@ -71,10 +71,46 @@ pub fn parse_text(cameras: File, images: File) -> Result<Import, ReadError> {
         let camera = fields.whole("a camera id, a whole number")?;
         let name = fields.rest();
         model.add_image(name, camera, quaternion, translation).map_err(|problem| line.error(problem))?;
-        // The second line of each image holds its points and may be empty.
-        image_lines.next();
+        // The second line of each image holds its points; it is empty where there are none, and some programs leave such
+        // lines out.
+        while let Some(line) = image_lines.peek() {
+            let is_comment = line.text.starts_with('#');
+            if is_comment || is_points(line)? {
+                image_lines.next();
+            }
+            if !is_comment {
+                break;
+            }
+        }
     }
     model.import(images.0, "text")
+}
+
+/// Whether a line that follows an image holds its points; otherwise it is the next image.
+///
+/// # Errors
+/// [`ReadError`] when it is neither.
+fn is_points(line: &Line) -> Result<bool, ReadError> {
+    let words = || line.text.split_whitespace();
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    let is_image = |(index, word): (usize, &str)| match index {
+        0 | 8 => word.parse::<u32>().is_ok(),
+        9.. => true,
+        _ => is_number(word),
+    };
+    let count = words().count();
+    // Points without decimals look like an image, but for its name.
+    if count >= 10 && words().enumerate().all(is_image) && !(count % 3 == 0 && words().skip(9).all(is_number)) {
+        return Ok(false);
+    }
+    let first_point = words().take(2).all(is_number) && words().nth(2).is_none_or(|id| id.parse::<i64>().is_ok());
+    if count % 3 == 0 && first_point {
+        return Ok(true);
+    }
+    Err(line.error(format!(
+        "{count} fields; expected the points of the image before (X Y POINT3D_ID, or nothing), or the next image (IMAGE_ID, \
+         QW QX QY QZ, TX TY TZ, CAMERA_ID, NAME)"
+    )))
 }
 
 /// The model in the bytes of `cameras.bin` and `images.bin`; the paths serve for messages.

@@ -74,6 +74,29 @@ fn the_binary_form_is_preferred_and_the_usual_folders_are_found() {
     assert!(read_colmap(Path::new("nowhere")).unwrap_err().problem.contains("cameras.bin"));
 }
 
+#[test]
+fn lines_of_images_without_points_may_be_missing() {
+    let cameras = b"1 PINHOLE 640 480 500 500 320 240\n";
+    let image = |n: u32| format!("{n} 1 0 0 0 {n} 2 3 1 {n}.png\n");
+    let read = |images: &str| {
+        let files = ((Path::new("cameras.txt"), &cameras[..]), (Path::new("images.txt"), images.as_bytes()));
+        parse_text(files.0, files.1).map(|import| import.scene.frames.len())
+    };
+    let points = "1.5 2.5 -1 3.5 4.5 7\n";
+    let whole = "100 200 -1 100 200 8 100 200 9 100 200 3\n";
+    for between in ["", "\n", points, whole, "# a comment\n", "\n\n"] {
+        let images: String = (1..5).map(|n| image(n) + between).collect();
+        assert_eq!(read(&images), Ok(4), "{between:?}");
+    }
+    assert_eq!(read(&(image(1) + &image(2) + points + &image(3) + "\n" + &image(4))), Ok(4));
+    for wrong in ["1.5 2.5\n", "1.5 2.5 x\n", "1 2 0 0 0 1 2 3\n"] {
+        let error = read(&(image(1) + wrong + &image(2))).unwrap_err();
+        assert_eq!(error.line, Some(2), "{error}");
+        assert!(error.problem.contains("expected the points of the image before"), "{error}");
+    }
+    assert_eq!(read(&(image(1) + points + points)).unwrap_err().line, Some(3));
+}
+
 /// The message for texts of the two files.
 fn message(cameras: &str, images: &str) -> String {
     let files = ((Path::new("cameras.txt"), cameras.as_bytes()), (Path::new("images.txt"), images.as_bytes()));
