@@ -26,7 +26,7 @@ use crate::error::refuse;
 use crate::loaded::Loaded;
 use crate::options::Choices;
 use crate::recording::recorded;
-use crate::run::Ticker;
+use crate::run::{Ticker, on_threads};
 use crate::scene::PyScene;
 
 /// A localisation and what it was made from.
@@ -220,7 +220,7 @@ impl PyLocalized {
         let scene = self.scene();
         let (images, scores) = (Some(&images), scores.as_ref());
         let content = Content { title, scene, images, estimate: Some(&estimate), truth, scores };
-        report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+        on_threads(|| report(&content))?.map_err(refuse).and_then(|report| page(&report).map_err(refuse))
     }
 
     /// What a recording holds, as JSON, and the indices of its frames.

@@ -1,13 +1,14 @@
 //! Long work without Python's lock, with progress, and with Ctrl-C.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
 use pyo3::prelude::*;
+use rayon::ThreadPool;
 
 use crate::error::refuse;
 
@@ -57,6 +58,36 @@ impl Ticker {
     }
 }
 
+/// The threads that this process shares, and the process whose they are.
+static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+
+/// A pool of threads; of 0, as many as there are cores.
+fn new_pool(count: usize) -> Result<Arc<ThreadPool>, String> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).stack_size(STACK).build();
+    pool.map(Arc::new).map_err(|error| format!("cannot start the threads: {error}"))
+}
+
+/// The threads that this process shares. Rayon's own pool cannot serve: a child that a fork has made (multiprocessing on
+/// Linux) has the pool but none of its threads, and work for them would never be done.
+fn shared_pool() -> Result<Arc<ThreadPool>, String> {
+    // A fork while another thread is here leaves the lock taken for ever in the child: do without.
+    let Ok(mut shared) = POOL.try_lock() else { return new_pool(0) };
+    if let Some((process, pool)) = &*shared
+        && *process == std::process::id()
+    {
+        return Ok(Arc::clone(pool));
+    }
+    let pool = new_pool(0)?;
+    // To drop the parent's pool would wait for its threads.
+    std::mem::forget(shared.replace((std::process::id(), Arc::clone(&pool))));
+    Ok(pool)
+}
+
+/// Does `work` on the threads that this process shares.
+pub fn on_threads<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    Ok(shared_pool().map_err(refuse)?.install(work))
+}
+
 /// Does `work` on another thread, on `threads` threads of its own where that is given. Meanwhile this thread calls
 /// `progress(done, total)` and looks for signals: an exception in either cancels the work and is raised.
 pub fn in_background<T: Send + 'static>(
@@ -70,12 +101,8 @@ pub fn in_background<T: Send + 'static>(
     let (sender, mut receiver) = channel();
     let body = move || {
         let result = catch_unwind(AssertUnwindSafe(|| match threads {
-            None => work(&of_worker),
-            Some(count) => {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(count).stack_size(STACK).build();
-                let pool = pool.map_err(|error| format!("cannot start {count} threads: {error}"))?;
-                pool.install(|| work(&of_worker))
-            }
+            None => shared_pool()?.install(|| work(&of_worker)),
+            Some(count) => new_pool(count)?.install(|| work(&of_worker)),
         }));
         // The receiver is gone only where the work was cancelled.
         let _ = sender.send(result);

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use quadlift::diagnose::diagnose;
+use quadlift::scene::Detection;
 use quadlift_io::association::write_objects;
 use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
@@ -27,7 +28,7 @@ use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized};
 use crate::options::{LocalizeKeywords, choice};
 use crate::recording::{jpeg, recorded};
-use crate::run::{Ticker, in_background};
+use crate::run::{Ticker, in_background, on_threads};
 use crate::segmentation::SegmentKeywords;
 
 /// An associated object: its id, its evidence, and why it is doubtful.
@@ -170,7 +171,8 @@ impl PyScene {
     fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<(String, Option<String>)> {
         let scene = &self.loaded.scene;
         let source = scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;
-        let diagnosis = py.detach(|| diagnose(scene, |d| source.is_none() || d.source_index == source));
+        let of_source = |d: &Detection| source.is_none() || d.source_index == source;
+        let diagnosis = py.detach(|| on_threads(|| diagnose(scene, of_source)))?;
         let context = Context::of(self.loaded.file(), 0);
         Ok((diagnosis_record(&diagnosis, &context).to_string(), diagnosis_in_words(&diagnosis, &context)))
     }
@@ -232,7 +234,7 @@ impl PyScene {
     fn evaluate(&self, py: Python, truth: &Self, matching: &str, source: Option<&str>) -> PyResult<String> {
         let (estimate, truth) = (&self.loaded, &truth.loaded);
         let matching = choice("match", matching, &MATCHING)?;
-        py.detach(|| scores(estimate.file(), truth.file(), matching, source))
+        py.detach(|| on_threads(|| scores(estimate.file(), truth.file(), matching, source)))?
             .map(|scores| scores.to_string())
             .map_err(refuse)
     }
@@ -243,7 +245,7 @@ impl PyScene {
         let file = self.loaded.file();
         let images = file.to_images(path).map_err(refuse)?;
         let content = Content { title, scene, images: Some(&images), estimate: Some(file), truth: None, scores: None };
-        report(&content).map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+        on_threads(|| report(&content))?.map_err(refuse).and_then(|report| page(&report).map_err(refuse))
     }
 
     /// What a recording holds, as JSON, and the indices of its frames.
