@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail};
 use quadlift::scene::Scene;
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
-use quadlift_io::{ReadError, SceneFile, read_scene_file};
+use quadlift_io::guard::{common_file, is_same_file};
+use quadlift_io::{ReadError, SceneFile, is_standard_output, read_scene_file};
 
 use crate::error::usage;
 
@@ -114,7 +115,7 @@ pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
         }
         return Ok(vec![output.to_owned()]);
     }
-    if output.exists() && !output.is_dir() {
+    if output.exists() && !output.is_dir() || is_standard_output(output) {
         bail!("cannot write {}: it is a file; several scenes need a folder", output.display());
     }
     check_parent(output)?;
@@ -128,8 +129,11 @@ pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
                 name.display()
             ));
         }
-        refuse_to_overwrite(input, &path)?;
         paths.push(path);
+    }
+    // Not each its own alone: links make one file of several paths.
+    if let Some((input, _)) = common_file(&inputs.paths, &paths) {
+        return usage(format!("the result would overwrite the scene {}", input.display()));
     }
     make_folder(output)?;
     Ok(paths)
@@ -187,13 +191,8 @@ fn check_parent(path: &Path) -> anyhow::Result<()> {
 
 /// Refuses an output that is the scene itself.
 pub fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
-    if same_file(input, output) {
+    if is_same_file(input, output) {
         return usage(format!("the result would overwrite the scene {}", input.display()));
     }
     Ok(())
-}
-
-/// Whether two paths lead to one file, which exists.
-pub fn same_file(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }

@@ -13,11 +13,13 @@ mod evaluation;
 mod files;
 mod localization;
 mod output;
+mod outputs;
 mod pose_check;
 mod progress;
 mod rendered_scene;
 mod report;
 mod segmentation;
+mod signals;
 mod synthetic_file;
 mod table;
 mod two_mistakes;
@@ -25,7 +27,7 @@ mod words;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     associate, completions, demo, evaluate, export, import, import_detections, info, localize, render, reproduce,
@@ -33,6 +35,7 @@ use commands::{
 };
 use error::Outcome;
 use output::Output;
+use outputs::Paths;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -41,6 +44,10 @@ Exit codes:
      several scenes: in at least one)
   2  wrong usage: unknown options, values out of range, options that contradict each other
   3  a scene does not agree with itself: poses, cameras and boxes do not fit together (--accept-inconsistent goes on)
+
+Outputs:
+  -o - and /dev/stdout write to the standard output; reports for people go to the standard error stream then.
+  A file that a run reads, or that a scene names as image or mask, is never overwritten.
 
 Start with:
   quadlift demo";
@@ -84,24 +91,18 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let out = Output { json: cli.json, quiet: cli.quiet, verbose: cli.verbose };
-    let result = match cli.command {
-        Command::Demo(args) => demo::run(&args, &out),
-        Command::Segment(args) => segment::run(&args, &out),
-        Command::Associate(args) => associate::run(&args, &out),
-        Command::Localize(args) => localize::run(&args, &out),
-        Command::Evaluate(args) => evaluate::run(&args, &out),
-        Command::View(args) => view::run(&args, &out),
-        Command::Render(args) => render::run(&args, &out),
-        Command::Synth(args) => synth::run(&args, &out),
-        Command::Import(args) => import::run(&args, &out),
-        Command::ImportDetections(args) => import_detections::run(&args, &out),
-        Command::Export(args) => export::run(&args, &out),
-        Command::Info(args) => info::run(&args, &out),
-        Command::Reproduce(args) => reproduce::run(&args, &out),
-        Command::Completions(args) => completions::run(&args, &out),
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let paths = Paths::new(&matches);
+    let out = Output {
+        json: cli.json,
+        quiet: cli.quiet,
+        verbose: cli.verbose,
+        reports_to_stderr: paths.to_standard_output(),
     };
+    signals::remove_temporary_files_at_the_end();
+    quadlift_io::guard::protect_what_is_read();
+    let result = paths.check(cli.json).and_then(|()| run(cli.command, &out));
     match result {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::SomethingFailed) => ExitCode::from(1),
@@ -116,6 +117,25 @@ fn main() -> ExitCode {
             let _ = out.document(&document);
             ExitCode::from(error::exit_code(&error))
         }
+    }
+}
+
+fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {
+    match command {
+        Command::Demo(args) => demo::run(&args, out),
+        Command::Segment(args) => segment::run(&args, out),
+        Command::Associate(args) => associate::run(&args, out),
+        Command::Localize(args) => localize::run(&args, out),
+        Command::Evaluate(args) => evaluate::run(&args, out),
+        Command::View(args) => view::run(&args, out),
+        Command::Render(args) => render::run(&args, out),
+        Command::Synth(args) => synth::run(&args, out),
+        Command::Import(args) => import::run(&args, out),
+        Command::ImportDetections(args) => import_detections::run(&args, out),
+        Command::Export(args) => export::run(&args, out),
+        Command::Info(args) => info::run(&args, out),
+        Command::Reproduce(args) => reproduce::run(&args, out),
+        Command::Completions(args) => completions::run(&args, out),
     }
 }
 

@@ -33,12 +33,22 @@ pub struct Output {
     pub quiet: bool,
     /// Print details on the standard error stream.
     pub verbose: bool,
+    /// A result goes to the standard output: reports are printed on the standard error stream.
+    pub reports_to_stderr: bool,
 }
 
 impl Output {
     /// Prints a report for people, unless JSON or silence is asked for.
     pub fn report(&self, text: &str) -> anyhow::Result<()> {
-        if self.json || self.quiet { Ok(()) } else { to_stdout(text) }
+        if self.json || self.quiet {
+            return Ok(());
+        }
+        if self.reports_to_stderr {
+            // Nobody is left to tell when the error stream is closed.
+            let _ = anstream::stderr().lock().write_all(text.as_bytes());
+            return Ok(());
+        }
+        to_stdout(text)
     }
 
     /// Prints the JSON document, if one is asked for.

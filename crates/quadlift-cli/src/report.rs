@@ -6,12 +6,13 @@ use anyhow::{Context, bail};
 use quadlift::metrics::Evaluation;
 use quadlift::scene::Scene;
 use quadlift_io::evaluation::{Matching, evaluate_objects};
+use quadlift_io::guard::is_same_file;
 use quadlift_io::scene_file::SceneImages;
 use quadlift_io::{SceneFile, read_scene_file, write_file};
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::usage;
-use crate::files::{Inputs, check_file, outputs, same_file};
+use crate::files::{Inputs, check_file, outputs};
 
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
 pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
@@ -26,7 +27,7 @@ pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> an
 pub fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow::Result<()> {
     let Some(path) = report else { return Ok(()) };
     check_file(path)?;
-    match others.iter().find(|other| **other == path || same_file(other, path)) {
+    match others.iter().find(|other| **other == path || is_same_file(other, path)) {
         Some(other) => usage(format!("the report would overwrite {}; give it another name", other.display())),
         None => Ok(()),
     }

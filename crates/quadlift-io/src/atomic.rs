@@ -1,21 +1,35 @@
 //! Writing a file as a whole or not at all.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use crate::destination::{Stream, stream};
 use crate::error::WriteError;
+use crate::guard::check_not_read;
+use crate::temporary::{PREFIX, Temporary};
 
 /// Writes a file through a temporary one in the same folder, which takes its place at the end, so that readers never
-/// see half a file and the earlier file survives every failure.
+/// see half a file and the earlier file survives every failure. The file and its folder are synced to the disk.
 ///
-/// A link is followed. What is no ordinary file (`/dev/stdout`, a pipe) is written directly.
+/// A link is followed. What is no ordinary file is written directly and never replaced: pipes, devices, `-` (the standard
+/// output), and open files by their number (`/dev/stdout`, `/dev/fd/3`), to which the content is appended.
 ///
 /// # Errors
-/// [`WriteError`] when the folder does not exist, when the path is a folder or a write-protected file, or when the
-/// system or `write` fails.
+/// [`WriteError`] when the folder does not exist, when the path is a folder, a write-protected file or one that this run
+/// reads (see [`crate::guard`]), or when the system or `write` fails.
 pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
-    let fail = |error: io::Error| WriteError::new(path, error);
+    let fail = |error: io::Error| WriteError::new(path, plain(&error));
+    let to_stream = |out: &mut dyn Write| write_buffered(out, write);
+    let write = match stream(path) {
+        Some(Stream::Output) => return to_stream(&mut io::stdout().lock()).map_err(fail),
+        Some(Stream::Error) => return to_stream(&mut io::stderr().lock()).map_err(fail),
+        Some(Stream::Other) => {
+            let mut out = fs::OpenOptions::new().append(true).open(path).map_err(fail)?;
+            return to_stream(&mut out).map_err(fail);
+        }
+        None => to_stream,
+    };
     let earlier = fs::metadata(path).ok();
     if let Some(earlier) = &earlier {
         if earlier.is_dir() {
@@ -25,35 +39,58 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<
             return Err(WriteError::new(path, "the file is write-protected"));
         }
         if !earlier.is_file() {
-            let mut out = BufWriter::new(fs::OpenOptions::new().write(true).open(path).map_err(fail)?);
-            return write(&mut out).and_then(|()| out.flush()).map_err(fail);
+            return write(&mut fs::OpenOptions::new().write(true).open(path).map_err(fail)?).map_err(fail);
         }
     }
+    check_not_read(path)?;
     let target = if earlier.is_some() { fs::canonicalize(path).map_err(fail)? } else { path.to_owned() };
-    let folder = match target.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(&target);
     if !folder.is_dir() {
         let problem = format!("the folder {} does not exist", folder.display());
         return Err(WriteError::new(path, problem));
     }
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".quadlift-").suffix(".tmp");
-    // Temporary files are private by default; the finished one shall be as readable as any other new file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let file = builder.tempfile_in(folder).map_err(|error| {
+    let (temporary, mut file) = Temporary::file_in(folder).map_err(|error| {
         WriteError::new(path, format!("cannot create a file in the folder {}: {}", folder.display(), plain(&error)))
     })?;
-    let mut out = BufWriter::new(file);
-    write(&mut out).map_err(fail)?;
-    let file = out.into_inner().map_err(|error| fail(error.into_error()))?;
+    write(&mut file).map_err(fail)?;
     if let Some(earlier) = earlier {
         // Failing to keep the permissions is no reason to lose the result.
-        let _ = fs::set_permissions(file.path(), earlier.permissions());
+        let _ = fs::set_permissions(temporary.path(), earlier.permissions());
     }
-    file.persist(&target).map_err(|error| fail(error.error))?;
+    // Before the new name: otherwise a crash of the machine could leave an empty file in place of the earlier one.
+    synced(file.sync_all()).map_err(fail)?;
+    drop(file);
+    temporary.persist(&target).map_err(fail)?;
+    sync_folder(folder).map_err(fail)
+}
+
+fn write_buffered(out: &mut dyn Write, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut out = BufWriter::new(out);
+    write(&mut out)?;
+    out.flush()
+}
+
+/// The folder that holds a path.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The result of syncing; a file system that cannot sync is no failure.
+fn synced(result: io::Result<()>) -> io::Result<()> {
+    match result {
+        Err(error) if matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Ok(()),
+        result => result,
+    }
+}
+
+/// Syncs the names in a folder to the disk.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    // Elsewhere folders cannot be opened. A folder that may be written but not read cannot be synced.
+    if cfg!(unix)
+        && let Ok(folder) = File::open(folder)
+    {
+        return synced(folder.sync_all());
+    }
     Ok(())
 }
 
@@ -62,9 +99,10 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<
 ///
 /// # Errors
 /// [`WriteError`] when the folder above does not exist, when there is a file or a folder with files of this name, or when
-/// the system or `fill` fails; then nothing is left behind.
+/// the system or `fill` fails; then nothing is left behind. Errors of `fill` about paths in the temporary folder are told
+/// with the path that they would have had.
 pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> Result<(), WriteError>) -> Result<(), WriteError> {
-    let fail = |error: io::Error| WriteError::new(path, error);
+    let fail = |error: io::Error| WriteError::new(path, plain(&error));
     if path.exists() {
         if !path.is_dir() {
             return Err(WriteError::new(path, "it is a file; expected the name of a new folder"));
@@ -73,32 +111,32 @@ pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> Result<(), WriteErr
             return Err(WriteError::new(path, "the folder is not empty; expected the name of a new folder"));
         }
     }
-    let above = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let above = folder_of(path);
     if !above.is_dir() {
         return Err(WriteError::new(path, format!("the folder {} does not exist", above.display())));
     }
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".quadlift-").suffix(".tmp");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-    let folder = builder.tempdir_in(above).map_err(|error| {
+    let temporary = Temporary::folder_in(above).map_err(|error| {
         WriteError::new(path, format!("cannot make a folder in {}: {}", above.display(), plain(&error)))
     })?;
-    fill(folder.path())?;
+    fill(temporary.path()).map_err(|error| {
+        let inside = error.path.strip_prefix(temporary.path()).map(|inside| path.join(inside));
+        WriteError { path: inside.unwrap_or(error.path), ..error }
+    })?;
+    sync_folder(temporary.path()).map_err(fail)?;
     if path.exists() {
         fs::remove_dir(path).map_err(fail)?;
     }
-    fs::rename(folder.keep(), path).map_err(fail)
+    temporary.persist(path).map_err(fail)?;
+    sync_folder(above).map_err(fail)
 }
 
-/// The system's text without the name of the temporary file, which tells nobody anything.
+/// The error's text without the name of the temporary file, which tells nobody anything.
 fn plain(error: &io::Error) -> String {
     match error.raw_os_error().or_else(|| inner_code(error)) {
         Some(code) => io::Error::from_raw_os_error(code).to_string(),
-        None => error.kind().to_string(),
+        // `tempfile` has put the path into the text.
+        None if error.to_string().contains(PREFIX) => error.kind().to_string(),
+        None => error.to_string(),
     }
 }
 
@@ -190,6 +228,49 @@ mod tests {
         let error = write_file(Path::new("/proc/quadlift.txt"), text("x")).unwrap_err();
         assert!(error.problem.starts_with("cannot create a file in the folder /proc: "), "{}", error.problem);
         assert!(!error.problem.contains(".quadlift-"), "{}", error.problem);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_a_dead_process_left_behind_is_removed_at_the_next_write() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        let (dead, living) = (child.id(), std::process::id());
+        child.wait().unwrap();
+        let tag = crate::temporary::tag();
+        let old =
+            fs::FileTimes::new().set_modified(std::time::SystemTime::now() - std::time::Duration::from_secs(172_800));
+        let make = |name: &str, times: Option<fs::FileTimes>| {
+            let file = File::create(folder.path().join(name)).unwrap();
+            times.map_or(Ok(()), |times| file.set_times(times)).unwrap();
+        };
+        make(&format!(".quadlift-{dead}-{tag}-abc.tmp"), None);
+        make(&format!(".quadlift-{living}-{tag}-abc.tmp"), None);
+        // Of another machine: it cannot be asked whether the process lives.
+        make(&format!(".quadlift-{dead}-0123-abc.tmp"), None);
+        make(&format!(".quadlift-{dead}-0123-old.tmp"), Some(old));
+        make(".quadlift-notes.tmp.txt", Some(old));
+        fs::create_dir_all(folder.path().join(format!(".quadlift-{dead}-{tag}-dir.tmp/sub"))).unwrap();
+        write_file(&folder.path().join("a.txt"), text("x")).unwrap();
+        let mut expected = vec![
+            format!(".quadlift-{dead}-0123-abc.tmp"),
+            format!(".quadlift-{living}-{tag}-abc.tmp"),
+            ".quadlift-notes.tmp.txt".to_owned(),
+            "a.txt".to_owned(),
+        ];
+        expected.sort();
+        assert_eq!(names(folder.path()), expected);
+    }
+
+    #[test]
+    fn errors_name_the_file_and_not_the_temporary_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new");
+        let error = write_folder(&path, |inside| write_file(&inside.join("no/a.txt"), text("x"))).unwrap_err();
+        assert_eq!(error.path, path.join("no/a.txt"));
+        let failing = |_: &mut dyn Write| Err(io::Error::from(io::ErrorKind::StorageFull));
+        let error = write_file(&folder.path().join("a.txt"), failing).unwrap_err();
+        assert!(!error.to_string().contains(".quadlift-"), "{error}");
     }
 
     #[cfg(unix)]

@@ -1,8 +1,12 @@
 //! Errors about files. Their text is for the person who made the file.
 
 use std::fmt;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+
+use crate::destination::is_open_file;
+use crate::guard::note_read;
 
 /// Why a file cannot be read: the file, the place in it and the problem.
 ///
@@ -107,21 +111,66 @@ impl WriteError {
     }
 }
 
-/// The bytes of a file.
+/// Most bytes that are read from a pipe.
+const MOST_FROM_PIPE: u64 = 1 << 32;
+
+/// The bytes of a file. Devices and named pipes are refused, because they may have no end or nobody may write to them;
+/// an open pipe (`/dev/stdin`, `/dev/fd/63` of a shell's `<(...)`) is read.
 ///
 /// # Errors
-/// [`ReadError`] when there is no such file, when it is a folder or when the system refuses.
+/// [`ReadError`] when there is no such file, when it is a folder, a device or a named pipe, or when the system refuses.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
-    std::fs::read(path).map_err(|error| {
-        let problem = match error.kind() {
-            io::ErrorKind::NotFound => "there is no such file".to_owned(),
-            io::ErrorKind::IsADirectory => "this is a folder; expected a file".to_owned(),
-            // Windows reports a folder as a refusal.
-            _ if path.is_dir() => "this is a folder; expected a file".to_owned(),
-            _ => format!("cannot read the file: {error}"),
-        };
-        ReadError::new(path, problem)
-    })
+    check_readable(path)?;
+    note_read(path);
+    let read = || {
+        let mut bytes = Vec::new();
+        let mut file = File::open(path)?;
+        if file.metadata()?.is_file() {
+            file.read_to_end(&mut bytes)?;
+        } else if file.take(MOST_FROM_PIPE).read_to_end(&mut bytes)? as u64 == MOST_FROM_PIPE {
+            return Err(io::Error::other("there are more than 4 GiB in the pipe"));
+        }
+        Ok(bytes)
+    };
+    read().map_err(|error| read_error(path, &error))
+}
+
+/// Refuses what is no ordinary file, nor an open pipe, before it is opened: that alone may last for ever.
+///
+/// # Errors
+/// As [`read_bytes`].
+pub(crate) fn check_readable(path: &Path) -> Result<(), ReadError> {
+    let metadata = std::fs::metadata(path).map_err(|error| read_error(path, &error))?;
+    if metadata.is_dir() {
+        return Err(read_error(path, &io::ErrorKind::IsADirectory.into()));
+    }
+    if metadata.is_file() || is_pipe(&metadata) && is_open_file(path) {
+        return Ok(());
+    }
+    let what = if is_pipe(&metadata) { "a named pipe" } else { "a device or a socket" };
+    Err(ReadError::new(path, format!("this is {what}; expected a file")))
+}
+
+#[cfg(unix)]
+fn is_pipe(metadata: &std::fs::Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&metadata.file_type())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: &std::fs::Metadata) -> bool {
+    false
+}
+
+/// What the system says, in words.
+pub(crate) fn read_error(path: &Path, error: &io::Error) -> ReadError {
+    let problem = match error.kind() {
+        io::ErrorKind::NotFound => "there is no such file".to_owned(),
+        io::ErrorKind::IsADirectory => "this is a folder; expected a file".to_owned(),
+        // Windows reports a folder as a refusal.
+        _ if path.is_dir() => "this is a folder; expected a file".to_owned(),
+        _ => format!("cannot read the file: {error}"),
+    };
+    ReadError::new(path, problem)
 }
 
 /// Line and column, both from 1, of a byte; the column counts bytes.
@@ -164,6 +213,24 @@ mod tests {
         assert_eq!(line_and_column(b"ab\ncd", 3), (2, 1));
         assert_eq!(line_and_column(b"ab\ncd", 4), (2, 2));
         assert_eq!(line_and_column(b"", 9), (1, 1));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn devices_and_named_pipes_are_refused_and_open_pipes_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let problem = |path: &Path| read_bytes(path).unwrap_err().problem;
+        assert_eq!(problem(&pipe), "this is a named pipe; expected a file");
+        assert_eq!(problem(Path::new("/dev/zero")), "this is a device or a socket; expected a file");
+        assert_eq!(problem(folder.path()), "this is a folder; expected a file");
+        assert_eq!(problem(&folder.path().join("no")), "there is no such file");
+        let (reader, mut writer) = std::io::pipe().unwrap();
+        io::Write::write_all(&mut writer, b"text").unwrap();
+        drop(writer);
+        let number = std::os::fd::AsRawFd::as_raw_fd(&reader);
+        assert_eq!(read_bytes(Path::new(&format!("/dev/fd/{number}"))).unwrap(), b"text");
     }
 
     #[test]

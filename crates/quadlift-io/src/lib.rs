@@ -11,11 +11,13 @@ pub mod association;
 mod atomic;
 pub mod calibration;
 pub mod correct;
+mod destination;
 pub mod detect;
 pub mod diagnosis;
 mod error;
 pub mod evaluation;
 pub mod file_names;
+pub mod guard;
 pub mod images;
 mod numbers;
 pub mod priors;
@@ -25,16 +27,19 @@ pub mod scene_file;
 pub mod segmentation;
 #[cfg(feature = "parquet")]
 pub mod tables;
+mod temporary;
 #[cfg(test)]
 mod test_data;
 pub mod wording;
 pub mod write;
 
 pub use atomic::{write_file, write_folder};
+pub use destination::is_standard_output;
 pub use error::{EntryError, ReadError, WriteError};
 pub use images::{read_image, read_image_size, read_label_image, write_label_image, write_png};
 pub use priors::{builtin_priors, read_priors};
 pub use scene_file::{SceneFile, estimates_to_objects, read_scene_file, write_scene_file};
+pub use temporary::remove_temporary_files;
 
 // The examples of the manual are tests of this crate, which sees the library and the files.
 #[cfg(doctest)]

@@ -9,6 +9,7 @@ use quadlift::associate;
 use quadlift::associate::AssociateOptions;
 use quadlift::scene::Scene;
 use quadlift_io::association::{association_record, write_objects};
+use quadlift_io::guard::check_not_read;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use serde_json::json;
 
@@ -124,6 +125,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         return usage(error.to_string());
     }
     let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    check_not_read(&args.output)?;
     let mut check = Check::new(&mut corrected, &args.check, args.source.as_deref(), Some(options.ids), &args.scene)?;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
         check_metres(&corrected.scene)?;

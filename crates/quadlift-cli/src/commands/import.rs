@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use quadlift_io::read::Import;
-use quadlift_io::write_scene_file;
+use quadlift_io::{is_standard_output, write_scene_file};
 use serde_json::json;
 
 use crate::error::Outcome;
@@ -69,7 +69,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         None => {}
     }
     if !is_scene {
-        if scene.name.is_none() {
+        if scene.name.is_none() && !is_standard_output(&common.output) {
             scene.name = common.output.file_stem().map(|name| name.to_string_lossy().into_owned());
         }
         scene.notes = Some(format!("Imported from {}: {}.", args.format.name(), notes.join("; ")));

@@ -5,6 +5,7 @@ mod matching;
 
 use std::path::{Path, PathBuf};
 
+use quadlift_io::guard::allow_overwriting;
 use quadlift_io::read::detections::{AddedDetections, add_detections};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
@@ -82,6 +83,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let notes = [read_notes, notes(&added)].concat();
     let about = format!("Detections of the source {source} from {}: {}.", format.title(), notes.join("; "));
     file.notes = Some(file.notes.map_or(about.clone(), |before| format!("{before}\n{about}")));
+    // It may be changed in place.
+    allow_overwriting(&common.scene);
     write_scene_file(&common.output, &file)?;
     let mut text = format!("wrote {}: {}\n", common.output.display(), one_line(&in_words(&added, source)));
     notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));

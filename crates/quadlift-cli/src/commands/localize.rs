@@ -15,6 +15,7 @@ use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::diagnosis::refuse_objects;
+use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
 use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
 use serde_json::{Value, json};
@@ -364,6 +365,7 @@ fn one_scene(
     let start = Instant::now();
     let title = input.display().to_string();
     let mut corrected = read()?;
+    [output, report].into_iter().flatten().try_for_each(check_not_read)?;
     let source = settings.options.source.as_deref();
     let ids = args.associate.ids_for(&corrected.scene, source, args.ids);
     let mut check = Check::new(&mut corrected, &args.check, source, ids, input)?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, bail};
+use quadlift_io::guard::check_not_read;
 use quadlift_io::{write_file, write_png};
 use quadlift_report::{Content, Picture, frame_image, report_of_frames};
 use serde_json::json;
@@ -54,6 +55,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     };
     check_file(&args.output)?;
     let gathered = Gathered::read(&args.files)?;
+    check_not_read(&args.output)?;
     let scene = &gathered.scene;
     let Some(index) = scene.frames.iter().position(|frame| frame.id == args.frame) else {
         let some: Vec<&str> = scene.frames.iter().take(5).map(|frame| frame.id.as_str()).collect();

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
+use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::SceneImages;
 use quadlift_io::segmentation::{Group, Method, Segmentation, Settings, add_to_scene};
 use quadlift_io::write_scene_file;
@@ -109,6 +110,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
     let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    [Some(&args.output), args.report.as_ref()].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
     let check = Check::with_identities(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
     let CorrectedScene { mut file, scene, notes, .. } = corrected;
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;

@@ -10,6 +10,7 @@ use serde_path_to_error::Segment;
 use super::expected::expected;
 use super::records::{FORMAT, SceneFile, VERSION};
 use crate::error::{ReadError, as_utf8, line_and_column, read_bytes};
+use crate::guard::note_named;
 use crate::wording::plain_words;
 
 /// Reads a scene file. References between its parts and the ranges of numbers are checked by
@@ -19,7 +20,12 @@ use crate::wording::plain_words;
 /// [`ReadError`] when the file cannot be read, is no JSON, is of another format or version, or when an entry has
 /// another shape than it should.
 pub fn read_scene_file(path: &Path) -> Result<SceneFile, ReadError> {
-    parse_scene_file(path, &read_bytes(path)?)
+    let scene = parse_scene_file(path, &read_bytes(path)?)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let images = scene.frames.iter().filter_map(|frame| frame.image.as_ref());
+    let masks = scene.detections.iter().filter_map(|detection| detection.mask.as_ref()?.path.as_ref());
+    note_named(images.chain(masks).map(|path| folder.join(path)));
+    Ok(scene)
 }
 
 /// The scene in the bytes of a file; the path only serves for messages.

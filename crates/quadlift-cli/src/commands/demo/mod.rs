@@ -41,6 +41,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "quadlift-demo")]
     out: PathBuf,
 
+    /// Write over files of an earlier demo in DIR
+    #[arg(long)]
+    overwrite: bool,
+
     /// Page that shows the first scene and what was found in it, for any browser
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
@@ -52,6 +56,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         bail!("cannot write to {}: it is a file; expected a folder", folder.display());
     }
     check_report(args.report.as_ref(), &[])?;
+    let files =
+        ["scene.json", "segmented.json", "estimate.json", "truth.json", "boxes/scene.json", "boxes/estimate.json"];
+    if let Some(file) = files.iter().map(|name| folder.join(name)).find(|path| !args.overwrite && path.exists()) {
+        bail!("{} exists already; --overwrite writes over the files of an earlier demo", file.display());
+    }
     make_folder(folder)?;
     let with_images = images::run(folder, out)?;
     let with_boxes = boxes::run(&folder.join("boxes"), out)?;

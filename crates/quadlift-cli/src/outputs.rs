@@ -1,0 +1,80 @@
+//! What a run writes, seen from the command line alone: outputs that are inputs, and the standard output.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use clap::ArgMatches;
+use quadlift_io::guard::is_same_file;
+use quadlift_io::is_standard_output;
+
+use crate::error::usage;
+
+/// The options that name what is written, in all commands.
+const OUTPUTS: [&str; 3] = ["output", "report", "views"];
+
+/// Outputs of `quadlift synth` alone; elsewhere a truth is read.
+const OUTPUTS_OF_SYNTH: [&str; 1] = ["truth"];
+
+/// The outputs and inputs of a command, by the names of their options.
+pub struct Paths<'a> {
+    outputs: Vec<(&'a str, &'a Path)>,
+    inputs: Vec<(&'a str, &'a Path)>,
+    /// `quadlift import-detections`, which may change its scene in place.
+    in_place: bool,
+}
+
+impl<'a> Paths<'a> {
+    /// Those of the whole command line.
+    pub fn new(matches: &'a ArgMatches) -> Self {
+        let mut paths = Self { outputs: Vec::new(), inputs: Vec::new(), in_place: false };
+        let mut matches = matches;
+        let mut command = "";
+        while let Some((name, below)) = matches.subcommand() {
+            command = if command.is_empty() { name } else { command };
+            matches = below;
+        }
+        paths.in_place = command == "import-detections";
+        for id in matches.ids() {
+            // Groups of options have ids too, without values of their own.
+            let Ok(Some(values)) = matches.try_get_raw(id.as_str()) else { continue };
+            let is_output =
+                OUTPUTS.contains(&id.as_str()) || command == "synth" && OUTPUTS_OF_SYNTH.contains(&id.as_str());
+            let list = if is_output { &mut paths.outputs } else { &mut paths.inputs };
+            list.extend(values.map(|value: &OsStr| (id.as_str(), Path::new(value))));
+        }
+        paths
+    }
+
+    /// Whether an output is the standard output: messages must not be mixed with it.
+    pub fn to_standard_output(&self) -> bool {
+        self.outputs.iter().any(|(_, path)| is_standard_output(path))
+    }
+
+    /// Refuses outputs that are a file which is read, or one file twice, before anything is computed.
+    pub fn check(&self, json: bool) -> anyhow::Result<()> {
+        for (index, &(option, output)) in self.outputs.iter().enumerate() {
+            let what = if option == "report" { "report" } else { "result" };
+            if json && is_standard_output(output) {
+                return usage(format!(
+                    "--json prints a document on the standard output, where the {what} would go too"
+                ));
+            }
+            for &(name, input) in &self.inputs {
+                if self.in_place && name == "scene" || !is_same_file(input, output) {
+                    continue;
+                }
+                return usage(match name {
+                    "scene" | "scenes" => format!("the {what} would overwrite the scene {}", input.display()),
+                    _ => format!("the {what} would overwrite {}, which is read; give it another name", input.display()),
+                });
+            }
+            let twice = |(_, other): &&(_, &Path)| {
+                is_same_file(other, output) || is_standard_output(other) && is_standard_output(output)
+            };
+            if let Some((_, other)) = self.outputs[..index].iter().find(twice) {
+                return usage(format!("the {what} would overwrite {}; give it another name", other.display()));
+            }
+        }
+        Ok(())
+    }
+}
