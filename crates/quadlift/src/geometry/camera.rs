@@ -285,6 +285,19 @@ mod tests {
     }
 
     #[test]
+    fn depths_are_lengths_whatever_the_scale_of_the_projection() {
+        let intrinsics = Intrinsics::new(500.0, 510.0, 320.0, 240.0).unwrap();
+        let projection = Projection::from_camera(&intrinsics, &CamFromWorld::new(pose(4.0)).unwrap());
+        for scale in [0.01, 100.0, -3.0] {
+            let scaled = Projection::from_matrix(projection.matrix() * scale).unwrap();
+            for z in [0.0, 2.5, -9.0] {
+                let depth = scaled.depth(&Point3::new(0.3, -0.2, z));
+                assert!((depth - (z + 4.0)).abs() < 1e-12, "scale {scale}: {depth} at {z}");
+            }
+        }
+    }
+
+    #[test]
     fn bad_cameras_are_refused() {
         assert!(matches!(Intrinsics::new(0.0, 1.0, 0.0, 0.0), Err(CameraError::SingularIntrinsics { .. })));
         assert!(matches!(Intrinsics::new(f64::NAN, 1.0, 0.0, 0.0), Err(CameraError::NotFinite { .. })));

@@ -383,6 +383,29 @@ mod tests {
     }
 
     #[test]
+    fn boxes_in_the_images_are_those_of_the_cuboids_where_both_are_cuboids() {
+        // A turned cuboid reaches farther than its inscribed ellipsoid.
+        let (own, other) = (cuboid(0.4), cuboid(0.0));
+        let with_cuboid = EstimatedObject { cuboid: Some(own), ..estimate("a", 1.0) };
+        let around = |cuboid: &Cuboid| {
+            let pixels: Vec<_> = cuboid.corners().iter().map(|c| camera().project_point(c).unwrap()).collect();
+            let reach = |axis: usize, sign: f64| pixels.iter().map(|p| sign * p[axis]).fold(f64::MIN, f64::max);
+            [-reach(0, -1.0), -reach(1, -1.0), reach(0, 1.0), reach(1, 1.0)]
+        };
+        let (a, b) = (around(&own), around(&other));
+        let area = |e: [f64; 4]| (e[2] - e[0]) * (e[3] - e[1]);
+        let common = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
+        let of_cuboids = common / (area(a) + area(b) - common);
+        let box_iou = |estimate: EstimatedObject, truth: TruthObject| {
+            evaluate(&[estimate], &[truth], &[camera()]).objects[0].reprojection.unwrap().box_iou
+        };
+        assert!((box_iou(with_cuboid.clone(), truth("a")) - of_cuboids).abs() < 1e-9);
+        // One of them has none: the ellipsoids, which are the same here.
+        assert!((box_iou(estimate("a", 1.0), truth("a")) - 1.0).abs() < 1e-9);
+        assert!((box_iou(with_cuboid, TruthObject { cuboid: None, ..truth("a") }) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
     fn without_common_ids_bodies_are_paired_by_overlap() {
         let (near, exact, far) = (estimate("1", 0.7), estimate("2", 1.0), estimate("3", 1.0));
         let moved = |object: EstimatedObject, x: f64| {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3, Vector6};
+use nalgebra::{Matrix3, Point3, Unit, Vector3, Vector6};
 
 use super::super::estimate::Status;
 use super::super::options::{BodyKind, MapOptions, PoseNoise};
@@ -11,9 +11,11 @@ use super::MapContext;
 use super::agreement::Reference;
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::fit::Fit;
+use super::ground::GroundPlane;
 use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;
 use super::object::Prepared;
+use super::objective::lowest_point;
 use super::poses::PoseCorrections;
 use crate::localize::Options;
 use crate::scene::ObjectViews;
@@ -21,12 +23,17 @@ use crate::synthetic::{Observations, SyntheticOptions, generate};
 
 /// An object of five views, with a ball for its body, and the options.
 fn ball(test: impl Fn(&Fit<EllipsoidModel>, &NoiseLevels, &MapContext)) {
+    ball_on_ground(None, test);
+}
+
+/// The same where objects stand on a ground plane if the direction against gravity is known.
+fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit<EllipsoidModel>, &NoiseLevels, &MapContext)) {
     let make = SyntheticOptions { objects: 1, views: 5, observations: Observations::Boxes, ..Default::default() };
     let scene = generate(&make).unwrap().scene;
     let detections: Vec<u32> = (0..5).collect();
     let views: ObjectViews = scene.object_views(0, &detections);
-    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Options::default().map };
-    let context = MapContext::new(&scene.categories, None, Vec::new(), 0, &options);
+    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Options::default().map };
+    let context = MapContext::new(&scene.categories, up, Vec::new(), 0, &options);
     let prepared = Prepared::new(views, &context).unwrap();
     let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
     let noise = NoiseLevels::new(67.0);
@@ -97,5 +104,70 @@ fn bodies_that_have_run_away_have_diverged() {
             assert_eq!((estimate.status, estimate.center), (Status::Diverged, None), "{center} {radius}");
         }
         assert_eq!(ends(fit.body.clone(), NormalEquations::nowhere()).status, Status::Diverged);
+    });
+}
+
+/// A plane through a point of the world, sloped.
+fn ground(through: Point3<f64>, up: &Unit<Vector3<f64>>) -> GroundPlane {
+    let normal = (up.into_inner() + Vector3::new(0.05, 0.02, 0.0)).normalize();
+    let offset = 0.7;
+    // Heights are `normal . (x - reference) + offset`.
+    GroundPlane { reference: through + normal * offset, normal, offset, unevenness: 1.5 }
+}
+
+#[test]
+fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
+    let up = Unit::new_normalize(Vector3::new(0.1, -0.2, 1.0));
+    ball_on_ground(Some(up), |fit, _, _| {
+        let through = Point3::new(1.0, -2.0, -3.0);
+        let plane = ground(through, &up);
+        let frame = &fit.prepared.measurements.frame;
+        let center = frame.point_in_world(fit.body.center());
+        let radius = 0.9 * frame.unit;
+        let lowest = fit.lowest_point(&up).unwrap();
+        assert!((lowest.point - (center - up.into_inner() * radius)).norm() < 1e-9 * radius, "{lowest:?}");
+        assert!((lowest.height - 2.0 * radius).abs() < 1e-9 * radius);
+        let mut standing = fit.clone();
+        standing.stand_on(&plane, &up);
+        let (local, weight) = standing.ground.unwrap();
+        let found = lowest_point(&local, &fit.body).0 * weight;
+        // Of a ball the point nearest to the plane lies along its normal.
+        let expected = (plane.normal.dot(&(center - through)) - radius) / (1.5 * lowest.unevenness());
+        assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{found} {expected}");
+    });
+    // Without a known direction nothing stands.
+    ball(|fit, _, _| assert!(fit.lowest_point(&up).is_none()));
+}
+
+#[test]
+fn the_grounds_own_pull_is_taken_out_of_what_an_object_tells_of_it() {
+    let up = Vector3::z_axis();
+    ball_on_ground(Some(up), |fit, noise, _| {
+        // Little is known of the object, so that the ground has a say.
+        let noise = noise.scaled(10.0);
+        let free = fit.refined(&noise, true);
+        let alone = free.lowest_point(&up).unwrap();
+        let deviation = alone.variance.sqrt();
+        // A plane that lies lower by half a deviation of the object's lowest point.
+        let plane = GroundPlane {
+            reference: alone.point - up.into_inner() * 0.5 * deviation,
+            normal: up.into_inner(),
+            offset: 0.0,
+            unevenness: 1.0,
+        };
+        let mut standing = free.clone();
+        standing.stand_on(&plane, &up);
+        let standing = standing.refined(&noise, true);
+        let bottom = |fit: &Fit<EllipsoidModel>| {
+            let frame = &fit.prepared.measurements.frame;
+            up.dot(&frame.point_in_world(fit.body.center()).coords)
+                - fit.body.support_gradient(&up.into_inner()).0 * frame.unit
+        };
+        let pulled = bottom(&free) - bottom(&standing);
+        assert!(pulled > 0.1 * deviation, "pulled by {pulled} of {deviation}");
+        let told = standing.lowest_point(&up).unwrap();
+        let moved = up.dot(&(told.point - alone.point)).abs();
+        assert!(moved < 0.1 * pulled, "{moved} of {pulled}");
+        assert!((told.variance / alone.variance - 1.0).abs() < 0.1, "{} {}", told.variance, alone.variance);
     });
 }

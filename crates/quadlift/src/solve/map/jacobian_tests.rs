@@ -8,6 +8,7 @@ use super::super::sigmas::Sigmas;
 use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
 use super::measurements::{Measurements, Plane};
 use super::noise::NoiseLevels;
+use super::normal_equations::NormalEquations;
 use super::objective::{ObjectPrior, Objective};
 use super::rows::view_rows;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipse, Intrinsics, Projection};
@@ -217,6 +218,40 @@ fn rows_of_a_sphere_and_of_a_cuboid_away_from_its_kinks() {
         Form::Exponent(1.0),
     );
     check_rows(&measurements(true), &cuboid);
+}
+
+/// The deviation of 1/2 log A from its mean, in a basis that does not move.
+fn shape_deviation(body: &EllipsoidModel, basis: &Matrix3<f64>) -> Matrix3<f64> {
+    let log = body.semi_axes().map(f64::ln);
+    let deviation = Matrix3::from_diagonal(&log.add_scalar(-log.mean()));
+    let turn = basis.transpose() * body.axes();
+    turn * deviation * turn.transpose()
+}
+
+#[test]
+fn the_shape_prior_of_an_ellipsoid_has_the_curvature_of_its_matrix_logarithm() {
+    let weight = 2.0;
+    for axes in [Vector3::new(1.7, 1.1, 0.6), Vector3::new(1.0, 1.0, 0.9), Vector3::repeat(0.8)] {
+        let body = EllipsoidModel::from_axes(Vector3::zeros(), rotation(0.5, -0.3, 0.9), axes);
+        let slopes: Vec<Matrix3<f64>> = (0..9)
+            .map(|k| {
+                let mut step = SVector::<f64, 9>::zeros();
+                step[k] = STEP;
+                let moved = |step| shape_deviation(&body.retract(&step).unwrap(), body.axes());
+                (moved(step) - moved(-step)) / (2.0 * STEP)
+            })
+            .collect();
+        let mut equations = NormalEquations::zero();
+        body.add_shape_prior(weight, &mut equations);
+        let squares = shape_deviation(&body, body.axes()).norm_squared();
+        assert!((equations.cost - weight * weight * squares).abs() < 1e-9);
+        for i in 0..9 {
+            for j in 0..9 {
+                let (found, expected) = (equations.hessian()[(i, j)], weight * weight * slopes[i].dot(&slopes[j]));
+                assert!((found - expected).abs() < 1e-6, "{axes:?} {i} {j}: {found} {expected}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -31,6 +31,8 @@ pub(crate) mod normal_equations;
 mod object;
 mod objective;
 mod poses;
+#[cfg(test)]
+mod residual_tests;
 mod robust;
 mod rows;
 mod scene_fit;
