@@ -279,6 +279,58 @@ mod tests {
     }
 
     #[test]
+    fn ellipses_name_their_detection_and_keep_their_angle() {
+        use quadlift::geometry::Ellipse;
+        let mut builder = SceneBuilder::new("test");
+        builder.add_frame("0", Projection::from_matrix(Matrix3x4::identity()).unwrap(), None).unwrap();
+        let add = |builder: &mut SceneBuilder, object: &str, ellipse: Option<Ellipse>| {
+            let bounding_box = BoundingBox::new([10.0, 20.0, 110.0, 60.0]).ok().filter(|_| ellipse.is_none());
+            let input =
+                DetectionInput { frame: "0", object: Some(object), bounding_box, ellipse, ..Default::default() };
+            builder.add_detection(&input).unwrap();
+        };
+        let ellipse = |angle| Ellipse::new([50.123, 40.0].into(), [30.06, 20.0].into(), angle).ok();
+        add(&mut builder, "a", ellipse(0.123_456));
+        add(&mut builder, "b", None);
+        add(&mut builder, "c", ellipse(-0.5));
+        let file = estimate(json!({ "id": "a", "status": "degenerate" }));
+        let report = report(&content(&builder.build(), &file)).unwrap();
+        let detections = &report.frames[0].detections;
+        assert_eq!(
+            detections.ellipses,
+            [(0, 50.1, 40.0, 30.1, 20.0, 0.1235), (2, 50.1, 40.0, 30.1, 20.0, -0.5)],
+            "the rows of the ellipses among all detections"
+        );
+    }
+
+    #[test]
+    fn an_object_tells_how_many_views_it_used_and_how_far_off_they_are() {
+        let file = estimate(json!({ "id": "cup", "status": "ok", "views_used": 5, "views_rejected": ["1", "2"],
+            "residual_px": 1.25 }));
+        let report = report(&content(&scene(1), &file)).unwrap();
+        let object = &report.objects[0];
+        assert_eq!((object.views_used, object.views_rejected, object.residual), (5, 2, Some(1.25)));
+    }
+
+    #[test]
+    fn the_truth_is_shown_as_a_body_of_the_kind_that_was_estimated() {
+        let ellipsoid = json!({ "center": [0, 0, 5], "semi_axes": [2, 1, 1], "rotation": [1, 0, 0, 0] });
+        let cuboid = json!({ "center": [0, 0, 5], "half_extents": [2, 1, 1], "rotation": [1, 0, 0, 0] });
+        let truth = json!({ "id": "cup", "ellipsoid": ellipsoid, "cuboid": cuboid });
+        let truth: SceneFile =
+            serde_json::from_value(json!({ "format": "quadlift.scene", "version": 1, "objects": [truth] })).unwrap();
+        let shown = |estimated: serde_json::Value| {
+            let file = estimate(estimated);
+            let scene = scene(1);
+            let report = report(&Content { truth: Some(&truth), ..content(&scene, &file) }).unwrap();
+            report.objects[0].truth.as_ref().unwrap().kind
+        };
+        assert_eq!(shown(json!({ "id": "cup", "status": "ok", "ellipsoid": ellipsoid })), "ellipsoid");
+        assert_eq!(shown(json!({ "id": "cup", "status": "ok", "cuboid": cuboid })), "cuboid");
+        assert_eq!(shown(json!({ "id": "cup", "status": "degenerate" })), "cuboid");
+    }
+
+    #[test]
     fn an_object_has_its_other_bodies_and_its_misfit() {
         let cuboid = |turn: [f64; 4]| json!({ "center": [0, 0, 5], "half_extents": [2, 1, 1], "rotation": turn });
         let fields = json!({ "id": "cup", "status": "ok", "cuboid": cuboid([1.0, 0.0, 0.0, 0.0]),

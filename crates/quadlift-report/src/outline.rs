@@ -150,6 +150,22 @@ mod tests {
     }
 
     #[test]
+    fn the_faces_of_a_cuboid_are_those_that_look_at_the_camera() {
+        let body = superellipsoid(1.0);
+        let cuboid = Cuboid { center: body.center, half_extents: body.semi_axes, rotation: body.rotation };
+        let outline = outline(&camera(), &Body::Cuboid(cuboid)).unwrap();
+        let corners = cuboid.corners();
+        let depth = |corner: &Point3<f64>| camera().depth(corner);
+        let by_depth = |a: &&Point3<f64>, b: &&Point3<f64>| depth(a).total_cmp(&depth(b));
+        let pixel = |corner: &Point3<f64>| camera().project_point(corner).unwrap();
+        let (nearest, farthest) = (corners.iter().min_by(by_depth).unwrap(), corners.iter().max_by(by_depth).unwrap());
+        for face in &outline.faces {
+            assert!(face.iter().any(|p| (p - pixel(nearest)).norm() < 1e-9), "{face:?}");
+            assert!(face.iter().all(|p| (p - pixel(farthest)).norm() > 1e-9), "{face:?}");
+        }
+    }
+
+    #[test]
     fn what_is_not_in_front_of_the_camera_has_no_outline() {
         let mut body = superellipsoid(1.5);
         for depth in [-6.2, -30.0] {

@@ -90,6 +90,22 @@ fn an_object_of_two_colours_is_found() {
 }
 
 #[test]
+fn the_mask_of_a_box_holds_the_pixels_of_its_ellipse() {
+    let image = RgbImage::from_pixel(320, 240, Rgb([90, 90, 90]));
+    let bounding_box = BoundingBox::new([100.0, 60.0, 220.0, 110.0]).unwrap();
+    let crop = Crop::cut(&image, &bounding_box, &CropOptions::default()).unwrap();
+    let views = segment_object(&[crop], &with(SegmentMethod::Box)).unwrap();
+    assert_eq!(views[0].ellipse, Ellipse::inscribed_in(&bounding_box));
+    for (x, y) in (0..320).flat_map(|x| (0..240).map(move |y| (x, y))) {
+        let radius = ((f64::from(x) + 0.5 - 160.0) / 60.0).hypot((f64::from(y) + 0.5 - 85.0) / 25.0);
+        // At the border the grid of the crop decides.
+        if (radius - 1.0).abs() > 0.06 {
+            assert_eq!(views[0].mask.contains(x, y), radius < 1.0, "{x} {y}");
+        }
+    }
+}
+
+#[test]
 fn one_frame_is_enough_and_none_is_nothing() {
     let truth = ellipses(1);
     for method in SegmentMethod::ALL {

@@ -220,6 +220,16 @@ fn what_is_wrong_with_yolo_files_is_named() {
     close(scene.detections[0].bounding_box, &serde_json::json!([40.0, 20.0, 60.0, 30.0]), 1e-12);
 }
 
+#[test]
+fn shares_are_of_the_frames_own_image_where_its_camera_has_another_size() {
+    let files = yolo(&["0 0.5 0.5 0.2 0.2"], YoloKind::Auto, ExtraColumns::Auto).unwrap();
+    let mut scene = scene(&["0.png"]);
+    (scene.frames[0].width, scene.frames[0].height) = (Some(200.0), Some(100.0));
+    assert_ne!(scene.cameras[0].width, Some(200.0));
+    add_detections(&mut scene, files, &AddOptions::default()).unwrap();
+    close(scene.detections[0].bounding_box, &serde_json::json!([80.0, 40.0, 120.0, 60.0]), 1e-12);
+}
+
 fn mot(text: &str, options: &MotOptions) -> Result<DetectionFiles, ReadError> {
     parse_mot(Path::new("mot.txt"), text.as_bytes(), options)
 }

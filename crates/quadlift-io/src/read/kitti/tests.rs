@@ -42,6 +42,28 @@ fn a_car_that_drives_ahead_moves_the_world_backwards() {
 }
 
 #[test]
+fn metres_are_metres_at_any_latitude() {
+    // The Mercator projection stretches by 1 / cos(latitude): twice at 60 degrees.
+    let rest = " 0".repeat(24);
+    let line = |latitude: f64| format!("{latitude} 8 100 0 0 {}{rest}\n", std::f64::consts::FRAC_PI_2);
+    let oxts = format!("{}{}", line(60.0), line(60.0 + 5.0 / 111_319.490_793));
+    let scene = parse(CALIB, &oxts, None, &options()).unwrap().scene;
+    let second = scene.frames[1].cam_from_world.unwrap();
+    assert!((second[2][3] + 5.0).abs() < 1e-4, "{second:?}");
+}
+
+#[test]
+fn label_boxes_move_with_the_pixel_centers() {
+    let label = "0 3 Car 0 1 0 500 100 600.5 200 1.5 1.6 4.0 0 1.75 20 1.5707963267948966\n";
+    let boxes = |pixel_centers| {
+        let scene = parse(CALIB, &oxts(5.0), Some(label), &KittiOptions { pixel_centers, ..options() }).unwrap().scene;
+        scene.detections[0].bounding_box.unwrap()
+    };
+    assert_eq!(boxes(PixelCenters::Half), [500.0, 100.0, 600.5, 200.0]);
+    assert_eq!(boxes(PixelCenters::Integer), [500.5, 100.5, 601.0, 200.5]);
+}
+
+#[test]
 fn labels_become_detections_and_objects_in_the_world() {
     // A car 20 m ahead, 1 m below; in the second frame 15 m ahead. A region that is not labelled; a car that drives.
     let labels = "\

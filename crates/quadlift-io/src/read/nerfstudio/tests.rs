@@ -127,6 +127,19 @@ fn intrinsics_come_from_frames_angles_and_images() {
 }
 
 #[test]
+fn each_axis_has_its_own_angle() {
+    let document = json!({
+        "w": 800, "h": 600,
+        "camera_angle_x": std::f64::consts::FRAC_PI_2,
+        "camera_angle_y": 2.0 * 0.5f64.atan(),
+        "frames": [{"file_path": "a.png", "transform_matrix": as_json(&Matrix4::identity())}],
+    });
+    let camera = parse(&document).unwrap().scene.cameras[0].clone();
+    // Half the width over the tangent of 45 degrees; half the height over 1/2.
+    assert!((camera.params[0] - 400.0).abs() < 1e-9 && (camera.params[1] - 600.0).abs() < 1e-9, "{camera:?}");
+}
+
+#[test]
 fn what_is_wrong_is_named_with_its_entry() {
     let message = |change: &dyn Fn(&mut Value)| {
         let mut document = document(&Matrix4::identity());

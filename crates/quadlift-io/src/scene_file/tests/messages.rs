@@ -176,3 +176,15 @@ fn objects() {
     let matrix = serde_json::to_string(&[[1.0; 9]; 9]).unwrap();
     assert_snapshot!(after(r#""status": "ok""#, &format!(r#""covariance": {{"coordinates": "x", "matrix": {matrix}}}"#)), @r#"scene.json: objects[0].covariance.coordinates: unknown coordinates "x"; expected center_vech_shape or center_rotation_log_axes"#);
 }
+
+#[test]
+fn the_size_of_a_frame_comes_before_that_of_its_camera() {
+    let text = r#"{"format": "quadlift.scene", "version": 1,
+        "cameras": [{"id": "c", "model": "PINHOLE", "width": 640, "height": 480, "params": [500, 500, 320, 240]}],
+        "frames": [
+            {"id": "own", "camera": "c", "width": 320, "height": 200, "cam_from_world": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]},
+            {"id": "other", "camera": "c", "cam_from_world": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}]}"#;
+    let scene = parse_scene_file(Path::new("scene.json"), text.as_bytes()).unwrap().to_scene().unwrap();
+    let sizes: Vec<[f64; 2]> = scene.frames.iter().map(|frame| frame.image_size.unwrap().into()).collect();
+    assert_eq!(sizes, [[320.0, 200.0], [640.0, 480.0]]);
+}
