@@ -85,7 +85,7 @@ fn noises_of_the_paper() {
 #[test]
 fn noisy_boxes() {
     assert_mean_iou(0.83, boxes(0.05), &method(Method::Map));
-    assert_mean_iou(0.75, boxes(0.10), &method(Method::Map));
+    assert_mean_iou(0.76, boxes(0.10), &method(Method::Map));
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn gross_outliers_are_found_and_left_out() {
 fn cuboids_are_fitted_as_cuboids() {
     let make = |sigma: f64| move |seed| SyntheticOptions { body: BodyKind::Cuboid, ..boxes(sigma)(seed) };
     assert_mean_iou(0.999, make(0.0), &body(BodyKind::Cuboid));
-    assert_mean_iou(0.78, make(0.05), &body(BodyKind::Cuboid));
+    assert_mean_iou(0.795, make(0.05), &body(BodyKind::Cuboid));
 }
 
 #[test]
@@ -124,10 +124,19 @@ fn one_object_alone_is_as_exact() {
     assert_mean_iou(0.998, |seed| SyntheticOptions { objects: 1, ..ellipses(None)(seed) }, &method(Method::Map));
 }
 
+/// Where the priors speak for few measurements, noise is sought from little noise as well: otherwise large noise explains
+/// exact boxes (.84 for an object in three views, .75 for fifty in two).
+#[test]
+fn exact_boxes_in_few_views_are_told_from_noise() {
+    let ellipsoids = body(BodyKind::Ellipsoid);
+    assert_mean_iou(0.995, |seed| SyntheticOptions { objects: 1, views: 3, ..boxes(0.0)(seed) }, &ellipsoids);
+    assert_mean_iou(0.82, |seed| SyntheticOptions { views: 2, ..boxes(0.0)(seed) }, &ellipsoids);
+}
+
 #[test]
 fn two_views_give_an_answer_that_says_so() {
     let make = |seed| SyntheticOptions { views: 2, ..boxes(0.02)(seed) };
-    assert_mean_iou(0.68, make, &method(Method::Map));
+    assert_mean_iou(0.73, make, &method(Method::Map));
     let (_, localization) = run(&make(0), &method(Method::Map));
     assert!(localization.estimates.iter().all(|e| e.status == Status::Ok && !e.warnings.is_empty()));
     let (_, localization) = run(&make(0), &method(Method::Planes));
@@ -220,6 +229,23 @@ fn the_kind_of_body_is_chosen_from_the_boxes() {
         BodyKind::Superellipsoid(exponent) => assert!(exponent <= 1.3, "{exponent}"),
         BodyKind::Ellipsoid | BodyKind::Cylinder => panic!("an ellipsoid was chosen"),
     }
+}
+
+/// Of exponents that fit about as well the roundest is taken: 1.33 on average here, and 1.23 for those that fit best.
+#[test]
+fn the_roundest_of_bodies_that_fit_as_well_is_chosen() {
+    let chosen = |seed: u64| {
+        let make =
+            SyntheticOptions { objects: 30, views: 10, body: BodyKind::Superellipsoid(1.2), ..boxes(0.05)(seed) };
+        let synthetic = generate(&make).unwrap();
+        match localize(&synthetic.scene, &Options::default(), &|_, _| {}).unwrap().body {
+            BodyKind::Superellipsoid(exponent) => exponent,
+            other => panic!("{other:?} was chosen"),
+        }
+    };
+    let mean = (0..4).map(|seed| 0.25 * chosen(seed)).sum::<f64>();
+    println!("mean exponent {mean}");
+    assert!((1.28..1.38).contains(&mean), "{mean}");
 }
 
 #[test]

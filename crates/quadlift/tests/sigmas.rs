@@ -96,12 +96,26 @@ fn levels_matter_and_a_ground_is_shared_all_the_same() {
     let large = Sigmas::new([("edge_relative", 0.2)]).unwrap();
     let sd = |sigmas| run(&scene, None, Some(sigmas)).estimates[0].center_sd().unwrap();
     assert!(sd(&large) > 20.0 * sd(&small));
-    // With a common ground what the objects say of it counts for all of them.
+    // Without a common ground an object is the same alone; with one, what the objects say of it counts for all of them.
     scene.up = Some(nalgebra::Vector3::z_axis());
     let mut options = Options::default();
     options.map.sigmas = Some(large);
-    options.map.priors.by_category.insert("*".to_owned(), CategoryPrior { on_ground: true, ..Default::default() });
-    let one = |scene: &Scene| bits(&localize(scene, &options, &|_, _| {}).unwrap().estimates[0]);
+    let one = |scene: &Scene, options: &Options| bits(&localize(scene, options, &|_, _| {}).unwrap().estimates[0]);
     let first_alone = part(&scene, |object| object == 0);
-    assert_ne!(one(&scene), one(&first_alone));
+    assert_eq!(one(&scene, &options), one(&first_alone, &options));
+    // How far the objects' lowest points are apart: the ground draws them together.
+    let spread = |options: &Options| {
+        let estimates = localize(&scene, options, &|_, _| {}).unwrap().estimates;
+        let lowest = |e: &Estimate| {
+            let body = e.ellipsoid().unwrap();
+            body.center.z - body.shape()[(2, 2)].sqrt()
+        };
+        let all: Vec<f64> = estimates.iter().map(lowest).collect();
+        let mean = all.iter().sum::<f64>() / all.len() as f64;
+        (all.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
+    };
+    let free = spread(&options);
+    options.map.priors.by_category.insert("*".to_owned(), CategoryPrior { on_ground: true, ..Default::default() });
+    assert_ne!(one(&scene, &options), one(&first_alone, &options));
+    assert!(spread(&options) < 0.98 * free, "{} {free}", spread(&options));
 }

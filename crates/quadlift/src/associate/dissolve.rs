@@ -137,3 +137,52 @@ fn settle(problem: &Problem, state: &mut State, mut objects: Vec<Object>, used: 
     }
     objects
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::super::fit::{Start, fit};
+    use super::super::options::AssociateOptions;
+    use super::super::test_scenes::{ellipsoid, of_frames};
+    use super::*;
+    use crate::geometry::Ellipsoid;
+
+    /// Number of views.
+    const VIEWS: usize = 12;
+
+    /// The boxes of two bodies, one above the other, divided between two objects: those for which `swapped` holds of the
+    /// frame are with the other's. Returns which detections each object has in the end.
+    fn after_dissolving(swapped: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+        let above = Ellipsoid { center: ellipsoid().center + Vector3::new(0.0, 0.0, 4.5), ..ellipsoid() };
+        let (scene, observations, mut model) = of_frames(VIEWS, |_| vec![(ellipsoid(), None), (above, None)]);
+        (model.volume, model.edge_sd) = (1e5, 0.02);
+        let options = AssociateOptions::default();
+        let problem = Problem::new(&scene, &observations, &options);
+        let start = Start::sphere(ellipsoid().center.coords - observations.origin, 2.0);
+        let objects = [0, 1].map(|body| {
+            let is_own = |detection: usize| (detection + usize::from(swapped(detection / 2))) % 2 == body;
+            let own = (0..2 * VIEWS as u32).filter(|&index| is_own(observations.boxes[index as usize].detection));
+            Object { visible: VIEWS, ..fit(&observations, &model, own.collect(), &[start]).unwrap() }
+        });
+        let mut state = State { observations, model, objects: objects.into() };
+        dissolve_weak(&problem, &mut state);
+        let detections = |object: &Object| {
+            let mut all: Vec<usize> =
+                object.boxes.iter().map(|&index| state.observations.boxes[index as usize].detection).collect();
+            all.sort_unstable();
+            all
+        };
+        let mut found: Vec<Vec<usize>> = state.objects.iter().map(detections).collect();
+        found.sort();
+        found
+    }
+
+    #[test]
+    fn objects_that_have_mixed_up_their_boxes_are_sought_anew() {
+        let right = |body: usize| (0..VIEWS).map(|frame| 2 * frame + body).collect::<Vec<_>>();
+        assert_eq!(after_dissolving(|_| false), [right(0), right(1)]);
+        assert_eq!(after_dissolving(|frame| frame % 3 == 0), [right(0), right(1)]);
+        assert_eq!(after_dissolving(|frame| frame < 6), [right(0), right(1)]);
+    }
+}

@@ -78,4 +78,27 @@ mod tests {
         assert!(by_views.windows(2).all(|w| w[1] > w[0] + 2.0), "{by_views:?}");
         assert!(of_views(10, 25.0) < of_views(10, 0.0) - 5.0);
     }
+
+    #[test]
+    fn an_edge_that_is_cut_off_says_nothing_and_one_that_is_hidden_little() {
+        let (mut observations, mut model) = seen_by(10, &ellipsoid());
+        model.volume = 1e5;
+        let options = AssociateOptions::default();
+        let problem = Problem::new(&Scene::default(), &observations, &options);
+        let center = ellipsoid().center.coords - observations.origin;
+        let object = fit(&observations, &model, (0..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        let seen = evidence(&problem, &observations, &model, &object);
+        let sighting = &observations.boxes[3];
+        // The t density with 5 degrees of freedom at zero over that of clutter.
+        let of_edge = 0.3796066898224944f64.ln() - model.sd(sighting).ln() - model.log_clutter(&problem.clutter, 3);
+        // One in twenty edges is hidden, anywhere in the object.
+        let of_hidden = (0.05 / sighting.size().y).ln() - model.log_clutter(&problem.clutter, 3);
+        model.hidden[3][1] = true;
+        let hidden = evidence(&problem, &observations, &model, &object);
+        assert!((seen - hidden - (of_edge - of_hidden)).abs() < 1e-9, "{seen} {hidden}");
+        model.hidden[3][1] = false;
+        observations.boxes[3].cut[1] = true;
+        let cut = evidence(&problem, &observations, &model, &object);
+        assert!((seen - cut - of_edge).abs() < 1e-9, "{seen} {cut}");
+    }
 }

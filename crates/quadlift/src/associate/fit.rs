@@ -208,6 +208,27 @@ mod tests {
     }
 
     #[test]
+    fn a_body_reaches_beyond_edges_that_are_cut_off_and_not_beyond_others() {
+        let truth = ellipsoid();
+        let center = |observations: &Observations| truth.center.coords - observations.origin;
+        let error = |cut: bool| {
+            let (mut observations, _) = seen_by(12, &truth);
+            // In half of the views the image ends before the object does.
+            for sighting in observations.boxes.iter_mut().step_by(2) {
+                sighting.edges[2] -= 0.3 * sighting.half_size;
+                sighting.cut[2] = cut;
+            }
+            let options = AssociateOptions { pixel_sd: 0.1, ..Default::default() };
+            let mut model = Model::new(&observations, &options, vec![None]);
+            model.edge_sd = 0.05;
+            let start = Start::sphere(center(&observations), 2.0);
+            let object = fit(&observations, &model, (0..12).collect(), &[start]).unwrap();
+            (object.root * object.root.transpose() - truth.shape()).amax()
+        };
+        assert!(error(true) < 0.3 * error(false), "{} {}", error(true), error(false));
+    }
+
+    #[test]
     fn the_covariance_is_the_curvature_of_the_cost() {
         let truth = ellipsoid();
         let (observations, model) = seen_by(8, &truth);

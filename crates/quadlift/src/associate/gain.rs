@@ -187,7 +187,7 @@ fn whiten(residuals: &[f64; 4], covariance: &SMatrix<f64, 4, 4>, kept: &Vec4) ->
 mod tests {
     use super::super::fit::{Start, fit};
     use super::super::options::AssociateOptions;
-    use super::super::test_scenes::{ellipsoid, seen_by};
+    use super::super::test_scenes::{ellipsoid, of_frames, seen_by};
     use super::*;
     use crate::geometry::gamma::ln_gamma;
     use crate::scene::Scene;
@@ -236,6 +236,86 @@ mod tests {
             assert!(gain.is_none_or(|g| g.hidden == [false; 4]));
         });
         gain_of_first([900.0, 0.0, 900.0, 0.0], |_, _, _, gain| assert_eq!(gain, None));
+    }
+
+    #[test]
+    fn an_uncertain_object_bears_what_its_covariance_lets_its_edges_move() {
+        // The covariance of the residuals, from differences of predicted edges instead of derivatives of planes.
+        let (observations, model) = seen_by(10, &ellipsoid());
+        let options = AssociateOptions::default();
+        let center = ellipsoid().center.coords - observations.origin;
+        let object = fit(&observations, &model, (1..4).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        let problem = Problem::new(&Scene::default(), &observations, &options);
+        let gains = Gains::new(&problem, &observations, &model);
+        let prediction = object.predict(&observations.cameras[0]).unwrap();
+        let (_, covariance, ..) = gains.residuals(&object, &prediction, 0);
+        let sd = model.sd(&observations.boxes[0]);
+        let edges = |k: usize, step: f64| {
+            let mut moved = object.clone();
+            if k < 3 {
+                moved.center[k] += step * object.radius;
+            } else {
+                // A <- B exp(D) B^T.
+                let (i, j) = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)][k - 3];
+                let mut half = nalgebra::Matrix3::zeros();
+                half[(i, j)] += 0.5 * step;
+                half[(j, i)] = half[(i, j)];
+                moved.root = object.root * half.exp();
+            }
+            moved.predict(&observations.cameras[0]).unwrap().edges
+        };
+        let jacobian = SMatrix::<f64, 4, 9>::from_fn(|edge, k| {
+            let sign = if edge < 2 { 1.0 } else { -1.0 };
+            sign * (edges(k, 1e-5)[edge] - edges(k, -1e-5)[edge]) / (2e-5 * sd)
+        });
+        let expected = SMatrix::<f64, 4, 4>::identity() + jacobian * object.covariance * jacobian.transpose();
+        assert!(expected.diagonal().min() > 1.1, "{expected}");
+        assert!((covariance - expected).amax() < 0.03 * expected.amax(), "{covariance} {expected}");
+    }
+
+    #[test]
+    fn an_edge_that_the_border_cuts_off_does_not_hold_the_object_back() {
+        let gain = |cut: bool, by: f64| {
+            let (mut observations, model) = seen_by(10, &ellipsoid());
+            let options = AssociateOptions::default();
+            let center = ellipsoid().center.coords - observations.origin;
+            let object = fit(&observations, &model, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+            let problem = Problem::new(&Scene::default(), &observations, &options);
+            observations.boxes[0].cut[2] = cut;
+            observations.boxes[0].edges[2] += by;
+            let gains = Gains::new(&problem, &observations, &model);
+            let prediction = object.predict(&observations.cameras[0]).unwrap();
+            gains.gain(&object, &prediction, 0).unwrap()
+        };
+        // However much of the object lies outside of the image, its box agrees, and nothing hides it.
+        let (a_little, much) = (gain(true, -2.0), gain(true, -12.0));
+        assert!((a_little.value - much.value).abs() < 1e-9 && much.hidden == [false; 4], "{a_little:?} {much:?}");
+        assert!(gain(false, -12.0).value < gain(false, -2.0).value - 1.0);
+        // A box that reaches farther than the object contradicts it, cut off or not.
+        assert!((gain(true, 12.0).value - gain(false, 12.0).value).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_category_is_worth_what_its_share_and_that_of_wrong_ones_say() {
+        // Seven cups and three plates.
+        let category = |frame: usize| if frame < 7 { "cup" } else { "plate" };
+        let (scene, mut observations, model) = of_frames(10, |frame| vec![(ellipsoid(), Some(category(frame)))]);
+        let options = AssociateOptions::default();
+        let center = ellipsoid().center.coords - observations.origin;
+        let object = fit(&observations, &model, (0..7).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        let problem = Problem::new(&scene, &observations, &options);
+        let cup = observations.boxes[0].category;
+        let plate = observations.boxes[9].category;
+        assert_eq!(object.category, cup);
+        let mut gain = |category: usize| {
+            observations.boxes[8].category = category;
+            let prediction = object.predict(&observations.cameras[8]).unwrap();
+            Gains::new(&problem, &observations, &model).gain(&object, &prediction, 8).unwrap().value
+        };
+        // Of detections of cups 97 % are cups and 3 % plates; of clutter 70 % and 30 %.
+        let expected = (0.97f64 / 0.7).ln() - (0.03f64 / 0.3).ln();
+        let found = gain(cup) - gain(plate);
+        assert!((found - expected).abs() < 1e-6, "{found} {expected}");
     }
 
     #[test]

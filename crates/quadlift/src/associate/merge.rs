@@ -118,3 +118,80 @@ fn near_pairs(objects: &[Object], apart: impl Fn(&Object, &Object) -> f64, limit
     }
     pairs
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::options::AssociateOptions;
+    use super::super::test_scenes::{ellipsoid, of_frames};
+    use super::*;
+    use crate::geometry::Ellipsoid;
+
+    fn moved(by: f64) -> Ellipsoid {
+        Ellipsoid { center: ellipsoid().center + Vector3::new(0.0, 0.0, by), ..ellipsoid() }
+    }
+
+    /// An object of some of the views, from a start near the body.
+    fn object_of(observations: &Observations, model: &Model, body: &Ellipsoid, views: &[u32]) -> Object {
+        let start = Start::sphere(body.center.coords - observations.origin, 2.0);
+        let object = fit(observations, model, views.to_vec(), &[start]).unwrap();
+        Object { visible: 12, ..object }
+    }
+
+    /// The views of the objects that come out of two, of the body in the first six views and of another, so far above it,
+    /// in the last six, after `change`.
+    fn of_halves(by: f64, change: impl Fn(&mut [Object; 2])) -> Vec<usize> {
+        let body_of = |frame: usize| vec![(if frame < 6 { ellipsoid() } else { moved(by) }, None)];
+        let (scene, observations, mut model) = of_frames(12, body_of);
+        (model.volume, model.edge_sd) = (1e5, 0.02);
+        let options = AssociateOptions::default();
+        let problem = Problem::new(&scene, &observations, &options);
+        let mut halves = [(0, 0.0), (6, by)]
+            .map(|(first, by)| object_of(&observations, &model, &moved(by), &(first..first + 6).collect::<Vec<_>>()));
+        change(&mut halves);
+        merge(&problem, &observations, &model, halves.into()).iter().map(|object| object.boxes.len()).collect()
+    }
+
+    #[test]
+    fn halves_of_one_object_become_one_and_two_objects_stay_two() {
+        assert_eq!(of_halves(0.0, |_| ()), [12]);
+        // Beside each other: near enough to be tried.
+        assert_eq!(of_halves(4.0, |_| ()), [6, 6]);
+    }
+
+    #[test]
+    fn trusted_ids_and_categories_stay_apart() {
+        let trust = |halves: &mut [Object; 2], ids: [Option<u32>; 2]| {
+            for (half, id) in halves.iter_mut().zip(ids) {
+                half.trusted_id = id;
+            }
+        };
+        assert_eq!(of_halves(0.0, |halves| trust(halves, [Some(0), Some(1)])), [6, 6]);
+        assert_eq!(of_halves(0.0, |halves| trust(halves, [None, Some(1)])), [12]);
+        assert_eq!(of_halves(0.0, |halves| halves[1].category = 1), [6, 6]);
+    }
+
+    /// Which of two objects are left by [`drop_nested`]: one of eight views, and one of so many other views of the same
+    /// body, its size times a factor.
+    fn nested(views: u32, size: f64, trusted: bool) -> Vec<usize> {
+        let (scene, observations, mut model) = of_frames(16, |_| vec![(ellipsoid(), None)]);
+        model.volume = 1e5;
+        let options = AssociateOptions::default();
+        let problem = Problem::new(&scene, &observations, &options);
+        let large = object_of(&observations, &model, &ellipsoid(), &(0..8).collect::<Vec<_>>());
+        let mut small = object_of(&observations, &model, &ellipsoid(), &(8..8 + views).collect::<Vec<_>>());
+        small.root *= size;
+        small.radius *= size;
+        small.trusted_id = trusted.then_some(0);
+        let left = drop_nested(&problem, &observations, &model, vec![small, large]);
+        left.iter().map(|object| object.boxes.len()).collect()
+    }
+
+    #[test]
+    fn the_weaker_of_two_bodies_in_one_place_goes_where_it_has_much_fewer_views() {
+        assert_eq!(nested(4, 1.0, false), [8]);
+        assert_eq!(nested(5, 1.0, false), [5, 8]);
+        // A thing inside of another is smaller, and stays; so does one whose id is trusted.
+        assert_eq!(nested(4, 0.6, false), [4, 8]);
+        assert_eq!(nested(4, 1.0, true), [4, 8]);
+    }
+}

@@ -217,3 +217,31 @@ fn cut_edges(bounding_box: &BoundingBox, image_size: Option<Vector2<f64>>) -> [b
         bounding_box.y1 >= size.y - BORDER_PX,
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Projection;
+    use crate::scene::{DetectionInput, SceneBuilder};
+
+    #[test]
+    fn each_side_of_the_border_cuts_off_its_own_edge() {
+        let inside = [50.0, 60.0, 600.0, 400.0];
+        let at_the_border = [1.5, 1.5, 638.5, 478.5];
+        let cut = |edges: [f64; 4], size: Option<[f64; 2]>| {
+            let mut builder = SceneBuilder::new("one box");
+            let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
+            builder.add_frame("a", projection, size).unwrap();
+            let bounding_box = BoundingBox::new(edges).ok();
+            builder.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
+            Observations::new(&builder.build(), &[0]).boxes[0].cut
+        };
+        assert_eq!(cut(inside, Some([640.0, 480.0])), [false; 4]);
+        for edge in 0..4 {
+            let mut edges = inside;
+            edges[edge] = at_the_border[edge];
+            assert_eq!(cut(edges, Some([640.0, 480.0])), std::array::from_fn(|k| k == edge), "{edges:?}");
+        }
+        assert_eq!(cut(at_the_border, None), [false; 4]);
+    }
+}

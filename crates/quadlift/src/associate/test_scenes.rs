@@ -1,4 +1,4 @@
-//! One body seen exactly, for the tests of the parts.
+//! Bodies seen exactly, for the tests of the parts.
 
 use nalgebra::{Point3, Rotation3, Vector3};
 
@@ -6,7 +6,7 @@ use super::model::Model;
 use super::observations::Observations;
 use super::options::AssociateOptions;
 use crate::geometry::{Ellipsoid, project_ellipsoid};
-use crate::scene::{DetectionInput, SceneBuilder};
+use crate::scene::{DetectionInput, Scene, SceneBuilder};
 use crate::synthetic::{SyntheticOptions, Trajectory, generate};
 
 /// A body somewhere near the middle.
@@ -20,15 +20,28 @@ pub(super) fn ellipsoid() -> Ellipsoid {
 
 /// The exact boxes of a body in so many views around it, and a model with the first noise.
 pub(super) fn seen_by(views: usize, body: &Ellipsoid) -> (Observations, Model) {
-    let make = SyntheticOptions { objects: 0, views, trajectory: Trajectory::Orbit, ..Default::default() };
-    let mut builder = SceneBuilder::new("one body");
-    for frame in generate(&make).unwrap().scene.frames {
-        builder.add_frame(&frame.id, frame.projection, Some([1280.0, 960.0])).unwrap();
-        let bounding_box = project_ellipsoid(&frame.projection, body).unwrap().bounding_box();
-        let detection = DetectionInput { frame: &frame.id, bounding_box: Some(bounding_box), ..Default::default() };
-        builder.add_detection(&detection).unwrap();
-    }
-    let observations = Observations::new(&builder.build(), &(0..views).collect::<Vec<_>>());
-    let model = Model::new(&observations, &AssociateOptions::default(), vec![None]);
+    let (_, observations, model) = of_frames(views, |_| vec![(*body, None)]);
     (observations, model)
+}
+
+/// Exact boxes of the bodies, with their categories, that each frame has; with the scene.
+pub(super) fn of_frames(
+    views: usize,
+    shown: impl Fn(usize) -> Vec<(Ellipsoid, Option<&'static str>)>,
+) -> (Scene, Observations, Model) {
+    let make = SyntheticOptions { objects: 0, views, trajectory: Trajectory::Orbit, ..Default::default() };
+    let mut builder = SceneBuilder::new("exact boxes");
+    for (index, frame) in generate(&make).unwrap().scene.frames.iter().enumerate() {
+        builder.add_frame(&frame.id, frame.projection, Some([1280.0, 960.0])).unwrap();
+        for (body, category) in shown(index) {
+            let bounding_box = Some(project_ellipsoid(&frame.projection, &body).unwrap().bounding_box());
+            let detection = DetectionInput { frame: &frame.id, category, bounding_box, ..Default::default() };
+            builder.add_detection(&detection).unwrap();
+        }
+    }
+    let scene = builder.build();
+    let observations = Observations::new(&scene, &(0..scene.detections.len()).collect::<Vec<_>>());
+    let unknown_sizes = vec![None; observations.categories.len()];
+    let model = Model::new(&observations, &AssociateOptions::default(), unknown_sizes);
+    (scene, observations, model)
 }
