@@ -67,7 +67,29 @@ impl Marked {
     }
 }
 
+/// How a case was divided into objects.
+#[derive(Debug, Clone, Copy)]
+pub struct Division {
+    /// The detections.
+    pub score: DivisionScore,
+    /// Objects at least half of whose detections show true ones.
+    pub standing: Marked,
+    /// All others: they are false.
+    pub false_objects: Marked,
+}
+
 impl Case {
+    /// Divides the scene and compares the division, and nothing else, with the truth.
+    ///
+    /// # Errors
+    /// [`Error::Associate`] when the options do not fit the scene.
+    pub fn division(&self, options: &AssociateOptions) -> Result<Division, Error> {
+        let association = associate(&self.scene, options, &|_, _| {})?;
+        let (standing, false_objects) = self.marked(&association);
+        let score = score_division(&self.true_objects, &association.object_of_detection);
+        Ok(Division { score, standing, false_objects })
+    }
+
     /// Divides the scene and compares the division with the truth.
     ///
     /// # Errors

@@ -35,7 +35,7 @@ const LEAST_SCORE: f64 = 0.5;
 const LEAST_OVERLAP: f64 = 0.5;
 
 /// Error of the edges in pixels, for poses of a car that drives.
-const PIXEL_SD: f64 = 3.0;
+pub const PIXEL_SD: f64 = 3.0;
 
 /// Reads a sequence: its detections without ids, and which standing car each of them shows.
 fn case(data: &Path, sequence: &str) -> Result<Case, Error> {
@@ -111,6 +111,14 @@ fn labels_of(detections: &[DetectionRecord], labels: &[DetectionRecord]) -> Vec<
         }
     }
     shown
+}
+
+/// All sequences.
+///
+/// # Errors
+/// [`Error::Read`].
+pub fn cases(data: &Path) -> Result<Vec<Case>, Error> {
+    SEQUENCES.par_iter().map(|(name, ..)| case(data, name)).collect()
 }
 
 /// Number of steps.

@@ -2,6 +2,7 @@
 
 mod case;
 mod driving;
+mod parts;
 mod synthetic;
 mod without_ids;
 
@@ -32,7 +33,8 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
         Err(_) => None,
     };
     let real_steps = folder.as_ref().map_or(0, |_| without_ids::steps() + driving::steps());
-    let steps = Steps::new("association", synthetic::steps() + real_steps, progress);
+    let all_steps = synthetic::steps() + real_steps + parts::steps(folder.is_some());
+    let steps = Steps::new("association", all_steps, progress);
     let mut report = Report::new("association", "Association: objects from detections without ids");
     report.text(
         "The ids of the detections are taken away, or made wrong, and the detections are divided into objects again. F1 \
@@ -50,6 +52,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
         }
         None => report.text("The real data is not at hand: only synthetic scenes are shown."),
     }
+    parts::add(folder.as_deref(), &mut report, seed, &steps)?;
     Ok(report)
 }
 

@@ -94,6 +94,19 @@ pub fn conditions() -> Vec<Condition> {
     ]
 }
 
+/// Conditions that are not solved at once, with a name for a column.
+pub fn with_parts_to_do() -> [(&'static str, SyntheticOptions); 5] {
+    let noise = vec![Noise::BoxEdges(0.1)];
+    let detector = Detector { misses: 0.3, false_boxes: 0.3, ..Default::default() };
+    [
+        ("hard", SyntheticOptions { cube_side: 30.0, noise, detector, ..base() }),
+        ("20 % duplicates", with_detector(|d| d.duplicates = 0.2)),
+        ("60 % missed", with_detector(|d| d.misses = 0.6)),
+        ("poses turned", SyntheticOptions { pose_noise: 0.3, ..base() }),
+        ("6 views", SyntheticOptions { views: 6, ..base() }),
+    ]
+}
+
 /// What is made of ids that detections come with.
 struct IdRow {
     name: &'static str,
@@ -127,7 +140,11 @@ fn number(x: Option<f64>) -> Cell {
     x.map_or(Cell::Empty, |x| Cell::number(x, 3))
 }
 
-fn case(make: &SyntheticOptions) -> Result<Case, Error> {
+/// A synthetic scene as association gets it.
+///
+/// # Errors
+/// [`Error::Synthetic`].
+pub fn case(make: &SyntheticOptions) -> Result<Case, Error> {
     let synthetic = generate(make)?;
     Ok(Case {
         scene: synthetic.scene,

@@ -54,7 +54,7 @@ mod test_scenes;
 mod tests;
 
 pub use doubt::Doubt;
-pub use options::{AssociateError, AssociateOptions, IdUse};
+pub use options::{AssociateError, AssociateOptions, IdUse, Part};
 pub use outcome::{AssociatedObject, Association, NotUsed, Outcome};
 
 use crate::scene::Scene;

@@ -1,5 +1,6 @@
 //! What can be chosen about association, and why it refuses a scene.
 
+use super::doubt::Doubt;
 use crate::scene::SourceError;
 use crate::solve::CategoryPriors;
 
@@ -13,6 +14,22 @@ pub enum IdUse {
     Evidence,
     /// They are not looked at.
     Ignore,
+}
+
+/// A part of association that can be switched off, to find out what it is worth (`quadlift reproduce association`).
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// Objects whose union has more evidence are merged.
+    Merge,
+    /// The weaker of two bodies in one place goes.
+    Nested,
+    /// Weak objects are dissolved and sought anew; only in a thorough search.
+    Dissolve,
+    /// Everything is done twice, the second time with what has been learnt.
+    SecondPass,
+    /// A reason for which objects are doubtful.
+    Doubt(Doubt),
 }
 
 /// Everything that can be chosen about association.
@@ -40,6 +57,9 @@ pub struct AssociateOptions {
     /// Search from several starts and seek weak objects anew. It takes about eight times as long; it helps where there
     /// are few views or many misses (F1 .986 to .993 with 6 views, .990 to .998 with 60 % missed) and hardly elsewhere.
     pub thorough: bool,
+    /// Leave a part out; not for use, only to measure what it is worth.
+    #[doc(hidden)]
+    pub without: Option<Part>,
 }
 
 impl Default for AssociateOptions {
@@ -54,6 +74,7 @@ impl Default for AssociateOptions {
             pixel_sd: 2.0,
             priors: CategoryPriors::default(),
             thorough: false,
+            without: None,
         }
     }
 }
@@ -77,6 +98,11 @@ pub enum AssociateError {
 }
 
 impl AssociateOptions {
+    /// Whether a part of association is used.
+    pub(super) fn uses(&self, part: Part) -> bool {
+        self.without != Some(part)
+    }
+
     /// Refuses what makes no sense.
     pub(super) fn check(&self) -> Result<(), AssociateError> {
         let refuse = |what, value, expected| Err(AssociateError::OutOfRange { what, value, expected });

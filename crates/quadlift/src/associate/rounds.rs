@@ -11,6 +11,7 @@ use super::merge::{drop_nested, merge};
 use super::model::Model;
 use super::object::Object;
 use super::observations::Observations;
+use super::options::Part;
 use super::problem::Problem;
 use crate::parallel::map_indices;
 
@@ -56,6 +57,9 @@ impl State {
 
     /// Merges objects that are one.
     pub fn merge(&mut self, problem: &Problem) {
+        if !problem.options.uses(Part::Merge) {
+            return;
+        }
         let objects = std::mem::take(&mut self.objects);
         self.objects = merge(problem, &self.observations, &self.model, objects);
     }
@@ -117,11 +121,12 @@ impl State {
             learn_shifts(&mut self.observations, &mut self.model, &self.objects);
             self.give_up_weak(problem);
             self.merge(problem);
-            if round >= last_births {
+            if round >= last_births && problem.options.uses(Part::Nested) {
                 let objects = std::mem::take(&mut self.objects);
                 self.objects = drop_nested(problem, &self.observations, &self.model, objects);
             }
-            if thorough && (round + 1 == last_births || round == last_births) {
+            let dissolves = thorough && problem.options.uses(Part::Dissolve);
+            if dissolves && (round + 1 == last_births || round == last_births) {
                 dissolve_weak(problem, self);
             }
             report();

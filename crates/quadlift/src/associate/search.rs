@@ -9,7 +9,7 @@ use super::growth::grow;
 use super::model::Model;
 use super::object::Object;
 use super::observations::Observations;
-use super::options::IdUse;
+use super::options::{IdUse, Part};
 use super::problem::Problem;
 use super::rays::triangulate;
 use super::rounds::{ROUNDS, State};
@@ -54,8 +54,10 @@ pub(super) fn search(problem: &Problem, observations: Observations, progress: &(
         }
     }
     // Once more with what has been learnt: noise, sizes, and above all the shifts of the frames.
-    let again = pass(best.clone(), Some(&problem.order.frames));
-    best = better(problem, best, again);
+    if problem.options.uses(Part::SecondPass) {
+        let again = pass(best.clone(), Some(&problem.order.frames));
+        best = better(problem, best, again);
+    }
     progress(total, total);
     best
 }
