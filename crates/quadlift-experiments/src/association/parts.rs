@@ -15,7 +15,7 @@ use crate::scores::mean;
 use crate::table::{Cell, Table};
 
 /// Scenes of each condition.
-const SEEDS: u64 = 6;
+const SEEDS: u64 = 3;
 
 /// A row: its name, whether the search is thorough, and what is switched off.
 struct Row {
