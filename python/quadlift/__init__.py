@@ -9,6 +9,7 @@ yours.
 from __future__ import annotations
 
 from ._core import QuadliftError, __version__
+from ._limits import set_max_pixels
 from ._estimates import Alternative, AssociatedObject, Estimates, Evaluation, InconsistentSceneWarning
 from ._localize import localize
 from ._options import Options, Prior
@@ -28,4 +29,5 @@ __all__ = [
     "__version__",
     "localize",
     "log_recording",
+    "set_max_pixels",
 ]

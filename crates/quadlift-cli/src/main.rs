@@ -36,6 +36,7 @@ use commands::{
 use error::Outcome;
 use output::Output;
 use outputs::Paths;
+use quadlift_io::images::{DEFAULT_MAX_PIXELS, set_max_pixels};
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -66,6 +67,10 @@ struct Cli {
     /// Print details (rejected views, noise levels, times) on the standard error stream
     #[arg(short, long, global = true, help_heading = "Output")]
     verbose: bool,
+
+    /// Refuse images and masks with more pixels, before they are decoded
+    #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_MAX_PIXELS, help_heading = "Limits")]
+    max_pixels: u64,
 
     /// Print errors only
     #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output")]
@@ -102,6 +107,7 @@ fn main() -> ExitCode {
     };
     signals::remove_temporary_files_at_the_end();
     quadlift_io::guard::protect_what_is_read();
+    set_max_pixels(cli.max_pixels);
     let result = paths.check(cli.json).and_then(|()| run(cli.command, &out));
     match result {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

@@ -177,3 +177,50 @@ fn a_full_disk_is_named_without_the_temporary_file() {
     let run = folder.run("export csv result.json -o /dev/full");
     assert!(run.code == 1 && run.stderr.contains("cannot write /dev/full: No space left"), "{}", run.stderr);
 }
+
+#[test]
+fn patterns_do_not_follow_links_to_folders() {
+    let folder = Folder::new();
+    let scene = folder.small_scene();
+    folder.write_json("scenes/a.json", &scene);
+    folder.write_json("scenes/deep/er/b.json", &scene);
+    folder.write_json("elsewhere/c.json", &scene);
+    for name in ["scenes/loop", "scenes/deep/loop", "scenes/deep/er/loop", "scenes/deep/second"] {
+        symlink(".", folder.path(name)).unwrap();
+    }
+    symlink("../elsewhere/c.json", folder.path("scenes/c.json")).unwrap();
+    let start = Instant::now();
+    folder.succeed("localize scenes/**/*.json -o out --quiet");
+    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
+    for name in ["a.json", "b.json", "c.json"] {
+        assert!(folder.path("out").join(name).is_file(), "{name}");
+    }
+}
+
+#[test]
+fn what_has_no_end_is_not_read() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    assert!(Command::new("mkfifo").arg(folder.path("pipe")).status().unwrap().success());
+    for path in ["pipe", "/dev/zero"] {
+        let run = folder.run_list(&["info", path]);
+        assert!(run.code == 1 && run.stderr.contains("expected a file"), "{}", run.stderr);
+        let mut scene = folder.json("scene.json");
+        scene["frames"][0]["image"] = json!(path);
+        scene["detections"][0]["mask"] = json!({"path": path, "value": 1});
+        folder.write_json("hostile.json", &scene);
+        for arguments in [
+            "segment hostile.json -o out.json",
+            "segment hostile.json -o out.json --method masks",
+            "render hostile.json --frame 000000 -o out.png",
+            "localize hostile.json --observations mask",
+            "localize hostile.json --report out.html",
+            "info hostile.json",
+        ] {
+            let start = Instant::now();
+            let run = folder.run(arguments);
+            assert!(start.elapsed() < Duration::from_secs(60), "{arguments}");
+            assert!(run.code <= 1, "{arguments}: {}", run.stderr);
+        }
+    }
+}

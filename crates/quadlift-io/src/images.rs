@@ -2,15 +2,45 @@
 
 use std::io::Cursor;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use image::{EncodableLayout, ImageBuffer, ImageError, ImageFormat, ImageReader, Luma, PixelWithColorType, RgbImage};
 use quadlift_segment::LabelImage;
 
 use crate::atomic::write_file;
-use crate::error::{ReadError, WriteError, read_bytes};
+use crate::error::{ReadError, WriteError, check_readable, read_bytes};
 
-/// An image whose pixels need more bytes than this is refused.
-const MOST_BYTES: usize = 1 << 29;
+/// Images with more pixels are refused unless [`set_max_pixels`] says otherwise: those of the largest cameras in use have
+/// 151 million.
+pub const DEFAULT_MAX_PIXELS: u64 = 160_000_000;
+
+static MAX_PIXELS: AtomicU64 = AtomicU64::new(DEFAULT_MAX_PIXELS);
+
+/// Image files with more bytes are refused: no image within the limit of pixels has as many.
+const MOST_BYTES_PER_PIXEL: u64 = 16;
+
+/// Sets how many pixels an image or mask may have in this process. A file of a few kilobytes can hold an image that fills
+/// the memory; its size is looked at before anything is decoded.
+pub fn set_max_pixels(pixels: u64) {
+    MAX_PIXELS.store(pixels, Ordering::Relaxed);
+}
+
+/// How many pixels an image or mask may have ([`set_max_pixels`]).
+pub fn max_pixels() -> u64 {
+    MAX_PIXELS.load(Ordering::Relaxed)
+}
+
+/// Whether an image of this size (width, height) is read; otherwise the problem.
+pub(crate) fn check_pixels([width, height]: [u32; 2]) -> Result<(), String> {
+    let most = max_pixels();
+    if u64::from(width) * u64::from(height) <= most {
+        return Ok(());
+    }
+    Err(format!("the image has {width} x {height} pixels; at most {most} are read (option max-pixels)"))
+}
+
+/// A check of the size (width, height) of an image before its pixels are decoded.
+type SizeCheck<'a> = &'a dyn Fn([u32; 2]) -> Result<(), String>;
 
 /// Reads a PNG or JPEG file as 8-bit RGB.
 ///
@@ -19,23 +49,52 @@ const MOST_BYTES: usize = 1 << 29;
 /// calibrated on the pixels as they are stored.
 ///
 /// # Errors
-/// [`ReadError`] when the file cannot be read, when it is no PNG or JPEG, or when it is damaged, cut off or too large.
+/// [`ReadError`] when the file cannot be read, when it is no PNG or JPEG, when it is damaged or cut off, or when it has more
+/// pixels than [`max_pixels`].
 pub fn read_image(path: &Path) -> Result<RgbImage, ReadError> {
-    let bytes = read_bytes(path)?;
+    read_image_of_size(path, &|_| Ok(()))
+}
+
+/// [`read_image`], where the size of the image passes a check.
+pub(crate) fn read_image_of_size(path: &Path, check: SizeCheck) -> Result<RgbImage, ReadError> {
+    let bytes = read_image_bytes(path)?;
     let format = format(path, &bytes)?;
     if format == ImageFormat::Jpeg && !has_end_of_jpeg(&bytes) {
         return Err(ReadError::new(path, "the JPEG image is cut off: it has no end marker"));
     }
-    let image = ImageReader::with_format(Cursor::new(&bytes), format).decode();
-    Ok(image.map_err(|error| image_error(path, format, &error))?.into_rgb8())
+    let reader = || {
+        let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
+        // Its own limit on memory counts other things, and is lower.
+        let mut limits = image::Limits::default();
+        limits.max_alloc = Some(max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL));
+        reader.limits(limits);
+        reader
+    };
+    let failed = |error: ImageError| image_error(path, format, &error);
+    let size = reader().into_dimensions().map_err(failed)?.into();
+    check(size).and_then(|()| check_pixels(size)).map_err(|problem| ReadError::new(path, problem))?;
+    Ok(reader().decode().map_err(failed)?.into_rgb8())
+}
+
+/// The bytes of an image file.
+fn read_image_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
+    check_readable(path)?;
+    let most = max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL);
+    match std::fs::metadata(path) {
+        Ok(metadata) if metadata.len() > most => {
+            let found = metadata.len();
+            Err(ReadError::new(path, format!("the file has {found} bytes; expected an image of at most {most} bytes")))
+        }
+        _ => read_bytes(path),
+    }
 }
 
 /// Width and height of a PNG or JPEG file; only its head is looked at.
 ///
 /// # Errors
-/// As [`read_image`].
+/// [`ReadError`] when the file cannot be read, or when it is no PNG or JPEG.
 pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
-    let bytes = read_bytes(path)?;
+    let bytes = read_image_bytes(path)?;
     let format = format(path, &bytes)?;
     let size = ImageReader::with_format(Cursor::new(&bytes), format).into_dimensions();
     size.map(Into::into).map_err(|error| image_error(path, format, &error))
@@ -47,7 +106,12 @@ pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
 /// # Errors
 /// [`ReadError`] as [`read_image`]; also for JPEG, whose compression changes the numbers, and for colours.
 pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
-    let bytes = read_bytes(path)?;
+    read_label_image_of_size(path, &|_| Ok(()))
+}
+
+/// [`read_label_image`], where the size of the image passes a check.
+pub(crate) fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelImage, ReadError> {
+    let bytes = read_image_bytes(path)?;
     if format(path, &bytes)? == ImageFormat::Jpeg {
         let problem = "this is a JPEG image, whose compression changes the numbers of a mask; expected a PNG image";
         return Err(ReadError::new(path, problem));
@@ -56,11 +120,14 @@ pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
         png::DecodingError::LimitsExceeded => ReadError::new(path, "the PNG image is too large to read"),
         error => ReadError::new(path, format!("the PNG image is damaged or cut off ({error})")),
     };
-    let limits = png::Limits { bytes: MOST_BYTES };
+    let most_bytes = usize::try_from(max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL)).unwrap_or(usize::MAX);
+    let limits = png::Limits { bytes: most_bytes };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(&bytes), limits);
     decoder.set_transformations(png::Transformations::IDENTITY);
     let mut reader = decoder.read_info().map_err(failed)?;
-    let size = reader.output_buffer_size().filter(|&size| size <= MOST_BYTES);
+    let size = [reader.info().width, reader.info().height];
+    check(size).and_then(|()| check_pixels(size)).map_err(|problem| ReadError::new(path, problem))?;
+    let size = reader.output_buffer_size().filter(|&size| size <= most_bytes);
     let size = size.ok_or_else(|| failed(png::DecodingError::LimitsExceeded))?;
     let mut buffer = vec![0; size];
     let frame = reader.next_frame(&mut buffer).map_err(failed)?;
@@ -137,10 +204,8 @@ fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, ReadError> {
             Err(ReadError::new(path, format!("the file holds {name} data; expected a PNG or JPEG image")))
         }
         Err(_) => {
-            let start = &bytes[..bytes.len().min(16)];
-            let problem =
-                format!("this is no image: expected PNG or JPEG; the file starts with \"{}\"", start.escape_ascii());
-            Err(ReadError::new(path, problem))
+            // What it holds instead is not quoted: a scene of somebody else may name any file.
+            Err(ReadError::new(path, "this is no image: expected PNG or JPEG"))
         }
     }
 }

@@ -20,6 +20,7 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("QuadliftError", module.py().get_type::<error::QuadliftError>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(segmentation::set_max_pixels, module)?)?;
     module.add_function(wrap_pyfunction!(scene::write_text, module)?)?;
     module.add_function(wrap_pyfunction!(scene::frame_problems, module)?)?;
     module.add_function(wrap_pyfunction!(detections::hidden_edges, module)?)?;

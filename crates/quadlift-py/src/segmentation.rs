@@ -70,3 +70,9 @@ impl SegmentKeywords {
         Ok((file, problems))
     }
 }
+
+/// Sets how many pixels an image or mask may have.
+#[pyfunction]
+pub fn set_max_pixels(pixels: u64) {
+    quadlift_io::images::set_max_pixels(pixels);
+}

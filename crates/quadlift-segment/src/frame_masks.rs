@@ -11,11 +11,11 @@ use crate::mask::Mask;
 /// keep a gap of a pixel.
 const TOUCHING: u32 = 2;
 
-/// How many masks of an image cover each of its pixels.
+/// How many masks of an image cover each of its pixels; 255 stands for that many and more.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct FrameMasks {
     width: u32,
-    counts: Vec<u32>,
+    counts: Vec<u8>,
 }
 
 /// Width and height of the smallest window at the image's origin that holds these masks.
@@ -29,7 +29,8 @@ impl FrameMasks {
         let [width, height] = reach(masks.clone());
         let mut counts = vec![0; width as usize * height as usize];
         for [x, y] in masks.flat_map(Mask::pixels) {
-            counts[y as usize * width as usize + x as usize] += 1;
+            let count: &mut u8 = &mut counts[y as usize * width as usize + x as usize];
+            *count = count.saturating_add(1);
         }
         Self { width, counts }
     }
@@ -37,7 +38,7 @@ impl FrameMasks {
     /// Whether another mask than this one, which is among them, covers a pixel.
     fn others_cover(&self, mask: &Mask, x: u32, y: u32) -> bool {
         let count = self.counts.get(y as usize * self.width as usize + x as usize);
-        x < self.width && count.is_some_and(|&count| count > u32::from(mask.contains(x, y)))
+        x < self.width && count.is_some_and(|&count| count > u8::from(mask.contains(x, y)))
     }
 
     /// Where the outline of one of the masks touches the others and the border of the image, whose size is width and

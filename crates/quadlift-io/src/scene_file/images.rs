@@ -14,7 +14,13 @@ use quadlift_segment::{LabelImage, Mask, Polygons, Rle};
 
 use super::records::{FrameRecord, MaskRecord, RleCounts, SceneFile};
 use crate::error::{EntryError, ReadError};
-use crate::images::{read_image, read_label_image};
+use crate::images::{check_pixels, read_image_of_size, read_label_image_of_size};
+
+/// Most pixels of the masks that are held at once.
+const MOST_MASK_PIXELS: u64 = 1 << 31;
+
+/// With more pixels, label images that were read are let go of before the next one is read.
+const MOST_CACHED_PIXELS: u64 = 1 << 28;
 
 /// Polygons in a frame of unknown size are cut off here, in pixels.
 const LARGEST_IMAGE: u32 = 1 << 14;
@@ -148,7 +154,7 @@ impl SceneImages {
     /// Reads the image of a frame of the scene.
     ///
     /// # Errors
-    /// [`ReadError`] when the frame has no image, when the file cannot be read ([`read_image`]), or when its size is not
+    /// [`ReadError`] when the frame has no image, when the file cannot be read ([`crate::read_image`]), or when its size is not
     /// that of the frame's camera.
     pub fn read_image(&self, scene: &Scene, frame_index: usize) -> Result<RgbImage, ReadError> {
         let Some(path) = self.images.get(frame_index).and_then(Option::as_ref) else {
@@ -156,21 +162,32 @@ impl SceneImages {
             let problem = format!("the frame \"{id}\" has no \"image\"");
             return Err(ReadError::new(&self.scene_file, problem).in_entry(format!("frames[{frame_index}]")));
         };
-        let image = read_image(path)?;
-        check_size(scene, frame_index, [image.width(), image.height()])
-            .map_err(|problem| ReadError::new(path, problem))?;
-        Ok(image)
+        read_image_of_size(path, &|size| check_size(scene, frame_index, size))
     }
 
     /// Reads the masks of detections of the scene, by their indices; `None` for one that has no mask. A label image that
     /// several of them share, as those of one frame do, is read once.
     ///
     /// # Errors
-    /// Each mask has its own: [`ReadError`] when a label image cannot be read ([`read_label_image`]), when the size of
+    /// Each mask has its own: [`ReadError`] when a label image cannot be read ([`crate::read_label_image`]), when the size of
     /// the mask's image is not that of the frame's camera, or when no pixel is the object's.
     pub fn read_masks(&self, scene: &Scene, detections: &[usize]) -> Vec<Result<Option<Mask>, ReadError>> {
         let mut label_images = HashMap::new();
-        detections.iter().map(|&index| self.read_mask(scene, index, &mut label_images)).collect()
+        let mut pixels = 0;
+        let mut read = |&index: &usize| {
+            let cached = |labels: &LabelImage| u64::from(labels.width()) * u64::from(labels.height());
+            if label_images.values().flatten().map(cached).sum::<u64>() > MOST_CACHED_PIXELS {
+                label_images.clear();
+            }
+            let mask = self.read_mask(scene, index, &mut label_images)?;
+            pixels += mask.as_ref().map_or(0, |mask| mask.inside.len() as u64);
+            if pixels > MOST_MASK_PIXELS {
+                let problem = format!("the masks of a frame have more than {MOST_MASK_PIXELS} pixels in all");
+                return Err(ReadError::new(&self.scene_file, problem).in_entry(format!("detections[{index}].mask")));
+            }
+            Ok(mask)
+        };
+        detections.iter().map(&mut read).collect()
     }
 
     fn read_mask<'a>(
@@ -189,10 +206,10 @@ impl SceneImages {
             |problem: String| ReadError::new(&self.scene_file, problem).in_entry(format!("detections[{index}].mask"));
         let mask = match source {
             MaskSource::Labels { path, value } => {
-                let labels = label_images.entry(path).or_insert_with(|| read_label_image(path)).as_ref();
-                let labels = labels.map_err(Clone::clone)?;
-                check_size(scene, frame_index, [labels.width(), labels.height()])
-                    .map_err(|problem| ReadError::new(path, problem))?;
+                let check = |size| check_size(scene, frame_index, size);
+                let read = || read_label_image_of_size(path, &check);
+                let labels = label_images.entry(path).or_insert_with(read).as_ref().map_err(Clone::clone)?;
+                check([labels.width(), labels.height()]).map_err(|problem| ReadError::new(path, problem))?;
                 let mask = value.map_or_else(|| labels.foreground(), |value| labels.mask(value));
                 if mask.count() == 0 {
                     return Err(ReadError::new(path, missing_value(labels, *value, index)));
@@ -201,7 +218,8 @@ impl SceneImages {
             }
             MaskSource::Rle(rle) => {
                 let [height, width] = rle.size();
-                check_size(scene, frame_index, [width, height]).map_err(here)?;
+                let size = [width, height];
+                check_size(scene, frame_index, size).and_then(|()| check_pixels(size)).map_err(here)?;
                 rle.to_mask()
             }
             MaskSource::Polygons(polygons) => {
@@ -209,7 +227,9 @@ impl SceneImages {
                     // Casts saturate; pixels are counted as far as they begin inside of the image.
                     size.map(|x| (x.ceil() as u32).min(LARGEST_IMAGE))
                 });
-                polygons.to_mask(size.x, size.y)
+                let [x0, y0, x1, y1] = polygons.window(size.x, size.y);
+                check_pixels([x1.saturating_sub(x0), y1.saturating_sub(y0)]).map_err(here)?;
+                polygons.to_mask(size.x, size.y).map_err(|error| here(error.to_string()))?
             }
         };
         if mask.count() == 0 {
