@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
+use glob::{MatchOptions, Pattern};
 use quadlift::scene::Scene;
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
 use quadlift_io::guard::{common_file, is_same_file};
 use quadlift_io::{ReadError, SceneFile, is_standard_output, read_scene_file};
 
-use crate::error::usage;
+use crate::error::{UsageError, usage};
 
 /// Reads a scene file and checks it.
 pub fn read_scene(path: &Path) -> anyhow::Result<(SceneFile, Scene)> {
@@ -92,17 +93,44 @@ fn scenes_in_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn matches(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
-    let found = match glob::glob(pattern) {
-        Ok(found) => found,
-        Err(error) => return usage(format!("\"{pattern}\" is not a pattern of file names: {error}")),
+    let wrong =
+        |error: glob::PatternError| UsageError(format!("\"{pattern}\" is not a pattern of file names: {error}"));
+    let mut paths = if pattern.contains("**") {
+        recursive_matches(pattern, &Pattern::new(pattern).map_err(wrong)?)?
+    } else {
+        let found = glob::glob(pattern).map_err(wrong)?;
+        found.collect::<Result<Vec<_>, _>>().with_context(|| format!("cannot search for {pattern}"))?
     };
-    let mut paths = found.collect::<Result<Vec<_>, _>>().with_context(|| format!("cannot search for {pattern}"))?;
     paths.retain(|path| path.is_file());
     if paths.is_empty() {
         bail!("no file matches {pattern}");
     }
     paths.sort();
     Ok(paths)
+}
+
+/// The files below a folder that match a pattern with `**`. Links to folders are not followed: they may lead in circles.
+fn recursive_matches(text: &str, pattern: &Pattern) -> anyhow::Result<Vec<PathBuf>> {
+    // The part before the first component with a wildcard.
+    let plain = &text[..text.find(['*', '?', '[']).unwrap_or(text.len())];
+    let start = plain.rfind(std::path::is_separator).map_or("", |end| &plain[..=end]);
+    let options = MatchOptions { require_literal_separator: true, ..MatchOptions::new() };
+    let mut found = Vec::new();
+    let mut folders = vec![PathBuf::from(start)];
+    while let Some(folder) = folders.pop() {
+        let here = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
+        let failed = || format!("cannot read the folder {}", here.display());
+        for entry in std::fs::read_dir(here).with_context(failed)? {
+            let entry = entry.with_context(failed)?;
+            let path = folder.join(entry.file_name());
+            if entry.file_type().with_context(failed)?.is_dir() {
+                folders.push(path);
+            } else if pattern.matches_path_with(&path, options) {
+                found.push(path);
+            }
+        }
+    }
+    Ok(found)
 }
 
 /// The results' paths, one per input, checked before anything is computed: the folder exists (of several scenes it is

@@ -53,13 +53,9 @@ impl<'a> Node<'a> {
         Self { path: self.path, entry: format!("{}{dot}{step}", self.entry), value }
     }
 
-    fn object(&self) -> Result<&'a Map<String, Value>, ReadError> {
+    /// The members of an object without their places.
+    pub fn object(&self) -> Result<&'a Map<String, Value>, ReadError> {
         self.value.as_object().ok_or_else(|| self.unexpected("an object {...}"))
-    }
-
-    /// The value itself.
-    pub fn value(&self) -> &'a Value {
-        self.value
     }
 
     /// Whether this is an object.

@@ -184,8 +184,13 @@ impl Tracklet {
 /// [`ReadError`] with line and column, what was found and what was expected.
 pub fn parse_tracklets(path: &Path, bytes: &[u8]) -> Result<Vec<Tracklet>, ReadError> {
     // KITTI's files name their type in a DOCTYPE.
+    let text = as_utf8(path, bytes)?;
+    check_attributes(text).map_err(|line| {
+        ReadError::new(path, format!("an element has more than {MOST_ATTRIBUTES} attributes; expected tracklets"))
+            .at(line, 0)
+    })?;
     let options = roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: 50_000_000, ..Default::default() };
-    let document = roxmltree::Document::parse_with_options(as_utf8(path, bytes)?, options).map_err(|error| {
+    let document = roxmltree::Document::parse_with_options(text, options).map_err(|error| {
         let place = error.pos();
         ReadError::new(path, format!("this is not valid XML: {error}")).at(place.row as usize, place.col as usize)
     })?;
@@ -193,6 +198,44 @@ pub fn parse_tracklets(path: &Path, bytes: &[u8]) -> Result<Vec<Tracklet>, ReadE
     let tracklets = xml.child(document.root_element(), "tracklets")?;
     let items = tracklets.children().filter(|node| node.has_tag_name("item"));
     items.map(|item| xml.tracklet(item)).collect()
+}
+
+/// Most attributes of an element: the parser compares each with all others. KITTI's files have four at most.
+const MOST_ATTRIBUTES: usize = 1000;
+
+/// Refuses elements with many attributes; the error is the line of the first.
+fn check_attributes(text: &str) -> Result<(), usize> {
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start..];
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>")].into_iter().find(|(begin, _)| rest.starts_with(begin));
+        if let Some((_, end)) = skipped {
+            let Some(end) = rest.find(end) else { return Ok(()) };
+            rest = &rest[end..];
+            continue;
+        }
+        // Texts in quotes may hold a '>'; those of a DOCTYPE may hold elements.
+        let is_declaration = rest.starts_with("<!");
+        let (mut quote, mut attributes, mut end) = (None, 0, rest.len());
+        for (at, byte) in rest.bytes().enumerate().skip(1) {
+            match (quote, byte) {
+                (None, b'>') => {
+                    end = at;
+                    break;
+                }
+                (None, b'"' | b'\'') => quote = Some(byte),
+                (Some(open), byte) if open == byte => quote = None,
+                (None, b'=') => attributes += 1,
+                (Some(_), b'=') if is_declaration => attributes += 1,
+                _ => {}
+            }
+        }
+        if attributes > MOST_ATTRIBUTES {
+            return Err(1 + text[..text.len() - rest.len()].matches('\n').count());
+        }
+        rest = &rest[end..];
+    }
+    Ok(())
 }
 
 struct Xml<'a> {

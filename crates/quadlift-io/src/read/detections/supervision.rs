@@ -4,13 +4,14 @@
 //! (`custom_data={"frame_number": ...}`). Format: `detection/tools/csv_sink.py` and `json_sink.py` of the package
 //! supervision.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde_json::Value;
 
 use super::DetectionFiles;
 use super::csv::table;
-use super::table::{Row, Table, TableOptions};
+use super::table::{Row, Table, TableOptions, is_column};
 use crate::error::{ReadError, as_utf8, read_bytes};
 use crate::read::json::{Node, parse_json};
 
@@ -30,29 +31,40 @@ pub fn parse_supervision(path: &Path, bytes: &[u8], options: &TableOptions) -> R
     let text = as_utf8(path, bytes)?;
     if text.trim_start().starts_with(['[', '{']) {
         let value = parse_json(path, bytes)?;
-        table_of(path, &Node::root(path, &value))?.detections(options)
+        table_of(path, &Node::root(path, &value), options)?.detections(options)
     } else {
         table(path, text)?.detections(options)
     }
 }
 
-/// A list of objects as a table, whose columns are the keys of the first one.
-fn table_of<'a>(path: &'a Path, root: &Node) -> Result<Table<'a>, ReadError> {
+/// How many columns that are not read a message may list.
+const OTHER_COLUMNS: usize = 20;
+
+/// A list of objects as a table, whose columns are the keys of the first one: those that are read, and the first of the
+/// others for messages.
+fn table_of<'a>(path: &'a Path, root: &Node, options: &TableOptions) -> Result<Table<'a>, ReadError> {
     let mut table = Table { path, columns: Vec::new(), rows: Vec::new() };
     for (index, item) in root.items()?.iter().enumerate() {
-        let members = item.members()?;
+        let members = item.object()?;
         if index == 0 {
-            table.columns = members.iter().map(|(key, _)| (*key).to_owned()).collect();
-        }
-        let cell = |column: &String| {
-            let value = members.iter().find(|(key, _)| key == column).map(|(_, node)| node.value());
-            match value {
-                None | Some(Value::Null) => String::new(),
-                Some(Value::String(text)) => text.clone(),
-                Some(other) => other.to_string(),
+            let (mut names, mut others) = (BTreeSet::new(), 0);
+            for key in members.keys() {
+                let is_read = is_column(key, options) && names.insert(key.trim().to_lowercase());
+                others += usize::from(!is_read);
+                if is_read || others <= OTHER_COLUMNS {
+                    table.columns.push(key.clone());
+                }
             }
+        }
+        let cell = |column: &String| match members.get(column) {
+            None | Some(Value::Null) => String::new(),
+            Some(Value::String(text)) => text.clone(),
+            Some(other) => other.to_string(),
         };
-        let cells = table.columns.iter().map(cell).collect();
+        let mut cells: Vec<String> = table.columns.iter().map(cell).collect();
+        let filled = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+        cells.truncate(filled);
+        cells.shrink_to_fit();
         table.rows.push(Row { line: None, entry: Some(format!("[{index}]")), cells });
     }
     Ok(table)

@@ -46,7 +46,7 @@ pub struct Row {
     pub line: Option<usize>,
     /// Entry of the file, where it has entries.
     pub entry: Option<String>,
-    /// The cells in the order of the columns; those that are missing are empty.
+    /// The cells in the order of the columns; those that are missing are empty, at the end of a row they may be left out.
     pub cells: Vec<String>,
 }
 
@@ -56,6 +56,15 @@ pub struct Table<'a> {
     pub path: &'a Path,
     pub columns: Vec<String>,
     pub rows: Vec<Row>,
+}
+
+/// Whether a column with this name is looked at.
+pub fn is_column(name: &str, options: &TableOptions) -> bool {
+    let is = |known: &str| name.trim().eq_ignore_ascii_case(known);
+    let lists: [&[&str]; 6] = [&SCORE, &CATEGORY, &TRACK, &IMAGE, &NUMBER, &TIME];
+    EDGES.iter().chain(&SIZES).flatten().chain(lists.into_iter().flatten()).any(|known| is(known))
+        || is(CORNERS)
+        || options.frame_column.is_some_and(is)
 }
 
 /// How a row says which image it belongs to.

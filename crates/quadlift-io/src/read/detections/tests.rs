@@ -11,7 +11,7 @@ use super::kitti::parse_kitti_labels;
 use super::labelme::parse_labelme;
 use super::mot::{MotKind, MotOptions, parse_mot};
 use super::names::parse_names;
-use super::supervision::read_supervision;
+use super::supervision::{parse_supervision, read_supervision};
 use super::yolo::{ExtraColumns, YoloKind, YoloOptions, parse_yolo, read_yolo};
 use super::*;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, RleCounts, SceneFile};
@@ -447,4 +447,18 @@ fn detections_that_are_matched_by_name_may_be_moved_to_other_frames() {
     let report = add_detections(&mut scene, files, &options).unwrap();
     let frames: Vec<&str> = scene.detections.iter().map(|d| &*d.frame).collect();
     assert_eq!((frames, report.frame_offset), (vec!["b.png", "d.png"], -1));
+}
+
+#[test]
+fn tables_in_json_may_have_many_columns() {
+    let many: String = (0..60_000).map(|k| format!("\"c{k}\": 1, ")).collect();
+    let row = "\"x_min\": 1, \"y_min\": 2, \"x_max\": 3, \"y_max\": 4, \"frame_number\": 0";
+    let text = format!("[{{{many}{row}}}, {{{row}}}, {{{many}{row}}}]");
+    let start = std::time::Instant::now();
+    let files = parse_supervision(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).unwrap();
+    assert_eq!(files.images.iter().map(|image| image.detections.len()).sum::<usize>(), 3);
+    assert!(start.elapsed().as_secs() < 3, "{:?}", start.elapsed());
+    // Other names are as they were, also with blanks and capitals.
+    let text = text.replace("x_min", " X_Min ");
+    assert!(parse_supervision(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).is_ok());
 }

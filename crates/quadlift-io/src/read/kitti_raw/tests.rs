@@ -56,6 +56,26 @@ fn a_part_of_a_drive_begins_at_its_own_first_frame() {
 }
 
 #[test]
+fn elements_with_many_attributes_are_refused_at_once() {
+    let attributes: String = (0..200_000).map(|k| format!(" a{k}=''")).collect();
+    let start = std::time::Instant::now();
+    for (text, line) in [
+        (format!("<?xml version='1.0'?>\n<!-- a < b = c = d -->\n<boost{attributes}></boost>"), 3),
+        (format!("<!DOCTYPE a [<!ENTITY e \"<b{attributes}/>\">]>\n<a>&e;</a>"), 1),
+    ] {
+        let error = parse_tracklets(Path::new("a.xml"), text.as_bytes()).unwrap_err();
+        assert!(error.problem.contains("more than 1000 attributes") && error.line == Some(line), "{error}");
+    }
+    assert!(start.elapsed().as_secs() < 5);
+    // What looks like attributes in comments and texts is none.
+    let good = std::fs::read_to_string(drive().join("tracklet_labels.xml")).unwrap();
+    let many = format!("<!-- <a {} -->", "x='' ".repeat(2000));
+    let with_comment =
+        good.replacen("<tracklets", &format!("{many}<![CDATA[<a {}]]><tracklets", "x= ".repeat(2000)), 1);
+    assert!(parse_tracklets(Path::new("a.xml"), with_comment.as_bytes()).is_ok());
+}
+
+#[test]
 fn wrong_tracklets_are_named_with_their_line() {
     let good = std::fs::read_to_string(drive().join("tracklet_labels.xml")).unwrap();
     let message = |text: &str| parse_tracklets(Path::new("t.xml"), text.as_bytes()).unwrap_err().to_string();
