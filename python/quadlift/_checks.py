@@ -103,6 +103,8 @@ def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int6
         if not np.all(none | (found == np.floor(found))) or np.isinf(found).any():
             raise QuadliftError(f"{name} has the dtype {found.dtype}; expected whole numbers or texts")
         found = np.where(none, -1.0, found).astype(np.int64)
+    if found.dtype.kind == "u" and found.max() > np.iinfo(np.int64).max:
+        raise QuadliftError(f"{name} holds {found.max()}; expected numbers below 2^63, or texts")
     if found.dtype.kind in "iu":
         values, codes = np.unique(found, return_inverse=True)
         codes = codes.reshape(-1).astype(np.int64)
@@ -117,7 +119,7 @@ def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int6
             continue
         if not isinstance(item, str | int | np.integer) or isinstance(item, bool):
             raise QuadliftError(f"{name}[{row}] is {item!r}; expected a whole number, a text or None")
-        codes[row] = index.setdefault(str(item), len(index))
+        codes[row] = index.setdefault(text(f"{name}[{row}]", str(item)), len(index))
     return codes, list(index)
 
 
@@ -170,6 +172,10 @@ def text(name: str, value: Any) -> str:
     """A text."""
     if not isinstance(value, str):
         raise QuadliftError(f"{name} is {value!r}; expected a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise QuadliftError(f"{name} is {value!r}, which is not Unicode text: {error.reason}") from error
     return value
 
 

@@ -270,7 +270,14 @@ class Estimates:
             problems=localized.problems,
             seconds=localized.seconds,
             _localized=localized,
-        )
+        )._read_only()
+
+    def _read_only(self) -> Estimates:
+        """The estimates, once their arrays cannot be changed in place: the result in a file would not change with them."""
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        return self
 
     def _warned(self, stacklevel: int) -> Estimates:
         """The estimates, once a scene that does not agree with itself has been told."""

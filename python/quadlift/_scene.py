@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import _adapters, _arrays, _checks, _core, _estimates, _options, _rerun
+from ._core import QuadliftError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -47,8 +48,12 @@ class Scene:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Scene:
-        """The scene of a document as in a scene file."""
-        return cls(_core.Scene.parse(json.dumps(document).encode(), ""))
+        """The scene of a document as in a scene file; NumPy's numbers and arrays may stand for plain ones."""
+        try:
+            text = json.dumps(document, default=_plain)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise QuadliftError(f"the document is no JSON: {error}") from error
+        return cls(_core.Scene.parse(text.encode(), ""))
 
     def to_dict(self) -> dict[str, Any]:
         """The document of the scene file."""
@@ -487,3 +492,10 @@ class Scene:
 def _read_again(text: str, path: Path) -> Scene:
     """A scene that was pickled."""
     return Scene(_core.Scene.parse(text.encode(), path))
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers and arrays as plain ones."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"found a {type(value).__name__}")

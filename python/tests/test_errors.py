@@ -226,3 +226,42 @@ def test_missing_packages(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_wrong_frames(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(quadlift.QuadliftError, match=message):
         quadlift.Scene.from_arrays(projections=MADE.projections, **arguments)
+
+
+def test_odd_ids_and_numbers_are_refused_in_words(made: Arrays) -> None:
+    cameras = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480))
+    whole = {"frame": made.frame, "boxes": made.boxes}
+    for ids in [made.object.astype(np.uint64) + np.uint64(2**64 - 4), np.array(["\ud800"] * 24), ["\udfff"] * 24]:
+        with pytest.raises(quadlift.QuadliftError, match="object"):
+            cameras.with_detections(**whole, object=ids)
+        with pytest.raises(quadlift.QuadliftError, match="object"):
+            quadlift.localize(**{**made.arguments(), "object": ids})
+    for name in ["frame_ids", "images"]:
+        texts = {name: [f"\ud800{k}" for k in range(6)]}
+        with pytest.raises(quadlift.QuadliftError, match="not Unicode"):
+            quadlift.Scene.from_arrays(projections=made.projections, **texts)  # type: ignore[arg-type]
+    document = cameras.with_detections(**whole, object=made.object).to_dict()
+    document["detections"][0]["score"] = np.float32(0.5)
+    document["up"] = np.array([0, 0, 1], dtype=np.int64)
+    document["length_unit"] = "\ud800"
+    with pytest.raises(quadlift.QuadliftError):
+        quadlift.Scene.from_dict(document)
+    document["length_unit"] = "m"
+    assert quadlift.Scene.from_dict(document).to_dict()["up"] == [0, 0, 1]
+    with pytest.raises(quadlift.QuadliftError, match="found a object"):
+        quadlift.Scene.from_dict({**document, "notes": object()})
+
+
+def test_arrays_of_estimates_cannot_be_changed(made: Arrays) -> None:
+    estimates = quadlift.localize(**made.arguments())
+    for name in ["centers", "covariances", "object_ids", "status", "inliers", "object_indices"]:
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(estimates, name)[...] = 0
+    changed = estimates.centers.copy()
+    changed[0] = 0.0
+
+
+def test_limits_of_pixels_are_checked() -> None:
+    with pytest.raises(quadlift.QuadliftError, match="pixels"):
+        quadlift.set_max_pixels(0)
+    quadlift.set_max_pixels(160_000_000)

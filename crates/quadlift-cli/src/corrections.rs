@@ -11,6 +11,7 @@ use quadlift_io::read_scene_file;
 use crate::args;
 use crate::files::with_hint;
 use crate::output::one_line;
+use crate::words::count;
 
 /// What the numbers of the scene really are. The names and values of the options are those that the self-check proposes.
 #[derive(clap::Args)]
@@ -163,6 +164,18 @@ pub fn corrected_in_words(notes: &[String]) -> String {
 }
 
 impl CorrectedScene {
+    /// Leaves out the detections with a lower score; those without a score stay.
+    pub fn leave_out_below(&mut self, least: f64, path: &Path) -> anyhow::Result<()> {
+        let before = self.file.detections.len();
+        self.file.detections.retain(|detection| detection.score.is_none_or(|score| score >= least));
+        let left_out = before - self.file.detections.len();
+        if left_out > 0 {
+            self.scene = self.file.to_scene().map_err(|error| error.in_file(path))?;
+            self.notes.push(format!("{} with a score below {least} left out", count(left_out, "detection")));
+        }
+        Ok(())
+    }
+
     /// Reads a scene file, corrects it and checks it.
     pub fn read(path: &Path, corrections: &[RecordCorrection]) -> anyhow::Result<Self> {
         Self::of(read_scene_file(path).map_err(|error| with_hint(path, error))?, corrections, path)

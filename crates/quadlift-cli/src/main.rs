@@ -96,7 +96,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let matches = Cli::command().get_matches();
+    let matches = Cli::command().mut_subcommand("localize", localize::with_requirements).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let paths = Paths::new(&matches);
     let out = Output {

@@ -95,15 +95,10 @@ impl Output {
     }
 }
 
-/// Text from a file, safe to print: control characters (line breaks, terminal codes) are written as escapes.
+/// Text from a file, safe to print: control characters (line breaks, terminal codes), and characters that cannot be seen or
+/// turn the text around, are written as escapes.
 pub fn one_line(text: &str) -> String {
-    text.chars()
-        .flat_map(|c| {
-            let escaped = c.is_control().then(|| c.escape_default());
-            let plain = escaped.is_none().then_some(c);
-            escaped.into_iter().flatten().chain(plain)
-        })
-        .collect()
+    quadlift_io::escape(text)
 }
 
 fn to_stdout(text: &str) -> anyhow::Result<()> {
@@ -128,5 +123,6 @@ mod tests {
     #[test]
     fn names_from_files_cannot_steer_the_terminal() {
         assert_eq!(one_line("a\u{1b}[31mb\nc é"), "a\\u{1b}[31mb\\nc é");
+        assert_eq!(one_line("a\u{202e}\u{200b}b"), "a\\u{202e}\\u{200b}b");
     }
 }

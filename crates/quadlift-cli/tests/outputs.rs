@@ -224,3 +224,42 @@ fn what_has_no_end_is_not_read() {
         }
     }
 }
+
+#[test]
+fn options_have_an_effect_or_are_refused() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    for (k, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
+        detection["score"] = json!(if k % 4 == 0 { 0.1 } else { 0.9 });
+    }
+    folder.write_json("scene.json", &scene);
+    let kept: Vec<_> = scene["detections"].as_array().unwrap().iter().filter(|d| d["score"] == 0.9).cloned().collect();
+    let mut better = scene.clone();
+    better["detections"] = json!(kept);
+    folder.write_json("better.json", &better);
+    let said = folder.succeed("localize scene.json -o some.json --min-score 0.5");
+    assert!(said.contains("detections with a score below 0.5 left out"), "{said}");
+    folder.succeed("localize better.json -o kept.json");
+    assert_eq!(folder.json("some.json")["objects"], folder.json("kept.json")["objects"]);
+    for option in [
+        "--match name",
+        "--time-tolerance 1",
+        "--sequence 1",
+        "--frames 1-2",
+        "--world-object 1",
+        "--pixel-centers half",
+    ] {
+        let run = folder.run(&format!("localize scene.json {option}"));
+        assert!(run.code == 2 && run.stderr.contains("--cameras"), "{option}: {}", run.stderr);
+    }
+}
+
+#[test]
+fn imports_without_frames_fail() {
+    let folder = Folder::new();
+    folder.write("model/cameras.txt", "1 PINHOLE 640 480 500 500 320 240\n");
+    folder.write("model/images.txt", "# no image\n");
+    let run = folder.run("import colmap model -o scene.json");
+    assert!(run.code == 1 && run.stderr.contains("model: there are no frames"), "{}", run.stderr);
+    assert!(!folder.path("scene.json").exists());
+}

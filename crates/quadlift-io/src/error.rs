@@ -29,7 +29,13 @@ impl ReadError {
     /// A problem with a whole file. Control characters (the text may quote the file) are written as escapes, so that a
     /// message is one line.
     pub fn new(path: &Path, problem: impl Into<String>) -> Self {
-        Self { path: path.to_owned(), line: None, column: None, entry: None, problem: one_line(problem.into()) }
+        Self {
+            path: path.to_owned(),
+            line: None,
+            column: None,
+            entry: None,
+            problem: one_line(problem.into(), LONGEST[0]),
+        }
     }
 
     /// The problem is at this line and column, both from 1; zero stands for "not known".
@@ -43,18 +49,41 @@ impl ReadError {
     /// The problem is in this entry.
     #[must_use]
     pub fn in_entry(mut self, entry: impl Into<String>) -> Self {
-        self.entry = Some(one_line(entry.into()));
+        self.entry = Some(one_line(entry.into(), LONGEST[1]));
         self
     }
 }
 
-/// A text without line breaks and other control characters, which are written as escapes.
-fn one_line(text: String) -> String {
-    if !text.contains(char::is_control) {
+/// The longest problem and the longest entry in a message, in characters; they may quote anything that a file holds.
+const LONGEST: [usize; 2] = [1000, 200];
+
+/// A text for a message: in one line ([`escape`]), its middle left out where it is longer than so many characters.
+fn one_line(text: String, longest: usize) -> String {
+    let text = if text.contains(is_hidden) { escape(&text) } else { text };
+    let count = text.chars().count();
+    if count <= longest {
         return text;
     }
-    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    let part = |from: usize, to: usize| text.chars().skip(from).take(to - from).collect::<String>();
+    let (head, tail) = (longest * 3 / 4, longest / 4);
+    format!("{} ... {}", part(0, head), part(count - tail, count))
+}
+
+/// A text from a file, safe to print: characters that break lines, steer a terminal, turn the direction of the text around
+/// or cannot be seen are written as escapes.
+pub fn escape(text: &str) -> String {
+    let escaped = |c: char| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() };
+    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { escaped(c) };
     text.chars().map(escaped).collect()
+}
+
+/// Whether a character is a control character, has no width, or changes the direction of the text around it (Unicode's
+/// general category Cf, as far as it is in use, and the separators of lines and paragraphs).
+fn is_hidden(c: char) -> bool {
+    c.is_control()
+        || matches!(c,
+            '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
 }
 
 impl fmt::Display for ReadError {
@@ -245,6 +274,16 @@ mod tests {
     fn messages_are_one_line_whatever_they_quote() {
         let error = ReadError::new(Path::new("a.json"), "found \"a\nb\"; é").in_entry("images.\u{1b}[31m");
         assert_eq!(error.to_string(), "a.json: images.\\u{1b}[31m: found \"a\\nb\"; é");
+    }
+
+    #[test]
+    fn messages_have_an_end_and_show_what_cannot_be_seen() {
+        let path = Path::new("a.json");
+        let long = format!("found {}; expected a number", "x".repeat(100_000));
+        let error = ReadError::new(path, long).in_entry("[0]".repeat(10_000)).to_string();
+        assert!(error.len() < 1500 && error.ends_with("x; expected a number") && error.contains(" ... "), "{error}");
+        let problem = ReadError::new(path, "a\u{202e}b\u{200b}c\u{2028}d\u{1b}e é 杯子").problem;
+        assert_eq!(problem, "a\\u{202e}b\\u{200b}c\\u{2028}d\\u{1b}e é 杯子");
     }
 
     #[test]

@@ -5,7 +5,7 @@ pub mod paths;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use quadlift_io::read::Import;
 use quadlift_io::{is_standard_output, write_scene_file};
 use serde_json::json;
@@ -57,6 +57,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_file(&common.output)?;
     let Import { mut scene, image_folder, mut notes } = args.format.read()?;
     let is_scene = args.format.is_scene();
+    if scene.frames.is_empty() && !is_scene {
+        bail!("{}: there are no frames; expected cameras with poses", args.format.path().display());
+    }
     match common.images.as_ref().or(image_folder.as_ref()) {
         Some(folder) => {
             let prefix = paths::relative_to_file(folder, &common.output)

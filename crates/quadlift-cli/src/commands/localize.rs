@@ -166,6 +166,11 @@ pub struct Args {
     direct: direct::DirectArgs,
 }
 
+/// The command, in which options that have no effect on scene files need `--cameras`.
+pub fn with_requirements(command: clap::Command) -> clap::Command {
+    direct::ONLY_DIRECT.iter().fold(command, |command, id| command.mut_arg(id, |option| option.requires("cameras")))
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
 enum MethodName {
     Map,
@@ -329,7 +334,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         }
         let (image_size, frame_offset) = args.direct.pixels_and_frames();
         let corrections = args.corrections.list(image_size, frame_offset);
-        let scene = || CorrectedScene::read(input, &corrections);
+        let scene = || {
+            let mut scene = CorrectedScene::read(input, &corrections)?;
+            args.direct.min_score().map_or(Ok(()), |least| scene.leave_out_below(least, input))?;
+            Ok(scene)
+        };
         let chosen = (&settings, calibration);
         match one_scene([input, input], scene, [output, report], args, chosen, out, &mut document) {
             Ok(ended) => outcome = outcome.and(ended),

@@ -5,7 +5,10 @@
 //! and the frames are numbered from 0. JSON: a list of `{"id", "projection", "width", "height", "image"}`, or
 //! `{"frames": [...]}` around it, or an object `{id: projection}`.
 
+use std::collections::HashSet;
 use std::path::Path;
+
+use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 
 use super::json::{Node, parse_json};
 use super::{Import, PixelCenters};
@@ -122,6 +125,7 @@ fn from_json(path: &Path, bytes: &[u8]) -> Result<Vec<FrameRecord>, ReadError> {
         true => match root.optional("frames")? {
             Some(list) => list,
             None => {
+                check_keys(path, bytes)?;
                 let frame = |(id, node): (&str, Node)| {
                     Ok(FrameRecord { id: id.to_owned(), projection: projection(&node)?, ..FrameRecord::default() })
                 };
@@ -144,6 +148,42 @@ fn from_json(path: &Path, bytes: &[u8]) -> Result<Vec<FrameRecord>, ReadError> {
         });
     }
     Ok(frames)
+}
+
+/// Refuses a JSON object in which a key stands twice: the readers of JSON keep the last of them.
+fn check_keys(path: &Path, bytes: &[u8]) -> Result<(), ReadError> {
+    let keys: Keys = serde_json::from_str(as_utf8(path, bytes)?)
+        .map_err(|error| ReadError::new(path, error.to_string()).at(error.line(), error.column()))?;
+    let mut seen = HashSet::new();
+    match keys.0.iter().find(|key| !seen.insert(key.as_str())) {
+        Some(key) => Err(ReadError::new(path, "two frames have this id").in_entry(key.clone())),
+        None => Ok(()),
+    }
+}
+
+/// The keys of a JSON object.
+struct Keys(Vec<String>);
+
+impl<'de> Deserialize<'de> for Keys {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct KeysVisitor;
+        impl<'de> Visitor<'de> for KeysVisitor {
+            type Value = Keys;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("an object {...}")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Keys, A::Error> {
+                let mut keys = Vec::new();
+                while let Some((key, IgnoredAny)) = map.next_entry::<String, IgnoredAny>()? {
+                    keys.push(key);
+                }
+                Ok(Keys(keys))
+            }
+        }
+        deserializer.deserialize_map(KeysVisitor)
+    }
 }
 
 #[cfg(test)]

@@ -47,7 +47,9 @@ pub fn read_tables(folder: &Path) -> Result<Import, ReadError> {
         })?;
         scene.objects[*index].view_residuals_px.push(view);
     }
-    let mut notes = Vec::new();
+    let missing = tables.iter().filter(|table| !folder.join(table.file).exists());
+    let mut notes: Vec<String> =
+        missing.map(|table| format!("there is no {}: what it would hold is missing", table.file)).collect();
     if !unknown.is_empty() {
         let names = unknown.into_iter().collect::<Vec<_>>().join(", ");
         notes.push(format!("columns that are not known were left out: {names}"));

@@ -1,5 +1,5 @@
 //! CSV tables: the objects, one row each, and the residuals of their views. World units; fields without a value are
-//! empty.
+//! empty. A text that a spreadsheet would take for a formula has an apostrophe before it.
 
 use csv::Writer;
 use quadlift::geometry::{Body, quaternion_from_rotation};
@@ -55,8 +55,9 @@ pub fn objects_csv(file: &SceneFile) -> Result<Document, EntryError> {
 /// The residual of each view of each object, in pixels, and whether the view was used.
 pub fn views_csv(file: &SceneFile) -> Document {
     let views = || file.objects.iter().flat_map(|o| o.view_residuals_px.iter().map(move |view| (&o.id, view)));
-    let rows = views()
-        .map(|(object, view)| [object.clone(), view.frame.clone(), text(&view.residual_px), view.inlier.to_string()]);
+    let rows = views().map(|(object, view)| {
+        [no_formula(object), no_formula(&view.frame), text(&view.residual_px), view.inlier.to_string()]
+    });
     Document { content: table(VIEW_COLUMNS, rows), counts: vec![("view", views().count())], notes: Vec::new() }
 }
 
@@ -77,10 +78,10 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
     };
     let estimated = record.views_used.is_some();
     [
-        record.id.clone(),
-        record.category.clone().unwrap_or_default(),
-        record.status.clone().unwrap_or_default(),
-        unit.to_owned(),
+        no_formula(&record.id),
+        no_formula(record.category.as_deref().unwrap_or_default()),
+        no_formula(record.status.as_deref().unwrap_or_default()),
+        no_formula(unit),
         x,
         y,
         z,
@@ -100,8 +101,16 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
         text(&record.views_used),
         text(&estimated.then_some(record.views_rejected.len())),
         text(&record.residual_px),
-        record.warnings.join("; "),
+        no_formula(&record.warnings.join("; ")),
     ]
+}
+
+/// A text with an apostrophe before it where it begins like a formula (=, @, + or -, also after blanks): spreadsheets would
+/// run it. Numbers stay as they are.
+fn no_formula(text: &str) -> String {
+    let begins_like_formula =
+        text.trim_start().starts_with(['=', '@', '+', '-', '\u{ff1d}', '\u{ff20}', '\u{ff0b}', '\u{ff0d}']);
+    if begins_like_formula && text.trim().parse::<f64>().is_err() { format!("'{text}") } else { text.to_owned() }
 }
 
 fn three(numbers: Option<[f64; 3]>) -> [String; 3] {
@@ -127,6 +136,28 @@ fn table<const N: usize>(header: [&str; N], rows: impl Iterator<Item = [String; 
 mod tests {
     use super::super::test_scene;
     use super::*;
+
+    #[test]
+    fn formulas_are_quoted_and_numbers_are_not() {
+        for (text, expected) in [
+            ("=cmd|' /C calc'!A0", "'=cmd|' /C calc'!A0"),
+            ("\t=1+1", "'\t=1+1"),
+            ("@SUM(1)", "'@SUM(1)"),
+            ("+a", "'+a"),
+            ("-a", "'-a"),
+            ("-7", "-7"),
+            ("+1.5e3", "+1.5e3"),
+            ("car-1", "car-1"),
+            ("", ""),
+        ] {
+            assert_eq!(no_formula(text), expected);
+        }
+        let object = |id: &str| ObjectRecord { id: id.to_owned(), ..Default::default() };
+        let file = SceneFile { objects: vec![object("=1+1"), object("a")], ..Default::default() };
+        let table = String::from_utf8(objects_csv(&file).unwrap().content).unwrap();
+        let first: Vec<&str> = table.lines().map(|line| line.split(',').next().unwrap()).collect();
+        assert_eq!(first, ["object", "'=1+1", "a"]);
+    }
 
     #[test]
     fn one_row_per_object() {

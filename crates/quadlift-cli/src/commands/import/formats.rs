@@ -1,7 +1,7 @@
 //! The formats with their options.
 
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use quadlift_io::read::bop::{BopOptions, read_bop};
 use quadlift_io::read::colmap::read_colmap;
@@ -194,6 +194,20 @@ impl Format {
             Self::Bop { .. } => "BOP",
             Self::Projections { .. } => "projections",
             Self::Parquet { .. } => "Parquet",
+        }
+    }
+
+    /// The path of what is read.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Colmap { path, .. }
+            | Self::Nerfstudio { path, .. }
+            | Self::Tum { path, .. }
+            | Self::Kitti { path, .. }
+            | Self::KittiRaw { path, .. }
+            | Self::Bop { path, .. }
+            | Self::Projections { path, .. }
+            | Self::Parquet { path, .. } => path,
         }
     }
 

@@ -23,7 +23,7 @@ pub struct Matching {
 
     /// Leave out detections with a lower score
     #[arg(long, value_name = "S", value_parser = args::finite)]
-    min_score: Option<f64>,
+    pub min_score: Option<f64>,
 
     /// Width and height in pixels of the images in which the detections were made: boxes are scaled to the cameras' images
     /// where these have another size, or none that is known

@@ -68,7 +68,26 @@ pub struct DirectArgs {
     world_object: Option<u64>,
 }
 
+/// Ids of the options that say how files of other programs are read, without effect on scene files.
+pub const ONLY_DIRECT: [&str; 10] = [
+    "names",
+    "annotations",
+    "frame_column",
+    "by",
+    "time_tolerance",
+    "pixel_centers",
+    "sequence",
+    "frames",
+    "intrinsics",
+    "world_object",
+];
+
 impl DirectArgs {
+    /// The least score of the detections that are taken.
+    pub fn min_score(&self) -> Option<f64> {
+        self.matching.min_score
+    }
+
     /// Size of the images in which the boxes of a scene file were measured, and the number of the frame whose detections
     /// belong to frame 0.
     pub fn pixels_and_frames(&self) -> (Option<[f64; 2]>, Option<i64>) {

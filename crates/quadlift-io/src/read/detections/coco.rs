@@ -102,7 +102,12 @@ impl Names {
         }
         if let Some(categories) = root.optional("categories")? {
             for category in categories.items()? {
-                names.categories.insert(category.member("id")?.word()?, category.member("name")?.text()?.to_owned());
+                let (id, name) = (category.member("id")?, category.member("name")?.text()?);
+                if let Some(earlier) = names.categories.insert(id.word()?, name.to_owned())
+                    && earlier != name
+                {
+                    return Err(id.error(format!("two categories have this id: \"{earlier}\" and \"{name}\"")));
+                }
             }
         }
         Ok(names)

@@ -462,3 +462,13 @@ fn tables_in_json_may_have_many_columns() {
     let text = text.replace("x_min", " X_Min ");
     assert!(parse_supervision(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).is_ok());
 }
+
+#[test]
+fn a_category_has_one_name() {
+    let text = r#"{"images": [{"id": 1, "file_name": "a.png"}], "annotations": [{"image_id": 1, "category_id": 1, "bbox": [1, 2, 3, 4]}],
+        "categories": [{"id": 1, "name": "cup"}, {"id": 1, "name": "plate"}]}"#;
+    let read = |text: &str| parse_coco((Path::new("a.json"), text.as_bytes()), None).map(drop);
+    let error = read(text).unwrap_err().to_string();
+    assert_eq!(error, "a.json: categories[1].id: two categories have this id: \"cup\" and \"plate\"");
+    assert_eq!(read(&text.replace("plate", "cup")), Ok(()));
+}

@@ -58,3 +58,15 @@ fn what_is_wrong_is_named_with_its_place() {
     insta::assert_snapshot!(message(r#"{"a": [[1, 2, 3], [1]]}"#), @"p.csv: a: found a list of 2, expected three or four rows of four numbers");
     insta::assert_snapshot!(message("[1,"), @"p.csv:1:3: this is not valid JSON: EOF while parsing a value");
 }
+
+#[test]
+fn ids_that_stand_twice_are_refused() {
+    let p = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5]]";
+    let read = |text: String| {
+        let result = parse_projections(Path::new("p.json"), text.as_bytes(), None, PixelCenters::Half);
+        result.map(|import| import.scene.frames.len()).map_err(|error| error.to_string())
+    };
+    assert_eq!(read(format!("{{\"a\": {p}, \"b\": {p}}}")), Ok(2));
+    assert_eq!(read(format!("{{\"a\": {p}, \"a\": {p}}}")), Err("p.json: a: two frames have this id".to_owned()));
+    assert!(read(format!("[{{\"id\": \"a\", \"projection\": {p}}}, {{\"id\": \"a\", \"projection\": {p}}}]")).is_err());
+}
