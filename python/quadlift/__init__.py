@@ -9,8 +9,8 @@ yours.
 from __future__ import annotations
 
 from ._core import QuadliftError, __version__
-from ._limits import set_max_pixels
 from ._estimates import Alternative, AssociatedObject, Estimates, Evaluation, InconsistentSceneWarning
+from ._limits import set_max_pixels
 from ._localize import localize
 from ._options import Options, Prior
 from ._rerun import log_recording

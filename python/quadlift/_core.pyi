@@ -7,7 +7,16 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Localized", "QuadliftError", "Scene", "__version__", "frame_problems", "hidden_edges", "write_text"]
+__all__ = [
+    "Localized",
+    "QuadliftError",
+    "Scene",
+    "__version__",
+    "frame_problems",
+    "hidden_edges",
+    "set_max_pixels",
+    "write_text",
+]
 
 __version__: str
 

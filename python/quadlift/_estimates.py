@@ -273,7 +273,7 @@ class Estimates:
         )._read_only()
 
     def _read_only(self) -> Estimates:
-        """The estimates, once their arrays cannot be changed in place: the result in a file would not change with them."""
+        """The estimates, with arrays that cannot be changed in place: a result file would not change with them."""
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)

@@ -7,6 +7,8 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from . import _adapters, _arrays, _checks, _core, _estimates, _options, _rerun
 from ._core import QuadliftError
 

@@ -230,7 +230,7 @@ def test_wrong_frames(arguments: dict[str, Any], message: str) -> None:
 
 def test_odd_ids_and_numbers_are_refused_in_words(made: Arrays) -> None:
     cameras = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480))
-    whole = {"frame": made.frame, "boxes": made.boxes}
+    whole: dict[str, Any] = {"frame": made.frame, "boxes": made.boxes}
     for ids in [made.object.astype(np.uint64) + np.uint64(2**64 - 4), np.array(["\ud800"] * 24), ["\udfff"] * 24]:
         with pytest.raises(quadlift.QuadliftError, match="object"):
             cameras.with_detections(**whole, object=ids)
