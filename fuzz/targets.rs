@@ -4,7 +4,8 @@
 
 use std::path::Path;
 
-use quadlift_io::ReadError;
+use quadlift::Options;
+use quadlift::solve::{BodyKind, Method, Status};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
 use quadlift_io::read::detections::coco::parse_coco;
 use quadlift_io::read::detections::csv::{TableOptions, parse_csv};
@@ -21,7 +22,9 @@ use quadlift_io::read::nerfstudio::parse_nerfstudio;
 use quadlift_io::read::projections::parse_projections;
 use quadlift_io::read::tum::{TumOptions, parse_tum};
 use quadlift_io::read::{Import, PixelCenters, colmap};
-use quadlift_io::scene_file::{CameraRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
+use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
+use quadlift_io::{EntryError, ReadError};
+use quadlift_segment::{ConvexHull, PixelTerm, Polygons, Rle};
 
 /// Stands between the files of one input.
 pub const SEPARATOR: &[u8] = b"=====\n";
@@ -211,4 +214,109 @@ pub fn labelme(data: &[u8]) -> bool {
     let mut files = label_files(data, "json");
     files.retain(|file| !file.bytes.is_empty());
     check_detections(parse_labelme(Path::new("labels"), &files))
+}
+
+/// A scene file: what is read is written and read back as it was, and its scene, objects and masks are valid or refused in
+/// words.
+pub fn scene(data: &[u8]) -> bool {
+    let path = Path::new("scene.json");
+    let Ok(file) = parse_scene_file(path, data).map_err(check_error) else { return false };
+    let mut bytes = Vec::new();
+    if write_scene(&file, &mut bytes).is_ok() {
+        assert_eq!(parse_scene_file(path, &bytes).unwrap(), file);
+    }
+    let in_words = |error: EntryError| check_error(error.in_file(path));
+    let scene = file.to_scene().map_err(in_words);
+    let objects = file.to_objects().map_err(in_words);
+    let images = file.to_images(path).map_err(in_words);
+    if let (Ok(scene), Ok(images)) = (&scene, &images) {
+        // Masks that lie in the file itself; others name files that are not there.
+        let all: Vec<usize> = (0..scene.detections.len()).collect();
+        images.read_masks(scene, &all).into_iter().filter_map(Result::err).for_each(check_error);
+    }
+    scene.is_ok() && objects.is_ok() && images.is_ok()
+}
+
+/// Sizes of the images of masks: one byte each.
+fn small_size(data: &[u8]) -> Option<([u32; 2], &[u8])> {
+    let [height, width, rest @ ..] = data else { return None };
+    Some(([u32::from(*height), u32::from(*width)], rest))
+}
+
+/// COCO's compressed runs: the mask has the pixels of the runs, and encoding gives the runs back.
+pub fn rle(data: &[u8]) -> bool {
+    let Some(([height, width], rest)) = small_size(data) else { return false };
+    let Ok(text) = std::str::from_utf8(rest) else { return false };
+    let Ok(rle) = Rle::from_compressed(height, width, text) else { return false };
+    let mask = rle.to_mask();
+    let inside: u64 = rle.counts().iter().skip(1).step_by(2).map(|&run| u64::from(run)).sum();
+    assert_eq!(mask.count() as u64, inside);
+    assert_eq!(Rle::from_compressed(height, width, &rle.to_compressed()).unwrap(), rle);
+    assert_eq!(Rle::of_mask(&mask, height, width).unwrap().to_mask(), mask);
+    let _ = (rle.moments(PixelTerm::Centers), ConvexHull::of_mask(&mask));
+    true
+}
+
+/// Polygons, a line of numbers each: their pixels lie in the window.
+pub fn polygons(data: &[u8]) -> bool {
+    let Some(([height, width], rest)) = small_size(data) else { return false };
+    let Ok(text) = std::str::from_utf8(rest) else { return false };
+    let numbers = |line: &str| line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    let Ok(polygons) = Polygons::new(&text.lines().map(numbers).collect::<Vec<Vec<f64>>>()) else { return false };
+    let [x0, y0, x1, y1] = polygons.window(width, height);
+    let Ok(mask) = polygons.to_mask(width, height) else { return false };
+    if let Some([left, top, right, bottom]) = mask.extent() {
+        assert!(x0 <= left && y0 <= top && right <= x1 && bottom <= y1);
+    }
+    let _ = (polygons.moments(), polygons.hull());
+    true
+}
+
+/// Localises boxes whose corners are the bytes, in frames on a circle: estimates are finite or have a status that says why
+/// not.
+pub fn localize(data: &[u8]) -> bool {
+    let [views, objects, method, body, rest @ ..] = data else { return false };
+    let (views, objects) = (2 + usize::from(views % 7), 1 + usize::from(objects % 3));
+    let mut file = small_scene();
+    file.frames = (0..views).map(|k| frame_on_circle(k, views)).collect();
+    for (k, bytes) in rest.chunks_exact(8).take(views * objects).enumerate() {
+        let number = |i: usize| f64::from(i16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]])) / 32.0;
+        let [x, y, w, h] = [0, 1, 2, 3].map(number);
+        file.detections.push(DetectionRecord {
+            frame: (k % views).to_string().as_str().into(),
+            object: Some((k / views).to_string().as_str().into()),
+            bounding_box: Some([x, y, x + w.abs(), y + h.abs()]),
+            ..DetectionRecord::default()
+        });
+    }
+    let Ok(scene) = file.to_scene() else { return false };
+    let methods = [Method::Map, Method::Planes, Method::Lfd, Method::Pfd, Method::Reg];
+    let mut options = Options { method: methods[usize::from(*method) % methods.len()], ..Options::default() };
+    options.accept_inconsistent = method & 64 != 0;
+    let kinds = [None, Some(BodyKind::Ellipsoid), Some(BodyKind::Cuboid), Some(BodyKind::Cylinder)];
+    if options.method == Method::Map {
+        options.map.body = kinds[usize::from(*body) % kinds.len()];
+    }
+    let Ok(found) = quadlift::localize(&scene, &options, &|_, _| {}) else { return false };
+    for estimate in &found.estimates {
+        let center = estimate.center.iter().flat_map(|center| center.iter()).all(|x| x.is_finite());
+        assert!(center, "{estimate:?}");
+        assert!(estimate.status != Status::Ok || estimate.body.is_some(), "{estimate:?}");
+    }
+    let result = file.localized(&scene, &found, serde_json::Value::Null);
+    let mut bytes = Vec::new();
+    write_scene(&result, &mut bytes).unwrap();
+    parse_scene_file(Path::new("result.json"), &bytes).unwrap().to_objects().unwrap();
+    true
+}
+
+/// A camera at a distance of 10 that looks at the origin.
+fn frame_on_circle(k: usize, views: usize) -> FrameRecord {
+    let (sin, cos) = (std::f64::consts::TAU * k as f64 / views as f64).sin_cos();
+    FrameRecord {
+        id: k.to_string(),
+        camera: Some("c".to_owned()),
+        cam_from_world: Some([[cos, 0.0, -sin, 0.0], [0.0, 1.0, 0.0, 0.0], [sin, 0.0, cos, 10.0]]),
+        ..FrameRecord::default()
+    }
 }

@@ -15,6 +15,10 @@ mod targets;
 const COPIES: usize = 300;
 
 fn run(name: &str, target: fn(&[u8]) -> bool) {
+    run_copies(name, target, COPIES);
+}
+
+fn run_copies(name: &str, target: fn(&[u8]) -> bool, copies: usize) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds").join(name);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut below = |n: usize| (rng.next_u64() % n.max(1) as u64) as usize;
@@ -22,7 +26,7 @@ fn run(name: &str, target: fn(&[u8]) -> bool) {
     for entry in std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display())) {
         let seed = std::fs::read(entry.unwrap().path()).unwrap();
         assert!(target(&seed), "a seed of {name} is not read");
-        for _ in 0..COPIES {
+        for _ in 0..copies {
             let mut damaged = seed.clone();
             for _ in 0..1 + below(3) {
                 let at = below(damaged.len());
@@ -113,4 +117,24 @@ fn supervision() {
 #[test]
 fn labelme() {
     run("labelme", targets::labelme);
+}
+
+#[test]
+fn scene() {
+    run("scene", targets::scene);
+}
+
+#[test]
+fn rle() {
+    run("rle", targets::rle);
+}
+
+#[test]
+fn polygons() {
+    run("polygons", targets::polygons);
+}
+
+#[test]
+fn localize() {
+    run_copies("localize", targets::localize, 40);
 }
