@@ -3,9 +3,13 @@
 use std::fs;
 use std::path::Path;
 
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
 use proptest::prelude::*;
 use serde_json::json;
 
+use super::columns::{DETECTIONS, Kind, OBJECTS, SCENE};
+use super::values::Cell;
 use super::*;
 use crate::scene_file::{SceneFile, parse_scene_file, read_scene_file};
 
@@ -47,6 +51,46 @@ fn the_scenes_at_hand_come_back() {
         count += 1;
     }
     assert!(count > 20, "{count}");
+}
+
+/// The numbers in these columns of a row of a table, by the names of the columns.
+fn numbers(path: &Path, row: usize, columns: &[&str]) -> Vec<Option<f64>> {
+    let reader = SerializedFileReader::new(fs::File::open(path).unwrap()).unwrap();
+    let row = reader.get_row_iter(None).unwrap().nth(row).unwrap().unwrap();
+    let number = |name: &&str| match row.get_column_iter().find(|(column, _)| column == name) {
+        Some((_, Field::Double(x))) => Some(*x),
+        Some((_, Field::Null)) => None,
+        other => panic!("{name}: {other:?}"),
+    };
+    columns.iter().map(number).collect()
+}
+
+#[test]
+fn numbers_that_other_programs_look_for_stand_in_columns_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tables");
+    write_tables(&path, &full()).unwrap();
+    let of = |table: &str, row: usize, columns: &[&str]| numbers(&path.join(table), row, columns);
+    assert_eq!(of("detections.parquet", 0, &["x0", "y0", "x1", "y1"]), [1.0, 2.0, 3.0, 4.0].map(Some));
+    let ellipse = ["ellipse_x", "ellipse_y", "ellipse_a", "ellipse_b", "ellipse_angle"];
+    assert_eq!(of("detections.parquet", 0, &ellipse), [2.0, 3.0, 1.0, 0.5, -0.25].map(Some));
+    assert_eq!(of("detections.parquet", 1, &["x0", "y0", "x1", "y1"]), [0.1, 0.2, 0.3, 0.4].map(Some));
+    assert_eq!(of("detections.parquet", 1, &ellipse), [None; 5]);
+    assert_eq!(of("objects.parquet", 0, &["center_x", "center_y", "center_z"]), [1.0, 2.0, 3.0].map(Some));
+    assert_eq!(of("objects.parquet", 1, &["center_x", "center_y", "center_z"]), [None; 3]);
+    assert_eq!(of("scene.parquet", 0, &["up_x", "up_y", "up_z"]), [0.0, 0.0, 1.5].map(Some));
+    // A list is whole or not there.
+    let half = Cell::Null;
+    for column in [&DETECTIONS, &OBJECTS, &SCENE].into_iter().flat_map(|table| table.columns) {
+        if let Kind::Split(names) = column.kind {
+            let mut cells = vec![Cell::Number(1.0); names.len()];
+            let mut record = serde_json::Map::new();
+            column.put(&cells, &mut record).unwrap();
+            assert_eq!(column.take(&mut record), Some(cells.clone()));
+            cells[1] = half.clone();
+            column.put(&cells, &mut record).unwrap_err();
+        }
+    }
 }
 
 /// More rows than are turned into columns at a time.
