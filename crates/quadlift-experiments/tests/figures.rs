@@ -197,8 +197,8 @@ fn objects_without_ids() {
         ];
         assert_within(&report, &bounds);
         // Every part is worth something: less of it, or more false objects, without.
-        let part = |row, column| cell(&report, "Parts of association", &[row], column);
-        let all = |column| part("everything", column);
+        let part = |row: &str, column: &str| cell(&report, "Parts of association", &[row], column);
+        let all = |column: &str| part("everything", column);
         assert!(part("nested bodies stay", "20 % duplicates") < all("20 % duplicates") - 0.01);
         for row in ["objects are not merged", "one pass"] {
             assert!(part(row, "false objects") > all("false objects") + 2.0, "{row}");
@@ -207,7 +207,7 @@ fn objects_without_ids() {
             let row = format!("{reason} is no reason for doubt");
             assert!(part(&row, "doubtful ones") < all("doubtful ones") - 3.0, "{row}");
         }
-        let missed = |row| part(row, "60 % missed");
+        let missed = |row: &str| part(row, "60 % missed");
         assert!(missed("thorough") > missed("thorough, nothing is dissolved") + 0.002);
     }
 }
