@@ -68,7 +68,8 @@ pub fn run_region(file: &SceneFile) -> String {
             };
             format!(
                 "Region of 95 %, {why}: the centre of the tangent body lies inside for 95 % of the objects, if \
-                 the errors are as the scene's residuals show them. Errors that all views have in common are not in it."
+                 the errors are as the scene's residuals show them. Errors that all views of all objects share, such as a \
+                 wrong scale, are not in it."
             )
         }
     }
