@@ -8,7 +8,7 @@ use image::{EncodableLayout, ImageBuffer, ImageError, ImageFormat, ImageReader, 
 use quadlift_segment::LabelImage;
 
 use crate::atomic::write_file;
-use crate::error::{ReadError, WriteError, check_readable, read_bytes};
+use crate::error::{ReadError, WriteError, read_bytes};
 
 /// Images with more pixels are refused unless [`set_max_pixels`] says otherwise: those of the largest cameras in use have
 /// 151 million.
@@ -28,6 +28,11 @@ pub fn set_max_pixels(pixels: u64) {
 /// How many pixels an image or mask may have ([`set_max_pixels`]).
 pub fn max_pixels() -> u64 {
     MAX_PIXELS.load(Ordering::Relaxed)
+}
+
+/// How many bytes an image file may have, and its pixels once they are decoded.
+fn max_bytes() -> u64 {
+    max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL)
 }
 
 /// Whether an image of this size (width, height) is read; otherwise the problem.
@@ -66,7 +71,7 @@ pub(crate) fn read_image_of_size(path: &Path, check: SizeCheck) -> Result<RgbIma
         let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
         // Its own limit on memory counts other things, and is lower.
         let mut limits = image::Limits::default();
-        limits.max_alloc = Some(max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL));
+        limits.max_alloc = Some(max_bytes());
         reader.limits(limits);
         reader
     };
@@ -78,10 +83,9 @@ pub(crate) fn read_image_of_size(path: &Path, check: SizeCheck) -> Result<RgbIma
 
 /// The bytes of an image file.
 fn read_image_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
-    check_readable(path)?;
-    let most = max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL);
+    let most = max_bytes();
     match std::fs::metadata(path) {
-        Ok(metadata) if metadata.len() > most => {
+        Ok(metadata) if metadata.is_file() && metadata.len() > most => {
             let found = metadata.len();
             Err(ReadError::new(path, format!("the file has {found} bytes; expected an image of at most {most} bytes")))
         }
@@ -120,7 +124,7 @@ pub(crate) fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<
         png::DecodingError::LimitsExceeded => ReadError::new(path, "the PNG image is too large to read"),
         error => ReadError::new(path, format!("the PNG image is damaged or cut off ({error})")),
     };
-    let most_bytes = usize::try_from(max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL)).unwrap_or(usize::MAX);
+    let most_bytes = usize::try_from(max_bytes()).unwrap_or(usize::MAX);
     let limits = png::Limits { bytes: most_bytes };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(&bytes), limits);
     decoder.set_transformations(png::Transformations::IDENTITY);

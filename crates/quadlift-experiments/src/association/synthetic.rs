@@ -45,15 +45,19 @@ fn with_detector(change: impl Fn(&mut Detector)) -> SyntheticOptions {
     options
 }
 
-/// All conditions.
-pub fn conditions() -> Vec<Condition> {
-    let condition = |name, make, prototype: f64| Condition { name, make, prototype: Some(prototype), aim: None };
-    let hard = SyntheticOptions {
+/// A cube of 30, edges 10 % off, 30 % missed, 30 % false.
+fn hard() -> SyntheticOptions {
+    SyntheticOptions {
         cube_side: 30.0,
         noise: vec![Noise::BoxEdges(0.1)],
         detector: Detector { misses: 0.3, false_boxes: 0.3, ..Default::default() },
         ..base()
-    };
+    }
+}
+
+/// All conditions.
+pub fn conditions() -> Vec<Condition> {
+    let condition = |name, make, prototype: f64| Condition { name, make, prototype: Some(prototype), aim: None };
     let random = SyntheticOptions { cube_side: 60.0, views: 60, trajectory: Trajectory::Random, ..base() };
     let hidden = SyntheticOptions {
         cube_side: 40.0,
@@ -73,9 +77,9 @@ pub fn conditions() -> Vec<Condition> {
         },
         Condition {
             aim: Some(Aim { id: "association_hard", least: 0.985 }),
-            ..condition("hard: cube of 30, noise 10 %, 30 % missed, 30 % false", hard.clone(), 0.991)
+            ..condition("hard: cube of 30, noise 10 %, 30 % missed, 30 % false", hard(), 0.991)
         },
-        condition("hard, 60 views", SyntheticOptions { views: 60, ..hard }, 0.998),
+        condition("hard, 60 views", SyntheticOptions { views: 60, ..hard() }, 0.998),
         Condition {
             aim: Some(Aim { id: "association_pose", least: 0.99 }),
             ..condition("poses turned by 0.3 degrees", SyntheticOptions { pose_noise: 0.3, ..base() }, 1.0)
@@ -96,10 +100,8 @@ pub fn conditions() -> Vec<Condition> {
 
 /// Conditions that are not solved at once, with a name for a column.
 pub fn with_parts_to_do() -> [(&'static str, SyntheticOptions); 5] {
-    let noise = vec![Noise::BoxEdges(0.1)];
-    let detector = Detector { misses: 0.3, false_boxes: 0.3, ..Default::default() };
     [
-        ("hard", SyntheticOptions { cube_side: 30.0, noise, detector, ..base() }),
+        ("hard", hard()),
         ("20 % duplicates", with_detector(|d| d.duplicates = 0.2)),
         ("60 % missed", with_detector(|d| d.misses = 0.6)),
         ("poses turned", SyntheticOptions { pose_noise: 0.3, ..base() }),

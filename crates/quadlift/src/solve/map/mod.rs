@@ -38,6 +38,7 @@ mod rows;
 mod scene_fit;
 mod starts;
 mod upright;
+mod usual_level;
 
 use nalgebra::{Point3, Unit, Vector3};
 

@@ -5,6 +5,7 @@
 
 use super::super::sigmas::{COMMON_NAMES, SIGMA_NAMES, SPREAD_NAMES, Sigmas};
 use super::common_errors::Spread;
+use super::usual_level::most_probable;
 
 /// A kind of measurement error with a standard deviation of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,19 +88,11 @@ const ENOUGH_PAIRS: f64 = 16.0;
 /// measurements, and they look better than they are: many residuals do not make a level as certain as their number says
 /// (a tempered likelihood, as Gruenwald and van Ommen 2017 use it for wrong models).
 ///
-/// Tuned together with [`ANY_LEVEL`] on TUW, KITTI (RRC boxes with the car prior, mean O3D; exact boxes in three views) and
-/// synthetic boxes in 2 to 20 views. From .015 to .05, with [`ANY_LEVEL`] from .1 to .5: TUW .820 to .822, KITTI .60 to .64
+/// Tuned together with `ANY_LEVEL` (`usual_level`) on TUW, KITTI (RRC boxes with the car prior, mean O3D; exact boxes in three views) and
+/// synthetic boxes in 2 to 20 views. From .015 to .05, with it from .1 to .5: TUW .820 to .822, KITTI .60 to .64
 /// with aligned poses and .46 to .51 with GPS poses (single cars that turn over make most of the difference); synthetic
 /// scenes of 50 objects differ by less than .005.
 const COUNTED: f64 = 0.015;
-
-/// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
-/// come from elsewhere. See [`COUNTED`].
-const ANY_LEVEL: f64 = 0.3;
-
-/// Standard deviation of the logarithm of the levels of detectors. Tuned on KITTI, with [`COUNTED`] .05: with .5, .7 and 1
-/// O3D is .62, .62 and .59 with aligned poses and .48, .46 and .46 with GPS poses.
-const USUAL_SPREAD: f64 = 0.7;
 
 /// So many views of an object count twice: a body cannot follow many views as it follows a few. Tuned on scenes of one
 /// synthetic object with 5 % noise, where 10 views gave O3D .756 without it and .807 with it (.815 with the level given).
@@ -109,19 +102,9 @@ const MANY_VIEWS: f64 = 8.0;
 /// that they share. Tuned on KITTI, whose correlations are .1 (S05) and .35 to .9 (the others).
 const ALIKE: f64 = 0.3;
 
-/// No detector errs by so little of the half size of a box (a tenth of a pixel in a box of 100 pixels): such boxes are
-/// computed, and what is usual for detectors says nothing about them.
-const COMPUTED: f64 = 2e-3;
-
-/// Degrees of freedom from which computed boxes are told from chance: in 3, detected ones fit as well once in 100,000 scenes.
-const ENOUGH_TO_SEE: f64 = 3.0;
-
 /// How much noisier hidden edges usually are, and the degrees of freedom for which that counts.
 const HIDDEN_RATIO: f64 = 2.0;
 const RATIO_FREEDOM: f64 = 4.0;
-
-/// Steps in which the most probable level is sought between two others, and steps in which it is refined.
-const GRID: usize = 48;
 
 /// How much residuals count because of the correlation of views: of edges, of ellipses.
 #[derive(Debug, Clone, Copy)]
@@ -316,33 +299,6 @@ impl NoiseLevels {
     }
 }
 
-/// The standard deviation that residuals and what is usual for detectors ask for together: the most probable one given
-/// `told`, the level that the residuals show, their degrees of freedom, how many of these count, and the usual level.
-fn most_probable(told: f64, freedom: f64, counted: f64, usual: f64) -> f64 {
-    if counted <= 0.0 {
-        return usual;
-    }
-    if told < COMPUTED && freedom >= ENOUGH_TO_SEE {
-        return told;
-    }
-    // The negative logarithm of the posterior; `x` is the logarithm of the level.
-    let cost = |x: f64| {
-        let off = (x - usual.ln()) / USUAL_SPREAD;
-        counted * (x + 0.5 * (2.0 * (told.ln() - x)).exp()) - (ANY_LEVEL + (-0.5 * off * off).exp()).ln()
-    };
-    // Both parts grow outside of the two levels. There may be a minimum near each of them.
-    let (low, high) = (told.min(usual).ln(), told.max(usual).ln());
-    let step = (high - low) / GRID as f64;
-    let at = |k: usize| low + step * k as f64;
-    let nearest = (0..=GRID).min_by(|&a, &b| cost(at(a)).total_cmp(&cost(at(b)))).unwrap_or(0);
-    let (mut left, mut right) = ((at(nearest) - step).max(low), (at(nearest) + step).min(high));
-    for _ in 0..GRID {
-        let (a, b) = (left + (right - left) / 3.0, right - (right - left) / 3.0);
-        if cost(a) < cost(b) { right = b } else { left = a }
-    }
-    (0.5 * (left + right)).exp()
-}
-
 /// Share of a group's standard deviation that is reported: edges have two equal parts.
 fn reported_part(group: NoiseGroup) -> f64 {
     if group.is_edge() { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 }
@@ -455,20 +411,6 @@ mod tests {
         // No detector is as exact as that: boxes were computed.
         assert_eq!(edges(1e-3, 4, 3), 1e-3);
         assert!(edges(1e-3, 2, 2) > 0.09, "two residuals may be small by chance");
-    }
-
-    #[test]
-    fn the_most_probable_level_is_the_lowest_of_a_fine_grid() {
-        for (told, counted) in [(0.02, 0.5), (0.02, 3.0), (0.004, 0.3), (0.004, 1.0), (0.5, 2.0), (3.0, 0.4)] {
-            let cost = |s: f64| {
-                let off: f64 = (s / 0.1f64).ln() / USUAL_SPREAD;
-                counted * (s.ln() + told * told / (2.0 * s * s)) - (ANY_LEVEL + (-0.5 * off * off).exp()).ln()
-            };
-            let fine = (0..100_000).map(|k| 1e-4 * 1e5f64.powf(f64::from(k) / 1e5));
-            let best = fine.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
-            let found = most_probable(told, 10.0, counted, 0.1);
-            assert!((found / best - 1.0).abs() < 1e-3, "{told} {counted}: {found} {best}");
-        }
     }
 
     #[test]
