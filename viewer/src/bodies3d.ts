@@ -1,9 +1,8 @@
-// Bodies in the 3D view. All bodies of one shape are drawn in one go (instances of one mesh), wires in one more.
+// Bodies in the 3D view, solid or as wires.
 
 import * as THREE from "three";
 import type { Body, Report, Vec3 } from "./data.ts";
 import { unitPoint, wireframe } from "./body_shape.ts";
-import type { Colors } from "./colors.ts";
 import { subtract } from "./linear.ts";
 
 /** With more objects than this the view is drawn more simply. */
@@ -11,12 +10,6 @@ export const MANY = 200;
 
 /** Which body of an object is drawn. */
 export type Which = "body" | "enclosing" | "truth" | "centerShell";
-
-/** A mesh of many bodies, and which object each instance belongs to. */
-export interface BodyMesh {
-  mesh: THREE.InstancedMesh;
-  objects: number[];
-}
 
 /** The place of a body: maps its unit shape to the view's coordinates. */
 export function placement(body: Body, origin: Vec3): THREE.Matrix4 {
@@ -45,45 +38,96 @@ export function unitGeometry(body: Body, bodies: number): THREE.BufferGeometry {
   return geometry;
 }
 
-/** Meshes of all bodies of a kind, one for each shape. */
-export function bodyMeshes(report: Report, which: Which, origin: Vec3, material: THREE.Material): BodyMesh[] {
-  const shapes = new Map<string, { body: Body; object: number }[]>();
-  report.objects.forEach((object, index) => {
-    const body = object[which];
-    if (body === null) return;
-    const shape = `${body.kind} ${body.exponent}`;
-    const bodies = shapes.get(shape) ?? [];
-    bodies.push({ body, object: index });
-    shapes.set(shape, bodies);
-  });
-  return [...shapes.values()].flatMap((bodies) => {
-    const first = bodies[0];
-    if (first === undefined) return [];
-    const mesh = new THREE.InstancedMesh(unitGeometry(first.body, bodies.length), material, bodies.length);
-    bodies.forEach(({ body }, index) => mesh.setMatrixAt(index, placement(body, origin)));
-    return [{ mesh, objects: bodies.map(({ object }) => object) }];
-  });
+/** How the bodies of a layer look. */
+export interface BodyStyle {
+  opacity: number;
+  /** Colour of an object's body. */
+  color: (object: number) => string;
+  /** Whether an object's body is shown. */
+  shows: (object: number) => boolean;
+  /** Whether the bodies are drawn over all else, as what lies inside of others. */
+  over?: boolean;
 }
 
-/** The meshes in one group. */
-export function groupOf(meshes: BodyMesh[]): THREE.Group {
-  const group = new THREE.Group();
-  // One by one: three.js complains when there is nothing to add.
-  for (const { mesh } of meshes) group.add(mesh);
-  return group;
-}
+/**
+ * All bodies of a kind. A few are translucent, and three.js draws them from far to near; many are opaque and drawn in
+ * one go (instances of one mesh for each shape). Either way the picture does not depend on the order of the objects.
+ */
+export class BodyLayer {
+  readonly group = new THREE.Group();
+  private readonly geometries = new Map<string, THREE.BufferGeometry>();
+  private readonly isMany: boolean;
 
-/** Gives each body the colour of its object; where one is selected, the others pale. */
-export function colorBodies(meshes: BodyMesh[], colors: Colors, selected: number, paper: string): void {
-  const color = new THREE.Color();
-  const pale = new THREE.Color(paper);
-  for (const { mesh, objects } of meshes) {
-    objects.forEach((object, index) => {
-      color.set(colors.ofObject(object));
-      if (selected >= 0 && selected !== object) color.lerp(pale, 0.6);
-      mesh.setColorAt(index, color);
+  constructor(
+    private readonly report: Report,
+    private readonly which: Which,
+    private readonly origin: Vec3,
+    private readonly style: BodyStyle,
+  ) {
+    this.isMany = report.objects.length > MANY;
+    this.rebuild();
+  }
+
+  /** Makes the bodies again, after what is shown or its colours have changed. */
+  rebuild(): void {
+    for (const child of this.group.children) {
+      if (child instanceof THREE.InstancedMesh) child.dispose();
+      if (child instanceof THREE.Mesh) (child.material as THREE.Material).dispose();
+    }
+    this.group.clear();
+    const shapes = new Map<string, { body: Body; object: number }[]>();
+    this.report.objects.forEach((object, index) => {
+      const body = object[this.which];
+      if (body === null || !this.style.shows(index)) return;
+      const shape = `${body.kind} ${body.exponent}`;
+      const bodies = shapes.get(shape) ?? [];
+      bodies.push({ body, object: index });
+      shapes.set(shape, bodies);
     });
-    if (mesh.instanceColor) mesh.instanceColor.needsUpdate = true;
+    for (const [shape, bodies] of shapes) {
+      const geometry = this.geometry(shape, bodies[0]?.body);
+      if (geometry === null) continue;
+      if (this.isMany) this.group.add(this.instances(geometry, bodies));
+      else for (const { body, object } of bodies) this.group.add(this.single(geometry, body, object));
+    }
+  }
+
+  /** The object whose body a ray meets first, or -1. */
+  pick(ray: THREE.Raycaster): number {
+    const hit = ray.intersectObjects(this.group.children)[0];
+    const objects = hit?.object.userData["objects"] as number[] | undefined;
+    return objects?.[hit?.instanceId ?? 0] ?? -1;
+  }
+
+  private geometry(shape: string, body: Body | undefined): THREE.BufferGeometry | null {
+    if (body === undefined) return null;
+    const known = this.geometries.get(shape) ?? unitGeometry(body, this.report.objects.length);
+    this.geometries.set(shape, known);
+    return known;
+  }
+
+  private single(geometry: THREE.BufferGeometry, body: Body, object: number): THREE.Mesh {
+    const color = this.style.color(object);
+    const material = new THREE.MeshLambertMaterial({
+      color, transparent: true, opacity: this.style.opacity, depthWrite: false, depthTest: this.style.over !== true,
+    });
+    const mesh = new THREE.Mesh(geometry, material);
+    // Sets position, rotation and scale: three.js sorts by the position.
+    mesh.applyMatrix4(placement(body, this.origin));
+    mesh.userData["objects"] = [object];
+    if (this.style.over) mesh.renderOrder = 2;
+    return mesh;
+  }
+
+  private instances(geometry: THREE.BufferGeometry, bodies: { body: Body; object: number }[]): THREE.InstancedMesh {
+    const mesh = new THREE.InstancedMesh(geometry, new THREE.MeshLambertMaterial(), bodies.length);
+    const color = new THREE.Color();
+    bodies.forEach(({ body, object }, index) => {
+      mesh.setMatrixAt(index, placement(body, this.origin));
+      mesh.setColorAt(index, color.set(this.style.color(object)));
+    });
+    mesh.userData["objects"] = bodies.map(({ object }) => object);
+    return mesh;
   }
 }
 
@@ -96,7 +140,16 @@ export function lines(pairs: [Vec3, Vec3][], origin: Vec3, material: THREE.Mater
 }
 
 /** Wires of all bodies of a kind. */
-export function bodyWires(report: Report, which: Which, origin: Vec3, material: THREE.Material): THREE.LineSegments {
-  const pairs = report.objects.flatMap((object) => (object[which] === null ? [] : wireframe(object[which])));
+export function bodyWires(
+  report: Report,
+  which: Which,
+  origin: Vec3,
+  material: THREE.Material,
+  shows: (object: number) => boolean,
+): THREE.LineSegments {
+  const pairs = report.objects.flatMap((object, index) => {
+    const body = object[which];
+    return body === null || !shows(index) ? [] : wireframe(body);
+  });
   return lines(pairs, origin, material);
 }

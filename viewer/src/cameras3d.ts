@@ -12,7 +12,8 @@ export class Cameras3d {
   /** Whether the frames follow each other in space: lines between cameras at random are a tangle. */
   readonly isTrack: boolean;
   private readonly depth: number;
-  private readonly material = new THREE.LineBasicMaterial();
+  /** Cameras step back behind the objects, the selected one does not. */
+  private readonly material = new THREE.LineBasicMaterial({ transparent: true });
   private readonly chosenMaterial = new THREE.LineBasicMaterial();
   private chosen = new THREE.Group();
 
@@ -26,7 +27,9 @@ export class Cameras3d {
     steps.sort((a, b) => a - b);
     // Large enough to be seen, and not so large that one hides the next.
     const step = steps[Math.floor(steps.length / 2)] ?? Infinity;
-    this.depth = Math.max(0.03 * space.radius, Math.min(0.09 * space.radius, 1.2 * step));
+    this.material.opacity = report.objects.length > 0 ? 0.4 : 1;
+    const { radius, objectRadius } = space;
+    this.depth = Math.max(0.02 * radius, Math.min(0.07 * radius, 0.2 * objectRadius, 1.2 * step));
     const frusta = report.frames.flatMap((_, index) => this.frustum(index, this.depth));
     this.group.add(lines(frusta, space.origin, this.material));
     const path = centers.slice(1).map((center, index): [Vec3, Vec3] => [centers[index] as Vec3, center]);
@@ -58,6 +61,14 @@ export class Cameras3d {
     texture.colorSpace = THREE.SRGBColorSpace;
     const material = new THREE.MeshBasicMaterial({ map: texture, side: THREE.DoubleSide });
     this.chosen.add(new THREE.Mesh(geometry, material));
+  }
+
+  /** Where all the lines of the cameras end, to have them in sight. */
+  points(): Vec3[] {
+    return this.report.frames.flatMap((_, index) => {
+      const center = this.space.viewpoints[index]?.center;
+      return center === undefined ? [] : [center, ...(this.corners(index, 1.6 * this.depth) ?? [])];
+    });
   }
 
   /** The frame whose camera is nearest to a place on the screen, within so many pixels; -1 for none. */

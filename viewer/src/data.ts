@@ -18,6 +18,8 @@ export interface Report {
   scores: Scores | null;
   /** Settings and counts of the run: name and value. */
   settings: [string, string][];
+  /** What is known of the scene as a whole (self-check, noise, association): name and value, in words. */
+  overview: [string, string][];
   /** What should be known about the report or the run, in sentences. */
   notes: string[];
   /** What is wrong with the scene as a whole, shown above all else. */

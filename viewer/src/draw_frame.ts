@@ -2,7 +2,10 @@
 
 import { REJECTED, type Frame, type Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
+import { drawTags, type Tag } from "./draw_tags.ts";
+import { detectionExtent } from "./object_views.ts";
 import { outline, type Outline } from "./outline.ts";
+import { objectName } from "./words.ts";
 
 /** A part of a frame, in pixels of the frame; it may reach beyond. */
 export interface Region {
@@ -37,12 +40,43 @@ export function detectedRegion(frame: Frame): Region {
   return { x: (x0 + x1 - width) / 2, y: (y0 + y1 - height) / 2, width, height };
 }
 
+/** The part of a frame, of its proportions, around an object: its detection and the outline of its body. */
+export function objectRegion(frame: Frame, report: Report, object: number): Region | null {
+  const points: [number, number][] = [];
+  const row = frame.detections.object.indexOf(object);
+  if (row >= 0) {
+    const [x0, y0, x1, y1] = detectionExtent(frame, row);
+    if (x1 > x0) points.push([x0, y0], [x1, y1]);
+  }
+  const body = report.objects[object]?.body ?? report.objects[object]?.truth;
+  const shape = body == null ? null : outline(frame.projection, body);
+  const [w, h] = frame.size;
+  const near = (x: number, side: number): number => Math.min(Math.max(x, -0.25 * side), 1.25 * side);
+  if (row >= 0 || shape?.border.some(([x, y]) => x > 0 && y > 0 && x < w && y < h)) {
+    for (const [x, y] of shape?.border ?? []) points.push([near(x, w), near(y, h)]);
+  }
+  if (points.length === 0) return null;
+  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)];
+  const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  const share = Math.min(1, Math.max(1.6 * Math.max((x1 - x0) / w, (y1 - y0) / h), 0.04));
+  const [width, height] = [share * w, share * h];
+  // Not beyond the image where that can be avoided.
+  const inside = (middle: number, size: number, side: number): number =>
+    Math.min(Math.max(middle - size / 2, 0), side - size);
+  return { x: inside((x0 + x1) / 2, width, w), y: inside((y0 + y1) / 2, height, h), width, height };
+}
+
 export interface FrameStyle {
   /** The part that is shown. */
   region: Region;
-  /** Outlines, or the detections alone (for small pictures of scenes with many objects). */
+  boxes: boolean;
+  /** Outlines of the bodies; not in small pictures of scenes with many objects. */
   outlines: boolean;
   truth: boolean;
+  /** Names of the objects. */
+  names: boolean;
+  /** Whether an object is shown. */
+  shows: (object: number) => boolean;
   /** Index of the selected object, -1 for none: the others step back. */
   selected: number;
   /** Colour of the sheet where there is no image. */
@@ -100,17 +134,19 @@ export function drawFrame(
   }
   if (image !== null) context.drawImage(image, 0, 0, w, h);
   const pen = new Pen(context, scale, width < 200 ? 1 : 1.5);
-  const { object, state, box } = frame.detections;
+  const { object, state } = frame.detections;
   const strength = (k: number): number => (style.selected < 0 || style.selected === k ? 1 : 0.25);
   // The selected object comes last and so lies on top.
-  const rows = object.map((_, row) => row);
+  const rows = object.map((_, row) => row).filter((row) => style.shows(object[row] ?? -1));
   rows.sort((a, b) => Number(object[a] === style.selected) - Number(object[b] === style.selected));
+  const shapes = new Map<number, Outline>();
   for (const row of rows) {
     const k = object[row] ?? -1;
     const body = report.objects[k]?.body;
-    if (!style.outlines || body == null) continue;
-    const shape = outline(frame.projection, body);
-    if (shape !== null) pen.body(shape, colors.ofObject(k), strength(k), k === style.selected);
+    const shape = body == null ? null : outline(frame.projection, body);
+    if (!style.outlines || shape === null) continue;
+    shapes.set(row, shape);
+    pen.body(shape, colors.ofObject(k), strength(k), k === style.selected);
   }
   for (const row of rows) {
     const k = object[row] ?? -1;
@@ -119,15 +155,51 @@ export function drawFrame(
       const shape = outline(frame.projection, truth);
       if (shape !== null) pen.truth(shape, strength(k));
     }
-    const edges = box.slice(4 * row, 4 * row + 4);
-    const rejected = state[row] === REJECTED;
-    if (edges.every((x) => x !== null)) pen.box(edges as number[], colors.ofObject(k), strength(k), rejected);
   }
-  for (const [row, x, y, a, b, angle] of frame.detections.ellipses) {
-    const k = object[row] ?? -1;
-    pen.ellipse([x, y, a, b, angle], colors.ofObject(k), strength(k), state[row] === REJECTED);
+  if (style.boxes) drawDetections(pen, frame, rows, colors, strength);
+  if (style.names) {
+    const named = rows.filter((row) => (object[row] ?? -1) >= 0).reverse();
+    const tags = named.map((row): Tag => {
+      const k = object[row] ?? -1;
+      let [x0, y0, x1, y1] = detectionExtent(frame, row);
+      if (x1 <= x0) {
+        const border = shapes.get(row)?.border ?? [];
+        [x0, x1] = [Math.min(...border.map(([x]) => x)), Math.max(...border.map(([x]) => x))];
+        [y0, y1] = [Math.min(...border.map(([, y]) => y)), Math.max(...border.map(([, y]) => y))];
+      }
+      const rejected = state[row] === REJECTED ? "✕ " : "";
+      return {
+        text: `${rejected}${objectName(report, k)}`, color: colors.ofObject(k), box: [x0, y0, x1, y1],
+        must: k === style.selected, strength: strength(k),
+      };
+    });
+    context.restore();
+    context.save();
+    drawTags(context, tags, region, scale, width);
   }
   context.restore();
+}
+
+/** Boxes and ellipses, those that were rejected with a cross. */
+function drawDetections(
+  pen: Pen,
+  frame: Frame,
+  rows: number[],
+  colors: Colors,
+  strength: (object: number) => number,
+): void {
+  const { object, state, box } = frame.detections;
+  const ellipses = new Map(frame.detections.ellipses.map(([row, ...ellipse]) => [row, ellipse]));
+  for (const row of rows) {
+    const k = object[row] ?? -1;
+    const rejected = state[row] === REJECTED;
+    const edges = box.slice(4 * row, 4 * row + 4);
+    if (edges.every((x) => x !== null)) pen.box(edges as number[], colors.ofObject(k), strength(k), rejected);
+    const ellipse = ellipses.get(row);
+    if (ellipse !== undefined) pen.ellipse(ellipse, colors.ofObject(k), strength(k), rejected);
+    const [, y0, x1] = detectionExtent(frame, row);
+    if (rejected) pen.cross(x1, y0, strength(k));
+  }
 }
 
 /** Draws in pixels of the frame with lines whose width is in pixels of the screen. */
@@ -175,11 +247,28 @@ class Pen {
     this.measurement(color, strength, rejected);
   }
 
-  /** A dark line under the coloured one: it can be seen on any image. */
+  /** The sign of a rejected detection: a white cross on a dark disc. */
+  cross(x: number, y: number, strength: number): void {
+    const [cx, cy, r] = [x * this.scale, y * this.scale, this.line > 1 ? 7 : 4];
+    this.context.beginPath();
+    this.context.arc(cx, cy, r, 0, 2 * Math.PI);
+    this.context.globalAlpha = strength;
+    this.context.fillStyle = "#8c0010";
+    this.context.fill();
+    this.context.beginPath();
+    const d = 0.45 * r;
+    for (const s of [-1, 1]) {
+      this.context.moveTo(cx - d, cy - s * d);
+      this.context.lineTo(cx + d, cy + s * d);
+    }
+    this.stroke("#ffffff", strength, 1.2, []);
+  }
+
+  /** A dark line under the coloured one, so that it can be seen on any image; rejected ones are dashed. */
   private measurement(color: string, strength: number, rejected: boolean): void {
-    if (this.line > 1) this.stroke("#000000", 0.5 * strength, 2, []);
-    if (rejected) this.stroke("#ff2020", strength, 1.3, [6, 4]);
-    else this.stroke(color, strength, 1, []);
+    if (this.line > 1) this.stroke("#000000", 0.5 * strength, 2.2, []);
+    if (rejected) this.stroke("#ffffff", 0.8 * strength, 1.2, []);
+    this.stroke(color, strength, 1.2, rejected ? [5, 5] : []);
   }
 
   private path(points: [number, number][]): void {
@@ -199,22 +288,22 @@ class Pen {
   }
 }
 
-/** The smallest detection of a frame at a pixel: the index of its object, or -1. */
-export function objectAt(frame: Frame, x: number, y: number): number {
+/** The row of the smallest detection of a frame at a pixel, among those that are shown; or -1. */
+export function detectionAt(frame: Frame, x: number, y: number, shows: (object: number) => boolean): number {
   const { object, box, ellipses } = frame.detections;
   let [best, area] = [-1, Infinity];
-  const offer = (k: number, size: number): void => {
-    if (k >= 0 && size < area) [best, area] = [k, size];
+  const offer = (row: number, size: number): void => {
+    if (size < area && shows(object[row] ?? -1)) [best, area] = [row, size];
   };
-  object.forEach((k, row) => {
+  object.forEach((_, row) => {
     const [x0, y0, x1, y1] = box.slice(4 * row, 4 * row + 4);
     if (x0 == null || y0 == null || x1 == null || y1 == null) return;
-    if (x >= x0 && x <= x1 && y >= y0 && y <= y1) offer(k, (x1 - x0) * (y1 - y0));
+    if (x >= x0 && x <= x1 && y >= y0 && y <= y1) offer(row, (x1 - x0) * (y1 - y0));
   });
   for (const [row, cx, cy, a, b, angle] of ellipses) {
     const [dx, dy, c, s] = [x - cx, y - cy, Math.cos(angle), Math.sin(angle)];
     const inside = ((dx * c + dy * s) / a) ** 2 + ((dy * c - dx * s) / b) ** 2 <= 1;
-    if (inside) offer(object[row] ?? -1, 4 * a * b);
+    if (inside) offer(row, 4 * a * b);
   }
   return best;
 }

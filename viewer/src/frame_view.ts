@@ -1,116 +1,140 @@
-// The selected frame, large: its picture, and the table of what was measured in it.
+// The selected frame, large: its picture with switches that are its legend, and what the pointer is over.
 
 import { REJECTED, type Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
-import { detectedRegion, drawFrame, objectAt, wholeFrame, type FrameImages, type Region } from "./draw_frame.ts";
+import {
+  detectedRegion, detectionAt, drawFrame, objectRegion, wholeFrame, type FrameImages, type Region,
+} from "./draw_frame.ts";
 import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.ts";
+import type { Filter } from "./filter.ts";
 import type { Selection } from "./selection.ts";
-import { Table } from "./table.ts";
-import { count, short, viewState } from "./words.ts";
+import { count, objectName, short, viewState } from "./words.ts";
 
-/** A detection of the selected frame. */
-interface Measured {
-  object: number;
-  state: number;
-  residual: number | null;
-  /** Why it was rejected. */
-  reason: string | undefined;
-}
+/** Milliseconds that a frame is shown while they are played. */
+const STEP = 250;
 
 export class FrameView {
-  readonly picture: HTMLElement;
-  readonly measurements: HTMLElement;
+  readonly element: HTMLElement;
   private readonly canvas = element("canvas");
   /** What stands on a sheet on which nothing is drawn. */
   private readonly nothing = element("p", { class: "dim" }, "no image and no detections");
-  private readonly sheet = element("div", { class: "sheet" }, this.canvas, this.nothing);
+  private readonly tip = element("p", { class: "tip", hidden: "" });
+  private readonly sheet = element("div", { class: "sheet" }, this.canvas, this.nothing, this.tip);
   private readonly title = element("h2");
-  private readonly table: Table<Measured>;
-  /** Largest residual of the frame, for bars. */
-  private largest = 1;
+  private readonly play = element("button", { type: "button" }, "▶ Play");
+  private timer = 0;
   private readonly redraw = oncePerPicture(() => this.draw());
-  private readonly truth = element("input", { type: "checkbox", checked: "" });
   private readonly zoom = element("input", { type: "checkbox" });
+  private readonly switches = new Map<string, HTMLInputElement>();
 
   constructor(
     private readonly report: Report,
     private readonly selection: Selection,
     private readonly images: FrameImages,
     private readonly colors: Colors,
+    private readonly filter: Filter,
   ) {
     this.canvas.setAttribute("role", "img");
-    const choices = element("span", {}, element("label", {}, this.zoom, " zoom in"));
-    if (report.objects.some((object) => object.truth !== null)) {
-      choices.append(" ", element("label", {}, this.truth, " truth"));
-    }
-    for (const choice of [this.zoom, this.truth]) choice.addEventListener("change", this.redraw);
-    // On a blank sheet there is nothing to see but the detections.
-    this.zoom.checked = report.frames.every((frame) => frame.image === null);
-    this.picture = element(
+    this.play.addEventListener("click", () => this.togglePlay());
+    this.play.hidden = report.frames.length < 2;
+    const zoom = element("label", { title: "show the selected object large" }, this.zoom, " zoom in");
+    this.zoom.addEventListener("change", this.redraw);
+    this.element = element(
       "section",
       { class: "picture", "aria-label": "Frame" },
-      element("header", {}, this.title, choices),
+      element("header", {}, this.title, element("span", {}, zoom, " ", this.play)),
       this.sheet,
+      this.legend(),
     );
-    this.table = new Table<Measured>("Detections of this frame", this.columns(), (key) => selection.selectObject(key));
-    this.measurements = element("section", { class: "measurements", "aria-label": "Residuals" }, this.table.element);
-    this.canvas.addEventListener("click", (event) => this.pick(event));
+    this.canvas.addEventListener("click", (event) => {
+      const row = this.rowAt(event);
+      this.selection.selectInFrame(this.frame()?.detections.object[row] ?? -1);
+    });
+    this.canvas.addEventListener("pointermove", (event) => this.showTip(event));
+    this.canvas.addEventListener("pointerleave", () => (this.tip.hidden = true));
     new ResizeObserver(this.redraw).observe(this.sheet);
     selection.onChange((now, before) => {
       if (now.frame !== before.frame) this.fill();
-      this.table.mark(now.object);
+      this.tip.hidden = true;
+      this.fillZoom();
       this.redraw();
     });
+    colors.onChange(this.redraw);
+    filter.onChange(this.redraw);
     onTheme(this.redraw);
     this.fill();
+    this.fillZoom();
   }
 
-  private columns(): ConstructorParameters<typeof Table<Measured>>[1] {
-    const { objects } = this.report;
-    return [
-      {
-        title: "object",
-        value: (row) => objects[row.object]?.id ?? null,
-        text: (row) => objects[row.object]?.id ?? "(not known)",
-        mark: (row) => this.colors.ofObject(row.object),
-      },
-      {
-        title: "residual",
-        hint: "root mean square distance between measured and predicted edges, pixels",
-        value: (row) => row.residual,
-        text: (row) => (row.residual === null ? "–" : `${short(row.residual)} px`),
-        bar: (row) => (row.residual ?? 0) / this.largest,
-        number: true,
-        style: (row) => (row.state === REJECTED ? "bad" : ""),
-      },
-      {
-        title: "view",
-        value: (row) => row.state,
-        text: (row) => viewState(row.state, row.reason),
-        style: (row) => (row.state === REJECTED ? "bad" : ""),
-      },
-    ];
+  private frame(): Report["frames"][number] | undefined {
+    return this.report.frames[this.selection.frame];
   }
 
-  /** Fills title and table for the selected frame. */
+  /** Switches with the signs that they switch, and the signs that have no switch. */
+  private legend(): HTMLElement {
+    const { frames, objects } = this.report;
+    const some = (of: (detections: Report["frames"][number]["detections"]) => boolean): boolean =>
+      frames.some(({ detections }) => of(detections));
+    const hasEllipses = some(({ ellipses }) => ellipses.length > 0);
+    const list = element("p", { class: "legend" });
+    const add = (name: string, sign: string, text: string, title: string): void => {
+      const box = element("input", { type: "checkbox", checked: "" });
+      box.addEventListener("change", this.redraw);
+      this.switches.set(name, box);
+      list.append(element("label", { title }, box, element("span", { class: `sign ${sign}` }), text));
+    };
+    const say = (sign: string, text: string, title: string): void =>
+      list.append(element("span", { title }, element("span", { class: `sign ${sign}` }), text));
+    add("boxes", "box", hasEllipses ? "boxes and ellipses" : "boxes", "what was detected");
+    if (objects.some((object) => object.body !== null)) {
+      add("outlines", "outline", "outlines of bodies", "the estimated bodies as this camera sees them");
+    }
+    if (objects.some((object) => object.truth !== null)) {
+      add("truth", "truth", "truth", "the true bodies as this camera sees them");
+    }
+    if (objects.length > 0) add("names", "name", "names", "names of the objects");
+    if (some(({ state }) => state.includes(REJECTED))) {
+      say("rejected", "rejected", "detections that the estimator left out, because they contradict the others");
+    }
+    if (some(({ object }) => object.includes(-1))) {
+      say("nobody", "of no object", "detections that belong to no object: false ones, or of things seen too rarely");
+    }
+    return list;
+  }
+
+  private isOn(name: string): boolean {
+    return this.switches.get(name)?.checked ?? false;
+  }
+
+  /** Title and description of the selected frame. */
   private fill(): void {
-    const frame = this.report.frames[this.selection.frame];
+    const frame = this.frame();
     if (frame === undefined) {
       this.title.textContent = "No frames";
       return;
     }
-    const { object, state, residual } = frame.detections;
-    const reasons = new Map(frame.detections.rejections);
-    const rows = object.map((k, row) => (
-      { object: k, state: state[row] ?? 0, residual: residual[row] ?? null, reason: reasons.get(row) }
-    ));
-    this.largest = rows.reduce((most, row) => Math.max(most, row.residual ?? 0), 1e-9);
-    this.table.show(rows, object);
-    this.table.mark(this.selection.object);
-    this.nothing.hidden = frame.image !== null || object.length > 0;
-    const text = `Frame ${frame.id}`;
-    this.title.textContent = text;
-    this.canvas.setAttribute("aria-label", `${text}: ${count(object.length, "detection")} and outlines of the bodies`);
+    const number = frame.detections.object.length;
+    this.nothing.hidden = frame.image !== null || number > 0;
+    this.title.textContent = `Frame ${frame.id} (${this.selection.frame + 1} of ${this.report.frames.length})`;
+    this.canvas.setAttribute("aria-label", `Frame ${frame.id}: ${count(number, "detection")} and outlines of the bodies`);
+  }
+
+  /** Zooming in needs an object. */
+  private fillZoom(): void {
+    this.zoom.disabled = this.selection.object < 0;
+    this.zoom.parentElement?.classList.toggle("dim", this.zoom.disabled);
+  }
+
+  private togglePlay(): void {
+    if (this.timer !== 0) {
+      clearInterval(this.timer);
+      this.timer = 0;
+    } else {
+      this.timer = window.setInterval(() => {
+        this.selection.selectFrame((this.selection.frame + 1) % this.report.frames.length);
+      }, STEP);
+    }
+    this.play.textContent = this.timer === 0 ? "▶ Play" : "❚❚ Pause";
   }
 
   private draw(): void {
@@ -130,27 +154,56 @@ export class FrameView {
     if (context === null || width <= 0) return;
     drawFrame(context, width, this.report, index, image, this.colors, {
       region,
-      outlines: true,
-      truth: this.truth.checked,
+      boxes: this.isOn("boxes"),
+      outlines: this.isOn("outlines"),
+      truth: this.isOn("truth"),
+      names: this.isOn("names"),
+      shows: (object) => this.filter.shows(object),
       selected: this.selection.object,
       blank: themeColor("--sheet"),
       edge: themeColor("--line"),
     });
   }
 
-  /** The part of the frame that is shown. */
+  /** The part of the frame that is shown; of a blank sheet that with the detections. */
   private region(): Region | null {
-    const frame = this.report.frames[this.selection.frame];
+    const frame = this.frame();
     if (frame === undefined) return null;
-    return this.zoom.checked ? detectedRegion(frame) : wholeFrame(frame);
+    const zoomed = this.zoom.checked ? objectRegion(frame, this.report, this.selection.object) : null;
+    return zoomed ?? (frame.image === null ? detectedRegion(frame) : wholeFrame(frame));
   }
 
-  private pick(event: MouseEvent): void {
-    const frame = this.report.frames[this.selection.frame];
-    const region = this.region();
-    if (frame === undefined || region === null) return;
+  /** The row of the detection under the pointer, or -1. */
+  private rowAt(event: MouseEvent): number {
+    const [frame, region] = [this.frame(), this.region()];
+    if (frame === undefined || region === null) return -1;
     const scale = region.width / this.canvas.clientWidth;
     const [x, y] = [region.x + event.offsetX * scale, region.y + event.offsetY * scale];
-    this.selection.selectObject(objectAt(frame, x, y));
+    return detectionAt(frame, x, y, (object) => this.filter.shows(object));
+  }
+
+  /** Says what the pointer is over, and why that was rejected. */
+  private showTip(event: PointerEvent): void {
+    const frame = this.frame();
+    const row = this.rowAt(event);
+    this.tip.hidden = frame === undefined || row < 0;
+    if (frame === undefined || row < 0) return;
+    const { object, state, residual, rejections } = frame.detections;
+    const k = object[row] ?? -1;
+    const id = this.report.objects[k]?.id;
+    const name = objectName(this.report, k);
+    const off = residual[row] ?? null;
+    const reason = rejections.find(([of]) => of === row)?.[1];
+    const parts = [
+      id === undefined || id === name ? name : `${name} (${id})`,
+      ...(off === null ? [] : [`residual ${short(off)} px`]),
+      ...((state[row] ?? 0) === 0 ? [] : [viewState(state[row] ?? 0, reason)]),
+    ];
+    this.tip.textContent = parts.join(" · ");
+    const [place, own] = [this.sheet.getBoundingClientRect(), this.tip.getBoundingClientRect()];
+    const left = Math.min(event.clientX - place.left + 12, place.width - own.width - 4);
+    const top = event.clientY - place.top + 16;
+    this.tip.style.left = `${Math.max(4, left)}px`;
+    this.tip.style.top = `${top + own.height > place.height ? top - own.height - 28 : top}px`;
   }
 }

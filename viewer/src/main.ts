@@ -1,13 +1,18 @@
 // The page of a report: reads the data, makes the parts and lets them listen to one selection.
 
 import "./style.css";
-import { makeColors } from "./colors.ts";
+import { Colors } from "./colors.ts";
+import { controls } from "./controls.ts";
 import { readReport, REJECTED, type Report } from "./data.ts";
 import { element } from "./dom.ts";
 import { FrameImages } from "./draw_frame.ts";
+import { Filter } from "./filter.ts";
+import { frameTable } from "./frame_table.ts";
 import { FrameView } from "./frame_view.ts";
+import { Measure } from "./measure.ts";
 import { objectDetails } from "./object_details.ts";
 import { objectTable } from "./object_table.ts";
+import { bestFrame } from "./object_views.ts";
 import { scores, settings, warnings } from "./panels.ts";
 import { Selection } from "./selection.ts";
 import { spacePanel } from "./space_panel.ts";
@@ -34,32 +39,51 @@ function summary(report: Report): string {
   return parts.join(", ");
 }
 
+/** Frames wider than this stand above each other with the 3D view, not beside it. */
+const WIDE = 2;
+
 function show(page: HTMLElement, report: Report): void {
   document.title = `${report.title} – quadlift`;
   const withObjects = report.frames.findIndex(({ detections }) => detections.object.length > 0);
   const frame = report.frames.length === 0 ? -1 : Math.max(0, withObjects);
-  const selection = new Selection({ object: -1, frame });
-  const colors = makeColors(report);
+  const selection = new Selection({ object: -1, frame }, (object) => bestFrame(report, object));
+  const colors = new Colors(report);
+  const filter = new Filter(report);
+  const measure = new Measure(report, selection);
   const images = new FrameImages(report.frames);
-  const { panel, view } = spacePanel(report, selection, colors);
+  const { panel, view } = spacePanel(report, selection, colors, filter, measure);
   const parts = [panel];
   if (report.frames.length > 0) {
-    const frameView = new FrameView(report, selection, images, colors);
-    const strip = new Strip(report, selection, images, colors);
-    parts.push(element("div", { class: "frames" }, frameView.picture, frameView.measurements, strip.element));
+    const picture = new FrameView(report, selection, images, colors, filter).element;
+    const strip = new Strip(report, selection, images, colors, filter).element;
+    const table = frameTable(report, selection, colors, filter);
+    parts.push(element("div", { class: "frames" }, picture, table), strip);
   }
-  const objects = report.objects.length === 0 ? [element("p", { class: "dim" }, "There are no objects.")] : [
-    element("section", { "aria-label": "Objects" }, element("h2", {}, "Objects"), objectTable(report, selection, colors)),
-    objectDetails(report, selection, colors, view === null ? null : (index) => view.lookAt(index)),
-  ];
+  const look = view === null ? null : (index: number): void => view.lookAt(index);
+  const details = objectDetails(report, selection, colors, measure, look);
+  const objects = report.objects.length === 0 ? element("p", { class: "dim" }, "There are no objects.") : element(
+    "section",
+    { "aria-label": "Objects" },
+    element("h2", {}, "Objects"),
+    objectTable(report, selection, colors, filter),
+  );
   const banner = report.banner === null ? [] : [element("p", { class: "banner", role: "alert" }, report.banner)];
+  const [w, h] = report.frames[0]?.size ?? [4, 3];
   page.replaceChildren(
-    element("header", { class: "title" }, ...banner, element("h1", {}, report.title), element("p", {}, summary(report))),
-    element("div", { class: "views" }, ...parts),
+    element(
+      "header",
+      { class: "title" },
+      ...banner,
+      element("h1", {}, report.title),
+      element("p", {}, summary(report)),
+      ...controls(report, colors, filter),
+    ),
+    element("div", { class: w / h > WIDE ? "views wide" : "views" }, ...parts),
     element(
       "div",
-      { class: "texts" },
-      ...objects,
+      { class: "texts", role: "region", "aria-label": "Tables and figures", tabindex: "-1" },
+      objects,
+      details,
       ...warnings(report, selection),
       ...scores(report, selection, colors),
       ...settings(report),

@@ -1,40 +1,37 @@
-// The selected object: its figures, what is to be said about it, and what each view contributed.
+// The selected object: its figures, what is to be said about it, how far it is from another one, and what each view
+// contributed. Without a selected object the overview of the scene stands here.
 
 import { REJECTED, type Report, type ReportObject } from "./data.ts";
 import type { Colors } from "./colors.ts";
-import { element } from "./dom.ts";
+import { element, factList } from "./dom.ts";
+import type { Measure } from "./measure.ts";
+import { viewsOf, type ViewOf } from "./object_views.ts";
+import { overview } from "./overview.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
 import { alternativeInWords, extents, remarks, short, statusName, viewState, withUnit } from "./words.ts";
-
-/** One view of the selected object. */
-interface ViewOf {
-  frame: number;
-  state: number;
-  residual: number | null;
-  /** Why it was rejected. */
-  reason: string | undefined;
-}
 
 /** `look` turns the 3D view to an object. */
 export function objectDetails(
   report: Report,
   selection: Selection,
   colors: Colors,
+  measure: Measure,
   look: ((object: number) => void) | null,
 ): HTMLElement {
-  const place = element("section", { class: "details", "aria-live": "polite", "aria-label": "Selected object" });
+  const place = element("section", { class: "details", "aria-label": "Selected object" });
   const views = new Table<ViewOf>("Views of the selected object", viewColumns(report), (k) => selection.selectFrame(k));
+  const general = overview(report);
+  const mark = element("span", { class: "mark" });
+  const paint = (): void => void (mark.style.background = colors.ofObject(selection.object));
   const show = (): void => {
     const object = report.objects[selection.object];
-    place.replaceChildren();
     if (object === undefined) {
-      place.append(element("p", { class: "dim" }, "Select an object here, in space or in an image to see its views."));
+      place.replaceChildren(general);
       return;
     }
-    const mark = element("span", { class: "mark" });
-    mark.style.background = colors.ofObject(selection.object);
-    const clear = element("button", { type: "button" }, "Clear");
+    paint();
+    const clear = element("button", { type: "button", title: "select nothing (Escape)" }, "Clear");
     clear.addEventListener("click", () => selection.selectObject(-1));
     const buttons = [clear];
     if (look !== null) {
@@ -42,48 +39,60 @@ export function objectDetails(
       near.addEventListener("click", () => look(selection.object));
       buttons.unshift(near);
     }
-    place.append(element("header", {}, element("h2", {}, mark, object.id), ...buttons));
-    const { lengthUnit } = report;
-    const facts: [string, string][] = [
-      ["status", statusName(object.status)],
-      ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),
-      ["body", object.body === null ? "none" : object.body.kind],
-      ["size", object.body === null ? "–" : `${extents(object.body)} ${lengthUnit ?? ""}`],
-      ["centre", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${lengthUnit ?? ""}`],
-      ["centre's deviation", `± ${withUnit(object.centerSd, lengthUnit)} per coordinate`],
-      ["residual", object.residual === null ? "–" : `${short(object.residual)} px over ${object.viewsUsed} views`],
-      ...(object.misfit === null
-        ? []
-        : [["misfit", `${short(100 * object.misfit)} % of the boxes' half size${deviations(object)}`] as [string, string]]),
-      ...(object.alternatives.length === 0
-        ? []
-        : [["other bodies", object.alternatives.map(alternativeInWords).join("; ")] as [string, string]]),
-      ...(object.predictedIou === null
-        ? []
-        : [["left-out views", `predicted by the others with IoU ${object.predictedIou.toFixed(2)}`] as [string, string]]),
-    ];
-    place.append(factList(facts));
+    const heading = element("h2", { "aria-live": "polite" }, mark, object.id);
+    place.replaceChildren(element("header", {}, heading, ...buttons), factList(facts(report, object)));
     if (object.alternatives.length > 0) {
       const text = "Other bodies fit the views about as well; their wires are drawn while the object is selected.";
       place.append(element("p", { class: "dim" }, text));
     }
-    if (object.centerShell !== null && report.region !== null) {
-      place.append(element("p", { class: "dim" }, report.region));
-    }
     for (const remark of remarks(object)) place.append(element("p", { class: "remark" }, remark));
+    if (object.center !== null && report.objects.some((other) => other !== object && other.center !== null)) {
+      place.append(measure.element);
+    }
     const rows = viewsOf(report, selection.object);
     if (rows.length > 0) {
       views.show(rows, rows.map((row) => row.frame));
       place.append(views.element);
       views.mark(selection.frame);
     }
+    if (object.centerShell !== null && report.region !== null) {
+      place.append(element("p", { class: "dim small" }, report.region));
+    }
   };
   selection.onChange((now, before) => {
     if (now.object !== before.object) show();
     else views.mark(now.frame);
   });
+  colors.onChange(paint);
   show();
   return place;
+}
+
+function facts(report: Report, object: ReportObject): [string, string][] {
+  const { lengthUnit } = report;
+  const unit = lengthUnit ?? "units";
+  const category = report.categories[object.category];
+  return [
+    ...(category === undefined ? [] : [["category", category] as [string, string]]),
+    ["status", statusName(object.status)],
+    ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),
+    ["body", object.body === null ? "none" : object.body.kind],
+    ["size", object.body === null ? "–" : `${extents(object.body)} ${unit}`],
+    ["centre", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${unit}`],
+    ...(object.centerSd === null
+      ? []
+      : [["centre known to", `± ${withUnit(object.centerSd, lengthUnit)} along each axis`] as [string, string]]),
+    ["residual", object.residual === null ? "–" : `${short(object.residual)} px over ${object.viewsUsed} views`],
+    ...(object.misfit === null
+      ? []
+      : [["misfit", `${short(100 * object.misfit)} % of the boxes' half size${deviations(object)}`] as [string, string]]),
+    ...(object.alternatives.length === 0
+      ? []
+      : [["other bodies", object.alternatives.map(alternativeInWords).join("; ")] as [string, string]]),
+    ...(object.predictedIou === null
+      ? []
+      : [["left-out views", `predicted by the others with IoU ${object.predictedIou.toFixed(2)}`] as [string, string]]),
+  ];
 }
 
 function deviations(object: ReportObject): string {
@@ -91,34 +100,17 @@ function deviations(object: ReportObject): string {
   return misfitDeviations === null ? "" : `, ${short(misfitDeviations)} times the scene's noise`;
 }
 
-/** Names and values. */
-export function factList(facts: [string, string][]): HTMLElement {
-  return element(
-    "dl",
-    {},
-    ...facts.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]),
-  );
-}
-
-function viewsOf(report: Report, object: number): ViewOf[] {
-  return report.frames.flatMap(({ detections }, frame) => {
-    const row = detections.object.indexOf(object);
-    if (row < 0) return [];
-    const reason = detections.rejections.find(([k]) => k === row)?.[1];
-    return [{ frame, state: detections.state[row] ?? 0, residual: detections.residual[row] ?? null, reason }];
-  });
-}
-
 function viewColumns(report: Report): ConstructorParameters<typeof Table<ViewOf>>[1] {
   const id = (row: ViewOf): string => report.frames[row.frame]?.id ?? "";
   // Bars are comparable between objects.
   const largest = Math.max(...report.objects.map((object) => object.residual ?? 0), 1e-9);
+  const state = (row: ViewOf): string => viewState(row.state, row.reason);
   return [
     { title: "frame", value: id, text: id },
     {
-      title: "residual",
+      title: "residual [px]",
       value: (row) => row.residual,
-      text: (row) => (row.residual === null ? "–" : `${short(row.residual)} px`),
+      text: (row) => short(row.residual),
       bar: (row) => Math.min(1, (row.residual ?? 0) / (3 * largest)),
       number: true,
       style: (row) => (row.state === REJECTED ? "bad" : ""),
@@ -126,7 +118,8 @@ function viewColumns(report: Report): ConstructorParameters<typeof Table<ViewOf>
     {
       title: "view",
       value: (row) => row.state,
-      text: (row) => viewState(row.state, row.reason),
+      text: state,
+      tip: state,
       style: (row) => (row.state === REJECTED ? "bad" : ""),
     },
   ];

@@ -2,13 +2,14 @@
 
 import type { Report, ReportObject } from "./data.ts";
 import type { Colors } from "./colors.ts";
+import type { Filter } from "./filter.ts";
 import type { Selection } from "./selection.ts";
 import { Table, type Column } from "./table.ts";
 import { extents, remarks, score, short, statusName } from "./words.ts";
 
-export function objectTable(report: Report, selection: Selection, colors: Colors): HTMLElement {
+export function objectTable(report: Report, selection: Selection, colors: Colors, filter: Filter): HTMLElement {
   const { objects, categories, lengthUnit, scores } = report;
-  const unit = lengthUnit === null ? "" : ` [${lengthUnit}]`;
+  const unit = ` [${lengthUnit ?? "units"}]`;
   const largest = Math.max(...objects.map((object) => object.residual ?? 0), 1e-9);
   const size = (object: ReportObject): number | null =>
     object.body === null ? null : object.body.half.reduce((product, half) => product * half, 1);
@@ -39,17 +40,19 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
       value: (k) => (objects[k] ? size(objects[k]) : null),
       text: (k) => extents(objects[k]?.body ?? null),
       number: true,
+      secondary: true,
     },
     {
-      title: `±\u00a0centre${unit}`,
-      hint: "standard deviation of the centre per coordinate",
+      title: `centre\u00a0±${unit}`,
+      hint: "how far off the centre may be: its standard deviation along each axis",
       value: (k) => objects[k]?.centerSd ?? null,
       text: (k) => short(objects[k]?.centerSd ?? null),
       number: true,
+      secondary: true,
     },
     {
       title: "residual [px]",
-      hint: "root mean square distance between measured and predicted edges over the used views",
+      hint: "distance between the measured edges and those of the body's outline, root mean square over the used views",
       value: (k) => objects[k]?.residual ?? null,
       text: (k) => short(objects[k]?.residual ?? null),
       number: true,
@@ -57,11 +60,11 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
     },
     {
       title: "views",
-      hint: "views that were used, and those that were rejected as outliers",
+      hint: "views that were used, and how many were rejected (✕)",
       value: (k) => objects[k]?.viewsUsed ?? null,
       text: (k) => {
         const { viewsUsed = 0, viewsRejected = 0 } = objects[k] ?? {};
-        return viewsRejected > 0 ? `${viewsUsed} (−${viewsRejected})` : `${viewsUsed}`;
+        return viewsRejected > 0 ? `${viewsUsed} (✕\u202f${viewsRejected})` : `${viewsUsed}`;
       },
       number: true,
     },
@@ -73,11 +76,13 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
       value: (k) => objects[k]?.predictedIou ?? null,
       text: (k) => objects[k]?.predictedIou?.toFixed(2) ?? "–",
       number: true,
+      secondary: true,
     });
   }
-  if (categories.length > 0) {
+  // Objects that are called as their category need it only once.
+  if (objects.some((object) => object.category >= 0 && categories[object.category] !== object.id)) {
     const category = (k: number): string => categories[objects[k]?.category ?? -1] ?? "";
-    columns.splice(1, 0, { title: "category", value: category, text: category });
+    columns.splice(1, 0, { title: "category", value: category, text: category, minor: true });
   }
   const first = scores?.columns[0];
   if (scores && first) {
@@ -88,6 +93,8 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
   const table = new Table<number>("Objects", columns, (k) => selection.selectObject(k));
   const keys = objects.map((_, k) => k);
   table.show(keys, keys);
+  filter.onChange(() => table.filter((k) => filter.shows(k)));
+  colors.onChange(() => table.recolor());
   selection.onChange((now, before) => {
     if (now.object !== before.object) table.mark(now.object);
   });

@@ -2,8 +2,7 @@
 
 import type { Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
-import { element } from "./dom.ts";
-import { factList } from "./object_details.ts";
+import { element, factList } from "./dom.ts";
 import type { Selection } from "./selection.ts";
 import { Table, type Column } from "./table.ts";
 import { count, remarks, score, statusName } from "./words.ts";
@@ -45,8 +44,7 @@ export function scores(report: Report, selection: Selection, colors: Colors): HT
   const id = (k: number): string => report.objects[scores.rows[k]?.object ?? -1]?.id ?? "";
   const title = (c: number): string => {
     const column = scores.columns[c];
-    if (column?.unit !== "length" || report.lengthUnit === null) return column?.title ?? "";
-    return `${column.title} [${report.lengthUnit}]`;
+    return column?.unit === "length" ? `${column.title} [${report.lengthUnit ?? "units"}]` : (column?.title ?? "");
   };
   const text = (value: number | null | undefined, c: number): string => {
     const column = scores.columns[c];
@@ -70,10 +68,13 @@ export function scores(report: Report, selection: Selection, colors: Colors): HT
       value: (k) => scores.rows[k]?.values[c] ?? null,
       text: (k) => text(scores.rows[k]?.values[c], c),
       number: true,
+      // The means above have them all.
+      secondary: used.indexOf(c) > 1,
     })),
   ];
   const table = new Table<number>("Scores against the truth", columns, (object) => selection.selectObject(object));
   table.show(scores.rows.map((_, k) => k), scores.rows.map((row) => row.object));
+  colors.onChange(() => table.recolor());
   selection.onChange((now, before) => {
     if (now.object !== before.object) table.mark(now.object);
   });

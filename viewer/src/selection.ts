@@ -11,7 +11,8 @@ export class Selection {
   private selected: Selected;
   private readonly listeners: ((now: Selected, before: Selected) => void)[] = [];
 
-  constructor(start: Selected) {
+  /** `bestFrame` names the frame that shows an object best, -1 for none. */
+  constructor(start: Selected, private readonly bestFrame: (object: number) => number) {
     this.selected = start;
   }
 
@@ -23,8 +24,14 @@ export class Selection {
     return this.selected.frame;
   }
 
-  /** Selects an object, or none with -1. */
+  /** Selects an object and the frame that shows it best; or no object with -1. */
   selectObject(object: number): void {
+    const best = object < 0 || object === this.selected.object ? -1 : this.bestFrame(object);
+    this.change({ object, frame: best < 0 ? this.selected.frame : best });
+  }
+
+  /** Selects an object that was chosen in the frame that is shown, which stays. */
+  selectInFrame(object: number): void {
     this.change({ ...this.selected, object });
   }
 

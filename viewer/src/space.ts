@@ -1,12 +1,13 @@
 // Where the scene lies: which way is up, what to look at and from where. World units; the 3D view draws everything
 // relative to `origin`, because graphics cards count with seven digits.
 
-import type { Report, Vec3 } from "./data.ts";
-import { add, cross, dot, norm, row, scale, subtract, unit, viewpoint, type Viewpoint } from "./linear.ts";
+import { worldFromUnit } from "./body_shape.ts";
+import type { Body, Report, Vec3 } from "./data.ts";
+import { add, column, cross, dot, norm, rotationMatrix, row, scale, subtract, unit, viewpoint, type Viewpoint } from "./linear.ts";
 
 export interface Space {
   up: Vec3;
-  /** Whether the report says where up is; otherwise it is where the cameras have it. */
+  /** Whether the report says where up is; otherwise it is taken from the cameras. */
   upIsKnown: boolean;
   /** The middle of the objects; without objects, of the cameras. */
   origin: Vec3;
@@ -14,8 +15,8 @@ export interface Space {
   objectRadius: number;
   /** About how far objects and cameras reach from it. */
   radius: number;
-  /** How much is in sight at first: cameras too, unless they are so far off that the objects would be tiny. */
-  firstRadius: number;
+  /** Corners of the objects, without a few that are far off; without objects, the cameras. */
+  objectPoints: Vec3[];
   /** Height of the grid along `up`, relative to the origin. */
   floor: number;
   /** Viewpoints of the frames; null where a camera has none. */
@@ -40,10 +41,23 @@ export function makeSpace(report: Report): Space {
       ? quantile(centers.map(distance), 0.9) + quantile(sizes, 0.9)
       : 1.15 * quantile(cameras.map(distance), 1)) || 1;
   const radius = Math.max(objectRadius, Math.min(quantile(cameras.map(distance), 0.9), 20 * objectRadius));
-  const firstRadius = 1.1 * (radius > 4 * objectRadius ? 1.3 * objectRadius : radius);
-  const heights = bodies.map((body) => dot(subtract(body.center, origin), up) - Math.min(...body.half));
+  const heights = bodies.map((body) => dot(subtract(body.center, origin), up) - reachAlong(body, up));
   const floor = heights.length > 0 ? quantile(heights, 0.1) : -objectRadius;
-  return { up, upIsKnown: report.up !== null, origin, objectRadius, radius, firstRadius, floor, viewpoints };
+  const near = bodies.filter((body) => distance(body.center) <= 1.5 * objectRadius);
+  const objectPoints = [...near.flatMap(corners), ...centers.filter((point) => distance(point) <= objectRadius)];
+  return { up, upIsKnown: report.up !== null, origin, objectRadius, radius, objectPoints, floor, viewpoints };
+}
+
+/** The corners of the box along a body's axes. */
+function corners(body: Body): Vec3[] {
+  const place = worldFromUnit(body);
+  return [0, 1, 2, 3, 4, 5, 6, 7].map((k) => place([k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1]));
+}
+
+/** How far a body reaches from its centre along a direction, as an ellipsoid. */
+function reachAlong(body: Body, direction: Vec3): number {
+  const rotation = rotationMatrix(body.rotation);
+  return Math.hypot(...[0, 1, 2].map((k) => (body.half[k] ?? 0) * dot(column(rotation, k), direction)));
 }
 
 /** Where the cameras have their upper side, on average: row 1 of a projection points down. */

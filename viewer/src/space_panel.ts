@@ -1,24 +1,26 @@
-// The frame around the 3D view: its switches, its legend, and what stands there where it cannot be drawn.
+// The frame around the 3D view: its switches with the signs of what they switch, where to look from, and what stands
+// there where it cannot be drawn.
 
 import type { Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
 import { element } from "./dom.ts";
+import type { Filter } from "./filter.ts";
+import type { Measure } from "./measure.ts";
 import type { Selection } from "./selection.ts";
 import { makeSpace } from "./space.ts";
 import { View3d, type Layer } from "./view3d.ts";
 import { count } from "./words.ts";
 
-/** Categories in the legend; more would hide the view. */
-const MOST_NAMED = 10;
-
-const LAYERS: [Layer, string][] = [
-  ["body", "bodies"],
-  ["truth", "truth"],
-  ["enclosing", "enclosing bodies"],
-  ["centerShell", "uncertainty"],
-  ["cameras", "cameras"],
-  ["path", "path"],
-  ["grid", "grid"],
+/** Layer, name, sign, what it is. */
+const LAYERS: [Layer, string, string, string][] = [
+  ["body", "bodies", "outline", "the estimated bodies"],
+  ["truth", "truth", "wires", "the true bodies, as wires"],
+  ["enclosing", "enclosing bodies", "enclosing", "larger bodies that hold the whole real object"],
+  ["centerShell", "uncertainty", "shell", "where the centre lies with 95 % probability"],
+  ["names", "names", "name", "names of the objects"],
+  ["cameras", "cameras", "camera", "the cameras; that of the shown frame carries its image"],
+  ["path", "path", "path", "the way of the camera through the frames"],
+  ["grid", "grid", "grid", "a grid at the height of the lowest objects, and the axes of the world"],
 ];
 
 /** The panel, and the view in it where the browser can draw it. */
@@ -26,13 +28,15 @@ export function spacePanel(
   report: Report,
   selection: Selection,
   colors: Colors,
+  filter: Filter,
+  measure: Measure,
 ): { panel: HTMLElement; view: View3d | null } {
   const stage = element("div", { class: "stage" });
   const panel = element("section", { class: "space", "aria-label": "3D view" }, stage);
   const space = makeSpace(report);
   let view: View3d;
   try {
-    view = new View3d(report, space, selection, colors, stage);
+    view = new View3d(report, space, selection, colors, filter, measure, stage);
   } catch (error) {
     const reason = error instanceof Error ? error.message : `${error}`;
     stage.append(element("p", { class: "remark" }, `The 3D view needs WebGL 2, which this browser lacks (${reason}).`));
@@ -43,41 +47,42 @@ export function spacePanel(
     `${count(report.objects.length, "object")} and ${count(report.frames.length, "camera")} in space. Arrow keys turn, ` +
       "with shift they shift, plus and minus zoom, Home goes back to the first view.",
   );
-  const tools = element("div", { class: "tools" });
-  for (const [layer, name] of LAYERS) {
+  panel.prepend(element("header", {}, element("h2", {}, "In space"), lookButtons(report, view)));
+  const legend = element("p", { class: "legend" });
+  for (const [layer, name, sign, hint] of LAYERS) {
     if (!view.has(layer)) continue;
     const box = element("input", { type: "checkbox" });
     box.checked = view.isShown(layer);
     box.addEventListener("change", () => view.show(layer, box.checked));
-    const label = element("label", {}, box, ` ${name}`);
-    if (layer === "centerShell" && report.region !== null) label.title = report.region;
-    tools.append(label);
+    const text = layer === "grid" ? `grid of ${view.gridStep} ${report.lengthUnit ?? "units"}` : name;
+    const title = layer === "centerShell" && report.region !== null ? report.region : hint;
+    legend.append(element("label", { title }, box, element("span", { class: `sign ${sign}` }), text));
   }
-  const buttons: [string, () => void][] = [["Everything", () => view.lookAtAll()]];
-  if (report.objects.length > 0) buttons.unshift(["Objects", () => view.lookAtObjects()]);
-  for (const [name, look] of buttons) {
-    const button = element("button", { type: "button", title: `look at ${name.toLowerCase()}` }, name);
-    button.addEventListener("click", look);
-    tools.append(button);
+  if (!space.upIsKnown) {
+    const title = "the scene does not say which direction is up; it is taken from how the cameras are held";
+    legend.append(element("span", { class: "dim", title }, "up: as the cameras are held"));
   }
-  panel.append(tools, legend(report, colors, view.gridStep, space.upIsKnown));
+  panel.append(legend);
   return { panel, view };
 }
 
-function legend(report: Report, colors: Colors, step: number, upIsKnown: boolean): HTMLElement {
-  const text = element("p", { class: "legend" });
-  for (const [name, color] of colors.legend.slice(0, MOST_NAMED)) {
-    const mark = element("span", { class: "mark" });
-    mark.style.background = color;
-    text.append(element("span", {}, mark, name), " ");
-  }
-  if (colors.legend.length > MOST_NAMED) text.append(`and ${colors.legend.length - MOST_NAMED} more; `);
-  for (const [name, color] of [["x", "#e0453c"], ["y", "#3aa655"], ["z", "#3b7de0"]] as const) {
-    const mark = element("span", { class: "mark thin" });
-    mark.style.background = color;
-    text.append(element("span", {}, mark, name), " ");
-  }
-  text.append(`grid ${step} ${report.lengthUnit ?? ""}`);
-  if (!upIsKnown) text.append("; up is where the cameras have it");
-  return text;
+/** Buttons that say from where one looks. */
+function lookButtons(report: Report, view: View3d): HTMLElement {
+  const looks: [string, string, () => void][] = [
+    ...(report.objects.length > 0
+      ? [["Objects", "look at the objects, as at first (Home)", () => view.home()] as [string, string, () => void]]
+      : []),
+    ["Everything", "look at objects and cameras", () => view.lookAtAll()],
+    ["Top", "look from above", () => view.lookFrom("top")],
+    ["Front", "look from the front, along the ground", () => view.lookFrom("front")],
+    ...(report.frames.length > 0
+      ? [["Camera", "look from the camera of the shown frame", () => view.lookFromCamera()] as [string, string, () => void]]
+      : []),
+  ];
+  const buttons = looks.map(([name, title, look]) => {
+    const button = element("button", { type: "button", title }, name);
+    button.addEventListener("click", look);
+    return button;
+  });
+  return element("span", { class: "looks" }, ...buttons);
 }

@@ -4,6 +4,7 @@ import { REJECTED, type Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
 import { detectedRegion, drawFrame, wholeFrame, type FrameImages } from "./draw_frame.ts";
 import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.ts";
+import type { Filter } from "./filter.ts";
 import type { Selection } from "./selection.ts";
 
 /** Size of a small picture and of the place it takes, CSS pixels. */
@@ -20,6 +21,7 @@ export class Strip {
     private readonly selection: Selection,
     private readonly images: FrameImages,
     private readonly colors: Colors,
+    private readonly filter: Filter,
   ) {
     this.track = element("div", { class: "track", role: "presentation" });
     this.track.style.width = `${PLACE * report.frames.length}px`;
@@ -40,10 +42,13 @@ export class Strip {
       if (now.frame !== before.frame) this.reveal();
       this.redraw();
     });
-    onTheme(() => {
+    const again = (): void => {
       this.forget();
       this.redraw();
-    });
+    };
+    onTheme(again);
+    colors.onChange(again);
+    filter.onChange(again);
   }
 
   /** Scrolls until the selected frame is in sight. */
@@ -113,7 +118,10 @@ export class Strip {
       region,
       // Outlines of hundreds of objects in a small picture are a blot.
       outlines: this.report.objects.length <= 60,
+      boxes: true,
       truth: false,
+      names: false,
+      shows: (object) => this.filter.shows(object),
       selected: this.selection.object,
       blank: themeColor("--sheet"),
       edge: themeColor("--line"),

@@ -16,6 +16,12 @@ export interface Column<Row> {
   style?: (row: Row) => string;
   /** Colour of a mark before the text. */
   mark?: (row: Row) => string;
+  /** Whether the column is left out in narrow windows; the selected object's text has it too. */
+  secondary?: boolean;
+  /** Whether it is left out in windows of medium width too. */
+  minor?: boolean;
+  /** What the pointer shows over a cell, where that is more than its text. */
+  tip?: (row: Row) => string;
   /** Share of the cell that a bar fills, in [0, 1]. */
   bar?: (row: Row) => number;
 }
@@ -40,6 +46,8 @@ export class Table<Row> {
       button.addEventListener("click", () => this.sortBy(index));
       const header = element("th", { scope: "col", role: "columnheader", "aria-sort": "none" }, button);
       header.classList.toggle("number", column.number === true);
+      header.classList.toggle("secondary", column.secondary === true);
+      header.classList.toggle("minor", column.minor === true);
       this.headers.push(header);
       line.append(header);
     });
@@ -58,15 +66,32 @@ export class Table<Row> {
     this.arrange();
   }
 
+  /** Gives the marks their colours again. */
+  recolor(): void {
+    this.columns.forEach((column, index) => {
+      if (column.mark === undefined) return;
+      for (const { row, line } of this.rows) {
+        const mark = line.children[index]?.querySelector<HTMLElement>(".mark");
+        if (mark) mark.style.background = column.mark(row);
+      }
+    });
+  }
+
+  /** Shows only the rows whose keys are wanted. */
+  filter(isWanted: (key: number) => boolean): void {
+    for (const { line, key } of this.rows) line.hidden = !isWanted(key);
+    this.chooseTabStop();
+  }
+
   /** Marks the row with a key (none with -1) and brings it into sight. */
   mark(key: number): void {
     this.selected = key;
     for (const { line, key: own } of this.rows) {
-      const chosen = own === key;
+      const chosen = key >= 0 && own === key;
       if ((line.getAttribute("aria-selected") === "true") !== chosen) line.setAttribute("aria-selected", `${chosen}`);
     }
     this.chooseTabStop();
-    const chosen = this.rows.find((row) => row.key === key)?.line;
+    const chosen = key < 0 ? undefined : this.rows.find((row) => row.key === key)?.line;
     if (chosen === undefined) return;
     // Within the table only: the page itself stays where it is.
     const [box, place] = [this.element.getBoundingClientRect(), chosen.getBoundingClientRect()];
@@ -80,6 +105,10 @@ export class Table<Row> {
     for (const column of this.columns) {
       const cell = element("td", { role: "gridcell", class: column.style?.(row) ?? "" });
       cell.classList.toggle("number", column.number === true);
+      cell.classList.toggle("secondary", column.secondary === true);
+      cell.classList.toggle("minor", column.minor === true);
+      const tip = column.tip?.(row);
+      if (tip !== undefined) cell.title = tip;
       const color = column.mark?.(row);
       if (color !== undefined) {
         const mark = element("span", { class: "mark" });
@@ -125,7 +154,8 @@ export class Table<Row> {
 
   /** Tab reaches one row: the selected one, or the first. */
   private chooseTabStop(): void {
-    const stop = this.rows.find((row) => row.key === this.selected) ?? this.rows[0];
+    const inSight = this.rows.filter(({ line }) => !line.hidden);
+    const stop = inSight.find((row) => row.key === this.selected) ?? inSight[0];
     this.body.querySelector("[tabindex='0']")?.setAttribute("tabindex", "-1");
     stop?.line.setAttribute("tabindex", "0");
   }
@@ -137,9 +167,10 @@ export class Table<Row> {
 
   private onKey(event: KeyboardEvent): void {
     const key = this.keyOf(event.target);
-    const index = this.rows.findIndex((row) => row.key === key);
+    const inSight = this.rows.filter(({ line }) => !line.hidden);
+    const index = inSight.findIndex((row) => row.key === key);
     if (key === null || index < 0) return;
-    const last = this.rows.length - 1;
+    const last = inSight.length - 1;
     const moves: Record<string, number> = {
       ArrowDown: index + 1,
       ArrowUp: index - 1,
@@ -150,7 +181,7 @@ export class Table<Row> {
     };
     const next = moves[event.key];
     if (next !== undefined) {
-      const line = this.rows[Math.min(Math.max(next, 0), last)]?.line;
+      const line = inSight[Math.min(Math.max(next, 0), last)]?.line;
       this.body.querySelector("[tabindex='0']")?.setAttribute("tabindex", "-1");
       line?.setAttribute("tabindex", "0");
       line?.focus();

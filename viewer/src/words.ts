@@ -1,6 +1,8 @@
 // Numbers and names as people read them.
 
-import { REJECTED, USED, type Alternative, type Body, type DetectionState, type ReportObject, type ScoreColumn } from "./data.ts";
+import {
+  REJECTED, USED, type Alternative, type Body, type DetectionState, type Report, type ReportObject, type ScoreColumn,
+} from "./data.ts";
 
 /** A number with three significant digits, without an exponent where that is readable. */
 export function short(value: number | null): string {
@@ -11,9 +13,21 @@ export function short(value: number | null): string {
   return value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size))));
 }
 
-/** A number with its unit, where there is one. */
+/** A length; the unit of a world that names none is called a unit. */
 export function withUnit(value: number | null, unit: string | null): string {
-  return value === null || unit === null ? short(value) : `${short(value)} ${unit}`;
+  return value === null ? short(value) : `${short(value)} ${unit ?? "units"}`;
+}
+
+/**
+ * The name of an object on pictures: its id, or its category and its number where the id is one of an association
+ * (object_0003).
+ */
+export function objectName(report: Report, index: number): string {
+  const object = report.objects[index];
+  if (object === undefined) return "no object";
+  const category = report.categories[object.category];
+  const number = /^object_0*(\d+)$/.exec(object.id)?.[1];
+  return category === undefined || number === undefined ? object.id : `${category} ${number}`;
 }
 
 /** Full extents of a body. */
@@ -39,15 +53,15 @@ const REASON: Record<string, string> = {
 };
 
 const REJECTION: Record<string, string> = {
-  residual: "residual",
-  behind_camera: "behind the camera",
+  residual: "far off the other views",
+  behind_camera: "the object is behind the camera",
 };
 
 /** What became of a view, with the reason where it was rejected. */
 export function viewState(state: DetectionState | number, reason: string | undefined): string {
   if (state === USED) return "used";
   if (state !== REJECTED) return "–";
-  return reason === undefined ? "rejected" : `rejected (${REJECTION[reason] ?? reason})`;
+  return reason === undefined ? "✕ rejected" : `✕ rejected: ${REJECTION[reason] ?? reason}`;
 }
 
 /** How probable another body is beside the estimated one, in words. */

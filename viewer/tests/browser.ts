@@ -1,10 +1,11 @@
 // What the tests in the browser share: a page that is watched, pixels of what it shows, the program quadlift.
 
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdtempSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
+import type { Report } from "../src/data.ts";
 import { chromium, type Browser, type Locator, type Page } from "playwright-core";
 
 /** Folder of the project; the tests run in viewer/. */
@@ -18,6 +19,27 @@ export function quadlift(...args: string[]): string {
   const target = process.env["CARGO_TARGET_DIR"] ?? join(project, "target");
   const program = process.env["QUADLIFT"] ?? join(target, "debug", "quadlift");
   return execFileSync(program, args, { cwd: folder, encoding: "utf8", maxBuffer: 1 << 28 });
+}
+
+/** The data in a report. */
+export function data(path: string): Report {
+  const html = readFileSync(resolve(folder, path), "utf8");
+  const start = html.indexOf('id="report-data">') + 'id="report-data">'.length;
+  return JSON.parse(html.slice(start, html.indexOf("</script>", start))) as Report;
+}
+
+/** What the tests change in scene files. */
+export interface SceneText {
+  detections: { object?: string }[];
+  objects: { id: string }[];
+}
+
+export function readScene(path: string): SceneText {
+  return JSON.parse(readFileSync(join(folder, path), "utf8")) as SceneText;
+}
+
+export function writeScene(path: string, scene: object): void {
+  writeFileSync(join(folder, path), JSON.stringify(scene));
 }
 
 /** A real scene, or null where the data are not at hand. */
@@ -50,6 +72,7 @@ export async function open(
   const context = await browser.newContext({
     viewport: { width: look.width ?? 1600, height: look.height ?? 1000 },
     colorScheme: look.dark ? "dark" : "light",
+    hasTouch: (look.width ?? 1600) < 500,
   });
   const page = await context.newPage();
   const problems: string[] = [];

@@ -30,6 +30,8 @@ pub struct Report {
     pub scores: Option<ReportScores>,
     /// Settings and counts of the run: name and value.
     pub settings: Vec<(String, String)>,
+    /// What is known of the scene as a whole (self-check, noise, association): name and value, in words.
+    pub overview: Vec<(String, String)>,
     /// What should be known about the report or the run, in sentences.
     pub notes: Vec<String>,
     /// What is wrong with the scene as a whole, shown above all else: it does not agree with itself.

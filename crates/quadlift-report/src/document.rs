@@ -9,7 +9,7 @@ use quadlift_io::{EntryError, SceneFile};
 use crate::data::{Report, ReportDetections, ReportFrame};
 use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
-use crate::run::{run_banner, run_notes, run_region, run_settings, run_source};
+use crate::run::{run_banner, run_notes, run_overview, run_region, run_settings, run_source};
 use crate::scores::Scores;
 use crate::thumbnails::{evenly_spread, thumbnails};
 
@@ -97,6 +97,7 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
         length_unit: scene.length_unit.clone(),
         up: scene.up.map(|up| up.into_inner().into()),
         settings: content.estimate.map(run_settings).unwrap_or_default(),
+        overview: content.estimate.map(run_overview).unwrap_or_default(),
         notes,
         banner: content.estimate.and_then(run_banner),
         region: content.estimate.filter(|_| objects.list.iter().any(|o| o.center_shell.is_some())).map(run_region),

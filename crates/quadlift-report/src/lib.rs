@@ -25,4 +25,3 @@ pub use page::page;
 pub use picture::Picture;
 pub use recording::{Recording, RecordingFrame, recording};
 pub use scores::{Scores, TrueObjectScores};
-pub use thumbnails::LONG_SIDE;

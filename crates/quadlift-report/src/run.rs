@@ -33,6 +33,46 @@ pub fn run_settings(file: &SceneFile) -> Vec<(String, String)> {
     settings
 }
 
+/// What a run says of the scene as a whole, in words: the self-check, the noise of the boxes, how detections without
+/// identities were divided, and how well left-out views are predicted. Names and values.
+pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
+    let Some(run) = &file.localization else { return Vec::new() };
+    let number = |path: &str| run.pointer(path).and_then(Value::as_f64);
+    let mut overview = Vec::new();
+    let mut say = |name: &str, text: String| overview.push((name.to_owned(), text));
+    match run.pointer("/diagnosis/consistent").and_then(Value::as_bool) {
+        Some(false) => say("self-check", "failed: see the top of the page".to_owned()),
+        Some(true) => {
+            let miss = number("/diagnosis/score").map_or(String::new(), |score| {
+                format!("; the middle of a box is typically off by {} of its half size", percent(score))
+            });
+            say("self-check", format!("passed: boxes and camera poses agree{miss}"));
+        }
+        None => {}
+    }
+    if let Some(noise) = number("/noise/edge_relative") {
+        let pixels = number("/noise/edge_px").map_or(String::new(), |x| format!(", or {x:.2} px"));
+        say("noise of box edges", format!("{} of the box's half size{pixels}", percent(noise)));
+    }
+    if let (Some(taken), Some(left)) = (number("/association/associated"), number("/association/clutter")) {
+        let objects = run.pointer("/association/objects").and_then(Value::as_array).map_or(0, Vec::len);
+        say(
+            "association",
+            format!("{taken:.0} of {:.0} detections show {objects} objects; {left:.0} fit none", taken + left),
+        );
+    }
+    if let (Some(iou), Some(views)) = (number("/cross_validation/iou"), number("/cross_validation/views")) {
+        say("left-out views", format!("{views:.0} boxes predicted from the other views: mean IoU {iou:.2}"));
+    }
+    overview
+}
+
+/// A share as a percentage with two digits.
+fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    if percent < 9.95 { format!("{percent:.1} %") } else { format!("{percent:.0} %") }
+}
+
 /// That the scene does not agree with itself, and what mends it.
 pub fn run_banner(file: &SceneFile) -> Option<String> {
     let words = record_in_words(file.localization.as_ref()?.get("diagnosis")?)?;
@@ -118,6 +158,33 @@ fn in_words(value: &Value) -> String {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn the_overview_says_how_the_run_went_in_words() {
+        let of = |run: Value| run_overview(&SceneFile { localization: Some(run), ..Default::default() });
+        let told = of(json!({
+            "diagnosis": {"consistent": true, "score": 0.0294, "causes": []},
+            "noise": {"edge_relative": 0.123, "edge_px": 3.456},
+            "association": {"associated": 153, "clutter": 7, "objects": [{"id": "a"}, {"id": "b"}]},
+            "cross_validation": {"iou": 0.911, "views": 26},
+        }));
+        let line = |name: &str, text: &str| (name.to_owned(), text.to_owned());
+        assert_eq!(
+            told,
+            [
+                line(
+                    "self-check",
+                    "passed: boxes and camera poses agree; the middle of a box is typically off by 2.9 % of its half size"
+                ),
+                line("noise of box edges", "12 % of the box's half size, or 3.46 px"),
+                line("association", "153 of 160 detections show 2 objects; 7 fit none"),
+                line("left-out views", "26 boxes predicted from the other views: mean IoU 0.91"),
+            ]
+        );
+        let told = of(json!({"diagnosis": {"consistent": false, "score": 0.9, "causes": []}}));
+        assert_eq!(told, [line("self-check", "failed: see the top of the page")]);
+        assert_eq!(run_overview(&SceneFile::default()), []);
+    }
 
     #[test]
     fn a_scene_that_does_not_agree_with_itself_has_a_banner() {

@@ -9,8 +9,12 @@ use rayon::prelude::*;
 
 use crate::frame_image::frame_jpeg;
 
-/// Long side of the images in a report, pixels.
-pub const LONG_SIDE: u32 = 320;
+/// Long sides of the images in a report, pixels: number of images, and how large they are up to that many. The image is
+/// what one looks at; a few hundred small ones make a page of the size of a few dozen large ones.
+const LONG_SIDES: [(usize, u32); 3] = [(80, 800), (160, 640), (320, 480)];
+
+/// Long side of the images where there are more.
+const SMALLEST_LONG_SIDE: u32 = 320;
 
 /// Quality of the JPEG files.
 const QUALITY: u8 = 75;
@@ -37,8 +41,9 @@ pub fn thumbnails(scene: &Scene, images: &SceneImages, frames: &[usize], budget:
         (0..frames.len()).filter(|&k| images.images.get(frames[k]).is_some_and(Option::is_some)).collect();
     let mut result = Thumbnails { urls: vec![None; frames.len()], sizes: vec![None; frames.len()], notes: Vec::new() };
     let chosen: Vec<usize> = evenly_spread(with_image.len(), MOST_IMAGES).map(|k| with_image[k]).collect();
+    let long_side = long_side(chosen.len());
     let read: Vec<Result<(String, [u32; 2]), ReadError>> =
-        chosen.par_iter().map(|&k| data_url(scene, images, frames[k])).collect();
+        chosen.par_iter().map(|&k| data_url(scene, images, frames[k], long_side)).collect();
     let mut errors = Vec::new();
     let mut urls = Vec::new();
     for (&k, image) in chosen.iter().zip(read) {
@@ -85,15 +90,30 @@ pub fn evenly_spread(total: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |k| k * total / count)
 }
 
+/// How long the longer side of each of so many images is, pixels.
+fn long_side(images: usize) -> u32 {
+    LONG_SIDES.iter().find(|(most, _)| images <= *most).map_or(SMALLEST_LONG_SIDE, |(_, side)| *side)
+}
+
 /// The image of a frame as a data URL, and the size of the file's image.
-fn data_url(scene: &Scene, images: &SceneImages, frame_index: usize) -> Result<(String, [u32; 2]), ReadError> {
-    let (jpeg, full_size) = frame_jpeg(scene, images, frame_index, LONG_SIDE, QUALITY)?;
+fn data_url(
+    scene: &Scene,
+    images: &SceneImages,
+    frame_index: usize,
+    long_side: u32,
+) -> Result<(String, [u32; 2]), ReadError> {
+    let (jpeg, full_size) = frame_jpeg(scene, images, frame_index, long_side, QUALITY)?;
     Ok((format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg)), full_size))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn few_images_are_large() {
+        assert_eq!([1, 80, 81, 320, 321].map(long_side), [800, 800, 640, 480, 320]);
+    }
 
     #[test]
     fn choices_are_evenly_spread() {

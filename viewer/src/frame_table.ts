@@ -1,0 +1,70 @@
+// The detections of the selected frame in a table.
+
+import { REJECTED, type Report } from "./data.ts";
+import type { Colors } from "./colors.ts";
+import { element } from "./dom.ts";
+import type { Filter } from "./filter.ts";
+import type { Selection } from "./selection.ts";
+import { Table } from "./table.ts";
+import { short, viewState } from "./words.ts";
+
+/** A detection of the selected frame. */
+interface Measured {
+  object: number;
+  state: number;
+  /** Pixels. */
+  residual: number | null;
+  /** Why it was rejected. */
+  reason: string | undefined;
+}
+
+export function frameTable(report: Report, selection: Selection, colors: Colors, filter: Filter): HTMLElement {
+  const { objects, frames } = report;
+  // Largest residual of the frame, for bars.
+  let largest = 1;
+  const state = (row: Measured): string => (row.object < 0 ? "of no object" : viewState(row.state, row.reason));
+  const table = new Table<Measured>("Detections of this frame", [
+    {
+      title: "detections of this frame",
+      value: (row) => objects[row.object]?.id ?? null,
+      text: (row) => objects[row.object]?.id ?? "–",
+      mark: (row) => colors.ofObject(row.object),
+    },
+    {
+      title: "residual [px]",
+      hint: "distance between the measured edges and those of the body's outline, root mean square",
+      value: (row) => row.residual,
+      text: (row) => short(row.residual),
+      bar: (row) => (row.residual ?? 0) / largest,
+      number: true,
+      style: (row) => (row.state === REJECTED ? "bad" : ""),
+    },
+    {
+      title: "view",
+      value: (row) => row.state,
+      text: state,
+      tip: state,
+      style: (row) => (row.state === REJECTED ? "bad" : row.object < 0 ? "dim" : ""),
+    },
+  ], (key) => selection.selectInFrame(key));
+  const fill = (): void => {
+    const detections = frames[selection.frame]?.detections;
+    if (detections === undefined) return;
+    const reasons = new Map(detections.rejections);
+    const rows = detections.object.map((object, row): Measured => ({
+      object, state: detections.state[row] ?? 0, residual: detections.residual[row] ?? null, reason: reasons.get(row),
+    }));
+    largest = rows.reduce((most, row) => Math.max(most, row.residual ?? 0), 1e-9);
+    table.show(rows, detections.object);
+    table.filter((k) => filter.shows(k));
+    table.mark(selection.object);
+  };
+  selection.onChange((now, before) => {
+    if (now.frame !== before.frame) fill();
+    else table.mark(now.object);
+  });
+  filter.onChange(() => table.filter((k) => filter.shows(k)));
+  colors.onChange(() => table.recolor());
+  fill();
+  return element("section", { class: "measurements", "aria-label": "Residuals" }, table.element);
+}
