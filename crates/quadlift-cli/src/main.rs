@@ -11,7 +11,9 @@ mod error;
 mod estimate_table;
 mod evaluation;
 mod files;
+mod help;
 mod localization;
+mod next;
 mod output;
 mod outputs;
 mod pose_check;
@@ -41,13 +43,15 @@ use quadlift_io::images::{DEFAULT_MAX_PIXELS, set_max_pixels};
 const EXIT_CODES: &str = "\
 Exit codes:
   0  all is well
-  1  a file could not be read or written, a detection could not be segmented, or no object could be localised (of
-     several scenes: in at least one)
+  1  a file could not be read or written, a detection could not be segmented, or no object could
+     be localised (of several scenes: in at least one)
   2  wrong usage: unknown options, values out of range, options that contradict each other
-  3  a scene does not agree with itself: poses, cameras and boxes do not fit together (--accept-inconsistent goes on)
+  3  a scene does not agree with itself: poses, cameras and boxes do not fit together
+     (--accept-inconsistent goes on)
 
 Outputs:
-  -o - and /dev/stdout write to the standard output; reports for people go to the standard error stream then.
+  -o - and /dev/stdout write to the standard output; reports for people go to the standard error
+  stream then.
   A file that a run reads, or that a scene names as image or mask, is never overwritten.
 
 Start with:
@@ -65,15 +69,15 @@ struct Cli {
     json: bool,
 
     /// Print details (rejected views, noise levels, times) on the standard error stream
-    #[arg(short, long, global = true, help_heading = "Output")]
+    #[arg(short, long, global = true, help_heading = "Output", hide_short_help = true)]
     verbose: bool,
 
     /// Refuse images and masks with more pixels, before they are decoded
-    #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_MAX_PIXELS, help_heading = "Limits")]
+    #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_MAX_PIXELS, help_heading = "Limits", hide_short_help = true)]
     max_pixels: u64,
 
     /// Print errors only
-    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output")]
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output", hide_short_help = true)]
     quiet: bool,
 }
 
@@ -96,7 +100,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let matches = Cli::command().mut_subcommand("localize", localize::with_requirements).get_matches();
+    let command = Cli::command().mut_subcommand("localize", localize::with_requirements);
+    let matches = help::arrange(command).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let paths = Paths::new(&matches);
     let out = Output {

@@ -32,7 +32,9 @@ fn the_whole_way_from_images_to_objects() {
         folder.succeed("synth --render -o r/scene.json --objects 2 --views 6 --kinds ellipsoid --image-size 240x180");
     assert_eq!(
         text,
-        "wrote r/scene.json: 2 objects, 6 views with images and masks, 12 detections, 0 of them outliers\n"
+        "wrote r/scene.json: 2 objects, 6 views with images and masks, 12 detections, 0 of them outliers\n\nNext\n  \
+         find its objects           quadlift localize r/scene.json -o objects.json\n  \
+         look at it in the browser  quadlift view r/scene.json\n"
     );
     assert_eq!(std::fs::read_dir(folder.path("r/images")).unwrap().count(), 6);
     let text = folder.succeed("segment r/scene.json -o r/out.json --contact-sheets r/sheets");

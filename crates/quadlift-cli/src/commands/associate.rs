@@ -20,6 +20,7 @@ use crate::diagnosis::Check;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, outputs};
 use crate::localization::check_metres;
+use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
 use crate::words::duration;
@@ -160,6 +161,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         table.render(),
         args.output.display()
     ))?;
+    let words = ["localize".into(), args.output.as_path().into(), "-o objects.json".into()];
+    Next::default().command(words, "place and size of the objects").tell(out)?;
     let mut document = association_record(&scene, &association);
     if !notes.is_empty() {
         document["corrections"] = json!(notes);

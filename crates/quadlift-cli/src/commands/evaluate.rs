@@ -10,6 +10,7 @@ use serde_json::json;
 
 use crate::error::Outcome;
 use crate::evaluation::{Match, render, render_found, render_identities, why_no_identities};
+use crate::next::Next;
 use crate::output::Output;
 use crate::report::{Gathered, check_report};
 
@@ -95,6 +96,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let files = vec![(args.truth.clone(), truth_file), (args.estimate.clone(), estimate_file)];
         Gathered::new(files)?.write_report(report, evaluation.as_ref())?;
         out.report(&format!("wrote {}\n", report.display()))?;
+    } else {
+        let words = ["view".into(), args.estimate.as_path().into(), args.truth.as_path().into()];
+        Next::default().command(words, "look at both in the browser").tell(out)?;
     }
     Ok(Outcome::Fine)
 }

@@ -12,6 +12,7 @@ use serde_json::json;
 
 use crate::error::Outcome;
 use crate::files::check_file;
+use crate::next::Next;
 use crate::output::Output;
 use crate::words::count;
 
@@ -89,7 +90,16 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         count(objects, if is_scene { "object" } else { "true object" }),
     );
     notes.iter().for_each(|note| text.push_str(&format!("- {}\n", crate::output::one_line(note))));
-    out.report(&text)?;
+    let path = common.output.as_path();
+    let next = match detections {
+        0 => Next::default()
+            .command(["import-detections --help".into()], "the formats of detections that can be added")
+            .command(["view".into(), path.into()], "look at the cameras"),
+        _ => Next::default()
+            .command(["info".into(), path.into()], "what it holds, and whether it agrees with itself")
+            .command(["localize".into(), path.into(), "-o objects.json".into()], "find the objects"),
+    };
+    out.report(&(text + &next.text()))?;
     out.document(&json!({
         "output": common.output.display().to_string(),
         "cameras": cameras,

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 
 use crate::error::Outcome;
 use crate::files::{check_file, read_scene};
+use crate::next::Next;
 use crate::output::{Output, one_line};
 use crate::words::{count, some_of};
 
@@ -88,7 +89,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     write_scene_file(&common.output, &file)?;
     let mut text = format!("wrote {}: {}\n", common.output.display(), one_line(&in_words(&added, source)));
     notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
-    out.report(&text)?;
+    let words = ["localize".into(), common.output.as_path().into(), "-o objects.json --report objects.html".into()];
+    out.report(&(text + &Next::default().command(words, "find the objects").text()))?;
     let mut document = to_json(&added, &notes);
     document["output"] = common.output.display().to_string().into();
     document["source"] = source.into();

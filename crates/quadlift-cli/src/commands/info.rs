@@ -13,6 +13,7 @@ use serde::Serialize;
 use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
 use crate::diagnosis::{Check, of_source, without_ids};
 use crate::error::Outcome;
+use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
 use crate::table::Table;
@@ -117,7 +118,13 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let check = Check::of(diagnosis, context, &file, name);
     report.diagnosis = check.record();
     report.oddities.extend(check.in_words());
-    out.report(&render(&report))?;
+    let path = args.scene.as_path();
+    let mut next = Next::default();
+    if report.detections > 0 {
+        next = next.command(["localize".into(), path.into(), "-o objects.json".into()], "find the objects");
+    }
+    let next = next.command(["view".into(), path.into()], "look at it in the browser");
+    out.report(&(render(&report) + &next.text()))?;
     out.document(&report)?;
     Ok(Outcome::Fine)
 }

@@ -28,6 +28,7 @@ use crate::error::{InconsistentError, Outcome, in_words, usage};
 use crate::estimate_table::{noise_levels, render, summaries};
 use crate::files::{check_file, check_result_name, expand, outputs};
 use crate::localization::{PriorSource, Settings, localize_scene, read_masks, result_file};
+use crate::next::{Next, Word};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::{check_report, report_paths, write_localized};
 use crate::words::{count, duration};
@@ -316,6 +317,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
         let named = [detections, place.unwrap_or(Path::new(""))];
         let outcome = one_scene(named, scene, [output, report], args, (&settings, calibration), out, &mut document)?;
+        if outcome == Outcome::Fine {
+            next_steps(None, [output, report]).tell(out)?;
+        }
         out.document(&json!({ "scenes": [document] }))?;
         return Ok(outcome);
     }
@@ -356,8 +360,34 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         }
         documents.push(document);
     }
+    if let ([scene], Outcome::Fine) = (&inputs.paths[..], outcome) {
+        let [output, report] = [&outputs, &reports].map(|paths| paths.as_ref().map(|paths| paths[0].as_path()));
+        next_steps(Some(scene), [output, report]).tell(out)?;
+    }
     out.document(&json!({ "scenes": documents }))?;
     Ok(outcome)
+}
+
+/// What one does with the result of a scene file, or of other programs' files.
+fn next_steps(scene: Option<&Path>, [output, report]: [Option<&Path>; 2]) -> Next {
+    let mut next = Next::default();
+    match (output, report) {
+        (None, None) => match scene {
+            Some(scene) => {
+                let words = ["localize".into(), scene.into(), "-o objects.json --report objects.html".into()];
+                next.command(words, "keep the result, and a page that shows it")
+            }
+            None => next,
+        },
+        (Some(output), report) => {
+            if report.is_none() {
+                let files = scene.into_iter().chain([output]).map(Word::from);
+                next = next.command([Word::from("view")].into_iter().chain(files), "look at it in the browser");
+            }
+            next.command(["export ply".into(), output.into(), "-o objects.ply".into()], "the same for other programs")
+        }
+        (None, Some(_)) => next,
+    }
 }
 
 /// Reads and localises a scene, writes and prints the result and adds it to the JSON document. `input` names it, the paths

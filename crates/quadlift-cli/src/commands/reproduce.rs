@@ -14,7 +14,7 @@ use crate::output::Output;
 use crate::progress::counting_bar;
 use crate::report::check_report;
 
-/// Rerun the experiments of the paper and show its figures beside ours
+/// For research: rerun the experiments of the paper and show its figures beside ours
 ///
 /// The paper is "3D Pose from Detections" (ICCV 2015). Each table has the paper's printed figures in the rows whose
 /// setting is "paper".
@@ -49,7 +49,7 @@ Exit codes: 0 done; 1 there is no data, or a file cannot be read or written; 2 w
 )]
 pub struct Args {
     /// Which experiment
-    #[arg(value_enum)]
+    #[arg(value_enum, hide_possible_values = true)]
     experiment: Name,
 
     /// Folder of the real data, the one that holds `scenes` (default: QUADLIFT_DATA, or ../shared/data)

@@ -16,6 +16,7 @@ use crate::corrections::{CheckArgs, CorrectedScene, SceneCorrections, corrected_
 use crate::diagnosis::Check;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
+use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
@@ -145,7 +146,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let written = start.elapsed() - segmented;
     out.detail(&format!("segmented in {}, written in {}", duration(segmented), duration(written)));
-    out.report(&report(args, &segmentation, &notes))?;
+    let words = ["localize".into(), args.output.as_path().into(), "-o objects.json --report objects.html".into()];
+    let next = Next::default().command(words, "the objects, from boxes and ellipses");
+    out.report(&(report(args, &segmentation, &notes) + &next.text()))?;
     out.document(&json!({
         "scene": title,
         "output": args.output.display().to_string(),

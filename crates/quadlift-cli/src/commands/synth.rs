@@ -15,6 +15,7 @@ use serde_json::json;
 use crate::args;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, make_folder};
+use crate::next::Next;
 use crate::output::Output;
 use crate::rendered_scene::{check_folders, write_images, write_masks};
 use crate::synthetic_file::{scene_file, with_true_ids};
@@ -276,6 +277,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "wrote {}: {objects} objects, {views} views{images}, {detections} detections, {outliers} of them outliers{made_up}\n",
         args.output.display(),
     ))?;
+    let path = args.output.as_path();
+    Next::default()
+        .command(["localize".into(), path.into(), "-o objects.json".into()], "find its objects")
+        .command(["view".into(), path.into()], "look at it in the browser")
+        .tell(out)?;
     out.document(&json!({
         "output": args.output.display().to_string(),
         "objects": objects,

@@ -112,7 +112,9 @@ pub const RENDER: &str =
 
 impl From<Output> for Run {
     fn from(output: Output) -> Self {
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        // Commands that are printed name the program as it was called.
+        let own = assert_cmd::cargo::cargo_bin("quadlift").display().to_string();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap().replace(&own, "quadlift");
         let run =
             Self { code: output.status.code().unwrap_or(-1), stdout: text(output.stdout), stderr: text(output.stderr) };
         for text in [&run.stdout, &run.stderr] {

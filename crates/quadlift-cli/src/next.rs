@@ -1,0 +1,118 @@
+//! What to do next, at the end of a command: commands that work as they are printed.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use crate::output::{DIM, HEADING, Output};
+
+/// A word of a command.
+#[derive(Debug, Clone, Copy)]
+pub enum Word<'a> {
+    /// A word as it stands.
+    Text(&'a str),
+    /// A path, which may need quotes.
+    Path(&'a Path),
+}
+
+impl<'a> From<&'a str> for Word<'a> {
+    fn from(text: &'a str) -> Self {
+        Word::Text(text)
+    }
+}
+
+impl<'a> From<&'a Path> for Word<'a> {
+    fn from(path: &'a Path) -> Self {
+        Word::Path(path)
+    }
+}
+
+/// Commands that make sense next, each with what it is for.
+#[derive(Debug, Default)]
+pub struct Next {
+    lines: Vec<(String, String)>,
+}
+
+impl Next {
+    /// One more command (without the name of the program). One that names the standard output as a file is left out: what was
+    /// written there cannot be read again.
+    pub fn command<'a>(mut self, words: impl IntoIterator<Item = Word<'a>>, purpose: &str) -> Self {
+        let mut line = program();
+        for word in words {
+            match word {
+                Word::Path(path) if path == Path::new("-") || path.starts_with("/dev") => return self,
+                Word::Path(path) => line = format!("{line} {}", quoted(path.as_os_str())),
+                Word::Text(text) => line = format!("{line} {text}"),
+            }
+        }
+        self.lines.push((line, purpose.to_owned()));
+        self
+    }
+
+    /// The lines, with a heading; empty where there is nothing to do.
+    pub fn text(&self) -> String {
+        if self.lines.is_empty() {
+            return String::new();
+        }
+        let mut text = format!("\n{HEADING}Next{HEADING:#}\n");
+        let width = self.lines.iter().map(|(_, purpose)| purpose.chars().count()).max().unwrap_or(0);
+        // The command comes last: behind it a shell would not always take a text for a comment.
+        for (command, purpose) in &self.lines {
+            text.push_str(&format!("  {DIM}{purpose:width$}{DIM:#}  {command}\n"));
+        }
+        text
+    }
+
+    /// Prints the lines below a report.
+    pub fn tell(&self, out: &Output) -> anyhow::Result<()> {
+        out.report(&self.text())
+    }
+}
+
+/// How the program was called: by its name where the shell finds it under that, else by its path, as after `cargo run`.
+fn program() -> String {
+    let called = std::env::args_os().next().unwrap_or_else(|| "quadlift".into());
+    if Path::new(&called).components().count() <= 1 || is_on_path() { "quadlift".to_owned() } else { quoted(&called) }
+}
+
+/// Whether `quadlift` on the search path is this program.
+fn is_on_path() -> bool {
+    let own = std::env::current_exe().and_then(std::fs::canonicalize);
+    let (Ok(own), Some(path)) = (own, std::env::var_os("PATH")) else { return false };
+    let name = format!("quadlift{}", std::env::consts::EXE_SUFFIX);
+    let first = std::env::split_paths(&path).map(|folder| folder.join(&name)).find(|file| file.is_file());
+    first.and_then(|file| std::fs::canonicalize(file).ok()) == Some(own)
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &OsStr) -> String {
+    let text = crate::output::one_line(&path.to_string_lossy());
+    let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@\\".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text
+    } else if cfg!(windows) {
+        format!("\"{text}\"")
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_quoted_where_a_shell_needs_it() {
+        assert_eq!(quoted(OsStr::new("a/b-1.json")), "a/b-1.json");
+        if !cfg!(windows) {
+            assert_eq!(quoted(OsStr::new("my scene's.json")), "'my scene'\\''s.json'");
+        }
+    }
+
+    #[test]
+    fn what_went_to_the_standard_output_is_not_read_again() {
+        let next = Next::default().command(["view".into(), Path::new("-").into()], "look");
+        assert_eq!(next.text(), "");
+        let next = next.command(["view".into(), Path::new("a.json").into()], "look");
+        assert!(next.text().ends_with(" view a.json\n"), "{}", next.text());
+    }
+}
