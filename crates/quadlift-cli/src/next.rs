@@ -48,6 +48,13 @@ impl Next {
         self
     }
 
+    /// The command of this run once more, with other options behind it.
+    pub fn again(mut self, options: &str, purpose: &str) -> Self {
+        let words: Vec<String> = std::env::args_os().skip(1).map(|word| quoted(&word)).collect();
+        self.lines.push((format!("{} {} {options}", program(), words.join(" ")), purpose.to_owned()));
+        self
+    }
+
     /// The lines, with a heading; empty where there is nothing to do.
     pub fn text(&self) -> String {
         if self.lines.is_empty() {

@@ -27,6 +27,9 @@ impl<T: AsRef<str>> From<T> for Cell {
     }
 }
 
+/// Columns of the terminal; titles of tables that would be wider are broken into several lines.
+const WIDTH: usize = 100;
+
 /// A table with a header; columns are as wide as their widest cell.
 #[derive(Debug, Clone)]
 pub struct Table {
@@ -55,14 +58,36 @@ impl Table {
 
     /// The table as lines of text; columns without any entry are left out.
     pub fn render(&self) -> String {
-        let heading = self.header.iter().map(|title| Cell::styled(title, HEADING)).collect();
-        let width = |column: usize| {
+        let content = |column: usize| {
             let widest = self.rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.text.width()).max()?;
-            (widest > 0).then(|| widest.max(self.header[column].width()))
+            (widest > 0).then_some(widest)
         };
-        let columns: Vec<(usize, usize)> = (0..self.header.len()).filter_map(|c| Some((c, width(c)?))).collect();
+        let columns: Vec<(usize, usize)> = (0..self.header.len()).filter_map(|c| Some((c, content(c)?))).collect();
+        let total: usize = columns.iter().map(|&(column, width)| width.max(self.header[column].width()) + 2).sum();
+        let is_wide = total > WIDTH + 2;
+        let titles: Vec<Vec<String>> = (0..self.header.len())
+            .map(|column| match columns.iter().find(|(shown, _)| *shown == column) {
+                Some(&(_, width)) if is_wide => broken(&self.header[column], width),
+                _ => vec![self.header[column].clone()],
+            })
+            .collect();
+        let width_of = |(column, width): (usize, usize)| {
+            (column, titles[column].iter().map(|line| line.width()).max().unwrap_or(0).max(width))
+        };
+        let columns: Vec<(usize, usize)> = columns.into_iter().map(width_of).collect();
+        // The last lines of the titles stand on one line.
+        let lines = titles.iter().map(Vec::len).max().unwrap_or(0);
+        let heading: Vec<Vec<Cell>> = (0..lines)
+            .map(|line| {
+                let cell = |title: &Vec<String>| {
+                    let own = (line + title.len()).checked_sub(lines).and_then(|k| title.get(k));
+                    own.map_or_else(Cell::default, |text| Cell { text: text.clone(), style: HEADING })
+                };
+                titles.iter().map(cell).collect()
+            })
+            .collect();
         let mut text = String::new();
-        for row in std::iter::once(&heading).chain(&self.rows) {
+        for row in heading.iter().chain(&self.rows) {
             let mut line = String::new();
             for &(column, width) in &columns {
                 let Some(Cell { text, style }) = row.get(column) else { continue };
@@ -78,6 +103,19 @@ impl Table {
         }
         text
     }
+}
+
+/// A title in lines of this width, or of its longest word.
+fn broken(title: &str, width: usize) -> Vec<String> {
+    let width = title.split(' ').map(|word| word.width()).max().unwrap_or(0).max(width);
+    let mut lines: Vec<String> = Vec::new();
+    for word in title.split(' ') {
+        match lines.last_mut().filter(|line| line.width() + 1 + word.width() <= width) {
+            Some(line) => *line = format!("{line} {word}"),
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// A number with this many decimals; a dash when it is missing or not finite.
@@ -116,6 +154,19 @@ mod tests {
         table.push(vec!["杯子".into(), "".into(), "-10.25".into()]);
         let text = anstream::adapter::strip_str(&table.render()).to_string();
         assert_eq!(text, "name   x [m]\na       1.50\n杯子  -10.25\n");
+    }
+
+    #[test]
+    fn titles_of_wide_tables_are_broken() {
+        let mut table = Table::new(["<a long name", "distance of centres [m]"]);
+        table.push(vec!["x".repeat(80).into(), "1.50".into()]);
+        let text = anstream::adapter::strip_str(&table.render()).to_string();
+        let row = format!("{}      1.50", "x".repeat(80));
+        let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
+        let head = |left: &str, right: &str| format!("{left:82}{right:>8}");
+        let expected = [head("", "distance"), head("", "of"), head("", "centres"), head("a long name", "[m]"), row];
+        assert_eq!(lines, expected);
+        assert!(lines.iter().all(|line| line.len() <= WIDTH));
     }
 
     #[test]

@@ -295,3 +295,69 @@ fn a_closed_pipe_is_no_error() {
     let output = child.wait_with_output().unwrap();
     assert_eq!((output.status.code(), String::from_utf8(output.stderr).unwrap().as_str()), (Some(0), ""));
 }
+
+/// The commands below "Next".
+#[cfg(unix)]
+fn next_commands(text: &str) -> Vec<String> {
+    let next = text.split_once("Next\n").map_or("", |(_, next)| next);
+    next.lines().filter_map(|line| line.find("quadlift ").map(|at| line[at..].to_owned())).collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_printed_to_be_done_next_works_as_printed() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("my scenes")).unwrap();
+    let program = assert_cmd::cargo::cargo_bin("quadlift");
+    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap());
+    let shell = |command: &str| {
+        let command = command.replace("quadlift view", "quadlift view --no-browser");
+        let mut shell = std::process::Command::new("sh");
+        let output = shell.args(["-c", &command]).current_dir(folder.path("")).env("PATH", &path).output().unwrap();
+        let [stdout, stderr] =
+            [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+        assert!(output.status.success(), "{command}\n{stdout}{stderr}");
+        stdout
+    };
+    let mut commands = vec![
+        "quadlift synth -o 'my scenes/one.json' --objects 3 --views 8 --noise box:0.02".to_owned(),
+        "quadlift info 'my scenes/one.json'".to_owned(),
+        "quadlift associate 'my scenes/one.json' --ids ignore -o 'my scenes/two.json'".to_owned(),
+        "quadlift localize 'my scenes/one.json' --body ellipsoid".to_owned(),
+        "quadlift localize 'my scenes/one.json' -o objects.json".to_owned(),
+        "quadlift evaluate objects.json 'my scenes/one.json'".to_owned(),
+    ];
+    let (mut seen, mut done) = (std::collections::BTreeSet::new(), 0);
+    while done < commands.len() {
+        for next in next_commands(&shell(&commands[done].clone())) {
+            if seen.insert(next.clone()) {
+                commands.push(next);
+            }
+        }
+        done += 1;
+    }
+    assert!(seen.len() >= 7, "{seen:?}");
+    for kind in ["view", "localize", "export ply"] {
+        assert!(seen.iter().any(|command| command.starts_with(&format!("quadlift {kind} "))), "{kind} in {seen:?}");
+    }
+    assert!(seen.iter().any(|command| command.contains("--body ellipsoid -o objects.json")), "{seen:?}");
+}
+
+#[test]
+fn tables_fit_a_hundred_columns() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 3 --views 8 --noise box:0.02 --body cuboid --scale 0.05");
+    let mut scene = folder.json("scene.json");
+    scene["length_unit"] = "m".into();
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["category"] = "car".into();
+    }
+    folder.write_json("scene.json", &scene);
+    folder.succeed("localize scene.json -o estimate.json --body cuboid");
+    for command in ["localize scene.json --body cuboid --cross-validate -o e.json", "evaluate estimate.json scene.json"]
+    {
+        for line in folder.succeed(command).lines() {
+            assert!(line.chars().count() <= 100, "{command}: {line}");
+        }
+    }
+}

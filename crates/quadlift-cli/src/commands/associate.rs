@@ -1,6 +1,6 @@
 //! `quadlift associate`: which detections show the same object.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
@@ -161,7 +161,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         table.render(),
         args.output.display()
     ))?;
-    let words = ["localize".into(), args.output.as_path().into(), "-o objects.json".into()];
+    let source = args.source.iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
+    let words =
+        ["localize".into(), args.output.as_path().into()].into_iter().chain(source).chain(["-o objects.json".into()]);
     Next::default().command(words, "place and size of the objects").tell(out)?;
     let mut document = association_record(&scene, &association);
     if !notes.is_empty() {

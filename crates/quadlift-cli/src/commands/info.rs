@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use quadlift::diagnose::Diagnosis;
 use quadlift::scene::Scene;
@@ -121,7 +121,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let path = args.scene.as_path();
     let mut next = Next::default();
     if report.detections > 0 {
-        next = next.command(["localize".into(), path.into(), "-o objects.json".into()], "find the objects");
+        // Of several sources one must be chosen.
+        let source = report.sources.iter().find_map(|s| s.name.as_deref()).filter(|_| report.sources.len() > 1);
+        let source = source.into_iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
+        let words = ["localize".into(), path.into()].into_iter().chain(source).chain(["-o objects.json".into()]);
+        next = next.command(words, "find the objects");
     }
     let next = next.command(["view".into(), path.into()], "look at it in the browser");
     out.report(&(render(&report) + &next.text()))?;

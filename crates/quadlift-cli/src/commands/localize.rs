@@ -372,13 +372,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 fn next_steps(scene: Option<&Path>, [output, report]: [Option<&Path>; 2]) -> Next {
     let mut next = Next::default();
     match (output, report) {
-        (None, None) => match scene {
-            Some(scene) => {
-                let words = ["localize".into(), scene.into(), "-o objects.json --report objects.html".into()];
-                next.command(words, "keep the result, and a page that shows it")
-            }
-            None => next,
-        },
+        (None, None) => {
+            next.again("-o objects.json --report objects.html", "keep the result, and a page that shows it")
+        }
         (Some(output), report) => {
             if report.is_none() {
                 let files = scene.into_iter().chain([output]).map(Word::from);

@@ -146,7 +146,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let written = start.elapsed() - segmented;
     out.detail(&format!("segmented in {}, written in {}", duration(segmented), duration(written)));
-    let words = ["localize".into(), args.output.as_path().into(), "-o objects.json --report objects.html".into()];
+    let source = args.source.iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
+    let words = ["localize".into(), args.output.as_path().into()]
+        .into_iter()
+        .chain(source)
+        .chain(["-o objects.json --report objects.html".into()]);
     let next = Next::default().command(words, "the objects, from boxes and ellipses");
     out.report(&(report(args, &segmentation, &notes) + &next.text()))?;
     out.document(&json!({
