@@ -75,6 +75,9 @@ impl Table {
             (column, titles[column].iter().map(|line| line.width()).max().unwrap_or(0).max(width))
         };
         let columns: Vec<(usize, usize)> = columns.into_iter().map(width_of).collect();
+        // What is still too wide stands closer together.
+        let is_tight = columns.iter().map(|(_, width)| width + 2).sum::<usize>() > WIDTH + 2;
+        let between = if is_tight { " " } else { "  " };
         // The last lines of the titles stand on one line.
         let lines = titles.iter().map(Vec::len).max().unwrap_or(0);
         let heading: Vec<Vec<Cell>> = (0..lines)
@@ -94,8 +97,8 @@ impl Table {
                 let gap = " ".repeat(width - text.width());
                 // Writing to a String cannot fail.
                 let _ = match self.left[column] {
-                    true => write!(line, "{style}{text}{style:#}{gap}  "),
-                    false => write!(line, "{gap}{style}{text}{style:#}  "),
+                    true => write!(line, "{style}{text}{style:#}{gap}{between}"),
+                    false => write!(line, "{gap}{style}{text}{style:#}{between}"),
                 };
             }
             text.push_str(line.trim_end());
