@@ -1,6 +1,7 @@
 //! Which box is whose: in every frame the pairing of objects and boxes with the greatest total gain.
 
-use super::gain::{Gain, Gains};
+use super::candidates::{Candidate, Candidates};
+use super::gain::Gains;
 use super::input_ids::IdTally;
 use super::matching::{Pair, best_pairs};
 use super::model::Model;
@@ -16,12 +17,6 @@ pub(super) struct Share {
     pub boxes: Vec<u32>,
     /// Frames in which it should be seen.
     pub visible: usize,
-}
-
-/// A box that an object may have.
-struct Candidate {
-    index: u32,
-    gain: Gain,
 }
 
 /// Assigns the boxes for which `free` holds; those that are trusted to be of an object stay with it. Notes in the model
@@ -40,10 +35,17 @@ pub(super) fn assign(
         IdTally::default()
     };
     let gains = Gains::new(problem, observations, model);
+    let candidates = map_indices(observations.cameras.len(), |frame| {
+        let boxes = observations.cameras[frame].boxes.clone();
+        let free = boxes.filter(|&i| free(i) && !problem.is_trusted(&observations.boxes[i])).map(|i| i as u32);
+        Candidates::new(problem, observations, model, &free.collect::<Vec<_>>())
+    });
+    let largest_bonus = tally.largest_bonus();
     let found = map_indices(objects.len(), |place| {
-        let bonus =
-            |index: usize| tally.bonus(observations.boxes[index].id, place as u32, current[index], objects.len());
-        candidates(&gains, &objects[place], free, bonus)
+        let bonus = |index: u32| {
+            tally.bonus(observations.boxes[index as usize].id, place as u32, current[index as usize], objects.len())
+        };
+        gaining(&gains, &objects[place], &candidates, bonus, largest_bonus)
     });
     let mut by_frame: Vec<Vec<(u32, Candidate)>> = Vec::new();
     by_frame.resize_with(observations.cameras.len(), Vec::new);
@@ -100,11 +102,12 @@ fn trusted_boxes(problem: &Problem, observations: &Observations, object: &Object
 }
 
 /// Boxes with a positive gain for an object, and the number of frames in which it should be seen.
-fn candidates(
+fn gaining(
     gains: &Gains,
     object: &Object,
-    free: &impl Fn(usize) -> bool,
-    bonus: impl Fn(usize) -> f64,
+    candidates: &[Candidates],
+    bonus: impl Fn(u32) -> f64,
+    largest_bonus: f64,
 ) -> (Vec<Candidate>, usize) {
     let (problem, observations) = (gains.problem, gains.observations);
     let taken: Vec<usize> =
@@ -119,17 +122,7 @@ fn candidates(
         if taken.binary_search(&frame).is_ok() || !overlaps_image(&prediction.edges, &camera.size) {
             continue;
         }
-        for index in observations.overlapping(frame, prediction.edges[0], prediction.edges[2]) {
-            if !free(index) || problem.is_trusted(&observations.boxes[index]) {
-                continue;
-            }
-            if let Some(mut gain) = gains.gain(object, &prediction, index) {
-                gain.value += bonus(index);
-                if gain.value > 0.0 {
-                    found.push(Candidate { index: index as u32, gain });
-                }
-            }
-        }
+        found.extend(candidates[frame].best(gains, object, (camera, &prediction), &bonus, largest_bonus));
     }
     (found, visible)
 }

@@ -16,6 +16,9 @@ const KEPT: usize = 3;
 /// All boxes are paired with all while the square of their number is not larger.
 const ALL_PAIRS: usize = 1_000_000;
 
+/// Free boxes of the partner frames (nearest first) that a box is paired with, about: in crowds not those of all frames.
+const MOST_PARTNERS: usize = 2000;
+
 /// Spheres of one box that are tested, at most: those whose boxes agree best. Fewer, but not less than the first number,
 /// where so many boxes are free that it would take too long.
 const TESTED: [usize; 2] = [10, 100];
@@ -137,10 +140,14 @@ fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Ve
         let sighting = &observations.boxes[index];
         let camera = &observations.cameras[sighting.frame];
         let partners = if all_pairs { &frames } else { &scorer.problem.order.partners[sighting.frame] };
-        let mut spheres = Vec::new();
+        let (mut spheres, mut looked_at) = (Vec::new(), 0);
         for &frame in partners.iter().filter(|&&f| f as usize != sighting.frame) {
+            if looked_at >= MOST_PARTNERS {
+                break;
+            }
             let partner_camera = &observations.cameras[frame as usize];
             for partner in scorer.free_in(frame as usize, sighting.category) {
+                looked_at += 1;
                 let other = (partner_camera, &observations.boxes[partner as usize]);
                 if let Some(pair) = pair_sphere((camera, sighting), other) {
                     spheres.push((pair.disagreement, partner, pair.sphere));
@@ -148,8 +155,10 @@ fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Ve
             }
         }
         if spheres.len() > most_tested {
-            spheres.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let best_first = |a: &(f64, u32, Sphere), b: &(f64, u32, Sphere)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+            spheres.select_nth_unstable_by(most_tested, best_first);
             spheres.truncate(most_tested);
+            spheres.sort_unstable_by(best_first);
         }
         best_spheres(scorer, index, &spheres)
     });

@@ -164,7 +164,6 @@ mod tests {
             focal: 1.0,
             size: Vector2::new(1.0, 1.0),
             boxes: 0..0,
-            widest: 0.0,
         }
     }
 

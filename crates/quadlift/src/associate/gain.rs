@@ -1,6 +1,6 @@
 //! How much more likely a box is as a detection of an object than as clutter.
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, Vector3};
 
 use super::model::Model;
 use super::object::{Object, Prediction, edge_planes};
@@ -84,8 +84,7 @@ impl<'a> Gains<'a> {
             }
         }
         let mut gain = best?;
-        let missed = object.visible.saturating_sub(object.boxes.len());
-        gain.value += ((object.boxes.len() + 1) as f64 / (missed + 1) as f64).ln();
+        gain.value += log_rate_odds(object);
         gain.value += self.observations.category_log_odds(object.category, sighting.category);
         Some(gain)
     }
@@ -104,25 +103,12 @@ impl<'a> Gains<'a> {
         let (mut residuals, mut edges, mut count) = ([0.0; 4], [0; 4], 0);
         let planes = edge_planes(&self.observations.cameras[sighting.frame], sighting);
         for (edge, (normal, offset)) in planes.iter().enumerate() {
-            let u = object.root.tr_mul(normal);
-            let h = u.norm();
+            let h = object.root.tr_mul(normal).norm();
             let residual = (normal.dot(&object.center) + offset - h) * scale;
             if sighting.cut[edge] && residual < 0.0 {
                 continue;
             }
-            let slope = -scale / (2.0 * h);
-            let row = [
-                normal.x * scale * object.radius,
-                normal.y * scale * object.radius,
-                normal.z * scale * object.radius,
-                slope * u.x * u.x,
-                2.0 * slope * u.x * u.y,
-                2.0 * slope * u.x * u.z,
-                slope * u.y * u.y,
-                2.0 * slope * u.y * u.z,
-                slope * u.z * u.z,
-            ];
-            for (k, value) in row.into_iter().enumerate() {
+            for (k, value) in derivatives(object, normal, scale).into_iter().enumerate() {
                 jacobian[(count, k)] = value;
             }
             residuals[count] = residual;
@@ -135,6 +121,30 @@ impl<'a> Gains<'a> {
         }
         (residuals, covariance, edges, count)
     }
+}
+
+/// Log odds of one detection more of an object: of how often it has been detected to how often it has been missed.
+pub(super) fn log_rate_odds(object: &Object) -> f64 {
+    let missed = object.visible.saturating_sub(object.boxes.len());
+    ((object.boxes.len() + 1) as f64 / (missed + 1) as f64).ln()
+}
+
+/// Derivatives of how far a plane (of normal `n`) lies from the body, times a scale, by the parameters in the order of
+/// [`Object::covariance`].
+pub(super) fn derivatives(object: &Object, normal: &Vector3<f64>, scale: f64) -> [f64; 9] {
+    let u = object.root.tr_mul(normal);
+    let slope = -scale / (2.0 * u.norm());
+    [
+        normal.x * scale * object.radius,
+        normal.y * scale * object.radius,
+        normal.z * scale * object.radius,
+        slope * u.x * u.x,
+        2.0 * slope * u.x * u.y,
+        2.0 * slope * u.x * u.z,
+        slope * u.y * u.y,
+        2.0 * slope * u.y * u.z,
+        slope * u.z * u.z,
+    ]
 }
 
 /// Up to four small indices.

@@ -1,11 +1,12 @@
 //! Growing objects along a chain of near frames: each box goes to the object that predicts it, leftovers pair up to new
 //! objects.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 
 use nalgebra::Vector3;
 
 use super::assignment::{count_visible, overlaps_image};
+use super::candidates::Candidates;
 use super::fit::{Start, fit};
 use super::gain::{Gain, Gains};
 use super::input_ids::IdTally;
@@ -175,7 +176,8 @@ impl Growth<'_> {
                 }
             }
         }
-        left.into_iter().filter(|index| !taken.contains(index)).collect()
+        taken.sort_unstable();
+        left.into_iter().filter(|index| taken.binary_search(index).is_err()).collect()
     }
 
     /// The possible pairs of objects and free boxes of a frame, their gains, and the objects that should be seen.
@@ -183,6 +185,8 @@ impl Growth<'_> {
         let observations = self.observations;
         let camera = &observations.cameras[frame];
         let calculator = Gains::new(self.problem, observations, self.model);
+        let candidates = Candidates::new(self.problem, observations, self.model, left);
+        let largest_bonus = self.tally.as_ref().map_or(0.0, IdTally::largest_bonus);
         let (mut pairs, mut gains, mut seen) = (Vec::new(), Vec::new(), Vec::new());
         for &slot in slots {
             let object = &self.slots[slot as usize].object;
@@ -195,18 +199,13 @@ impl Growth<'_> {
             if is_named || !overlaps_image(&prediction.edges, &camera.size) {
                 continue;
             }
-            for index in observations.overlapping(frame, prediction.edges[0], prediction.edges[2]) {
-                if left.binary_search(&(index as u32)).is_err() {
-                    continue;
-                }
-                let Some(mut gain) = calculator.gain(object, &prediction, index) else { continue };
-                if let Some(tally) = &self.tally {
-                    gain.value += tally.bonus(observations.boxes[index].id, slot, None, self.alive);
-                }
-                if gain.value > 0.0 {
-                    pairs.push(Pair { row: slot, column: index as u32, gain: gain.value });
-                    gains.push(gain);
-                }
+            let bonus = |index: u32| {
+                let id = observations.boxes[index as usize].id;
+                self.tally.as_ref().map_or(0.0, |tally| tally.bonus(id, slot, None, self.alive))
+            };
+            for candidate in candidates.best(&calculator, object, (camera, &prediction), bonus, largest_bonus) {
+                pairs.push(Pair { row: slot, column: candidate.index, gain: candidate.gain.value });
+                gains.push(candidate.gain);
             }
         }
         (pairs, gains, seen)
@@ -241,7 +240,7 @@ impl Growth<'_> {
     }
 
     /// Begins new objects from pairs of a frame's free boxes with those of the last frames; returns the boxes used.
-    fn begin(&mut self, step: usize, left: &[u32], pool: &VecDeque<(usize, u32)>) -> Vec<u32> {
+    fn begin(&mut self, step: usize, left: &[u32], pool: &VecDeque<(usize, u32)>) -> HashSet<u32> {
         let observations = self.observations;
         let sides = |index: u32| {
             let sighting = &observations.boxes[index as usize];
@@ -267,7 +266,7 @@ impl Growth<'_> {
             }
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let mut used: Vec<u32> = Vec::new();
+        let mut used = HashSet::new();
         for (_, new, old, sphere) in pairs {
             if used.contains(&new) || used.contains(&old) {
                 continue;

@@ -65,6 +65,11 @@ impl IdTally {
         ((1.0 - self.wrong_share) * share * (objects as f64).min(MOST_RIVALS) + self.wrong_share).ln()
     }
 
+    /// The most that [`Self::bonus`] can be.
+    pub fn largest_bonus(&self) -> f64 {
+        if self.by_id.is_empty() { 0.0 } else { MOST_RIVALS.ln() }
+    }
+
     /// What two ids add to the plausibility of a pair of boxes as one new object.
     pub fn pair_bonus(&self, a: Option<u32>, b: Option<u32>) -> f64 {
         match (a, b) {

@@ -32,7 +32,11 @@ pub(super) fn merge(
     model: &Model,
     objects: Vec<Object>,
 ) -> Vec<Object> {
-    let mut pairs = near_pairs(&objects, |a, b| (a.center - b.center).norm() / (a.radius + b.radius), NEAR);
+    // Two objects that both have more than two thirds of all frames share too many of them to be one, and remain so.
+    let frames = observations.cameras.iter().filter(|c| !c.boxes.is_empty()).count();
+    let is_open = |object: &Object| 3 * object.boxes.len() <= 2 * frames;
+    let apart = |a: &Object, b: &Object| (a.center - b.center).norm() / (a.radius + b.radius);
+    let mut pairs = near_pairs(&objects, is_open, apart, NEAR);
     pairs.sort_by(|a, b| a.2.total_cmp(&b.2).then((a.0, a.1).cmp(&(b.0, b.1))));
     let mut objects: Vec<Option<Object>> = objects.into_iter().map(Some).collect();
     let own_evidence = |object: &Object| evidence(problem, observations, model, object);
@@ -85,8 +89,10 @@ pub(super) fn drop_nested(
         let within = |body: &Object, d: Vector3<f64>| body.root.lu().solve(&d).map_or(f64::INFINITY, |x| x.norm());
         within(a, b.center - a.center).max(within(b, b.center - a.center))
     };
+    let most_views = objects.iter().map(|o| o.boxes.len()).max().unwrap_or(0) as f64;
+    let has_few = |object: &Object| (object.boxes.len() as f64) < FEWER_VIEWS * most_views;
     let mut gone = vec![false; objects.len()];
-    for (a, b, _) in near_pairs(&objects, inside, SAME_PLACE) {
+    for (a, b, _) in near_pairs(&objects, has_few, inside, SAME_PLACE) {
         if gone[a] || gone[b] || (objects[a].radius / objects[b].radius).ln().abs() >= SAME_SIZE {
             continue;
         }
@@ -99,23 +105,33 @@ pub(super) fn drop_nested(
     objects.into_iter().zip(gone).filter(|(_, gone)| !gone).map(|(object, _)| object).collect()
 }
 
-/// Pairs of objects of one category that are near each other, with how far they are apart.
-fn near_pairs(objects: &[Object], apart: impl Fn(&Object, &Object) -> f64, limit: f64) -> Vec<(usize, usize, f64)> {
+/// Pairs of objects of one category that are near each other, with how far they are apart; `is_open` holds for one of
+/// them at least.
+fn near_pairs(
+    objects: &[Object],
+    is_open: impl Fn(&Object) -> bool,
+    apart: impl Fn(&Object, &Object) -> f64,
+    limit: f64,
+) -> Vec<(usize, usize, f64)> {
     let mut radii: Vec<f64> = objects.iter().map(|o| o.radius).collect();
     let Some(large) = quantile(&mut radii, 0.9) else { return Vec::new() };
     let tree = PointTree::new(objects.iter().map(|o| o.center).collect());
     let mut pairs = Vec::new();
-    for (first, object) in objects.iter().enumerate() {
-        for second in tree.within(&object.center, 2.0 * large) {
-            let second = second as usize;
-            if second > first && objects[second].category == object.category {
-                let distance = apart(object, &objects[second]);
+    for (place, object) in objects.iter().enumerate().filter(|(_, object)| is_open(object)) {
+        for other in tree.within(&object.center, 2.0 * large) {
+            let other = other as usize;
+            // Of two open ones the pair comes up twice.
+            let is_new = other > place || other < place && !is_open(&objects[other]);
+            if is_new && objects[other].category == object.category {
+                let (first, second) = (place.min(other), place.max(other));
+                let distance = apart(&objects[first], &objects[second]);
                 if distance < limit {
                     pairs.push((first, second, distance));
                 }
             }
         }
     }
+    pairs.sort_unstable_by_key(|&(first, second, _)| (first, second));
     pairs
 }
 

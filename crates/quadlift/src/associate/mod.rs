@@ -6,7 +6,7 @@
 //!
 //! 1. `observations`, `clutter`, `frame_order`, `problem`: what is known at first. How dense boxes are that belong to no
 //!    object; which frames are near each other.
-//! 2. `growth`: along a chain of near frames each box goes to the object that predicts it (`gain`, `matching`); boxes
+//! 2. `growth`: along a chain of near frames each box goes to the object that predicts it (`candidates`, `gain`, `matching`); boxes
 //!    that are left pair up to new objects (`rays`).
 //! 3. `rounds`: boxes are assigned anew (`assignment`), bodies fitted (`fit`), the scene's noise learnt (`model`,
 //!    `frame_shift`), objects given up (`evidence`) and merged (`merge`), new ones born of what is left (`births`,
@@ -23,6 +23,7 @@
 
 mod assignment;
 mod births;
+mod candidates;
 mod clutter;
 mod dissolve;
 mod doubt;
@@ -30,6 +31,7 @@ mod evidence;
 mod fit;
 mod frame_order;
 mod frame_shift;
+mod free_boxes;
 mod gain;
 mod growth;
 mod hygiene;
@@ -43,6 +45,7 @@ mod options;
 mod outcome;
 mod point_tree;
 mod problem;
+mod range_tree;
 mod rays;
 mod rounds;
 mod search;

@@ -102,10 +102,13 @@ pub(super) fn is_visible(prediction: &Prediction, camera: &Camera, least_half_si
 
 /// The planes through the edges of a box, `n.X + d` positive inside and in pixels times depth.
 pub(super) fn edge_planes(camera: &Camera, sighting: &Sighting) -> [(Vector3<f64>, f64); 4] {
+    std::array::from_fn(|edge| edge_plane(camera, edge, sighting.edges[edge]))
+}
+
+/// The plane through the left, top, right or bottom edge of a box that is at some pixel.
+pub(super) fn edge_plane(camera: &Camera, edge: usize, at: f64) -> (Vector3<f64>, f64) {
     let p = &camera.matrix;
-    std::array::from_fn(|edge| {
-        let (axis, sign, at) = (edge % 2, if edge < 2 { 1.0 } else { -1.0 }, sighting.edges[edge]);
-        let entry = |j: usize| sign * (p[(axis, j)] - at * p[(2, j)]);
-        (Vector3::new(entry(0), entry(1), entry(2)), entry(3))
-    })
+    let (axis, sign) = (edge % 2, if edge < 2 { 1.0 } else { -1.0 });
+    let entry = |j: usize| sign * (p[(axis, j)] - at * p[(2, j)]);
+    (Vector3::new(entry(0), entry(1), entry(2)), entry(3))
 }

@@ -31,8 +31,6 @@ pub(super) struct Camera {
     pub size: Vector2<f64>,
     /// Its boxes, sorted by their left edges.
     pub boxes: Range<usize>,
-    /// Width of its widest box.
-    pub widest: f64,
 }
 
 /// One box.
@@ -150,7 +148,6 @@ impl Observations {
                 focal: frame.projection.focal_length(),
                 size: frame.image_size.unwrap_or(extent),
                 boxes: first..next,
-                widest: boxes[first..next].iter().map(|b| b.size().x).fold(0.0, f64::max),
             });
         }
         let mut half_sizes: Vec<f64> = boxes.iter().map(|b| b.half_size).collect();
@@ -169,15 +166,6 @@ impl Observations {
     /// The boxes of a frame.
     pub fn in_frame(&self, frame: usize) -> &[Sighting] {
         &self.boxes[self.cameras[frame].boxes.clone()]
-    }
-
-    /// Indices of the boxes of a frame that may reach into the given horizontal range.
-    pub fn overlapping(&self, frame: usize, from: f64, to: f64) -> Range<usize> {
-        let camera = &self.cameras[frame];
-        let inside = self.in_frame(frame);
-        let first = inside.partition_point(|b| b.edges[0] < from - camera.widest);
-        let last = inside.partition_point(|b| b.edges[0] <= to).max(first);
-        camera.boxes.start + first..camera.boxes.start + last
     }
 
     /// Moves the boxes of a frame by some pixels.

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2};
 
+use super::free_boxes::{Expected, Free, FreeBoxes, GATE};
 use super::model::Model;
 use super::observations::{Camera, Observations};
 use super::problem::Problem;
@@ -10,9 +11,6 @@ use super::statistics::LN_2PI;
 
 /// Standard deviation of the logarithm of the aspect of a box around a body that is no sphere.
 const LOG_ASPECT_SD: f64 = 0.33;
-
-/// Squared Mahalanobis distance of a box's middle from the predicted one, at most.
-const GATE: f64 = 25.0;
 
 /// Nearer than this many radii a sphere has no box.
 const NEAREST: f64 = 1.05;
@@ -28,24 +26,13 @@ pub(super) struct Score {
     pub boxes: Vec<u32>,
 }
 
-/// A box that may be claimed.
-#[derive(Debug, Clone, Copy)]
-struct Free {
-    center: Vector2<f64>,
-    log_half: [f64; 2],
-    /// Log density of what else the box may be.
-    density: f64,
-    category: u32,
-    index: u32,
-}
-
 /// Scores spheres over the boxes that belong to no object.
 pub(super) struct SphereScorer<'a> {
     pub problem: &'a Problem<'a>,
     pub observations: &'a Observations,
     model: &'a Model,
-    /// The free boxes of each frame, by the horizontal places of their middles.
-    free: Vec<Vec<Free>>,
+    /// The free boxes of each frame.
+    free: Vec<FreeBoxes>,
 }
 
 impl<'a> SphereScorer<'a> {
@@ -62,11 +49,10 @@ impl<'a> SphereScorer<'a> {
             let free = |i: usize| {
                 let sighting = &observations.boxes[i];
                 let (center, log_half) = (sighting.center(), sighting.log_half);
-                Free { center, log_half, density: density[i], category: sighting.category as u32, index: i as u32 }
+                let (category, index) = (sighting.category as u32, i as u32);
+                Free { center, log_half, density: density[i], category, index }
             };
-            let mut boxes: Vec<Free> = camera.boxes.clone().filter(is_free).map(free).collect();
-            boxes.sort_by(|a, b| a.center.x.total_cmp(&b.center.x));
-            boxes
+            FreeBoxes::new(camera.boxes.clone().filter(is_free).map(free).collect())
         };
         let free = observations.cameras.iter().map(in_frame).collect();
         Self { problem, observations, model, free }
@@ -74,18 +60,18 @@ impl<'a> SphereScorer<'a> {
 
     /// The free boxes of a frame in a category.
     pub fn free_in(&self, frame: usize, category: usize) -> impl Iterator<Item = u32> + '_ {
-        self.free[frame].iter().filter(move |b| b.category as usize == category).map(|b| b.index)
+        self.free[frame].left().filter(move |b| b.category as usize == category).map(|b| b.index)
     }
 
     /// All free boxes, by frames.
     pub fn all_free(&self) -> impl Iterator<Item = usize> + '_ {
-        self.free.iter().flatten().map(|b| b.index as usize)
+        self.free.iter().flat_map(FreeBoxes::left).map(|b| b.index as usize)
     }
 
     /// Takes boxes away.
     pub fn take(&mut self, boxes: &[u32]) {
         for &index in boxes {
-            self.free[self.observations.boxes[index as usize].frame].retain(|b| b.index != index);
+            self.free[self.observations.boxes[index as usize].frame].take(index);
         }
     }
 
@@ -161,12 +147,7 @@ impl<'a> SphereScorer<'a> {
         let across = own + (du * covariance).dot(&du);
         let reach = (GATE * across).sqrt();
         let free = &self.free[frame];
-        let first = free.partition_point(|b| b.center.x < place.x - reach);
-        let near = free[first..].iter().take_while(|b| b.center.x <= place.x + reach);
-        let mut near = near.filter(|b| b.category as usize == category).peekable();
-        if near.peek().is_none() {
-            return Some(None);
-        }
+        let Some(first) = free.first_near(place.x, reach, category as u32) else { return Some(None) };
         let dv = slope(1);
         let off = (du * covariance).dot(&dv);
         let spread = Matrix2::new(across, off, off, own + (dv * covariance).dot(&dv));
@@ -176,24 +157,17 @@ impl<'a> SphereScorer<'a> {
         }
         let size_variance = LOG_RADIUS_SD * LOG_RADIUS_SD * (1.0 + 1.0 / rays.max(1) as f64);
         let aspect_variance = LOG_ASPECT_SD * LOG_ASPECT_SD;
-        let log_half_size = half_size.ln();
         let constant = -2.0 * LN_2PI - 0.5 * (determinant * 4.0 * size_variance * aspect_variance).ln();
-        let mut best: Option<(u32, f64)> = None;
-        for candidate in near {
-            let d = candidate.center - place;
-            let distance =
-                (spread.m22 * d.x * d.x - 2.0 * spread.m12 * d.x * d.y + spread.m11 * d.y * d.y) / determinant;
-            if distance > GATE {
-                continue;
-            }
-            let [w, h] = candidate.log_half;
-            let (size, aspect) = (0.5 * (w + h) - log_half_size, 0.5 * (w - h));
-            let square = distance + size * size / size_variance + aspect * aspect / aspect_variance;
-            let value = constant - 0.5 * square - candidate.density;
-            if best.is_none_or(|(_, b)| value > b) {
-                best = Some((candidate.index, value));
-            }
-        }
-        Some(best)
+        let expected = Expected {
+            category: category as u32,
+            place,
+            spread,
+            determinant,
+            log_half_size: half_size.ln(),
+            size_variance,
+            aspect_variance,
+            constant,
+        };
+        Some(free.best(&expected, first, reach))
     }
 }
