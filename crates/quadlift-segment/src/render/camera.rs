@@ -85,7 +85,7 @@ pub(super) fn frames(
 
 /// The pose of a camera at `position` that looks at `target`, turned about its axis by `roll` radians from upright.
 /// The two may not stand above each other.
-fn look(position: &Point3<f64>, target: &Point3<f64>, roll: f64) -> Result<CamFromWorld, CameraError> {
+pub(super) fn look(position: &Point3<f64>, target: &Point3<f64>, roll: f64) -> Result<CamFromWorld, CameraError> {
     let forward = (target - position).normalize();
     let right = forward.cross(&Vector3::z()).normalize();
     let down = forward.cross(&right);

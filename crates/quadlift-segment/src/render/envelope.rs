@@ -50,7 +50,7 @@ fn spiral_point(k: usize) -> Vector3<f64> {
 
 /// Khachiyan's algorithm: weights of the points move towards the one that lies farthest out; at the end the ellipsoid
 /// grows until it holds all points.
-fn enclosing_ellipsoid(points: &[Point3<f64>]) -> Ellipsoid {
+pub(super) fn enclosing_ellipsoid(points: &[Point3<f64>]) -> Ellipsoid {
     let n = points.len();
     let lifted: Vec<Vector4<f64>> = points.iter().map(|p| p.to_homogeneous()).collect();
     let mut weights = vec![1.0 / n as f64; n];

@@ -5,6 +5,7 @@
 //! segmentation was developed: colours of the objects overlap with those of the clutter and of the ground.
 
 mod camera;
+mod desk;
 mod envelope;
 mod frame;
 mod objects;
@@ -14,6 +15,7 @@ mod solid;
 mod texture;
 mod world;
 
+pub use desk::{DeskOptions, RenderedDesk, render_desk};
 pub use objects::ObjectKind;
 pub use options::RenderOptions;
 
