@@ -163,12 +163,19 @@ def main():
     quadlift = Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        run(quadlift, "demo", "--out", folder / "demo")
-        estimate_path = folder / "demo/boxes/estimate.json"
+        scene_path, estimate_path = folder / "scene.json", folder / "estimate.json"
+        noise = ["--scale", "0.05", "--noise", "box:0.05", "--outliers", "0.05"]
+        run(quadlift, "synth", "-o", scene_path, "--objects", "8", "--views", "20", *noise)
+        scene = json.loads(scene_path.read_text())
+        scene["length_unit"] = "m"
+        scene.pop("objects")
+        for detection in scene["detections"]:
+            detection.pop("object", None)
+        scene_path.write_text(json.dumps(scene))
+        # The numbers of vertices below are those of ellipsoids.
+        run(quadlift, "localize", scene_path, "-o", estimate_path, "--body", "ellipsoid")
         estimate = json.loads(estimate_path.read_text())
-        scene = json.loads((folder / "demo/boxes/scene.json").read_text())
         objects = estimate["objects"]
-        # The demo chooses ellipsoids; the numbers of vertices below rest on it.
         assert len(objects) == 8 and not any("cuboid" in o or "superellipsoid" in o for o in objects)
 
         def export(kind, *options):

@@ -1,6 +1,7 @@
 // Which objects are shown: those of the categories that are switched on, whose names hold the text of the search.
 
 import type { Report } from "./data.ts";
+import { objectName } from "./words.ts";
 
 export class Filter {
   private readonly hidden = new Set<number>();
@@ -44,8 +45,8 @@ export class Filter {
 
   private apply(): void {
     const { objects, categories } = this.report;
-    this.shown = objects.map((object) => {
-      const words = `${object.id} ${object.trueId ?? ""} ${categories[object.category] ?? ""}`.toLowerCase();
+    this.shown = objects.map((object, index) => {
+      const words = `${objectName(this.report, index)} ${object.id} ${object.trueId ?? ""} ${categories[object.category] ?? ""}`.toLowerCase();
       return !this.hidden.has(object.category) && words.includes(this.text);
     });
     for (const listener of this.listeners) listener();

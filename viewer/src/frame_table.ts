@@ -6,7 +6,7 @@ import { element } from "./dom.ts";
 import type { Filter } from "./filter.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
-import { short, viewState } from "./words.ts";
+import { objectName, short, viewState } from "./words.ts";
 
 /** A detection of the selected frame. */
 interface Measured {
@@ -26,8 +26,9 @@ export function frameTable(report: Report, selection: Selection, colors: Colors,
   const table = new Table<Measured>("Detections of this frame", [
     {
       title: "detections of this frame",
-      value: (row) => objects[row.object]?.id ?? null,
-      text: (row) => objects[row.object]?.id ?? "–",
+      value: (row) => (row.object < 0 ? null : objectName(report, row.object)),
+      text: (row) => (row.object < 0 ? "–" : objectName(report, row.object)),
+      tip: (row) => objects[row.object]?.id ?? "",
       mark: (row) => colors.ofObject(row.object),
     },
     {

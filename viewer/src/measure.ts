@@ -4,7 +4,7 @@ import type { Report, Vec3 } from "./data.ts";
 import { element } from "./dom.ts";
 import { norm, subtract } from "./linear.ts";
 import type { Selection } from "./selection.ts";
-import { withUnit } from "./words.ts";
+import { objectName, withUnit } from "./words.ts";
 
 export class Measure {
   readonly element: HTMLElement;
@@ -16,7 +16,7 @@ export class Measure {
   constructor(private readonly report: Report, private readonly selection: Selection) {
     this.list = element("select", { id: "measure" }, element("option", { value: "-1" }, "–"));
     report.objects.forEach((object, index) => {
-      if (object.center !== null) this.list.append(element("option", { value: `${index}` }, object.id));
+      if (object.center !== null) this.list.append(element("option", { value: `${index}` }, objectName(report, index)));
     });
     const label = element("label", { for: "measure" }, "distance to ");
     this.element = element("p", { class: "measure" }, label, this.list, " ", this.result);

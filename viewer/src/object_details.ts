@@ -9,7 +9,7 @@ import { viewsOf, type ViewOf } from "./object_views.ts";
 import { overview } from "./overview.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
-import { alternativeInWords, extents, remarks, short, statusName, viewState, withUnit } from "./words.ts";
+import { alternativeInWords, extents, objectName, remarks, short, statusName, viewState, withUnit } from "./words.ts";
 
 /** `look` turns the 3D view to an object. */
 export function objectDetails(
@@ -39,8 +39,8 @@ export function objectDetails(
       near.addEventListener("click", () => look(selection.object));
       buttons.unshift(near);
     }
-    const heading = element("h2", { "aria-live": "polite" }, mark, object.id);
-    place.replaceChildren(element("header", {}, heading, ...buttons), factList(facts(report, object)));
+    const heading = element("h2", { "aria-live": "polite" }, mark, objectName(report, selection.object));
+    place.replaceChildren(element("header", {}, heading, ...buttons), factList(facts(report, selection.object, object)));
     if (object.alternatives.length > 0) {
       const text = "Other bodies fit the views about as well; their wires are drawn while the object is selected.";
       place.append(element("p", { class: "dim" }, text));
@@ -68,11 +68,12 @@ export function objectDetails(
   return place;
 }
 
-function facts(report: Report, object: ReportObject): [string, string][] {
+function facts(report: Report, index: number, object: ReportObject): [string, string][] {
   const { lengthUnit } = report;
   const unit = lengthUnit ?? "units";
   const category = report.categories[object.category];
   return [
+    ...(objectName(report, index) === object.id ? [] : [["id", object.id] as [string, string]]),
     ...(category === undefined ? [] : [["category", category] as [string, string]]),
     ["status", statusName(object.status)],
     ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),

@@ -5,7 +5,7 @@ import type { Colors } from "./colors.ts";
 import type { Filter } from "./filter.ts";
 import type { Selection } from "./selection.ts";
 import { Table, type Column } from "./table.ts";
-import { extents, remarks, score, short, statusName } from "./words.ts";
+import { extents, objectName, remarks, score, short, statusName } from "./words.ts";
 
 export function objectTable(report: Report, selection: Selection, colors: Colors, filter: Filter): HTMLElement {
   const { objects, categories, lengthUnit, scores } = report;
@@ -16,8 +16,9 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
   const columns: Column<number>[] = [
     {
       title: "object",
-      value: (k) => objects[k]?.id ?? null,
-      text: (k) => objects[k]?.id ?? "",
+      value: (k) => objectName(report, k),
+      text: (k) => objectName(report, k),
+      tip: (k) => objects[k]?.id ?? "",
       mark: (k) => colors.ofObject(k),
     },
     {
@@ -79,8 +80,9 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
       secondary: true,
     });
   }
-  // Objects that are called as their category need it only once.
-  if (objects.some((object) => object.category >= 0 && categories[object.category] !== object.id)) {
+  // Objects whose names tell their category need it only once.
+  const tells = (k: number): boolean => objectName(report, k).startsWith(categories[objects[k]?.category ?? -1] ?? "");
+  if (objects.some((_, k) => !tells(k))) {
     const category = (k: number): string => categories[objects[k]?.category ?? -1] ?? "";
     columns.splice(1, 0, { title: "category", value: category, text: category, minor: true });
   }

@@ -5,7 +5,7 @@ import type { Colors } from "./colors.ts";
 import { element, factList } from "./dom.ts";
 import type { Selection } from "./selection.ts";
 import { Table, type Column } from "./table.ts";
-import { count, remarks, score, statusName } from "./words.ts";
+import { count, objectName, remarks, score, statusName } from "./words.ts";
 
 /** Objects whose warnings are listed at once; the rest is in the table. */
 const MOST_LISTED = 100;
@@ -22,10 +22,10 @@ export function warnings(report: Report, selection: Selection): HTMLElement[] {
   for (const note of report.notes) list.append(element("li", {}, note));
   const remarked = report.objects.flatMap((object, index) => {
     const texts = object.status === null ? [] : remarks(object);
-    return texts.length > 0 ? [{ index, id: object.id, texts }] : [];
+    return texts.length > 0 ? [{ index, texts }] : [];
   });
-  for (const { index, id, texts } of remarked.slice(0, MOST_LISTED)) {
-    const name = element("button", { type: "button", class: "link" }, id);
+  for (const { index, texts } of remarked.slice(0, MOST_LISTED)) {
+    const name = element("button", { type: "button", class: "link" }, objectName(report, index));
     name.addEventListener("click", () => selection.selectObject(index));
     list.append(element("li", {}, name, `: ${texts.join("; ")}`));
   }
@@ -41,7 +41,10 @@ export function scores(report: Report, selection: Selection, colors: Colors): HT
   const { scores } = report;
   if (scores === null) return [];
   const used = scores.columns.map((_, c) => c).filter((c) => scores.rows.some((row) => (row.values[c] ?? null) !== null));
-  const id = (k: number): string => report.objects[scores.rows[k]?.object ?? -1]?.id ?? "";
+  const id = (k: number): string => {
+    const object = scores.rows[k]?.object ?? -1;
+    return report.objects[object] === undefined ? "" : objectName(report, object);
+  };
   const title = (c: number): string => {
     const column = scores.columns[c];
     return column?.unit === "length" ? `${column.title} [${report.lengthUnit ?? "units"}]` : (column?.title ?? "");

@@ -1,4 +1,4 @@
-// Takes the pictures of docs/report.md of a rendered scene: `npm run screenshots` in viewer/. Look at them.
+// Takes the pictures of the README and of docs/report.md of rendered scenes: `npm run screenshots` in viewer/. Look at them.
 
 import { join } from "node:path";
 import { folder, launch, open, project, quadlift } from "./browser.ts";
@@ -6,18 +6,19 @@ import { folder, launch, open, project, quadlift } from "./browser.ts";
 quadlift("synth", "-q", "-o", "scene.json", "--render", "--objects", "7", "--views", "24", "--seed", "5");
 quadlift("localize", "-q", "scene.json", "-o", "estimate.json");
 quadlift("evaluate", "-q", "estimate.json", "scene.json", "--report", "report.html");
+quadlift("demo", "-q", "--out", "demo");
 const browser = await launch();
-for (const [name, look] of [
-  ["report", { width: 1600, height: 1000 }],
-  ["report-narrow", { width: 390, height: 844, dark: true }],
+for (const [name, path, row, look] of [
+  ["demo", "demo/report.html", 4, { width: 1600, height: 900 }],
+  ["report", "report.html", 3, { width: 1600, height: 1000 }],
+  ["report-narrow", "demo/report.html", -1, { width: 390, height: 844, dark: true }],
 ] as const) {
-  const { page } = await open(browser, "report.html", look);
-  await page.getByRole("button", { name: "Objects" }).click();
-  if (look.width > 1000) await page.locator("table[aria-label=Objects] tbody tr").nth(3).click();
+  const { page } = await open(browser, path, look);
+  if (row >= 0) await page.locator("table[aria-label=Objects] tbody tr").nth(row).click();
   await page.waitForTimeout(500);
-  const path = join(project, "docs/images", `${name}.jpg`);
-  await page.screenshot({ path, type: "jpeg", quality: 85, fullPage: look.width < 1000 });
-  console.log(path);
+  const file = join(project, "docs/images", `${name}.jpg`);
+  await page.screenshot({ path: file, type: "jpeg", quality: 82, fullPage: look.width < 1000 });
+  console.log(file);
 }
 await browser.close();
 console.log(`made in ${folder}`);

@@ -91,20 +91,9 @@ pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, associ
     text
 }
 
-/// Associates the detections of a scene; `title` stands before the progress bar. That nothing is found is an error that
-/// says why; what the self-check has found is a part of it.
-pub fn associate_scene(
-    title: &str,
-    scene: &Scene,
-    options: &AssociateOptions,
-    check: &Check,
-    out: &Output,
-) -> anyhow::Result<Association> {
-    judged(with_progress(title, scene, options, out)?, check)
-}
-
 /// Associates the detections of a scene, checks whether what is found agrees with itself, and mends the scene where that
-/// is asked for; then it is associated again. Errors as of [`associate_scene`].
+/// is asked for; then it is associated again. `title` stands before the progress bar. That nothing is found is an error
+/// that says why; what the self-check has found is a part of it.
 pub fn associate_and_check(
     title: &str,
     corrected: &mut CorrectedScene,

@@ -185,6 +185,12 @@ fn hanging(line: &str) -> String {
     line[..column].to_owned() + &fill(&line[column..], WIDTH - column).replace('\n', &below)
 }
 
+/// A text in lines that fit, each behind so many blanks.
+pub fn fill_indented(text: &str, blanks: usize) -> String {
+    let indent = " ".repeat(blanks);
+    fill(text, WIDTH - blanks).lines().map(|line| format!("{indent}{line}")).collect::<Vec<_>>().join("\n")
+}
+
 /// The words of a text in lines of at most this many columns.
 fn fill(text: &str, width: usize) -> String {
     let mut lines = vec![String::new()];

@@ -26,16 +26,6 @@ fn view(folder: &Folder, files: &str) -> Value {
 }
 
 #[test]
-fn the_demo_shows_its_first_scene() {
-    let folder = Folder::new();
-    let text = folder.succeed("demo --out demo --report demo.html");
-    assert!(text.ends_with("Wrote demo.html\n"), "{text}");
-    let first = data(&folder.read("demo.html"));
-    assert!(first["frames"].as_array().unwrap().iter().all(|frame| frame["image"].is_string()));
-    assert!(first["objects"].as_array().unwrap().iter().any(|o| o["body"].is_object() && o["truth"].is_object()));
-}
-
-#[test]
 fn a_report_has_estimates_truth_scores_and_rejected_boxes() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 8 --views 20 --scale 0.05 --noise box:0.05 --outliers 0.05");

@@ -4,6 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use image::codecs::jpeg::JpegEncoder;
 use image::{EncodableLayout, ImageBuffer, ImageError, ImageFormat, ImageReader, Luma, PixelWithColorType, RgbImage};
 use quadlift_segment::LabelImage;
 
@@ -167,16 +168,56 @@ where
     write_file(path, |out| out.write_all(&bytes))
 }
 
-/// Writes a label image as a grey PNG file of 8 bits, or of 16 where a value is above 255.
+/// Writes a JPEG file of this quality (1 to 100) as a whole or not at all.
+///
+/// # Errors
+/// As [`write_png`].
+pub fn write_jpeg(path: &Path, image: &RgbImage, quality: u8) -> Result<(), WriteError> {
+    let mut bytes = Vec::new();
+    let encoded = JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(image);
+    encoded.map_err(|error| WriteError::new(path, error))?;
+    write_file(path, |out| out.write_all(&bytes))
+}
+
+/// Writes a label image as a PNG file with a palette, whose indices are the values and whose colours are for people: 0 is
+/// black, neighbouring values are easily told apart. Where a value is above 255, as a grey one of 16 bits.
 ///
 /// # Errors
 /// As [`write_png`].
 pub fn write_label_image(path: &Path, labels: &LabelImage) -> Result<(), WriteError> {
     if let Some(image) = labels.to_8_bit() {
-        return write_png(path, &image);
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, image.width(), image.height());
+        encoder.set_color(png::ColorType::Indexed);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_palette(label_palette());
+        let written = encoder.write_header().and_then(|mut writer| {
+            writer.write_image_data(image.as_raw())?;
+            writer.finish()
+        });
+        written.map_err(|error| WriteError::new(path, error))?;
+        return write_file(path, |out| out.write_all(&bytes));
     }
     let image = ImageBuffer::<Luma<u16>, _>::from_raw(labels.width(), labels.height(), labels.values().to_vec());
     image.map_or_else(|| Err(WriteError::new(path, "the image has no pixels")), |image| write_png(path, &image))
+}
+
+/// Colours of the values of a label image, three bytes each: black, then hues that follow each other in golden sections, in
+/// three degrees of brightness.
+fn label_palette() -> Vec<u8> {
+    let color = |value: u16| -> [u8; 3] {
+        if value == 0 {
+            return [0; 3];
+        }
+        let hue = 6.0 * (f32::from(value) * 0.618_034).fract();
+        let bright = [255.0, 200.0, 150.0][usize::from(value) % 3];
+        // How much of red, green and blue there is at a hue, from 0.2 to 1.
+        [0.0, 2.0, 4.0].map(|offset: f32| {
+            let away = ((hue + offset) % 6.0 - 3.0).abs() - 1.0;
+            (bright * (0.2 + 0.8 * away.clamp(0.0, 1.0))) as u8
+        })
+    };
+    (0..=255).flat_map(color).collect()
 }
 
 /// The number with an index in a row of numbers of a PNG image, as they are packed.

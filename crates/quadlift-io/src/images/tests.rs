@@ -221,3 +221,25 @@ proptest! {
         problems(&bytes);
     }
 }
+
+#[test]
+fn label_images_can_be_looked_at_and_keep_their_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("labels.png");
+    let values: Vec<u16> = (0..256).collect();
+    let labels = LabelImage::new(16, 16, values.clone()).unwrap();
+    write_label_image(&path, &labels).unwrap();
+    assert_eq!(read_label_image(&path).unwrap().values(), &values[..]);
+    // As people see it: the background is black, objects are bright and differ from their neighbours in number.
+    let seen = image::open(&path).unwrap().to_rgb8();
+    let colors: Vec<[u8; 3]> = seen.pixels().map(|pixel| pixel.0).collect();
+    assert_eq!(colors[0], [0; 3]);
+    for pair in colors[1..].windows(2) {
+        let apart: i32 = (0..3).map(|c| (i32::from(pair[0][c]) - i32::from(pair[1][c])).abs()).sum();
+        assert!(pair[0].iter().max() >= Some(&120) && apart > 60, "{pair:?}");
+    }
+    // Many objects: values above 255 need 16 bits.
+    let labels = LabelImage::new(2, 1, vec![0, 300]).unwrap();
+    write_label_image(&path, &labels).unwrap();
+    assert_eq!(read_label_image(&path).unwrap().values(), [0, 300]);
+}

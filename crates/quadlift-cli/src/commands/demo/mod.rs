@@ -1,40 +1,54 @@
-//! `quadlift demo`: the whole way on two scenes whose truth is known, without any file.
+//! `quadlift demo`: a desk, photographed and detected, without any file; what is found on it, how sure that is, and what
+//! becomes of a wrong input.
 
-mod boxes;
-mod images;
-mod part;
+mod desk;
+mod findings;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
+use clap::{Args as _, FromArgMatches};
+use quadlift_io::diagnosis::Context as Known;
+use quadlift_io::{SceneFile, read_scene_file};
 use serde_json::json;
 
+use super::localize;
+use crate::diagnosis::{Check, without_ids};
 use crate::error::Outcome;
 use crate::files::make_folder;
+use crate::next::Next;
 use crate::output::{HEADING, Output};
-use crate::report::{Gathered, check_report};
+use crate::report::check_report;
+use desk::{SCENE, TRUTH, WRONG};
+use findings::Findings;
 
-/// Show the whole way on two built-in scenes: which boxes show the same object, masks, objects, how good they are
+/// Names of what is found.
+const ESTIMATE: &str = "estimate.json";
+const PAGE: &str = "report.html";
+const MENDED: &str = "mended.json";
+
+/// Find the things on a desk: photographs, boxes of a detector, objects, a page that shows them
 ///
-/// The first scene has rendered images and boxes, the second one boxes only, a few of them quite wrong. No box says
-/// which object it shows.
+/// The photographs are rendered, so that the truth is known. The boxes are those of a simulated detector: they say what
+/// they show but not which one, some are wrong, and some show nothing. A second part gives the same boxes with wrong
+/// camera poses.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "\
 Files in DIR, for the other commands to work on:
-  scene.json, images/   what a user brings: frames with images and cameras, and boxes
-  segmented.json        the same with objects, masks and ellipses (associate, segment)
-  masks/, sheets/       the masks as label images; pictures of them to look at
-  estimate.json         the objects that were found (localize)
-  truth.json            the true objects, named as they were found
-  boxes/                scene.json, estimate.json and truth.json of the second scene
+  scene.json, images/  what a user brings: photographs with cameras, and boxes
+  estimate.json        the objects that were found (localize)
+  report.html          the page that shows them (localize --report)
+  truth.json           the true objects
+  wrong-poses.json     the same scene with poses whose axes are those of OpenGL
+  mended.json          the objects that were found in it once that was mended (localize --fix)
 
 Next:
   quadlift info quadlift-demo/scene.json
-  quadlift localize quadlift-demo/segmented.json -o again.json --method lfd
-  quadlift evaluate again.json quadlift-demo/truth.json
-  quadlift view quadlift-demo/segmented.json again.json quadlift-demo/truth.json"
+  quadlift localize quadlift-demo/scene.json -o again.json
+  quadlift evaluate quadlift-demo/estimate.json quadlift-demo/truth.json
+  quadlift view quadlift-demo/scene.json quadlift-demo/estimate.json"
 )]
 pub struct Args {
     /// Folder for the files; it is made if it does not exist
@@ -45,9 +59,13 @@ pub struct Args {
     #[arg(long)]
     overwrite: bool,
 
-    /// Page that shows the first scene and what was found in it, for any browser
+    /// Another place for the page [default: DIR/report.html]
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+
+    /// Open the page in the browser
+    #[arg(long)]
+    open: bool,
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -56,38 +74,94 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         bail!("cannot write to {}: it is a file; expected a folder", folder.display());
     }
     check_report(args.report.as_ref(), &[])?;
-    let files =
-        ["scene.json", "segmented.json", "estimate.json", "truth.json", "boxes/scene.json", "boxes/estimate.json"];
+    let files = [SCENE, ESTIMATE, TRUTH, PAGE, WRONG, MENDED];
     if let Some(file) = files.iter().map(|name| folder.join(name)).find(|path| !args.overwrite && path.exists()) {
         bail!("{} exists already; --overwrite writes over the files of an earlier demo", file.display());
     }
     make_folder(folder)?;
-    let with_images = images::run(folder, out)?;
-    let with_boxes = boxes::run(&folder.join("boxes"), out)?;
-    out.report(&next_steps(folder))?;
-    if let Some(report) = &args.report {
-        let files = ["segmented.json", "estimate.json", "truth.json"].map(|name| folder.join(name));
-        Gathered::read(&files)?.write_report_with_scores(report)?;
-        out.report(&format!("Wrote {}\n", report.display()))?;
+    let page = args.report.clone().unwrap_or_else(|| folder.join(PAGE));
+    let desk = desk::photographs()?;
+    let file = desk::write(&desk, folder)?;
+    let path = |name: &str| folder.join(name);
+
+    localize(&path(SCENE), &path(ESTIMATE), Some(&page), false)?;
+    let result = read_scene_file(&path(ESTIMATE))?;
+    let found = Findings::new(&desk, &result)?;
+    out.report(&first_part(&file, &found, &path(SCENE), &page))?;
+
+    let wrong = read_scene_file(&path(WRONG))?;
+    let scene = wrong.to_scene().map_err(|error| error.in_file(&path(WRONG)))?;
+    let check = Check::of(without_ids(&scene, None), Known::of(&wrong, 0), &wrong, None);
+    let said = check.in_words().unwrap_or_else(|| "nothing is wrong with it".to_owned());
+    localize(&path(WRONG), &path(MENDED), None, true)?;
+    let mended = read_scene_file(&path(MENDED))?;
+    let again = Findings::new(&desk, &mended)?;
+    out.report(&second_part(&said, &again))?;
+
+    next_steps(folder).tell(out)?;
+    let self_check = json!({ "said": said, "mended": again.to_json() });
+    out.document(&json!({ "desk": found.to_json(), "wrong_poses": self_check, "report": page.display().to_string() }))?;
+    if args.open {
+        let failed = || format!("cannot open a browser; the page is {}", page.display());
+        open::that(&page).with_context(failed)?;
     }
-    out.document(&json!({ "images": with_images, "boxes": with_boxes }))?;
     Ok(Outcome::Fine)
 }
 
-fn next_steps(folder: &Path) -> String {
-    let file = |name: &str| folder.join(name).display().to_string();
-    let sheet = file("sheets/object_0000.png");
+/// Runs `quadlift localize` on a scene, silently.
+fn localize(scene: &Path, output: &Path, report: Option<&Path>, fix: bool) -> anyhow::Result<()> {
+    let command = localize::Args::augment_args(clap::Command::new("localize").no_binary_name(true));
+    let mut words = vec![scene.as_os_str(), "--output".as_ref(), output.as_os_str()];
+    words.extend(report.into_iter().flat_map(|report| ["--report".as_ref(), report.as_os_str()]));
+    words.extend(fix.then_some(std::ffi::OsStr::new("--fix")));
+    let args = localize::Args::from_arg_matches(&command.try_get_matches_from(words)?)?;
+    let silent = Output { json: false, quiet: true, verbose: false, reports_to_stderr: false };
+    match localize::run(&args, &silent)? {
+        Outcome::Fine => Ok(()),
+        _ => bail!("the demo's scene could not be localised: {}", scene.display()),
+    }
+}
+
+fn first_part(file: &SceneFile, found: &Findings, scene: &Path, page: &Path) -> String {
+    let ([things, all], boxes) = (found.found(), found.boxes());
+    let (frames, images) = (file.frames.len(), scene.with_file_name("images"));
+    let missing = found.missing();
+    let missing = if missing.is_empty() { String::new() } else { format!(" (not the {})", missing.join(", ")) };
     format!(
-        "{HEADING}Look at{HEADING:#}\n  {:width$}  an image\n  {sheet}  what was found: masks yellow, their ellipses pink\n\
-         {HEADING}Try next{HEADING:#}\n  quadlift info {scene}\n  quadlift localize {boxes} -o again.json --method planes\n  \
-         quadlift evaluate again.json {truth}\n  quadlift view {segmented} {estimate} {found}\n",
-        file("images/000000.png"),
-        width = sheet.chars().count(),
-        scene = file("scene.json"),
-        boxes = file("boxes/scene.json"),
-        truth = file("boxes/truth.json"),
-        segmented = file("segmented.json"),
-        estimate = file("estimate.json"),
-        found = file("truth.json"),
+        "{HEADING}1. A desk{HEADING:#}\n\
+         {frames} photographs of {all} things ({}), and {} boxes of a detector. A box says \"can\" or\n\
+         \"book\", but not which one; {} boxes are quite wrong or show nothing at all.\n\n\
+         Found {things} of {all} things{missing}. Refused {} of the {} wrong boxes, and {} of the {} others.\n\n{}\n\
+         The page: {}\n\n",
+        images.display(),
+        boxes.all,
+        boxes.wrong,
+        boxes.wrong_refused,
+        boxes.wrong,
+        boxes.right_refused,
+        boxes.all - boxes.wrong,
+        found.table(),
+        page.display(),
     )
+}
+
+fn second_part(said: &str, mended: &Findings) -> String {
+    let [things, all] = mended.found();
+    format!(
+        "{HEADING}2. The same boxes with wrong camera poses{HEADING:#}\n\
+         {WRONG} has poses as a program writes them whose cameras look along -z. The self-check says:\n\n{}\n\n\
+         With --fix {things} of {all} things are found again.\n",
+        crate::help::fill_indented(said, 2),
+    )
+}
+
+fn next_steps(folder: &Path) -> Next {
+    let [scene, estimate, truth, wrong] = [SCENE, ESTIMATE, TRUTH, WRONG].map(|name| folder.join(name));
+    let [scene, estimate, truth, wrong] = [&scene, &estimate, &truth, &wrong].map(PathBuf::as_path);
+    Next::default()
+        .command(["view".into(), scene.into(), estimate.into()], "look at it in the browser")
+        .command(["info".into(), scene.into()], "what the scene holds")
+        .command(["localize".into(), scene.into(), "-o again.json".into()], "find the things yourself")
+        .command(["evaluate".into(), estimate.into(), truth.into()], "compare with the truth")
+        .command(["localize".into(), wrong.into(), "--fix".into()], "mend the wrong poses")
 }

@@ -132,8 +132,9 @@ pub(super) fn render(targets: &[Target], frame: &SyntheticFrame, things: usize) 
     let mut whole = vec![0u32; things];
     let mut met = vec![u32::MAX; things];
     for y in 0..height {
-        let row: Vec<usize> =
-            (0..targets.len()).filter(|&k| f64::from(y) + 1.0 >= windows[k][1] && f64::from(y) <= windows[k][3]).collect();
+        let row: Vec<usize> = (0..targets.len())
+            .filter(|&k| f64::from(y) + 1.0 >= windows[k][1] && f64::from(y) <= windows[k][3])
+            .collect();
         for x in 0..width {
             let pixel = y * width + x;
             let direction = camera.direction(f64::from(x) + 0.5, f64::from(y) + 0.5);

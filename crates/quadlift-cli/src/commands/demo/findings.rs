@@ -1,0 +1,155 @@
+//! What was found on the desk, beside what is true.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use quadlift::geometry::{Body, ConvexBody};
+use quadlift_io::SceneFile;
+use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
+use quadlift_segment::render::RenderedDesk;
+use serde_json::{Value, json};
+
+use crate::output::DIM;
+use crate::table::{Cell, Table, number};
+
+/// What a localisation of the desk has found.
+pub struct Findings<'a> {
+    desk: &'a RenderedDesk,
+    result: &'a SceneFile,
+    /// For each object of the result, its body and the thing it shows.
+    bodies: Vec<Option<Body>>,
+    things: Vec<Option<usize>>,
+}
+
+/// How many detections there were, and what became of them.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Boxes {
+    pub all: usize,
+    /// Of nothing, or quite wrong.
+    pub wrong: usize,
+    /// Those of the wrong ones, and of the others, that had no part in the result.
+    pub wrong_refused: usize,
+    pub right_refused: usize,
+}
+
+impl<'a> Findings<'a> {
+    /// Compares a result, which has the detections of the scene, with what was photographed. An object shows the thing
+    /// with which it shares the most detections.
+    pub fn new(desk: &'a RenderedDesk, result: &'a SceneFile) -> anyhow::Result<Self> {
+        let mut shared: HashMap<&str, BTreeMap<usize, usize>> = HashMap::new();
+        for (record, thing) in result.detections.iter().zip(&desk.synthetic.true_objects) {
+            if let (Some(object), Some(thing)) = (&record.object, thing) {
+                *shared.entry(object).or_default().entry(*thing).or_default() += 1;
+            }
+        }
+        let most = |object: &ObjectRecord| {
+            let counts = shared.get(object.id.as_str())?;
+            // Of equally many the first.
+            counts.iter().max_by_key(|(thing, count)| (**count, std::cmp::Reverse(**thing))).map(|(thing, _)| *thing)
+        };
+        let bodies = result.to_objects()?.iter().map(ObjectBodies::body).collect();
+        Ok(Self { desk, result, bodies, things: result.objects.iter().map(most).collect() })
+    }
+
+    /// Objects that were localised.
+    fn localised(&self) -> impl Iterator<Item = (&ObjectRecord, Option<Body>, Option<usize>)> {
+        let rows = self.result.objects.iter().zip(&self.bodies).zip(&self.things);
+        let rows = rows.map(|((object, body), thing)| (object, *body, *thing));
+        rows.filter(|(object, ..)| object.status.as_deref() == Some("ok"))
+    }
+
+    /// How many things were found, and how many there are.
+    pub fn found(&self) -> [usize; 2] {
+        let found: HashSet<usize> = self.localised().filter_map(|(.., thing)| thing).collect();
+        [found.len(), self.desk.synthetic.truth.len()]
+    }
+
+    /// Names of the things that were not found.
+    pub fn missing(&self) -> Vec<String> {
+        let found: HashSet<usize> = self.localised().filter_map(|(.., thing)| thing).collect();
+        let names = self.desk.synthetic.truth.iter().enumerate().filter(|(thing, _)| !found.contains(thing));
+        names.map(|(_, (name, _))| name.clone()).collect()
+    }
+
+    /// What became of the boxes.
+    pub fn boxes(&self) -> Boxes {
+        let used: HashSet<(&str, &str)> = self
+            .localised()
+            .flat_map(|(object, ..)| {
+                let used = object.view_residuals_px.iter().filter(|view| view.inlier);
+                used.map(|view| (object.id.as_str(), view.frame.as_str()))
+            })
+            .collect();
+        let mut boxes = Boxes::default();
+        for (record, &wrong) in self.result.detections.iter().zip(&self.desk.synthetic.outliers) {
+            let is_used = record.object.as_deref().is_some_and(|object| used.contains(&(object, &*record.frame)));
+            boxes.all += 1;
+            boxes.wrong += usize::from(wrong);
+            boxes.wrong_refused += usize::from(wrong && !is_used);
+            boxes.right_refused += usize::from(!wrong && !is_used);
+        }
+        boxes
+    }
+
+    /// Distance of an object's centre from that of its thing, metres.
+    fn off(&self, object: &ObjectRecord, thing: Option<usize>) -> Option<f64> {
+        let truth = self.desk.synthetic.truth.get(thing?)?.1.center();
+        let center = object.center?;
+        Some((0..3).map(|axis| (center[axis] - truth[axis]).powi(2)).sum::<f64>().sqrt())
+    }
+
+    /// One row for each object: what it is, how often it was seen, its size, how sure that is, and how far off.
+    pub fn table(&self) -> String {
+        let mut table = Table::new(["<thing", "seen in", "size [cm]", "place known to", "really off by"]);
+        let millimetres =
+            |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{} mm", number(Some(1e3 * x), 0)));
+        for (object, body, thing) in self.localised() {
+            let category = object.category.as_deref().unwrap_or("object");
+            let name = object.id.trim_start_matches("object_").trim_start_matches('0');
+            let name = format!("{category} {}", if name.is_empty() { "0" } else { name });
+            let views = object.views_used.unwrap_or(0);
+            let sizes = body.map(|body| {
+                let mut sizes: [f64; 3] = (body.half_extents() * 200.0).into();
+                sizes.sort_by(|a, b| b.total_cmp(a));
+                sizes.map(|x| number(Some(x), 1)).join(" x ")
+            });
+            let off = self.off(object, thing);
+            table.push(vec![
+                Cell::from(name),
+                Cell::from(format!("{views} views")),
+                Cell::from(sizes.unwrap_or_default()),
+                Cell::from(format!("± {}", millimetres(object.center_sd))),
+                match off {
+                    Some(_) => Cell::from(millimetres(off)),
+                    None => Cell::styled("no such thing", DIM),
+                },
+            ]);
+        }
+        table.render()
+    }
+
+    /// The same for programs.
+    pub fn to_json(&self) -> Value {
+        let boxes = self.boxes();
+        let objects: Vec<Value> = self
+            .localised()
+            .map(|(object, _, thing)| {
+                json!({
+                    "id": object.id,
+                    "category": object.category,
+                    "shows": thing.map(|thing| &self.desk.synthetic.truth[thing].0),
+                    "views": object.views_used,
+                    "center_sd": object.center_sd,
+                    "off": self.off(object, thing),
+                })
+            })
+            .collect();
+        let [found, things] = self.found();
+        json!({
+            "things": things,
+            "found": found,
+            "objects": objects,
+            "boxes": { "all": boxes.all, "wrong": boxes.wrong, "wrong_refused": boxes.wrong_refused,
+                       "right_refused": boxes.right_refused },
+        })
+    }
+}
