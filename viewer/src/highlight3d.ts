@@ -54,7 +54,7 @@ export function highlight(
     draw(ends as [Vec3, Vec3][], style.ink);
     ends.forEach(([, end], k) => {
       const text = withUnit(2 * (body.half[k] ?? 0), report.lengthUnit);
-      if (end !== undefined) labels.push({ text, at: end, must: true });
+      if (end !== undefined) labels.push({ text, at: end, must: false });
     });
   }
   for (const other of object.alternatives) draw(wireframe(other.body), style.ink);

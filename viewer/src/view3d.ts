@@ -292,7 +292,11 @@ export class View3d {
     const shown = this.filter.shows(object) ? object : -1;
     const lengths = highlight(this.chosen, this.report, shown, this.measure, this.space.origin, style);
     const axes = this.layers.grid.visible ? this.surroundings.names.map((name) => ({ ...name, must: false })) : [];
-    this.labels.set([...lengths, ...(this.showsNames ? this.names() : []), ...axes]);
+    const names = this.showsNames ? this.names() : [];
+    // The selected object's name and lengths have the first choice of places.
+    const own = names.findIndex(({ must }) => !must);
+    const first = own < 0 ? names.length : own;
+    this.labels.set([...names.slice(0, first), ...lengths, ...names.slice(first), ...axes]);
     this.redraw();
   }
 

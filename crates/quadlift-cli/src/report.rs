@@ -50,8 +50,15 @@ pub fn write_localized(
 ) -> anyhow::Result<()> {
     let images = file.to_images(input).map_err(|error| error.in_file(input))?;
     let title = title(input, file);
-    let content =
-        Content { title: &title, scene, images: Some(&images), estimate: Some(result), truth: None, scores: None };
+    let content = Content {
+        title: &title,
+        scene,
+        images: Some(&images),
+        estimate: Some(result),
+        truth: None,
+        source: None,
+        scores: None,
+    };
     write_report(path, &content)
 }
 
@@ -96,7 +103,8 @@ impl Gathered {
         for (path, file) in estimate.iter().chain(&truth) {
             file.to_objects().map_err(|error| error.in_file(path))?;
         }
-        let scene = file.to_scene().map_err(|error| error.in_file(path))?;
+        let named = estimate.as_ref().and_then(|(_, result)| with_identities(file, result));
+        let scene = named.as_ref().unwrap_or(file).to_scene().map_err(|error| error.in_file(path))?;
         let images = file.to_images(path).map_err(|error| error.in_file(path))?;
         let times = file.frames.iter().map(|frame| frame.time).collect();
         Ok(Self { title: title(path, file), scene, images, times, estimate, truth })
@@ -110,6 +118,7 @@ impl Gathered {
             images: Some(&self.images),
             estimate: self.estimate.as_ref().map(|(_, file)| file),
             truth: self.truth.as_ref().map(|(_, file)| file),
+            source: None,
             scores,
         }
     }
@@ -127,6 +136,24 @@ impl Gathered {
     pub fn write_report(&self, path: &Path, evaluation: Option<&Evaluation>) -> anyhow::Result<()> {
         write_report(path, &self.content(evaluation.map(Scores::of).as_ref()))
     }
+}
+
+/// The scene with the identities that an association has found, where `result` has the same detections with their
+/// objects and the scene names none.
+fn with_identities(scene: &SceneFile, result: &SceneFile) -> Option<SceneFile> {
+    let (given, found) = (&scene.detections, &result.detections);
+    let is_same = given.len() == found.len()
+        && given.iter().zip(found).all(|(a, b)| {
+            a.object.is_none() && a.frame == b.frame && a.bounding_box == b.bounding_box && a.source == b.source
+        });
+    if !is_same || found.iter().all(|detection| detection.object.is_none()) {
+        return None;
+    }
+    let mut named = scene.clone();
+    for (detection, with_object) in named.detections.iter_mut().zip(found) {
+        detection.object.clone_from(&with_object.object);
+    }
+    Some(named)
 }
 
 /// The title of a report: the name of the scene, or that of its file.

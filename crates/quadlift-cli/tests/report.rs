@@ -135,3 +135,44 @@ fn pictures_have_the_size_of_the_frame_and_show_what_is_asked_for() {
     folder.succeed("render blank.json --frame 000003 -o blank.png");
     assert_eq!(quadlift_io::read_image(&folder.path("blank.png")).unwrap().dimensions(), (1280, 960));
 }
+
+#[test]
+fn identities_that_were_found_are_shown_on_the_scene_that_names_none() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 4 --views 10 --scale 0.05 --noise box:0.03 --seed 3");
+    let mut scene = folder.json("scene.json");
+    scene.as_object_mut().unwrap().remove("objects");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection.as_object_mut().unwrap().remove("object");
+    }
+    folder.write_json("scene.json", &scene);
+    folder.succeed("localize scene.json -o estimate.json");
+    let path = folder.succeed("view scene.json estimate.json --no-browser");
+    let page = data(&std::fs::read_to_string(path.trim()).unwrap());
+    std::fs::remove_file(path.trim()).unwrap();
+    let detections = &page["frames"][0]["detections"];
+    assert!(detections["object"].as_array().unwrap().iter().all(|object| object.as_i64() >= Some(0)), "{detections}");
+    assert!(detections["box"].as_array().unwrap().iter().all(Value::is_number), "{detections}");
+    assert!(detections["residual"].as_array().unwrap().iter().all(Value::is_number), "{detections}");
+}
+
+#[test]
+fn a_picture_has_the_detections_of_the_source_that_is_asked_for() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    let detections = scene["detections"].as_array_mut().unwrap();
+    for detection in detections.iter_mut() {
+        detection["source"] = "yolo".into();
+    }
+    let mut other = detections[0].clone();
+    other["source"] = "label".into();
+    detections.push(other);
+    folder.write_json("scene.json", &scene);
+    let lines = |options: &str| {
+        folder.succeed(&format!("render scene.json --frame 000000 -o frame.svg --labels {options}"));
+        folder.read("frame.svg").matches("<text").count()
+    };
+    assert_eq!((lines(""), lines("--source yolo"), lines("--source label")), (3, 2, 1));
+    let run = folder.run("render scene.json --frame 000000 -o frame.svg --source coco");
+    assert!(run.code == 2 && run.stderr.contains("\"coco\"; there are"), "{}", run.stderr);
+}

@@ -244,7 +244,15 @@ impl PyScene {
         let Loaded { scene, path, .. } = &*self.loaded;
         let file = self.loaded.file();
         let images = file.to_images(path).map_err(refuse)?;
-        let content = Content { title, scene, images: Some(&images), estimate: Some(file), truth: None, scores: None };
+        let content = Content {
+            title,
+            scene,
+            images: Some(&images),
+            estimate: Some(file),
+            truth: None,
+            source: None,
+            scores: None,
+        };
         on_threads(|| report(&content))?.map_err(refuse).and_then(|report| page(&report).map_err(refuse))
     }
 

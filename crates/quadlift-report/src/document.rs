@@ -35,6 +35,8 @@ pub struct Content<'a> {
     pub estimate: Option<&'a SceneFile>,
     /// A scene whose objects are the truth.
     pub truth: Option<&'a SceneFile>,
+    /// The only source whose detections are shown; where it is not given, the one that the estimate was made of.
+    pub source: Option<&'a str>,
     /// Scores of the estimates against the truth.
     pub scores: Option<&'a Scores>,
 }
@@ -69,7 +71,7 @@ pub fn report(content: &Content) -> Result<Report, EntryError> {
 /// As [`report()`].
 pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, EntryError> {
     let scene = content.scene;
-    let source = content.estimate.and_then(run_source);
+    let source = content.source.or(content.estimate.and_then(run_source));
     let source = source.and_then(|name| scene.sources.iter().position(|known| known == name));
     let is_shown = |d: &&Detection| source.is_none() || d.source_index.map(|s| s as usize) == source;
     let objects = Objects::gather(content, is_shown)?;
@@ -254,7 +256,7 @@ mod tests {
     }
 
     fn content<'a>(scene: &'a Scene, estimate: &'a SceneFile) -> Content<'a> {
-        Content { title: "t", scene, images: None, estimate: Some(estimate), truth: None, scores: None }
+        Content { title: "t", scene, images: None, estimate: Some(estimate), truth: None, source: None, scores: None }
     }
 
     #[test]

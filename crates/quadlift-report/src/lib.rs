@@ -22,6 +22,6 @@ pub use data::{Report, ReportBody, ReportDetections, ReportFrame, ReportObject, 
 pub use document::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS, report, report_of_frames};
 pub use frame_image::{FrameImage, frame_image, frame_jpeg};
 pub use page::page;
-pub use picture::Picture;
+pub use picture::{Label, Picture, write_labels};
 pub use recording::{Recording, RecordingFrame, recording};
 pub use scores::{Scores, TrueObjectScores};

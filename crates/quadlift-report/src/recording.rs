@@ -339,7 +339,15 @@ mod tests {
               "view_residuals_px": [{ "frame": "a", "inlier": false, "residual_px": 7.0 }] }, { "id": "lost" }] }))
         .unwrap();
         let (scene, title) = (scene(), "t");
-        let content = Content { title, scene: &scene, images: None, estimate: Some(&file), truth: None, scores: None };
+        let content = Content {
+            title,
+            scene: &scene,
+            images: None,
+            estimate: Some(&file),
+            truth: None,
+            source: None,
+            scores: None,
+        };
         recording(&content, &[Some(1.5)]).unwrap()
     }
 

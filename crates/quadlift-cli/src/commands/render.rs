@@ -12,6 +12,7 @@ use crate::error::{Outcome, usage};
 use crate::files::check_file;
 use crate::output::Output;
 use crate::report::Gathered;
+use crate::words::some_of;
 
 /// Draw the detections and outlines of one frame as PNG or SVG
 #[derive(clap::Args)]
@@ -25,7 +26,7 @@ view`.
 
 Examples:
   quadlift render scene.json estimate.json --frame 000003 -o frame.png
-  quadlift render scene.json --frame 000003 -o frame.svg --labels
+  quadlift render scene.json --frame 000003 -o frame.svg --labels --source yolo
 
 Exit codes: 0 fine; 1 a file or an image cannot be read; 2 wrong usage."
 )]
@@ -45,6 +46,10 @@ pub struct Args {
     /// Write the ids of the objects beside them
     #[arg(long)]
     labels: bool,
+
+    /// Draw the detections of this source only (default: those that the estimates are made of, else all)
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -66,7 +71,13 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         Some(Some(_)) => Some(frame_image(scene, images, index, u32::MAX)?.image),
         _ => None,
     };
-    let content = Content { images: None, ..gathered.content(None) };
+    let content = Content { images: None, source: args.source.as_deref(), ..gathered.content(None) };
+    if let Some(source) = content.source.filter(|source| !scene.sources.iter().any(|known| known == source)) {
+        return usage(format!(
+            "there are no detections of the source \"{source}\"; there are {}",
+            some_of(&scene.sources)
+        ));
+    }
     let report = report_of_frames(&content, &[index])?;
     let picture = Picture { report: &report, frame_index: 0, image: image.as_ref(), labels: args.labels };
     let failed = |reason| anyhow!("cannot draw the frame: {reason}");

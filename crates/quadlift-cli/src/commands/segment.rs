@@ -135,7 +135,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         make_folder(folder)?;
     }
     if let Some(folder) = &args.contact_sheets {
-        write_sheets(&segmentation, folder)?;
+        write_sheets(&segmentation, &scene, folder)?;
     }
     let folders = [&args.scene, &args.output].map(|path| path.parent().unwrap_or(Path::new("")));
     add_to_scene(&mut file, &scene, &segmentation, args.method, folders, args.out_masks.as_deref())?;

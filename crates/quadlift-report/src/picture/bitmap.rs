@@ -14,6 +14,9 @@ use super::{Canvas, Stroke};
 /// Images with more pixels than this are drawn in their own size: they are fine enough, and memory is not for free.
 const LARGE: u64 = 8_000_000;
 
+/// Height of a line of text in heights of its letters, as CSS and SVG count these.
+const LINE: f64 = 1.33;
+
 type Failure = DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
 
 /// An image in the making. The first mistake of the drawing library is told at the end.
@@ -81,14 +84,12 @@ impl Canvas for Bitmap {
             self.failed.get_or_insert("the font is not readable".to_owned());
             return;
         }
-        let size = height * f64::from(self.scale);
+        // The drawing library counts the height of lines, of which the letters stand at two thirds.
+        let size = LINE * height * f64::from(self.scale);
         let (x, y) = self.place(&place);
-        let y = y - size as i32;
-        let around = [(-2, 0), (2, 0), (0, -2), (0, 2)].map(|(dx, dy)| ((x + dx, y + dy), WHITE));
-        for (place, color) in around.into_iter().chain([((x, y), rgb(color))]) {
-            let font = ("sans-serif", size).into_font().color(&color);
-            self.draw(|area| area.draw(&Text::new(text.to_owned(), place, font)));
-        }
+        let font = ("sans-serif", size).into_font().color(&rgb(color));
+        let top = y - (0.67 * size) as i32;
+        self.draw(|area| area.draw(&Text::new(text.to_owned(), (x, top), font)));
     }
 }
 

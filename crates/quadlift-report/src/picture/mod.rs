@@ -15,8 +15,13 @@ use crate::outline::{ellipse_points, outline};
 const REJECTED: Color = [0xe0, 0x10, 0x10];
 const BLACK: Color = [0; 3];
 const WHITE: Color = [0xff; 3];
+/// The sheet below a label.
+const DARK: Color = [0x10, 0x14, 0x18];
 /// Where there is no image.
 const SHEET: Color = [0xf2, 0xf3, 0xf5];
+
+/// Height of the letters of labels in an image of VGA size, pixels.
+const LABEL: f64 = 17.0;
 
 /// A blank sheet with more pixels is refused.
 const MOST_PIXELS: f64 = 1e8;
@@ -34,6 +39,11 @@ pub struct Stroke {
     pub dash: Option<[f64; 2]>,
 }
 
+/// About how wide a text is: letters are half as wide as high.
+fn label_width(text: &str, height: f64) -> f64 {
+    0.56 * height * text.chars().count() as f64
+}
+
 /// What a picture is drawn on. Coordinates are pixels of the frame.
 pub trait Canvas {
     /// Fills a polygon.
@@ -42,6 +52,31 @@ pub trait Canvas {
     fn line(&mut self, points: &[Vector2<f64>], stroke: &Stroke);
     /// Writes a text whose lower left corner is here.
     fn text(&mut self, place: Vector2<f64>, height: f64, text: &str, color: Color);
+}
+
+/// A text on an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Label {
+    /// Its lower left corner, pixels.
+    pub place: [f64; 2],
+    /// Height of its letters, pixels.
+    pub height: f64,
+    /// What it says.
+    pub text: String,
+    /// Colour of the letters.
+    pub color: Color,
+}
+
+/// Writes texts on an image.
+///
+/// # Errors
+/// Text of the drawing library.
+pub fn write_labels(image: RgbImage, labels: &[Label]) -> Result<RgbImage, String> {
+    let mut bitmap = bitmap::Bitmap::new(image);
+    for label in labels {
+        bitmap.text(Vector2::from(label.place), label.height, &label.text, label.color);
+    }
+    bitmap.finish()
 }
 
 /// What a picture shows.
@@ -153,12 +188,55 @@ impl Picture<'_> {
             canvas.line(line, &style(*row));
         }
         if self.labels {
+            let mut taken: Vec<[f64; 4]> = Vec::new();
+            let mut named = Vec::new();
             for (row, line) in &lines {
                 let Ok(index) = usize::try_from(detections.object[*row]) else { continue };
-                let corner = line.iter().fold(line[0], |a, b| a.inf(b)) - Vector2::new(0.0, 3.0 * pen);
-                canvas.text(corner, 11.0 * pen, &self.report.objects[index].id, self.report.color(index));
+                // A detection with a box and an ellipse is named once.
+                if named.contains(row) {
+                    continue;
+                }
+                named.push(*row);
+                let text = &self.report.objects[index].id;
+                let height = LABEL * pen;
+                let place = self.label_place(line, text, height, &mut taken);
+                // White on a dark sheet with the object's colour at its left: it can be read on any image.
+                let [x0, y0] = [place.x - 0.4 * height, place.y - 0.95 * height];
+                let sheet = |x1: f64| {
+                    let y1 = place.y + 0.3 * height;
+                    [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(Vector2::from)
+                };
+                canvas.fill(&sheet(place.x + label_width(text, height) + 0.25 * height), DARK, 0.85);
+                canvas.fill(&sheet(x0 + 0.2 * height), self.report.color(index), 1.0);
+                canvas.text(place, height, text, WHITE);
             }
         }
+    }
+
+    /// The lower left corner of a label beside a line: above it, below it, inside or aside, where no other one stands.
+    fn label_place(&self, line: &[Vector2<f64>], text: &str, height: f64, taken: &mut Vec<[f64; 4]>) -> Vector2<f64> {
+        let [width, tall] = self.size();
+        let (low, high) = line.iter().fold((line[0], line[0]), |(low, high), p| (low.inf(p), high.sup(p)));
+        let wide = label_width(text, height) + 0.65 * height;
+        let gap = 0.35 * height;
+        let places = [
+            [low.x, low.y - gap],
+            [low.x, high.y + height + gap],
+            [high.x - wide, low.y - gap],
+            [high.x - wide, high.y + height + gap],
+            [low.x + gap, low.y + height + gap],
+            [high.x + gap, low.y + height],
+            [low.x - wide - gap, low.y + height],
+        ];
+        let inside = |[x, y]: [f64; 2]| [x.clamp(0.0, (width - wide).max(0.0)), y.clamp(height.min(tall), tall)];
+        let room = |[x, y]: [f64; 2]| [x, y - height, x + wide, y];
+        let is_free = |place: &[f64; 2]| {
+            let [x0, y0, x1, y1] = room(*place);
+            taken.iter().all(|[a0, b0, a1, b1]| x0 >= *a1 || x1 <= *a0 || y0 >= *b1 || y1 <= *b0)
+        };
+        let place = places.map(inside).into_iter().find(is_free).unwrap_or_else(|| inside(places[0]));
+        taken.push(room(place));
+        Vector2::from(place)
     }
 
     fn body(&self, index: usize, of: impl Fn(&crate::data::ReportObject) -> &Option<ReportBody>) -> Option<Body> {

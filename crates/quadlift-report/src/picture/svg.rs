@@ -70,12 +70,10 @@ impl Canvas for Svg {
 
     fn text(&mut self, place: Vector2<f64>, height: f64, text: &str, color: Color) {
         self.add(format_args!(
-            "<text x=\"{:.2}\" y=\"{:.2}\" font-family=\"sans-serif\" font-size=\"{height:.1}\" fill=\"{}\" \
-             stroke=\"#ffffff\" stroke-width=\"{:.1}\" paint-order=\"stroke\">{}</text>\n",
+            "<text x=\"{:.2}\" y=\"{:.2}\" font-family=\"sans-serif\" font-size=\"{height:.1}\" fill=\"{}\">{}</text>\n",
             place.x,
             place.y,
             hex(color),
-            0.2 * height,
             escaped(text)
         ));
     }
