@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Times and scores OpenCV's GrabCut, frame by frame, beside `quadlift segment` on the same rendered scenes.
 
-    python3 -m venv target/venv && target/venv/bin/pip install numpy opencv-python-headless
+    python3 -m venv target/venv && target/venv/bin/pip install numpy pillow opencv-python-headless
     cargo build --release -p quadlift-cli
     for seed in 0 1 2 3 4 5; do
         target/release/quadlift synth -q --render -o target/rendered/$seed/scene.json --noise box:0.1 --seed $seed
@@ -23,6 +23,7 @@ import time
 
 import cv2
 import numpy as np
+from PIL import Image
 
 LEAST_VISIBLE = 0.7
 # GrabCut: the box, enlarged by a quarter for the certain background, at most so many pixels wide or high.
@@ -111,7 +112,8 @@ def ellipse_iou(first, second, steps=200):
 
 
 def read_mask(folder, record):
-    labels = cv2.imread(os.path.join(folder, record["path"]), cv2.IMREAD_UNCHANGED)
+    # OpenCV would give the colours of the palette instead of the values.
+    labels = np.array(Image.open(os.path.join(folder, record["path"])))
     return labels == record["value"]
 
 

@@ -4,8 +4,12 @@
 import type { Report, ReportObject } from "./data.ts";
 import { remarks, short } from "./words.ts";
 
-/** Paul Tol's bright scheme with two more: can be told apart with any colour vision, on light and on dark. */
-const PALETTE = ["#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#ee8866", "#888888"];
+/** Paul Tol's bright scheme with four more (grey is for what belongs to no object): can be told apart on light and on
+ * dark, the first eight with any colour vision. */
+const PALETTE = [
+  "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#ee8866",
+  "#44bb99", "#9467bd", "#8c613c",
+];
 /** Viridis: from low to high, monotonic in lightness. */
 const SCALE = ["#440154", "#3b528b", "#21918c", "#5ec962", "#fde725"];
 const NONE = "#888888";

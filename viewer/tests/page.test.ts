@@ -5,6 +5,7 @@ import { after, before, test } from "node:test";
 import { createRequire } from "node:module";
 import { readFileSync } from "node:fs";
 import type { Browser, Page } from "playwright-core";
+import { Colors } from "../src/colors.ts";
 import { bestFrame, viewsOf } from "../src/object_views.ts";
 import { fitView } from "../src/fit_view.ts";
 import { placeLabels } from "../src/place_labels.ts";
@@ -192,6 +193,12 @@ test("colours by residual, uncertainty and status, each with its legend", async 
     assert.ok(name === "status" ? legend!.includes("not localised") : /\d/.test(legend!), `${name}: ${legend}`);
   }
   await page.close();
+});
+
+test("no category has the grey of what belongs to no object", () => {
+  const categories = Array.from({ length: 10 }, (_, k) => Colors.ofCategory(k));
+  assert.equal(new Set(categories).size, 10);
+  assert.ok(!categories.includes(Colors.ofCategory(-1)));
 });
 
 test("a rejected detection has a sign of its own, and says why on hover and in the table", async () => {

@@ -5,8 +5,8 @@ use crate::data::Report;
 /// A colour: red, green, blue.
 pub type Color = [u8; 3];
 
-/// Paul Tol's bright scheme with two more.
-const PALETTE: [Color; 8] = [
+/// Paul Tol's bright scheme with four more; grey is for what belongs to no object.
+const PALETTE: [Color; 10] = [
     [0x44, 0x77, 0xaa],
     [0xee, 0x66, 0x77],
     [0x22, 0x88, 0x33],
@@ -14,7 +14,9 @@ const PALETTE: [Color; 8] = [
     [0x66, 0xcc, 0xee],
     [0xaa, 0x33, 0x77],
     [0xee, 0x88, 0x66],
-    [0x88, 0x88, 0x88],
+    [0x44, 0xbb, 0x99],
+    [0x94, 0x67, 0xbd],
+    [0x8c, 0x61, 0x3c],
 ];
 /// What belongs to no object.
 pub const UNKNOWN: Color = [0x88; 3];
