@@ -74,6 +74,7 @@ function show(page: HTMLElement, report: Report): void {
       "header",
       { class: "title" },
       ...banner,
+      element("span", { class: "dim" }, "quadlift report"),
       element("h1", {}, report.title),
       element("p", {}, summary(report)),
       ...controls(report, colors, filter),
