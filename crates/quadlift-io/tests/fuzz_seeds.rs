@@ -138,3 +138,9 @@ fn polygons() {
 fn localize() {
     run_copies("localize", targets::localize, 40);
 }
+
+#[cfg(feature = "parquet")]
+#[test]
+fn parquet() {
+    run("parquet", targets::parquet);
+}
