@@ -388,6 +388,7 @@ class Estimates:
             Title of the page.
         """
         of_truth = _checks.optional(_checks.scene, "truth", truth)
+        self._check_output(path, of_truth)
         page = self._localized.report(_checks.text("title", title), of_truth)
         _core.write_text(path, page)
 
@@ -403,8 +404,16 @@ class Estimates:
         """
         given = self._localized.given
         of_truth = _checks.optional(_checks.scene, "truth", truth)
+        if path is not None:
+            self._check_output(path, of_truth)
         recorded = self._localized.recording(given.name or "quadlift", of_truth)
         _rerun.log_recorded(recorded, given, path)
+
+    def _check_output(self, path: str | os.PathLike[str], truth: _core.Scene | None) -> None:
+        """Refuses to write over what was read."""
+        for scene in (self._localized.given, truth):
+            if scene is not None:
+                scene.check_output(path)
 
     def _repr_html_(self) -> str:
         return in_notebook(self._localized.report("quadlift", None))

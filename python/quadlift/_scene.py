@@ -69,6 +69,12 @@ class Scene:
         ----------
         path : path-like
             The file. One that exists is replaced when the new one is complete.
+
+        Raises
+        ------
+        QuadliftError
+            Where the file is an image or a mask of the scene; or the file of the scene that was localised, where this
+            one holds its estimates, but not its detections.
         """
         self._core.write(path)
 
@@ -471,10 +477,11 @@ class Scene:
         Parameters
         ----------
         path : path-like
-            The page, an HTML file.
+            The page, an HTML file; not the file of the scene, nor one of its images or masks.
         title : str, optional
             Its title; the name of the scene without it.
         """
+        self._core.check_output(path)
         _core.write_text(path, self._core.report(_checks.text("title", title or self.name or "quadlift")))
 
     def to_rerun(self, path: Path | None = None) -> None:
@@ -485,6 +492,8 @@ class Scene:
         path : path-like, optional
             A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
         """
+        if path is not None:
+            self._core.check_output(path)
         _rerun.log_recorded(self._core.recording(self.name or "quadlift"), self._core, path)
 
     def _repr_html_(self) -> str:

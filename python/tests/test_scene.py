@@ -264,3 +264,32 @@ def test_detections_that_are_left_out_are_told_of(made: Arrays, tmp_path: Path) 
     ]
     assert len(scene) == 1
     assert told[0].filename == __file__
+
+
+def test_what_was_read_is_not_overwritten(made: Arrays, tmp_path: Path) -> None:
+    images = [str(tmp_path / f"images/{k:03}.jpg") for k in range(6)]
+    cameras = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480), images=images)
+    boxes = cameras.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    boxes.write(tmp_path / "scene.json")
+    photo = tmp_path / "images/001.jpg"
+    photo.parent.mkdir()
+    photo.write_bytes(b"a photo")
+    scene = quadlift.Scene.read(tmp_path / "scene.json")
+    before = (tmp_path / "scene.json").read_bytes()
+    estimates = scene.localize()
+    link = tmp_path / "link.html"
+    link.hardlink_to(photo)
+    for write in [scene.write, scene.report, estimates.report, estimates.to_scene().write]:
+        for path in [photo, link]:
+            with pytest.raises(quadlift.QuadliftError, match="refers to this file as image or mask"):
+                write(path)
+    for write in [scene.report, estimates.report, estimates.to_scene().write]:
+        with pytest.raises(quadlift.QuadliftError, match="the scene was read from this file"):
+            write(tmp_path / "scene.json")
+    assert photo.read_bytes() == b"a photo"
+    assert (tmp_path / "scene.json").read_bytes() == before
+    # A scene may be written where it was read, and a result or a page over an older one.
+    scene.write(tmp_path / "scene.json")
+    for _ in range(2):
+        estimates.to_scene().write(tmp_path / "result.json")
+        scene.report(tmp_path / "page.html")

@@ -1,11 +1,13 @@
 //! A scene with its file, which is made when it is asked for.
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use pyo3::PyResult;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
+use quadlift_io::guard::is_same_file;
 
 use crate::detections::{DetectionArrays, Originals};
 use crate::error::refuse;
@@ -16,6 +18,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// The path to which those in the file are relative, as that of the file is.
     pub path: PathBuf,
+    /// The scene was calculated from that of the path, and lacks what was left out, such as detections.
+    is_result: bool,
     source: Source,
 }
 
@@ -37,7 +41,45 @@ impl Loaded {
             true => refuse(format!("{}: {}", error.entry, error.problem)),
             false => refuse(error.in_file(&path)),
         })?;
-        Ok(Self { scene, path, source: Source::File(file) })
+        Ok(Self { scene, path, is_result: false, source: Source::File(file) })
+    }
+
+    /// The result of a localisation of the scene of a path.
+    pub fn of_result(file: SceneFile, path: PathBuf) -> PyResult<Self> {
+        Ok(Self { is_result: true, ..Self::new(file, path)? })
+    }
+
+    /// Refuses to write a page or a recording over the scene's file, or over an image or mask that it refers to.
+    pub fn check_output(&self, output: &Path) -> PyResult<()> {
+        self.check(output, true)
+    }
+
+    /// Refuses to write the scene over an image or mask that it refers to; and a result over the scene's file. A scene may
+    /// well be written where it was read.
+    pub fn check_scene_output(&self, output: &Path) -> PyResult<()> {
+        self.check(output, self.is_result)
+    }
+
+    fn check(&self, output: &Path, keeps_scene: bool) -> PyResult<()> {
+        if !output.exists() {
+            return Ok(());
+        }
+        let refuse = |what: &str| {
+            let output = output.display();
+            Err(refuse(format!("{output}: {what}, which would be lost; give the output another name")))
+        };
+        if keeps_scene && is_same_file(&self.path, output) {
+            return refuse("the scene was read from this file");
+        }
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let file = self.file();
+        let images = file.frames.iter().filter_map(|frame| frame.image.as_ref());
+        let masks = file.detections.iter().filter_map(|detection| detection.mask.as_ref()?.path.as_ref());
+        let named: BTreeSet<&String> = images.chain(masks).collect();
+        if named.into_iter().any(|path| is_same_file(&folder.join(path), output)) {
+            return refuse("the scene refers to this file as image or mask");
+        }
+        Ok(())
     }
 
     /// A scene with more detections.
@@ -45,7 +87,7 @@ impl Loaded {
         let mut scene = base.scene.clone();
         let originals = detections.add_to(&mut scene)?;
         let source = Source::Added { base: Arc::clone(base), originals, file: OnceLock::new() };
-        Ok(Self { scene, path: base.path.clone(), source })
+        Ok(Self { scene, path: base.path.clone(), is_result: base.is_result, source })
     }
 
     /// The scene file.

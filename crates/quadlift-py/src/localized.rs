@@ -203,7 +203,8 @@ impl PyLocalized {
 
     /// The scene with the estimates as its objects: what the program writes.
     fn to_scene(&self) -> PyResult<PyScene> {
-        PyScene::new(self.file(), self.loaded.path.clone())
+        let loaded = Loaded::of_result(self.file(), self.loaded.path.clone())?;
+        Ok(PyScene { loaded: Arc::new(loaded) })
     }
 
     /// The page that shows the result.

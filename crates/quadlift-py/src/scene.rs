@@ -135,6 +135,7 @@ impl PyScene {
 
     /// Writes a scene file. Paths of images and masks become absolute where the file goes to another folder.
     fn write(&self, path: PathBuf) -> PyResult<()> {
+        self.loaded.check_scene_output(&path)?;
         let here = folder(&self.loaded.path);
         let is_same = matches!((absolute(here), absolute(folder(&path))), (Ok(a), Ok(b)) if a == b);
         if is_same {
@@ -145,6 +146,11 @@ impl PyScene {
             *place = absolute(here.join(&*place)).map_err(refuse)?.display().to_string();
         }
         write_scene_file(&path, &file).map_err(refuse)
+    }
+
+    /// Refuses to write a page or a recording over what the scene was read from.
+    fn check_output(&self, path: PathBuf) -> PyResult<()> {
+        self.loaded.check_output(&path)
     }
 
     /// The scene file as JSON.
