@@ -16,6 +16,9 @@ use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
 use crate::table::{Cell, Table, decimals, number};
 use crate::words::{count, some_of, with_unit};
 
+/// Rows of the table, at most: nobody reads more, and the table of a million objects takes a gigabyte.
+const MOST_ROWS: usize = 10_000;
+
 /// The main figures of an estimate.
 #[derive(Debug, Serialize)]
 pub struct Summary<'a> {
@@ -66,7 +69,12 @@ fn full_lengths(body: &Body) -> [f64; 3] {
 /// The table and what is to say about it.
 pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -> String {
     let rows = summaries(scene, localization);
-    let mut text = table(scene, &rows, localization.cross_validation.extent == Extent::All);
+    let shown = &rows[..rows.len().min(MOST_ROWS)];
+    let mut text = table(scene, shown, localization.cross_validation.extent == Extent::All);
+    if rows.len() > shown.len() {
+        let more = rows.len() - shown.len();
+        let _ = writeln!(text, "{DIM}and {more} more objects, which the result (-o) and --json hold{DIM:#}");
+    }
     for note in notes(&rows, localization, settings) {
         let _ = writeln!(text, "{WARNING}note:{WARNING:#} {}", one_line(&note));
     }
@@ -224,4 +232,21 @@ fn reason(status: Status, method: Method, min_views: usize) -> Option<String> {
         }
         Status::Diverged => "the refinement found no finite object in front of the cameras".to_owned(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_has_ten_thousand_rows_at_most() {
+        let count = MOST_ROWS + 7;
+        let scene = Scene { object_ids: (0..count).map(|k| format!("thing{k}")).collect(), ..Default::default() };
+        let estimates = (0..count).map(|k| Estimate::failed(k, None, Status::Inconsistent)).collect();
+        let localization = Localization { estimates, ..Default::default() };
+        let text = render(&scene, &localization, &Settings::default());
+        let is_row = |line: &&str| line.starts_with("thing");
+        assert_eq!(text.lines().filter(is_row).count(), MOST_ROWS);
+        assert!(text.contains("and 7 more objects, which the result (-o) and --json hold"), "{text}");
+    }
 }

@@ -149,3 +149,8 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
 pub fn result_file(file: &SceneFile, scene: &Scene, localization: &Localization, settings: &Settings) -> SceneFile {
     file.localized(scene, localization, settings.to_json())
 }
+
+/// [`result_file`] without the estimates, which [`quadlift_io::scene_file::write_localized_file`] adds one by one.
+pub fn result_file_without_objects(file: &SceneFile, localization: &Localization, settings: &Settings) -> SceneFile {
+    file.localized_without_objects(localization, settings.to_json())
+}

@@ -16,6 +16,7 @@ use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::guard::check_not_read;
+use quadlift_io::scene_file::write_localized_file;
 use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
 use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
 use serde_json::{Value, json};
@@ -27,7 +28,9 @@ use crate::diagnosis::Check;
 use crate::error::{InconsistentError, Outcome, in_words, usage};
 use crate::estimate_table::{noise_levels, render, summaries};
 use crate::files::{check_file, check_result_name, expand, outputs};
-use crate::localization::{PriorSource, Settings, localize_scene, read_masks, result_file};
+use crate::localization::{
+    PriorSource, Settings, localize_scene, read_masks, result_file, result_file_without_objects,
+};
 use crate::next::{Next, Word};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::{check_report, report_paths, write_localized};
@@ -442,7 +445,13 @@ fn one_scene(
     let solved = start.elapsed();
     let estimates = &localization.estimates;
     let found = identities.as_ref().map_or(String::new(), |(.., words)| format!("{words}\n\n"));
-    let mut result = result_file(&file, &scene, &localization, settings);
+    // Records of all objects at once are only made for what needs them.
+    let needs_records = report.is_some() || identities.is_some();
+    let mut result = if needs_records {
+        result_file(&file, &scene, &localization, settings)
+    } else {
+        result_file_without_objects(&file, &localization, settings)
+    };
     if let Some(about) = &mut result.localization {
         about["diagnosis"] = check.record();
         if !notes.is_empty() {
@@ -457,7 +466,11 @@ fn one_scene(
         add_to_result(&mut result, detections, &scene, source, &association);
     }
     if let Some(output) = output {
-        write_scene_file(output, &result)?;
+        if needs_records {
+            write_scene_file(output, &result)?;
+        } else {
+            write_localized_file(output, &result, &scene, &localization)?;
+        }
         document["output"] = output.display().to_string().into();
     }
     if let Some(report) = report {
@@ -473,7 +486,9 @@ fn one_scene(
     );
     text.push_str(&corrected_in_words(&notes));
     text.push_str(&found);
-    text.push_str(&render(&scene, &localization, settings));
+    if !out.json && !out.quiet {
+        text.push_str(&render(&scene, &localization, settings));
+    }
     text.push_str(&calibration.map_or(String::new(), calibration_in_words));
     for path in [output, report].into_iter().flatten() {
         text.push_str(&format!("wrote {}\n", path.display()));

@@ -39,4 +39,4 @@ pub use run::{
     body_name, count_localised, cross_validation_record, left_out_record, method_name, noise_record, observations_name,
     settings_record, status_counts,
 };
-pub use write::{write_scene, write_scene_file};
+pub use write::{write_localized_file, write_scene, write_scene_file};

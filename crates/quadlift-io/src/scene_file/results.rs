@@ -11,14 +11,18 @@ use super::object_records::{
     AlternativeRecord, CovarianceRecord, CrossValidationRecord, MisfitRecord, ObjectRecord, ViewRecord,
 };
 
-/// The estimates of a localisation of `scene` as the objects of a file, in their order.
+/// The estimates of a localisation of `scene` as the objects of a file, in their order, each made when it is asked for: a
+/// record takes a few kilobytes.
 ///
 /// Figures that are not finite are left out, because JSON cannot hold them.
-pub fn estimates_to_objects(scene: &Scene, localization: &Localization) -> Vec<ObjectRecord> {
+pub fn estimates_to_objects<'a>(
+    scene: &'a Scene,
+    localization: &'a Localization,
+) -> impl Iterator<Item = ObjectRecord> + 'a {
     let checked = &localization.cross_validation;
     let of_object = |index| checked.of_estimate(index).filter(|_| checked.extent == Extent::All);
     let objects = localization.estimates.iter().enumerate();
-    objects.map(|(index, estimate)| object(scene, estimate, of_object(index))).collect()
+    objects.map(move |(index, estimate)| object(scene, estimate, of_object(index)))
 }
 
 /// What the cross-validation of an object tells; `None` where no view was predicted.
@@ -172,7 +176,7 @@ mod tests {
         ];
         let estimates: Vec<_> = bodies.into_iter().enumerate().map(|(i, body)| estimate(i, body)).collect();
         let localization = Localization { estimates: estimates.clone(), ..Default::default() };
-        let objects = estimates_to_objects(&scene(), &localization);
+        let objects = estimates_to_objects(&scene(), &localization).collect::<Vec<_>>();
         let file = SceneFile::default().with_results(objects, serde_json::json!({"method": "map"}));
         let mut bytes = Vec::new();
         crate::scene_file::write_scene(&file, &mut bytes).unwrap();
@@ -211,7 +215,8 @@ mod tests {
     fn a_failed_estimate_has_its_status_and_its_centre() {
         let mut failed = Estimate::failed(1, None, Status::NotAnEllipsoid);
         failed.center = Some(Point3::new(0.0, 1.0, 2.0));
-        let objects = estimates_to_objects(&scene(), &Localization { estimates: vec![failed], ..Default::default() });
+        let objects = estimates_to_objects(&scene(), &Localization { estimates: vec![failed], ..Default::default() })
+            .collect::<Vec<_>>();
         insta::assert_snapshot!(
             serde_json::to_string(&objects[0]).unwrap(),
             @r#"{"id":"box","status":"not_an_ellipsoid","center":[0.0,1.0,2.0],"views_used":0}"#

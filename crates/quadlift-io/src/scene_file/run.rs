@@ -139,6 +139,13 @@ impl SceneFile {
     /// The result of a localisation of this file's scene, with what [`settings_record`] gives.
     #[must_use]
     pub fn localized(&self, scene: &Scene, localization: &Localization, settings: Value) -> Self {
+        let objects = estimates_to_objects(scene, localization).collect();
+        Self { objects, ..self.localized_without_objects(localization, settings) }
+    }
+
+    /// [`Self::localized`] without the objects, for [`super::write_localized_file`].
+    #[must_use]
+    pub fn localized_without_objects(&self, localization: &Localization, settings: Value) -> Self {
         let about = json!({
             "program": "quadlift",
             "version": env!("CARGO_PKG_VERSION"),
@@ -152,6 +159,6 @@ impl SceneFile {
             "cross_validation": cross_validation_record(localization),
             "diagnosis": diagnosis_record(&localization.diagnosis, &Context::of(self, 0)),
         });
-        self.with_results(estimates_to_objects(scene, localization), about)
+        self.with_results(Vec::new(), about)
     }
 }

@@ -1,12 +1,17 @@
 //! Writing a scene file: one record per line, so that people can read it and tools can compare it.
 
+use std::borrow::Borrow;
 use std::io::{self, Write};
 use std::path::Path;
 
+use quadlift::Localization;
+use quadlift::scene::Scene;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::records::{FORMAT, SceneFile, VERSION};
+use super::object_records::ObjectRecord;
+use super::records::{CameraRecord, DetectionRecord, FORMAT, FrameRecord, SceneFile, VERSION};
+use super::results::estimates_to_objects;
 use crate::atomic::write_file;
 use crate::error::WriteError;
 
@@ -18,11 +23,34 @@ pub fn write_scene_file(path: &Path, scene: &SceneFile) -> Result<(), WriteError
     write_file(path, |out| write_scene(scene, out))
 }
 
+/// Writes a result of a localisation, the bytes of [`write_scene_file`] for [`SceneFile::localized`], without all objects
+/// being in memory as records at once: `result` comes from [`SceneFile::localized_without_objects`].
+///
+/// # Errors
+/// As [`write_scene_file`].
+pub fn write_localized_file(
+    path: &Path,
+    result: &SceneFile,
+    scene: &Scene,
+    localization: &Localization,
+) -> Result<(), WriteError> {
+    write_file(path, |out| write_records(result, estimates_to_objects(scene, localization), out))
+}
+
 /// Writes a scene as JSON. The same scene gives the same bytes.
 ///
 /// # Errors
 /// What the writer reports; [`io::ErrorKind::InvalidData`] names a record that holds a number that is not finite.
 pub fn write_scene(scene: &SceneFile, out: &mut dyn Write) -> io::Result<()> {
+    write_records(scene, scene.objects.iter(), out)
+}
+
+/// Writes a scene with these objects instead of its own.
+fn write_records(
+    scene: &SceneFile,
+    objects: impl Iterator<Item = impl Borrow<ObjectRecord>>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     let mut members = Members { out, any: false, line: Vec::new() };
     members.value("format", &FORMAT.to_owned())?;
     members.value("version", &VERSION)?;
@@ -31,10 +59,10 @@ pub fn write_scene(scene: &SceneFile, out: &mut dyn Write) -> io::Result<()> {
     members.optional("up", &scene.up)?;
     members.optional("notes", &scene.notes)?;
     members.optional("localization", &scene.localization)?;
-    members.list("cameras", &scene.cameras)?;
-    members.list("frames", &scene.frames)?;
-    members.list("detections", &scene.detections)?;
-    members.list("objects", &scene.objects)?;
+    members.list::<CameraRecord>("cameras", scene.cameras.iter())?;
+    members.list::<FrameRecord>("frames", scene.frames.iter())?;
+    members.list::<DetectionRecord>("detections", scene.detections.iter())?;
+    members.list::<ObjectRecord>("objects", objects)?;
     for (key, value) in &scene.extra {
         members.value(key, value)?;
     }
@@ -69,16 +97,22 @@ impl Members<'_> {
         value.as_ref().map_or(Ok(()), |value| self.value(key, value))
     }
 
-    fn list<T: Serialize + DeserializeOwned + PartialEq>(&mut self, key: &str, records: &[T]) -> io::Result<()> {
-        if records.is_empty() {
-            return Ok(());
+    /// A list of records; nothing when it is empty.
+    fn list<T: Serialize + DeserializeOwned + PartialEq>(
+        &mut self,
+        key: &str,
+        records: impl Iterator<Item = impl Borrow<T>>,
+    ) -> io::Result<()> {
+        let mut any = false;
+        for (index, record) in records.enumerate() {
+            if !any {
+                self.key(key)?;
+            }
+            self.out.write_all(if any { b",\n    " } else { b"[\n    " })?;
+            any = true;
+            self.checked::<T>(record.borrow(), || format!("{key}[{index}]"))?;
         }
-        self.key(key)?;
-        for (index, record) in records.iter().enumerate() {
-            self.out.write_all(if index == 0 { b"[\n    " } else { b",\n    " })?;
-            self.checked(record, || format!("{key}[{index}]"))?;
-        }
-        self.out.write_all(b"\n  ]")
+        if any { self.out.write_all(b"\n  ]") } else { Ok(()) }
     }
 
     /// Writes a value. JSON writers turn NaN and infinity into `null` silently; where there is a `null`, the text is
@@ -102,7 +136,7 @@ impl Members<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene_file::{CameraRecord, DetectionRecord, parse_scene_file};
+    use crate::scene_file::parse_scene_file;
 
     fn small() -> SceneFile {
         let camera = CameraRecord {
@@ -170,5 +204,23 @@ mod tests {
         scene.up = Some([f64::INFINITY, 0.0, 0.0]);
         assert!(write_scene_file(&path, &scene).unwrap_err().problem.starts_with("up holds"));
         assert_eq!(std::fs::read(&path).unwrap(), before);
+    }
+
+    #[test]
+    fn objects_written_one_by_one_give_the_same_bytes() {
+        use quadlift::synthetic::{Observations, SyntheticOptions, generate};
+
+        let made = SyntheticOptions { objects: 5, views: 6, observations: Observations::Boxes, ..Default::default() };
+        let scene = generate(&made).unwrap().scene;
+        let localization = quadlift::localize(&scene, &quadlift::Options::default(), &|_, _| {}).unwrap();
+        let mut at_once = Vec::new();
+        write_scene(&small().localized(&scene, &localization, serde_json::Value::Null), &mut at_once).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        let result = small().localized_without_objects(&localization, serde_json::Value::Null);
+        assert!(result.objects.is_empty());
+        write_localized_file(&path, &result, &scene, &localization).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), at_once);
+        assert_eq!(parse_scene_file(&path, &at_once).unwrap().objects.len(), 5);
     }
 }
