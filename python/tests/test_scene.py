@@ -279,11 +279,12 @@ def test_what_was_read_is_not_overwritten(made: Arrays, tmp_path: Path) -> None:
     estimates = scene.localize()
     link = tmp_path / "link.html"
     link.hardlink_to(photo)
-    for write in [scene.write, scene.report, estimates.report, estimates.to_scene().write]:
+    writers: list[Any] = [scene.write, scene.report, estimates.report, estimates.to_scene().write]
+    for write in writers:
         for path in [photo, link]:
             with pytest.raises(quadlift.QuadliftError, match="refers to this file as image or mask"):
                 write(path)
-    for write in [scene.report, estimates.report, estimates.to_scene().write]:
+    for write in writers[1:]:
         with pytest.raises(quadlift.QuadliftError, match="the scene was read from this file"):
             write(tmp_path / "scene.json")
     assert photo.read_bytes() == b"a photo"

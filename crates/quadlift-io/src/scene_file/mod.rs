@@ -17,6 +17,7 @@ mod results;
 mod run;
 mod suggest;
 mod support_lines;
+mod unknown;
 mod write;
 
 #[cfg(test)]
