@@ -7,6 +7,10 @@ cd "$(dirname "$0")/.."
 
 seconds="${1:?usage: scripts/fuzz.sh SECONDS [TARGET ...]}"
 shift
+if ! cargo +nightly fuzz --version >/dev/null 2>&1; then
+    echo "fuzzing needs a nightly compiler and cargo-fuzz: rustup toolchain install nightly && cargo install cargo-fuzz" >&2
+    exit 2
+fi
 targets=("$@")
 if [ ${#targets[@]} -eq 0 ]; then
     mapfile -t targets < <(basename -s .rs -a fuzz/fuzz_targets/*.rs | sort)
