@@ -52,6 +52,8 @@ export interface Detections {
   box: (number | null)[];
   /** Of those that have an ellipse: row, centre x, y, semi-axes, angle (radians). */
   ellipses: [number, number, number, number, number, number][];
+  /** Of those that have a mask: row, height of its strips, and y (upper edge), x0, x1 of each run of pixels in them. */
+  masks: [number, number, number[]][];
 }
 
 /** 0: not used or not known, 1: used, 2: rejected as an outlier. */

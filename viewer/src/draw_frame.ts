@@ -70,6 +70,8 @@ export interface FrameStyle {
   /** The part that is shown. */
   region: Region;
   boxes: boolean;
+  /** Masks of the detections. */
+  masks: boolean;
   /** Outlines of the bodies; not in small pictures of scenes with many objects. */
   outlines: boolean;
   truth: boolean;
@@ -139,6 +141,12 @@ export function drawFrame(
   // The selected object comes last and so lies on top.
   const rows = object.map((_, row) => row).filter((row) => style.shows(object[row] ?? -1));
   rows.sort((a, b) => Number(object[a] === style.selected) - Number(object[b] === style.selected));
+  if (style.masks) {
+    for (const [row, height, runs] of frame.detections.masks) {
+      const k = object[row] ?? -1;
+      if (style.shows(k)) pen.mask(runs, height, colors.ofObject(k), strength(k));
+    }
+  }
   const shapes = new Map<number, Outline>();
   for (const row of rows) {
     const k = object[row] ?? -1;
@@ -224,6 +232,19 @@ class Pen {
       }
       this.stroke(color, strength, strong ? 1.4 : 0.7, []);
     }
+  }
+
+  mask(runs: number[], height: number, color: string, strength: number): void {
+    const s = this.scale;
+    this.context.globalAlpha = 0.5 * strength;
+    this.context.fillStyle = color;
+    this.context.beginPath();
+    for (let k = 0; k + 2 < runs.length; k += 3) {
+      const [y, x0, x1] = [runs[k] ?? 0, runs[k + 1] ?? 0, runs[k + 2] ?? 0];
+      this.context.rect(x0 * s, y * s, (x1 - x0) * s, height * s);
+    }
+    this.context.fill();
+    this.context.globalAlpha = 1;
   }
 
   truth(shape: Outline, strength: number): void {

@@ -86,6 +86,7 @@ export class FrameView {
     const say = (sign: string, text: string, title: string): void =>
       list.append(element("span", { title }, element("span", { class: `sign ${sign}` }), text));
     add("boxes", "box", hasEllipses ? "boxes and ellipses" : "boxes", "what was detected");
+    if (some(({ masks }) => masks.length > 0)) add("masks", "mask", "masks", "the pixels of the detected objects");
     if (objects.some((object) => object.body !== null)) {
       add("outlines", "outline", "outlines of bodies", "the estimated bodies as this camera sees them");
     }
@@ -155,6 +156,7 @@ export class FrameView {
     drawFrame(context, width, this.report, index, image, this.colors, {
       region,
       boxes: this.isOn("boxes"),
+      masks: this.isOn("masks"),
       outlines: this.isOn("outlines"),
       truth: this.isOn("truth"),
       names: this.isOn("names"),

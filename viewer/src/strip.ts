@@ -119,6 +119,7 @@ export class Strip {
       // Outlines of hundreds of objects in a small picture are a blot.
       outlines: this.report.objects.length <= 60,
       boxes: true,
+      masks: false,
       truth: false,
       names: false,
       shows: (object) => this.filter.shows(object),

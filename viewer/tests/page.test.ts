@@ -159,6 +159,18 @@ test("every sign has a legend: rejected detections, those of no object, enclosin
   await scored.close();
 });
 
+test("masks are drawn, and a switch takes them away", async () => {
+  quadlift("localize", "-q", "rendered.json", "--report", "masks.html");
+  const masks = data("masks.html").frames.reduce((sum, frame) => sum + frame.detections.masks.length, 0);
+  assert.ok(masks > 20, `${masks} masks`);
+  const { page } = await open(browser, "masks.html");
+  await page.locator(".picture").getByRole("checkbox", { name: "outlines of bodies" }).uncheck();
+  const shown = await pixels(page, page.locator(".sheet"));
+  await page.locator(".picture").getByRole("checkbox", { name: "masks" }).uncheck();
+  assert.ok(difference(shown, await pixels(page, page.locator(".sheet"))) > 3000);
+  await page.close();
+});
+
 test("categories, and what is searched for, filter the table, space and the image", async () => {
   const { page } = await open(browser, "rendered.html");
   const rows = page.locator("table[aria-label=Objects] tbody tr:visible");

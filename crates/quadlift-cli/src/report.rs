@@ -41,19 +41,19 @@ fn write_report(path: &Path, content: &Content) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the page of a localisation that has just been made. `file` has the frames of the scene, whose file is `input`.
+/// Writes the page of a localisation that has just been made, of the scene in the file `input` with these images and masks.
 pub fn write_localized(
     path: &Path,
     (input, file): (&Path, &SceneFile),
+    images: &SceneImages,
     scene: &Scene,
     result: &SceneFile,
 ) -> anyhow::Result<()> {
-    let images = file.to_images(input).map_err(|error| error.in_file(input))?;
     let title = title(input, file);
     let content = Content {
         title: &title,
         scene,
-        images: Some(&images),
+        images: Some(images),
         estimate: Some(result),
         truth: None,
         source: None,

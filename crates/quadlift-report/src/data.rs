@@ -77,7 +77,13 @@ pub struct ReportDetections {
     pub boxes: Vec<Option<f64>>,
     /// Of those that have an ellipse: row, centre x and y, semi-axes, angle in radians.
     pub ellipses: Vec<(usize, f64, f64, f64, f64, f64)>,
+    /// Of those that have a mask.
+    pub masks: Vec<MaskRows>,
 }
+
+/// A mask: row of its detection, height of its strips in pixels, and y (upper edge), x0, x1 of each run of pixels in them.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct MaskRows(pub usize, pub u32, pub Vec<u32>);
 
 /// An object.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]

@@ -7,6 +7,7 @@ use quadlift_io::scene_file::{SceneImages, ViewRecord};
 use quadlift_io::{EntryError, SceneFile};
 
 use crate::data::{Report, ReportDetections, ReportFrame};
+use crate::masks::add_masks;
 use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
 use crate::run::{run_banner, run_notes, run_overview, run_region, run_settings, run_source};
@@ -54,6 +55,7 @@ pub fn report(content: &Content) -> Result<Report, EntryError> {
         report.notes.push(note);
     }
     let Some(images) = content.images else { return Ok(report) };
+    report.notes.extend(add_masks(scene, images, &frames, &mut report.frames));
     let thumbnails = thumbnails(scene, images, &frames, bytes_left(&report));
     for (k, (frame, url)) in report.frames.iter_mut().zip(thumbnails.urls).enumerate() {
         if let (None, Some(size)) = (scene.frames[frames[k]].image_size, thumbnails.sizes[k]) {

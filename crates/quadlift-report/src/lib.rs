@@ -9,6 +9,7 @@ mod colors;
 mod data;
 mod document;
 mod frame_image;
+mod masks;
 mod objects;
 mod outline;
 mod page;

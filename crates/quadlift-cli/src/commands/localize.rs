@@ -423,6 +423,8 @@ fn one_scene(
     let problems =
         read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
     file.objects = Vec::new();
+    // The page shows masks, which are named by the detections.
+    let images = report.map(|_| file.to_images(place).map_err(|error| error.in_file(place))).transpose()?;
     // Detections are the bulk of a large scene; a result has them where their identities are found.
     let detections = std::mem::take(&mut file.detections);
     let mut identities = None;
@@ -473,8 +475,8 @@ fn one_scene(
         }
         document["output"] = output.display().to_string().into();
     }
-    if let Some(report) = report {
-        write_localized(report, (place, &file), &scene, &result)?;
+    if let (Some(report), Some(images)) = (report, &images) {
+        write_localized(report, (place, &file), images, &scene, &result)?;
         document["report"] = report.display().to_string().into();
     }
     let localised = count_localised(estimates);
