@@ -1,8 +1,8 @@
-//! Answers do not depend on which way up the images are (but for hidden edges), nor on the order of the frames.
+//! Answers do not depend on which way up the images are, nor on the order of the frames.
 
 #![allow(clippy::unwrap_used)]
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use proptest::prelude::*;
 use quadlift::geometry::{BoundingBox, Projection};
 use quadlift::scene::Scene;
@@ -55,7 +55,7 @@ fn in_order(scene: &Scene, order: &[usize]) -> Scene {
     other
 }
 
-/// Which box hides another is read off the lower edges in the image, so it is left out here.
+/// Without hidden edges, which are looked at by themselves.
 fn run(scene: &Scene, correlated_views: bool) -> Vec<Estimate> {
     let map = MapOptions { correlated_views, hidden_edges: false, ..Default::default() };
     localize(scene, &Options { map, ..Default::default() }, &|_, _| {}).unwrap().estimates
@@ -87,6 +87,19 @@ proptest! {
         let scene = crowd(seed);
         let (far, same_views) = differences(&run(&scene, false), &run(&rolled(&scene, |k| quarters[k]), false));
         prop_assert!(same_views && far < 0.03, "{far} deviations");
+    }
+
+    #[test]
+    fn the_same_edges_are_hidden_in_portrait_images(seed in 0u64..1000, quarters in prop::collection::vec(0usize..4, 12)) {
+        let mut scene = crowd(seed);
+        scene.up = Some(Vector3::z_axis());
+        let mut expected = scene.hidden_edges(|_| true);
+        prop_assert!(expected.iter().flatten().any(|hidden| *hidden));
+        for (hidden, detection) in expected.iter_mut().zip(&scene.detections) {
+            // A quarter turn makes the lower edge the left one.
+            hidden.rotate_right(quarters[detection.frame_index as usize]);
+        }
+        prop_assert_eq!(rolled(&scene, |k| quarters[k]).hidden_edges(|_| true), expected);
     }
 
     // That errors of neighbouring frames are alike is read off their order, which has to be that of time.

@@ -1,7 +1,9 @@
 //! Which box edges another detection probably hides (E9, ours).
 
+use nalgebra::{Unit, Vector2, Vector3};
+
 use super::{Detection, Scene};
-use crate::geometry::BoundingBox;
+use crate::geometry::{BoundingBox, Projection};
 
 /// An edge counts as inside another box up to this many pixels beyond it.
 const REACH_PX: f64 = 5.0;
@@ -19,17 +21,84 @@ const OVERLAP: f64 = 0.3;
 impl Scene {
     /// For each detection, which edges of its box (left, top, right, bottom) another detection of its frame probably hides:
     /// what is known of it ([`Detection::hidden_edges`]), or what [`hidden_edges`] says. Detections that `keep`
-    /// refuses neither hide nor are hidden.
+    /// refuses neither hide nor are hidden. Where the scene's `up` is known cameras may be rolled: each image is looked at as
+    /// turned by the quarter turns after which its ground is nearest to its lower edge.
     pub fn hidden_edges(&self, keep: impl Fn(&Detection) -> bool) -> Vec<[bool; 4]> {
-        let place = |d: &Detection| Some((d.frame_index, d.bounding_box?));
+        let mut side_below = vec![BELOW; self.frames.len()];
+        if let Some(up) = self.up {
+            let mut down = vec![Vector2::zeros(); self.frames.len()];
+            for detection in self.detections.iter().filter(|detection| keep(detection)) {
+                let frame = detection.frame_index as usize;
+                if let Some(b) = &detection.bounding_box {
+                    down[frame] += down_in_image(&self.frames[frame].projection, &up, b);
+                }
+            }
+            side_below = down.iter().map(side_towards).collect();
+        }
+        let side_below = |d: &Detection| side_below[d.frame_index as usize];
+        let place = |d: &Detection| Some((d.frame_index, turned(&d.bounding_box?, side_below(d))));
         let boxes: Vec<_> = self.detections.iter().map(|d| if keep(d) { place(d) } else { None }).collect();
         let mut hidden = hidden_edges(&boxes);
         for ((hidden, detection), place) in hidden.iter_mut().zip(&self.detections).zip(&boxes) {
+            *hidden = turned_back(*hidden, side_below(detection));
             if let (Some(known), Some(_)) = (detection.hidden_edges, place) {
                 *hidden = known;
             }
         }
         hidden
+    }
+}
+
+/// The side of an upright image that is below: the index of an edge (left, top, right, bottom).
+const BELOW: usize = 3;
+
+/// The direction in the image, a unit vector, in which a point at the centre of a box moves when it is moved down; zero
+/// where it does not move.
+fn down_in_image(projection: &Projection, up: &Unit<Vector3<f64>>, bounding_box: &BoundingBox) -> Vector2<f64> {
+    let moved = projection.matrix().fixed_columns::<3>(0) * -up.into_inner();
+    // Of (x / z, y / z), times the depth, which is positive in front of the camera.
+    let direction = moved.xy() - bounding_box.center() * moved.z;
+    direction.try_normalize(0.0).unwrap_or_default()
+}
+
+/// The side of the image (left, top, right, bottom) that a direction points to.
+fn side_towards(direction: &Vector2<f64>) -> usize {
+    match direction {
+        d if d.x.abs() <= d.y.abs() => {
+            if d.y < 0.0 {
+                1
+            } else {
+                BELOW
+            }
+        }
+        d => {
+            if d.x < 0.0 {
+                0
+            } else {
+                2
+            }
+        }
+    }
+}
+
+/// A box in the image that is turned so that this side is below.
+fn turned(b: &BoundingBox, below: usize) -> BoundingBox {
+    let (x0, y0, x1, y1) = match below {
+        0 => (b.y0, -b.x1, b.y1, -b.x0),
+        1 => (-b.x1, -b.y1, -b.x0, -b.y0),
+        2 => (-b.y1, b.x0, -b.y0, b.x1),
+        _ => (b.x0, b.y0, b.x1, b.y1),
+    };
+    BoundingBox { x0, y0, x1, y1 }
+}
+
+/// What is said of the edges (left, top, right, bottom) of a box in such an image, of those of the box itself.
+fn turned_back([left, top, right, bottom]: [bool; 4], below: usize) -> [bool; 4] {
+    match below {
+        0 => [bottom, left, top, right],
+        1 => [right, bottom, left, top],
+        2 => [top, right, bottom, left],
+        _ => [left, top, right, bottom],
     }
 }
 
@@ -89,5 +158,54 @@ mod tests {
         assert_eq!(scene.hidden_edges(|_| false), vec![[false; 4]; 4]);
         scene.detections[0].hidden_edges = Some([true, false, false, false]);
         assert_eq!(scene.hidden_edges(|_| true)[0], [true, false, false, false], "what is known counts");
+    }
+
+    /// Cameras that look along x, upright and rolled by quarter turns: the same two edges of the same object are hidden.
+    #[test]
+    fn rolled_cameras_hide_the_same_edges() {
+        let up = Unit::new_unchecked(Vector3::z());
+        let far = BoundingBox::new([100.0, 50.0, 200.0, 100.0]).unwrap();
+        let near = BoundingBox::new([180.0, 40.0, 300.0, 150.0]).unwrap();
+        // Where the right edge of an upright image is after the roll: x to the right is -y of the world, y is down.
+        for (below, (right, down)) in [
+            (3, (-Vector3::y(), -Vector3::z())),
+            (2, (-Vector3::z(), Vector3::y())),
+            (1, (Vector3::y(), Vector3::z())),
+            (0, (Vector3::z(), -Vector3::y())),
+        ] {
+            let rows = nalgebra::Matrix3::from_rows(&[right.transpose(), down.transpose(), Vector3::x().transpose()]);
+            let focal = nalgebra::Matrix3::new(500.0, 0.0, 200.0, 0.0, 500.0, 100.0, 0.0, 0.0, 1.0);
+            let matrix = (focal * rows).insert_column(3, 0.0);
+            let projection = Projection::from_matrix(matrix).unwrap();
+            let mut builder = SceneBuilder::new("test");
+            builder.add_frame("a", projection, None).unwrap();
+            // The boxes as this camera sees them: the inverse of the turn is that to the opposite side, or itself.
+            let seen = |b: &BoundingBox| turned(b, [2, 1, 0, 3][below]);
+            for b in [&far, &near] {
+                let bounding_box = Some(seen(b));
+                builder.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
+            }
+            let mut scene = builder.build();
+            scene.up = Some(up);
+            let expected = turned_back([false, false, true, false], below);
+            assert_eq!(scene.hidden_edges(|_| true), [expected, [false; 4]], "below is side {below}");
+            assert_eq!(expected.iter().position(|&hidden| hidden), Some([3, 0, 1, 2][below]));
+        }
+    }
+
+    #[test]
+    fn turns_are_undone() {
+        let b = BoundingBox { x0: 1.0, y0: 2.0, x1: 4.0, y1: 7.0 };
+        let edges = |b: &BoundingBox| [b.x0.abs(), b.y0.abs(), b.x1.abs(), b.y1.abs()];
+        for below in 0..4 {
+            let there = turned(&b, below);
+            assert!(there.x0 < there.x1 && there.y0 < there.y1);
+            // Each edge keeps its coordinate, up to the sign.
+            for k in 0..4 {
+                let marked = turned_back(std::array::from_fn(|i| i == k), below);
+                let of_box = marked.iter().position(|&edge| edge).unwrap();
+                assert_eq!(edges(&there)[k], edges(&b)[of_box], "{below} {k}");
+            }
+        }
     }
 }
