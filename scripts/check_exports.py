@@ -1,4 +1,4 @@
-"""Exports the demo in every format and reads the files with the packages that people use for them.
+"""Exports a scene in every format and reads the files with the packages that people use for them.
 
     python scripts/check_exports.py path/to/quadlift
 
@@ -89,7 +89,7 @@ def check_coco(path, scene, estimate):
         x, y, w, h = annotation["bbox"]
         x0, y0, x1, y1 = detected
         differences.append(np.abs([x - x0, y - y0, x + w - x1, y + h - y1]).max() / (w + h))
-    # The noise of the demo's boxes is 5 percent of their half size, and some are quite wrong.
+    # The noise of the boxes is 5 percent of their half size, and some are quite wrong.
     assert np.median(differences) < 0.05, np.median(differences)
     print(f"COCO: {len(differences)} of {len(annotations)} boxes were detected, median difference to the measured ones {np.median(differences):.3f} of w + h")
 
@@ -138,7 +138,7 @@ def check_ros(path, estimate):
 def check_parquet(quadlift, folder, estimate):
     import pandas
 
-    run(quadlift, "export", "parquet", folder / "demo/boxes/estimate.json", "-o", folder / "tables")
+    run(quadlift, "export", "parquet", folder / "estimate.json", "-o", folder / "tables")
     objects = pandas.read_parquet(folder / "tables/objects.parquet")
     assert objects["id"].tolist() == [o["id"] for o in estimate["objects"]]
     semi_axes = np.stack(objects["ellipsoid_semi_axes"])
