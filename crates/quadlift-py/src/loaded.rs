@@ -71,12 +71,9 @@ impl Loaded {
         if keeps_scene && is_same_file(&self.path, output) {
             return refuse("the scene was read from this file");
         }
-        let folder = self.path.parent().unwrap_or(Path::new(""));
-        let file = self.file();
-        let images = file.frames.iter().filter_map(|frame| frame.image.as_ref());
-        let masks = file.detections.iter().filter_map(|detection| detection.mask.as_ref()?.path.as_ref());
-        let named: BTreeSet<&String> = images.chain(masks).collect();
-        if named.into_iter().any(|path| is_same_file(&folder.join(path), output)) {
+        // Many detections may share a mask.
+        let named: BTreeSet<PathBuf> = self.file().named_files(&self.path).collect();
+        if named.iter().any(|path| is_same_file(path, output)) {
             return refuse("the scene refers to this file as image or mask");
         }
         Ok(())

@@ -70,6 +70,14 @@ impl SceneFile {
         self.frames.iter().map(of_frame).collect()
     }
 
+    /// The files that the scene refers to as images and masks; `path` is that of the scene file, to which theirs are relative.
+    pub fn named_files(&self, path: &Path) -> impl Iterator<Item = PathBuf> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let images = self.frames.iter().filter_map(|frame| frame.image.as_ref());
+        let masks = self.detections.iter().filter_map(|detection| detection.mask.as_ref()?.path.as_ref());
+        images.chain(masks).map(move |path| folder.join(path))
+    }
+
     /// The images and masks that the scene names; `path` is that of the scene file, to which theirs are relative. No
     /// other file is looked at.
     ///

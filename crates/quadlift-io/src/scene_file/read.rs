@@ -22,10 +22,7 @@ use crate::wording::plain_words;
 /// another shape than it should.
 pub fn read_scene_file(path: &Path) -> Result<SceneFile, ReadError> {
     let scene = parse_scene_file(path, &read_bytes(path)?)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let images = scene.frames.iter().filter_map(|frame| frame.image.as_ref());
-    let masks = scene.detections.iter().filter_map(|detection| detection.mask.as_ref()?.path.as_ref());
-    note_named(images.chain(masks).map(|path| folder.join(path)));
+    note_named(scene.named_files(path));
     Ok(scene)
 }
 
