@@ -122,7 +122,7 @@ pub struct Localization {
     /// Noise levels that the scene's residuals show, by name (relative to the detection's half size; radians for angles).
     pub noise: Vec<(&'static str, f64)>,
     /// The kind of body that was fitted: the one that was asked for, or the one that was chosen.
-    pub body: BodyKind,
+    pub body: Option<BodyKind>,
     /// How well the views of an object predict those that were left out.
     pub cross_validation: CrossValidation,
     /// Whether the scene agrees with itself. Where it does not, objects have the status [`Status::Inconsistent`] instead
@@ -213,7 +213,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
             let Fold { object, views, .. } = &folds[index];
             predict_fold(&views_of(*object), views, options.map.border_margin, |others| solve(others).body)
         });
-        (estimates, Vec::new(), BodyKind::Ellipsoid, folds, predicted)
+        (estimates, Vec::new(), Some(BodyKind::Ellipsoid), folds, predicted)
     };
     let cross_validation = summarise(&estimates, &folds, predicted, &options.cross_validation);
     // The views of objects with too few of them are listed all the same, as not used.

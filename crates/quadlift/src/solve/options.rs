@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::sigmas::Sigmas;
+use crate::geometry::Body;
 
 /// Which estimator solves for each object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -42,6 +43,18 @@ pub enum BodyKind {
     Cylinder,
     /// A superellipsoid with this exponent of its support function, in [1, 2] (1 cuboid, 2 ellipsoid).
     Superellipsoid(f64),
+}
+
+impl BodyKind {
+    /// The kind of a body.
+    pub fn of(body: &Body) -> Self {
+        match body {
+            Body::Ellipsoid(_) => Self::Ellipsoid,
+            Body::Cuboid(_) => Self::Cuboid,
+            Body::Cylinder(_) => Self::Cylinder,
+            Body::Superellipsoid(body) => Self::Superellipsoid(body.support_exponent),
+        }
+    }
 }
 
 /// What is known beforehand about the objects of one category.

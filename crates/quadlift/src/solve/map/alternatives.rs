@@ -11,8 +11,8 @@ use super::super::options::BodyKind;
 use super::MapContext;
 use super::agreement::Reference;
 use super::body_model::BodyModel;
-use super::exponent::log_determinant_of;
-use super::first_fit::FirstFit;
+use super::kinds::log_determinant_of;
+use super::model::Model;
 use super::fit::{Fit, POLISH};
 use super::levenberg_marquardt::minimise;
 use super::noise::NoiseLevels;
@@ -39,12 +39,12 @@ const HOPELESS: f64 = 20.0;
 const DECISIVE: f64 = 5.0;
 
 /// The minimum of another answer, in the object's frame.
-struct Other<B> {
-    model: B,
+struct Other {
+    model: Model,
     equations: NormalEquations,
 }
 
-impl<B: FirstFit> Fit<B> {
+impl Fit {
     /// Adds the other answers to the estimate of this fit: bodies, a warning, and the spread between the answers to the
     /// covariance.
     pub(super) fn with_alternatives(
@@ -54,7 +54,7 @@ impl<B: FirstFit> Fit<B> {
         reference: Reference,
         context: &MapContext,
     ) -> Estimate {
-        let Some(body) = estimate.body.filter(|_| context.body == BodyKind::Cuboid) else { return estimate };
+        let Some(body) = estimate.body.filter(|_| self.prepared.kind == BodyKind::Cuboid) else { return estimate };
         let found = self.alternatives(&body, noise, context);
         if let Some((_, Other { model, equations })) = found.first().filter(|(found, _)| found.log_odds > DECISIVE) {
             // The rounds ended in a worse minimum. The odds grow with each step, so that this ends.
@@ -72,23 +72,23 @@ impl<B: FirstFit> Fit<B> {
     }
 
     /// Other minima that are not much less probable than the fit, the most probable first.
-    fn alternatives(&self, body: &Body, noise: &NoiseLevels, context: &MapContext) -> Vec<(Alternative, Other<B>)> {
+    fn alternatives(&self, body: &Body, noise: &NoiseLevels, context: &MapContext) -> Vec<(Alternative, Other)> {
         let objective = self.objective(noise, self.outlier_scale);
-        let descend = |start: B, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
+        let descend = |start: Model, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
         let frame = &self.prepared.measurements.frame;
         let seed = self.prepared.seed(context);
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
-        let mut found: Vec<(Alternative, Other<B>)> = Vec::new();
-        for (start, screened) in B::screened(&self.prepared, &self.ellipsoid, noise, self.outlier_scale, context, seed)
+        let mut found: Vec<(Alternative, Other)> = Vec::new();
+        for (start, screened) in self.prepared.screened(&self.ellipsoid, noise, self.outlier_scale, seed)
         {
             if found.len() == LARGEST_NUMBER || screened.cost > best.cost + HOPELESS {
                 break;
             }
             let known: Vec<Body> = std::iter::once(*body).chain(found.iter().map(|(other, _)| other.body)).collect();
-            let is_new = |model: &B| {
-                let other = model.body_in_world(frame, context.body);
+            let is_new = |model: &Model| {
+                let other = model.body_in_world(frame);
                 known.iter().all(|one| are_different(one, &other)).then_some(other)
             };
             if is_new(&start).is_none() {

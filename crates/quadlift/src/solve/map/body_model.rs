@@ -193,7 +193,9 @@ fn exp_symmetric(s: &Matrix3<f64>) -> Matrix3<f64> {
 /// The support function of an oriented body, of `u` in the frame of its axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Form {
-    /// `(sum |a_i u_i|^q)^(1/q)`: a superellipsoid, with q = 1 a cuboid.
+    /// `sum |a_i u_i|`: a cuboid.
+    Cuboid,
+    /// `(sum |a_i u_i|^q)^(1/q)`: a superellipsoid.
     Exponent(f64),
     /// `sqrt((a_1 u_1)^2 + (a_2 u_2)^2) + a_3 |u_3|`: a cylinder.
     Cylinder,
@@ -225,6 +227,7 @@ impl Form {
     /// for the ellipsoid itself, in between for a cylinder.
     pub(super) fn relative_size(self) -> f64 {
         match self {
+            Self::Cuboid => 1.0 / 1.4,
             Self::Exponent(exponent) => 1.4f64.powf(1.0 - 2.0 / exponent),
             Self::Cylinder => 0.8,
         }
@@ -254,7 +257,7 @@ impl BodyModel for OrientedModel {
         // reach_i = |a_i u_i|; g_i = dh/du_i = share_i a_i sign(u_i); dh/dlog a_i = g_i u_i; dh/dw = g x u for R <- R exp[w]x.
         let reach = self.semi_axes.component_mul(&u.abs());
         let (h, share) = match self.form {
-            Form::Exponent(1.0) => (reach.sum(), Vector3::repeat(1.0)),
+            Form::Cuboid | Form::Exponent(1.0) => (reach.sum(), Vector3::repeat(1.0)),
             Form::Exponent(exponent) => {
                 let largest = reach.max();
                 if largest == 0.0 {

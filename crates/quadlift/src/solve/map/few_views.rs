@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use super::MapContext;
 use super::agreement::{Reference, agrees, is_inconsistent};
-use super::first_fit::FirstFit;
 use super::fit::Fit;
 use super::noise::NoiseLevels;
 use super::object::Prepared;
@@ -20,7 +19,7 @@ const FEWEST_TO_LEAVE_OUT: usize = 3;
 /// 90 to 1 (ours; with 20 a third of the false boxes stay, with 4 no more are found).
 const CLEARLY_WORSE: f64 = 9.0;
 
-impl<B: FirstFit> Fit<B> {
+impl Fit {
     /// Where this fit to three or four views contradicts them: the fit that leaves one of them out, where the others
     /// agree and no other choice leaves views that do. Two views agree by chance more often than three do; that is why
     /// the choice must be clear.
@@ -41,8 +40,8 @@ impl<B: FirstFit> Fit<B> {
         for left_out in 0..count {
             let mut views = ObjectViews { views: Vec::with_capacity(count - 1), ..*all };
             views.views.extend(all.views.iter().enumerate().filter(|(k, _)| *k != left_out).map(|(_, view)| *view));
-            let fitted = Prepared::new(views, context)
-                .and_then(|object| self.as_upright(object, context).first_fit::<B>(&level, context));
+            let fitted = Prepared::new(views, self.prepared.kind, context)
+                .and_then(|object| self.as_upright(object, context).first_fit(&level, context));
             let Ok(fit) = fitted else { continue };
             let fit = Self { ground: None, ..fit.refined(&level, true) };
             let Some(misfit) = fit.misfit(&level) else { continue };
@@ -61,7 +60,7 @@ impl<B: FirstFit> Fit<B> {
             return None;
         }
         // All views again, in the frame of those that agree: the loss keeps the other one out.
-        let prepared = Prepared::in_frame(all.clone(), fit.prepared.measurements.frame, context);
+        let prepared = Prepared::in_frame(all.clone(), fit.prepared.measurements.frame, self.prepared.kind, context);
         let prepared = Arc::new(self.as_upright(prepared, context));
         let all_views = Self { prepared, outlier_scale: Some(OUTLIER_SCALE), ground: None, ..fit };
         Some(all_views.refined(&level, false))

@@ -13,7 +13,7 @@ use super::common_errors::{
     CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
 };
 use super::covariance;
-use super::first_fit::FirstFit;
+use super::model::Model;
 use super::ground::{GroundPlane, LowestPoint};
 use super::levenberg_marquardt::{End, Minimum, Stop, minimise, minimum};
 use super::measurements::Plane;
@@ -45,11 +45,11 @@ const FAR_BEYOND_NOISE: f64 = 10.0;
 
 /// A fitted object.
 #[derive(Clone)]
-pub(super) struct Fit<B> {
+pub(super) struct Fit {
     pub prepared: Arc<Prepared>,
     /// The ellipsoid from whose starts the body came.
     pub ellipsoid: EllipsoidModel,
-    pub body: B,
+    pub body: Model,
     pub equations: NormalEquations,
     /// Set where the views hold outliers.
     pub outlier_scale: Option<f64>,
@@ -59,7 +59,7 @@ pub(super) struct Fit<B> {
     pub converged: bool,
 }
 
-impl<B: FirstFit> Fit<B> {
+impl Fit {
     pub(super) fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
         Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
     }
@@ -140,7 +140,7 @@ impl<B: FirstFit> Fit<B> {
         let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
         let seed = prepared.seed(context);
         let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, seed)?;
-        let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, Some(OUTLIER_SCALE), context, seed)?;
+        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, Some(OUTLIER_SCALE), seed)?;
         Some(Self {
             prepared: prepared.clone(),
             ellipsoid,
@@ -161,7 +161,7 @@ impl<B: FirstFit> Fit<B> {
         let again = || {
             let ellipsoid = self.prepared.fit_ellipsoid(noise)?;
             let seed = self.prepared.seed(context);
-            let (body, _) = B::from_ellipsoid(&self.prepared, &ellipsoid, noise, None, context, seed)?;
+            let (body, _) = self.prepared.from_ellipsoid(&ellipsoid, noise, None, seed)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -173,11 +173,11 @@ impl<B: FirstFit> Fit<B> {
     /// for outliers where the residuals are much larger than the noise.
     pub(super) fn reconsidered(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
         let mut fit = self.refined(noise, false);
-        if B::SEVERAL_STARTS {
+        if self.prepared.has_several_starts() {
             // Other random rotations than before.
             let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
             let again = |scale| {
-                let (body, _) = B::from_ellipsoid(&self.prepared, &self.ellipsoid, noise, scale, context, seed)?;
+                let (body, _) = self.prepared.from_ellipsoid(&self.ellipsoid, noise, scale, seed)?;
                 let objective = self.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };
@@ -307,7 +307,7 @@ impl<B: FirstFit> Fit<B> {
     fn covariance(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Covariance> {
         let of_noise = invert_spd(&self.equations.hessian())?;
         let local = if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
-        covariance::in_world(&local, &self.body.world_map(&self.prepared.measurements.frame), B::COORDINATES)
+        covariance::in_world(&local, &self.body.world_map(&self.prepared.measurements.frame), self.body.coordinates())
     }
 
     /// A covariance of noise with what its inverse normal equations do not know.
@@ -328,7 +328,7 @@ impl<B: FirstFit> Fit<B> {
     pub(super) fn estimate(&self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Estimate {
         let Prepared { views, measurements, .. } = &*self.prepared;
         let blank = Estimate::failed(views.object_index, views.category_index, Status::Ok);
-        let body = self.body.body_in_world(&measurements.frame, context.body);
+        let body = self.body.body_in_world(&measurements.frame);
         let behind = |view: &View| view.projection.depth(&measurements.frame.point_in_world(self.body.center())) <= 0.0;
         if !self.equations.cost.is_finite() || views.views.iter().all(behind) || !is_a_body(&body, &views.views) {
             return Estimate { status: Status::Diverged, ..blank };

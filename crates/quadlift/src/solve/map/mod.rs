@@ -15,17 +15,18 @@ mod chi_square;
 mod common_errors;
 mod covariance;
 mod ellipse_residual;
-mod exponent;
 mod few_views;
 mod first_fit;
 mod fit;
 #[cfg(test)]
 mod fit_tests;
 mod ground;
+mod kinds;
 #[cfg(test)]
 mod jacobian_tests;
 pub(crate) mod levenberg_marquardt;
 mod measurements;
+mod model;
 mod noise;
 pub(crate) mod normal_equations;
 mod object;
@@ -42,8 +43,7 @@ mod usual_level;
 
 use nalgebra::{Point3, Unit, Vector3};
 
-use self::body_model::{EllipsoidModel, OrientedModel};
-use self::first_fit::FirstFit;
+use self::kinds::Kinds;
 use self::scene_fit::SceneFit;
 use super::estimate::Estimate;
 use super::options::{BodyKind, MapOptions};
@@ -67,8 +67,6 @@ pub struct MapContext<'a> {
     pub seed: u64,
     /// The estimator's options.
     pub options: &'a MapOptions,
-    /// The kind of body that is being fitted.
-    pub(super) body: BodyKind,
 }
 
 impl<'a> MapContext<'a> {
@@ -80,7 +78,7 @@ impl<'a> MapContext<'a> {
         seed: u64,
         options: &'a MapOptions,
     ) -> Self {
-        Self { categories, up, cameras, seed, options, body: options.body.unwrap_or_default() }
+        Self { categories, up, cameras, seed, options }
     }
 
     /// Whether the objects have more in common than noise levels: the ground, or cameras that are moved.
@@ -92,14 +90,14 @@ impl<'a> MapContext<'a> {
 }
 
 /// The answer for a scene.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct MapSolution {
     /// One estimate per object.
     pub estimates: Vec<Estimate>,
     /// Noise levels by name, relative to the detection's half size.
     pub noise: Vec<(&'static str, f64)>,
-    /// The kind of body that was fitted.
-    pub body: BodyKind,
+    /// The kind of body that was fitted; `None` where objects differ.
+    pub body: Option<BodyKind>,
     /// The folds that were chosen.
     pub folds: Vec<Fold>,
     /// What the other views of the objects tell about those that were left out, for each fold.
@@ -125,50 +123,30 @@ pub fn map(
     let options = context.options;
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
+    let fitted = |kinds: &[BodyKind]| SceneFit::lying_anyhow(kinds, &|k| views_of(sample[k]), context);
     // Where the objects share nothing that is unknown, each is fitted by itself.
-    let together = if options.sigmas.is_some() && !context.has_shared_unknowns() { &[] } else { sample.as_slice() };
-    let fitted = |body| MapContext { body, ..context.clone() };
-    let finish_oriented = |body| {
-        let context = fitted(body);
-        let scene = SceneFit::<OrientedModel>::new(together.len(), &|k| views_of(together[k]), &context);
-        finish(&scene, [count, stride], views_of, &context, folds, done)
-    };
-    let body = options.body.unwrap_or_default();
-    if body != BodyKind::Ellipsoid {
-        return finish_oriented(body);
-    }
-    let context = fitted(body);
-    let scene_of = |objects: &[usize]| {
-        SceneFit::<EllipsoidModel>::lying_anyhow(objects.len(), &|k| views_of(objects[k]), &context)
-    };
-    let scene = scene_of(if options.body.is_some() { together } else { &sample });
-    let exponent = options.body.map_or_else(|| exponent::clearly_better(&scene, &context), |_| None);
-    match exponent {
-        // The last of the exponents is a cuboid, and is written as one.
-        Some(exponent) if exponent <= 1.0 => finish_oriented(BodyKind::Cuboid),
-        Some(exponent) => finish_oriented(BodyKind::Superellipsoid(exponent)),
-        // The kind of body was chosen from objects that are not fitted together.
-        None if scene.len() > together.len() => {
-            finish(&scene_of(together).with_upright(&context), [count, stride], views_of, &context, folds, done)
+    let apart = options.sigmas.is_some() && !context.has_shared_unknowns();
+    let together = |kinds: &[BodyKind]| fitted(if apart { &[] } else { kinds });
+    let all = |kind| vec![kind; sample.len()];
+    let (scene, kinds) = match options.body {
+        Some(body) => (together(&all(body)), Kinds::given(body, sample.len())),
+        None => {
+            let ellipsoids = fitted(&all(BodyKind::Ellipsoid));
+            let kinds = Kinds::among(&ellipsoids, context);
+            let as_they_are = !apart && kinds.of_all() == Some(BodyKind::Ellipsoid);
+            (if as_they_are { ellipsoids } else { together(kinds.of_each()) }, kinds)
         }
-        None => finish(&scene.with_upright(&context), [count, stride], views_of, &context, folds, done),
-    }
-}
-
-/// The estimates of all objects, those of the sample (one of `stride`) and the others, and the folds.
-fn finish<B: FirstFit>(
-    scene: &SceneFit<B>,
-    [count, stride]: [usize; 2],
-    views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
-    context: &MapContext,
-    folds: ChooseFolds,
-    done: &(dyn Fn() + Sync),
-) -> MapSolution {
+    };
+    let scene = scene.with_upright(context);
+    let kind_of = |index: usize| match kinds.of_each().get(index / stride) {
+        Some(kind) if index % stride == 0 => *kind,
+        _ => kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &kinds, context)),
+    };
     let estimates = map_indices(count, |index| {
         let estimate = if index % stride == 0 && index / stride < scene.len() {
             scene.estimate(index / stride, context)
         } else {
-            scene.estimate_other(views_of(index), context)
+            scene.estimate_other(views_of(index), kind_of(index), context)
         };
         done();
         estimate
@@ -181,9 +159,9 @@ fn finish<B: FirstFit>(
         let outliers = whole.views.iter().any(|view| !view.inlier);
         let fit = |others: ObjectViews| match start {
             Some(start) => scene.body_from(others, &start, outliers, context),
-            None => scene.body_of_other(others, context),
+            None => scene.body_of_other(others, kind_of(*object), context),
         };
-        predict_fold(&views_of(*object), views, context.options.border_margin, fit)
+        predict_fold(&views_of(*object), views, options.border_margin, fit)
     });
-    MapSolution { estimates, noise: scene.noise_report(context), body: context.body, folds, predicted }
+    MapSolution { estimates, noise: scene.noise_report(context), body: kinds.of_all(), folds, predicted }
 }

@@ -10,7 +10,6 @@ use super::super::options::BodyKind;
 use super::super::planes::planes_in_frame;
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel};
-use super::first_fit::FirstFit;
 use super::fit::Fit;
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
@@ -27,6 +26,8 @@ pub(super) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1
 #[derive(Clone)]
 pub(super) struct Prepared {
     pub views: ObjectViews,
+    /// The kind of body that is fitted.
+    pub kind: BodyKind,
     pub measurements: Measurements,
     pub prior: ObjectPrior,
     heavy_tails: bool,
@@ -34,42 +35,36 @@ pub(super) struct Prepared {
 
 impl Prepared {
     /// Builds the object's frame and priors; an estimate that says why when there is none.
-    pub(super) fn new(views: ObjectViews, context: &MapContext) -> Result<Self, Box<Estimate>> {
+    pub(super) fn new(views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Self, Box<Estimate>> {
         let failed = |status| Box::new(Estimate::failed(views.object_index, views.category_index, status));
         if views.views.len() < 2 {
             return Err(failed(Status::TooFewViews));
         }
         let frame = ObjectFrame::from_views(&views.views).ok_or_else(|| failed(Status::Degenerate))?;
-        Ok(Self::in_frame(views, frame, context))
+        Ok(Self::in_frame(views, frame, kind, context))
     }
 
     /// The same in a frame that is known.
-    pub(super) fn in_frame(views: ObjectViews, frame: ObjectFrame, context: &MapContext) -> Self {
-        let ellipses_as_planes = context.body != BodyKind::Ellipsoid;
-        let measurements = Measurements::new(frame, &views.views, ellipses_as_planes);
-        let prior = object_prior(&views, &frame, context);
-        Self { views, measurements, prior, heavy_tails: context.options.heavy_tails }
+    pub(super) fn in_frame(views: ObjectViews, frame: ObjectFrame, kind: BodyKind, context: &MapContext) -> Self {
+        let measurements = Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid);
+        let prior = object_prior(&views, &frame, kind, context);
+        Self { views, kind, measurements, prior, heavy_tails: context.options.heavy_tails }
     }
 
     /// The same object seen by cameras that have been moved.
-    pub(super) fn with_poses(&self, corrections: &PoseCorrections, context: &MapContext) -> Self {
+    pub(super) fn with_poses(&self, corrections: &PoseCorrections) -> Self {
         let mut views = self.views.clone();
         corrections.apply(&mut views);
-        let measurements =
-            Measurements::new(self.measurements.frame, &views.views, context.body != BodyKind::Ellipsoid);
-        Self { views, measurements, prior: self.prior.clone(), heavy_tails: self.heavy_tails }
+        let measurements = Measurements::new(self.measurements.frame, &views.views, self.kind != BodyKind::Ellipsoid);
+        Self { views, measurements, prior: self.prior.clone(), ..*self }
     }
 
     /// The first fit: from the starts, and again without the outliers where its residuals show some.
-    pub(super) fn first_fit<B: FirstFit>(
-        self,
-        noise: &NoiseLevels,
-        context: &MapContext,
-    ) -> Result<Fit<B>, Box<Estimate>> {
+    pub(super) fn first_fit(self, noise: &NoiseLevels, context: &MapContext) -> Result<Fit, Box<Estimate>> {
         let failed = Box::new(Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged));
         let seed = self.seed(context);
         let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) = B::from_ellipsoid(&self, &ellipsoid, noise, None, context, seed).ok_or(failed)?;
+        let (body, equations) = self.from_ellipsoid(&ellipsoid, noise, None, seed).ok_or(failed)?;
         let fit = Fit {
             prepared: Arc::new(self),
             ellipsoid,
@@ -129,9 +124,9 @@ fn hash(numbers: impl Iterator<Item = f64>) -> u64 {
 }
 
 /// The priors of an object in its frame.
-fn object_prior(views: &ObjectViews, frame: &ObjectFrame, context: &MapContext) -> ObjectPrior {
+fn object_prior(views: &ObjectViews, frame: &ObjectFrame, kind: BodyKind, context: &MapContext) -> ObjectPrior {
     let mut prior = ObjectPrior { shape_weight: 1.0 / context.options.shape_sd, ..Default::default() };
-    prior.axes_are_named = context.body != BodyKind::Ellipsoid;
+    prior.axes_are_named = kind != BodyKind::Ellipsoid;
     let name = views.category_index.map_or("", |index| context.categories[index].as_str());
     prior.on_ground = context.options.ground_plane && context.up.is_some();
     let Some(category) = context.options.priors.of(name) else { return prior };

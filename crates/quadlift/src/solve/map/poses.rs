@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix6, Rotation3, Vector6};
 
 use super::super::options::PoseNoise;
-use super::first_fit::FirstFit;
 use super::fit::Fit;
 use super::noise::NoiseLevels;
 use crate::geometry::linalg::solve_spd;
@@ -37,9 +36,9 @@ impl PoseCorrections {
 impl PoseCorrections {
     /// Moves the frames to where the fitted objects want them and the prior allows. Returns by how much they were moved
     /// now, for the objects to follow.
-    pub(super) fn update<'a, B: FirstFit + 'a>(
+    pub(super) fn update<'a>(
         &mut self,
-        fits: impl Iterator<Item = &'a Fit<B>>,
+        fits: impl Iterator<Item = &'a Fit>,
         noise: &NoiseLevels,
         prior: PoseNoise,
     ) -> Self {

@@ -3,13 +3,15 @@
 use std::sync::Arc;
 
 use super::super::estimate::{Estimate, Misfit};
+use super::super::options::BodyKind;
 use super::MapContext;
 use super::agreement::{Reference, is_inconsistent, median_level};
-use super::body_model::EllipsoidModel;
+use super::body_model::{BodyModel, EllipsoidModel};
 use super::common_errors::{CommonStatistics, Spread};
-use super::first_fit::FirstFit;
 use super::fit::Fit;
 use super::ground::{GroundPlane, LowestPoint};
+use super::kinds::Kinds;
+use super::model::Model;
 use super::noise::{CovarianceLevels, NoiseLevels, NoiseStatistics};
 use super::object::Prepared;
 use super::objective::OUTLIER_SCALE;
@@ -54,8 +56,8 @@ const COMMON_PAIRS: usize = 5000;
 const COMMON_SAMPLE: usize = 24;
 
 /// The objects of a scene, fitted, with what they share.
-pub(super) struct SceneFit<B> {
-    fits: Vec<Result<Fit<B>, Box<Estimate>>>,
+pub(super) struct SceneFit {
+    fits: Vec<Result<Fit, Box<Estimate>>>,
     noise: NoiseLevels,
     statistics: NoiseStatistics,
     /// What the misfits of objects are compared with.
@@ -69,13 +71,13 @@ pub(super) struct SceneFit<B> {
     upright_noise: NoiseLevels,
 }
 
-impl<B: FirstFit> SceneFit<B> {
-    /// Fits `count` objects.
+impl SceneFit {
+    /// Fits one object for each of these kinds.
     ///
     /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
     /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
-    pub(super) fn new(count: usize, views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &MapContext) -> Self {
-        Self::lying_anyhow(count, views_of, context).with_upright(context)
+    pub(super) fn new(kinds: &[BodyKind], views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &MapContext) -> Self {
+        Self::lying_anyhow(kinds, views_of, context).with_upright(context)
     }
 
     /// The same with those objects upright that stand.
@@ -101,31 +103,31 @@ impl<B: FirstFit> SceneFit<B> {
 
     /// Fits that nothing makes upright but priors of categories.
     pub(super) fn lying_anyhow(
-        count: usize,
+        kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
         context: &MapContext,
     ) -> Self {
         let pixel_size = context.options.pixel_noise_size;
         if let Some(sigmas) = &context.options.sigmas {
-            return Self::settled(count, views_of, NoiseLevels::given(sigmas, pixel_size), context);
+            return Self::settled(kinds, views_of, NoiseLevels::given(sigmas, pixel_size), context);
         }
         let default = NoiseLevels::new(pixel_size);
-        let scene = Self::settled(count, views_of, default, context);
+        let scene = Self::settled(kinds, views_of, default, context);
         if scene.statistics.determined() > WELL_DETERMINED {
             return scene;
         }
-        let other = Self::settled(count, views_of, default.scaled(LITTLE_NOISE), context);
+        let other = Self::settled(kinds, views_of, default.scaled(LITTLE_NOISE), context);
         if other.evidence_over(&scene) > CLEARLY { other } else { scene }
     }
 
     /// Fits from these noise levels until levels and fits agree; with levels that are given, until the fits stand.
     fn settled(
-        count: usize,
+        kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
         noise: NoiseLevels,
         context: &MapContext,
     ) -> Self {
-        let fits = map_indices(count, |k| Prepared::new(views_of(k), context)?.first_fit(&noise, context));
+        let fits = map_indices(kinds.len(), |k| Prepared::new(views_of(k), kinds[k], context)?.first_fit(&noise, context));
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
@@ -160,7 +162,7 @@ impl<B: FirstFit> SceneFit<B> {
             if let Some(prior) = context.options.pose_noise {
                 let step = poses.update(fits.iter().flatten(), &noise, prior);
                 for fit in fits.iter_mut().flatten() {
-                    fit.prepared = Arc::new(fit.prepared.with_poses(&step, context));
+                    fit.prepared = Arc::new(fit.prepared.with_poses(&step));
                 }
             }
             let restart = statistics.determined() < WELL_DETERMINED && noise.change(&started, &statistics) > FAR_OFF;
@@ -203,8 +205,13 @@ impl<B: FirstFit> SceneFit<B> {
     }
 
     /// The fitted objects.
-    pub(super) fn fits(&self) -> impl Iterator<Item = &Fit<B>> {
+    pub(super) fn fits(&self) -> impl Iterator<Item = &Fit> {
         self.fits.iter().flatten()
+    }
+
+    /// The fit of each object, where it has one.
+    pub(super) fn fit_of_each(&self) -> Vec<Option<&Fit>> {
+        self.fits.iter().map(|fit| fit.as_ref().ok()).collect()
     }
 
     /// The noise levels that the same residuals show when views are taken as independent; those that were given.
@@ -222,15 +229,15 @@ impl<B: FirstFit> SceneFit<B> {
     }
 
     /// The estimate of another object of the scene.
-    pub(super) fn estimate_other(&self, views: ObjectViews, context: &MapContext) -> Estimate {
-        self.fit_other(views, context)
+    pub(super) fn estimate_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Estimate {
+        self.fit_other(views, kind, context)
             .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, context))
     }
 
     /// The body of another object of the scene, in the world.
-    pub(super) fn body_of_other(&self, views: ObjectViews, context: &MapContext) -> Option<Body> {
-        let fit = self.fit_other(views, context).ok()?;
-        Some(fit.body.body_in_world(&fit.prepared.measurements.frame, context.body))
+    pub(super) fn body_of_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Option<Body> {
+        let fit = self.fit_other(views, kind, context).ok()?;
+        Some(fit.body.body_in_world(&fit.prepared.measurements.frame))
     }
 
     /// The body, in the world, that an object's views give from where an earlier fit to more views ended. `outliers` says
@@ -243,9 +250,9 @@ impl<B: FirstFit> SceneFit<B> {
         context: &MapContext,
     ) -> Option<Body> {
         self.poses.apply(&mut views);
-        let mut prepared = Prepared::new(views, context).ok()?;
+        let mut prepared = Prepared::new(views, BodyKind::of(start), context).ok()?;
         let frame = prepared.measurements.frame;
-        let body = B::of_body(start, &frame)?;
+        let body = Model::of_body(start, &frame);
         if let Some(up) = context
             .up
             .filter(|up| context.options.upright && prepared.prior.log_size.is_none() && was_upright(&body, up))
@@ -267,19 +274,25 @@ impl<B: FirstFit> SceneFit<B> {
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on(ground, up);
         }
-        Some(fit.refined(&self.noise, true).body.body_in_world(&frame, context.body))
+        Some(fit.refined(&self.noise, true).body.body_in_world(&frame))
+    }
+
+    /// The kind of body of another object of the scene.
+    pub(super) fn kind_of_other(&self, views: ObjectViews, kinds: &Kinds, context: &MapContext) -> BodyKind {
+        self.fit_other(views, BodyKind::Ellipsoid, context)
+            .map_or(BodyKind::Ellipsoid, |fit| kinds.of_other(&fit, context))
     }
 
     /// Another object of the scene, fitted from its starts under what the scene shares.
-    fn fit_other(&self, mut views: ObjectViews, context: &MapContext) -> Result<Fit<B>, Box<Estimate>> {
+    fn fit_other(&self, mut views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Fit, Box<Estimate>> {
         self.poses.apply(&mut views);
-        let mut fit = Prepared::new(views, context)?.first_fit::<B>(&self.noise, context)?;
+        let mut fit = Prepared::new(views, kind, context)?.first_fit(&self.noise, context)?;
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on(ground, up);
         }
-        let rounds = if B::SEVERAL_STARTS { RECONSIDERED } else { 1 };
+        let rounds = if fit.prepared.has_several_starts() { RECONSIDERED } else { 1 };
         let reconsidered =
-            |fit: Fit<B>| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
+            |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
         let fit = reconsidered(fit);
         let upright =
             fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
@@ -288,7 +301,7 @@ impl<B: FirstFit> SceneFit<B> {
     }
 
     /// A fit that has been through the rounds, to the end: without the views that contradict the others.
-    fn finished(&self, fit: &Fit<B>, context: &MapContext) -> Fit<B> {
+    fn finished(&self, fit: &Fit, context: &MapContext) -> Fit {
         let mut fit = fit.refined(&self.noise, true);
         if let Some(mut without) = fit.without_one_view(&self.noise, self.reference, context) {
             if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
@@ -312,8 +325,8 @@ impl<B: FirstFit> SceneFit<B> {
 
 /// What enters covariances only: errors that views have in common, from an evenly spread sample of the objects, and how
 /// much the objects differ.
-fn covariance_levels<B: FirstFit>(fits: &[Result<Fit<B>, Box<Estimate>>], noise: &NoiseLevels) -> CovarianceLevels {
-    let fits: Vec<&Fit<B>> = fits.iter().flatten().collect();
+fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -> CovarianceLevels {
+    let fits: Vec<&Fit> = fits.iter().flatten().collect();
     let pairs: usize = fits.iter().map(|fit| fit.prepared.views.views.len().pow(2) / 2).sum();
     let stride = pairs.div_ceil(COMMON_PAIRS).min(fits.len() / COMMON_SAMPLE).max(1);
     let count = fits.len().div_ceil(stride);
@@ -326,7 +339,7 @@ fn covariance_levels<B: FirstFit>(fits: &[Result<Fit<B>, Box<Estimate>>], noise:
 }
 
 /// The ground plane under the objects that stand on it.
-fn ground_plane<B: FirstFit>(fits: &[Result<Fit<B>, Box<Estimate>>], context: &MapContext) -> Option<GroundPlane> {
+fn ground_plane(fits: &[Result<Fit, Box<Estimate>>], context: &MapContext) -> Option<GroundPlane> {
     let up = context.up?;
     let lowest: Vec<LowestPoint> = fits.iter().flatten().filter_map(|fit| fit.lowest_point(&up)).collect();
     GroundPlane::fit(&up, &lowest, &context.cameras, context.options.camera_height)

@@ -101,14 +101,14 @@ pub(super) fn oriented_starts(
         }
     }
     match form {
-        Form::Exponent(_) => starts,
+        Form::Cuboid | Form::Exponent(_) => starts,
         Form::Cylinder if prior.log_size.is_some() => starts,
         Form::Cylinder => starts.iter().flat_map(along_each_axis).collect(),
     }
 }
 
 /// A start of a cylinder with its axis along each of the three axes.
-fn along_each_axis(start: &OrientedModel) -> [OrientedModel; 3] {
+pub(super) fn along_each_axis(start: &OrientedModel) -> [OrientedModel; 3] {
     [[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|order| {
         let axes = Matrix3::from_columns(&order.map(|k| start.axes().column(k).into_owned()));
         let sizes = Vector3::from(order.map(|k| start.semi_axes()[k]));

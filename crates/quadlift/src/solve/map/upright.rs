@@ -12,9 +12,9 @@ use nalgebra::{Unit, Vector3};
 
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel};
-use super::first_fit::FirstFit;
 use super::fit::Fit;
 use super::levenberg_marquardt::minimise;
+use super::model::Model;
 use super::noise::NoiseLevels;
 use super::normal_equations::{NormalEquations, PARAMETERS};
 use super::object::{FROM_START, Prepared};
@@ -79,7 +79,7 @@ impl Prepared {
     }
 }
 
-impl<B: FirstFit> Fit<B> {
+impl Fit {
     /// Whether the prior has it that the object stands.
     pub(super) fn is_upright(&self) -> bool {
         self.prepared.prior.upright_weight > 0.0
@@ -96,7 +96,7 @@ impl<B: FirstFit> Fit<B> {
         let near = self.put_upright(&prepared, &up, noise, context);
         let few = prepared.views.views.len() < FEW_VIEWS;
         let again = || {
-            let fit = Prepared::clone(&prepared).first_fit::<B>(noise, context).ok()?;
+            let fit = Prepared::clone(&prepared).first_fit(noise, context).ok()?;
             Some(Self { prepared: prepared.clone(), ground: self.ground, ..fit }.refined(noise, false))
         };
         let again = if few || self.outlier_scale.is_some() || near.is_none() { again() } else { None };
@@ -106,9 +106,9 @@ impl<B: FirstFit> Fit<B> {
             .filter_map(|fit| Some((fit.trustful(noise)?, fit)))
             .min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
         let lying = self.refined(noise, false).trustful(noise)?;
-        let (a, b) = (log_determinant::<B>(&standing)?, log_determinant::<B>(&lying)?);
+        let (a, b) = (log_determinant(&self.body, &standing)?, log_determinant(&self.body, &lying)?);
         let log_odds =
-            -0.5 * (standing.cost + a - lying.cost - b) + B::log_upright_density(TILT_SD, context.options.shape_sd);
+            -0.5 * (standing.cost + a - lying.cost - b) + self.body.log_upright_density(TILT_SD, context.options.shape_sd);
         log_odds.is_finite().then_some((fit, log_odds))
     }
 
@@ -121,7 +121,7 @@ impl<B: FirstFit> Fit<B> {
         noise: &NoiseLevels,
         context: &MapContext,
     ) -> Option<Self> {
-        if B::SEVERAL_STARTS {
+        if self.prepared.has_several_starts() {
             return None;
         }
         let body = EllipsoidModel::from_axes(*self.body.center(), *self.body.axes(), self.body.semi_axes());
@@ -130,7 +130,7 @@ impl<B: FirstFit> Fit<B> {
         let objective = prepared.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
         let seed = prepared.seed(context);
-        let (body, equations) = B::from_ellipsoid(prepared, &ellipsoid, noise, self.outlier_scale, context, seed)?;
+        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, self.outlier_scale, seed)?;
         let fit = Self { prepared: prepared.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }
@@ -142,9 +142,9 @@ impl<B: FirstFit> Fit<B> {
 }
 
 /// `ln det H`, with the precision that a body has whose rotation is open.
-fn log_determinant<B: FirstFit>(equations: &NormalEquations) -> Option<f64> {
-    if B::SEVERAL_STARTS {
-        return super::exponent::log_determinant_of(equations);
+fn log_determinant(body: &Model, equations: &NormalEquations) -> Option<f64> {
+    if matches!(body, Model::Oriented(_)) {
+        return super::kinds::log_determinant_of(equations);
     }
     cholesky(&equations.hessian()).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
 }
