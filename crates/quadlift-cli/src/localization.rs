@@ -7,7 +7,7 @@ use quadlift::scene::{Scene, SourceError};
 use quadlift::solve::{BodyKind, CategoryPriors, Method};
 use quadlift::{Localization, LocalizeError, Options, UsedMeasurements, localize};
 use quadlift_io::problems::Problems;
-use quadlift_io::scene_file::{body_name, method_name, settings_record};
+use quadlift_io::scene_file::{body_name, fitted_body_name, method_name, settings_record};
 use quadlift_io::{SceneFile, builtin_priors, read_priors};
 use serde_json::Value;
 
@@ -63,11 +63,11 @@ impl Settings {
     }
 
     /// The settings in a few words, with the kind of body that was fitted.
-    pub fn in_words(&self, fitted: BodyKind) -> String {
+    pub fn in_words(&self, fitted: Option<BodyKind>) -> String {
         match self.options.method {
             Method::Map => match self.options.map.body {
                 Some(body) => format!("map, {}", body_name(body)),
-                None => format!("map, {}, chosen", body_name(fitted)),
+                None => format!("map, {}, chosen", fitted_body_name(fitted)),
             },
             Method::Reg => format!("reg, lambda {:e}", self.options.reg.lambda),
             method => method_name(method).to_owned(),

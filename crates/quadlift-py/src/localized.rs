@@ -18,7 +18,9 @@ use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
-use quadlift_io::scene_file::{body_name, coordinates_name, cross_validation_record, noise_record, settings_record};
+use quadlift_io::scene_file::{
+    coordinates_name, cross_validation_record, fitted_body_name, noise_record, settings_record,
+};
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::association::associated;
@@ -235,10 +237,10 @@ impl PyLocalized {
         PyScene { loaded: Arc::clone(&self.loaded) }
     }
 
-    /// The kind of body that was fitted.
+    /// The kind of body that was fitted; `mixed` where objects differ.
     #[getter]
     fn body(&self) -> String {
-        body_name(self.localization.body)
+        fitted_body_name(self.localization.body)
     }
 
     /// Noise levels as JSON.

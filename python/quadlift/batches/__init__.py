@@ -180,7 +180,7 @@ def noise(
     sigmas : dict
         See `Estimates.noise`; empty where there are no objects, and for other methods than `map`.
     body : str
-        See `Estimates.body`.
+        See `Estimates.body`; ``"ellipsoid"`` where the objects of the sample are of several kinds.
     """
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     table = _tables.table(rows, "rows")
@@ -189,6 +189,8 @@ def noise(
     if not len(detections.row):
         return dict(sigmas or {}), "ellipsoid" if body == "auto" else body
     estimates = _localized(cameras, detections, _texts(table, "object"), settings)
+    if estimates.body == "mixed":
+        return noise(rows, cameras, up=up, length_unit=length_unit, **{**options, "body": "ellipsoid"})
     return (estimates.noise if sigmas is None else dict(sigmas)), estimates.body
 
 

@@ -84,9 +84,14 @@ impl RealSet {
     }
 
     /// The bodies that boxes without a detector's errors give, by id.
-    fn of_exact_boxes(&self, scene: &TrueScene, body: BodyKind, seed: u64) -> Result<BTreeMap<String, Body>, Error> {
+    fn of_exact_boxes(
+        &self,
+        scene: &TrueScene,
+        body: Option<BodyKind>,
+        seed: u64,
+    ) -> Result<BTreeMap<String, Body>, Error> {
         let mut options = self.options(EXACT, seed);
-        options.map.body = Some(body);
+        options.map.body = body;
         let localization = localize(&scene.scene, &options, &|_, _| {})?;
         let named = |e: &Estimate| Some((scene.scene.object_ids[e.object_index].clone(), e.body?));
         Ok(localization.estimates.iter().filter_map(named).collect())

@@ -43,6 +43,11 @@ pub fn body_name(body: BodyKind) -> String {
     }
 }
 
+/// The name of the kind of body that was fitted: `mixed` where objects differ.
+pub fn fitted_body_name(body: Option<BodyKind>) -> String {
+    body.map_or_else(|| "mixed".to_owned(), body_name)
+}
+
 /// The settings as they are written to the result; `priors` says where those in the options come from. The number of
 /// threads is not among them: it changes nothing.
 pub fn settings_record(options: &Options, priors: Option<&str>) -> Value {
@@ -150,7 +155,7 @@ impl SceneFile {
             "program": "quadlift",
             "version": env!("CARGO_PKG_VERSION"),
             "settings": settings,
-            "body": body_name(localization.body),
+            "body": fitted_body_name(localization.body),
             "objects": localization.estimates.len(),
             "localised": count_localised(&localization.estimates),
             "status": status_counts(&localization.estimates),

@@ -11,10 +11,11 @@ use super::super::options::BodyKind;
 use super::MapContext;
 use super::agreement::Reference;
 use super::body_model::BodyModel;
-use super::kinds::log_determinant_of;
-use super::model::Model;
+use super::first_fit::TURNED_STARTS;
 use super::fit::{Fit, POLISH};
+use super::kinds::log_determinant_of;
 use super::levenberg_marquardt::minimise;
+use super::model::Model;
 use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;
 use crate::geometry::{Body, ConvexBody};
@@ -81,7 +82,7 @@ impl Fit {
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
         let mut found: Vec<(Alternative, Other)> = Vec::new();
-        for (start, screened) in self.prepared.screened(&self.ellipsoid, noise, self.outlier_scale, seed)
+        for (start, screened) in self.prepared.screened(&self.ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)
         {
             if found.len() == LARGEST_NUMBER || screened.cost > best.cost + HOPELESS {
                 break;

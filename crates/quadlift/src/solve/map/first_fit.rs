@@ -1,13 +1,23 @@
 //! The first fit of a body of each kind, from an ellipsoid.
 
 use super::super::options::BodyKind;
-use super::body_model::{BodyModel, EllipsoidModel, Form};
+use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::model::Model;
 use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
+use super::objective::Objective;
 use super::starts::{centers_from_size, oriented_starts};
+
+/// Place and size of a start of which only the rotation counts.
+const IN_PLACE: Stop = Stop { evaluations: 4, promised_decrease: 1.0 };
+
+/// Starts that are turned as well.
+pub(super) const TURNED_STARTS: usize = 6;
+
+/// The same where a fit is known already.
+pub(super) const TURNED_AGAIN: usize = 4;
 
 /// To decide between many starts: few steps.
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
@@ -28,17 +38,14 @@ impl Prepared {
         noise: &NoiseLevels,
         outlier_scale: Option<f64>,
         seed: u64,
+        turned: usize,
     ) -> Option<(Model, NormalEquations)> {
         let objective = self.objective(noise, outlier_scale);
         if !self.has_several_starts() {
             let body = Model::Ellipsoid(ellipsoid.clone());
             return objective.linearise(&body).map(|equations| (body, equations));
         }
-        self.screened(ellipsoid, noise, outlier_scale, seed)
-            .into_iter()
-            .take(FOLLOWED_STARTS)
-            .filter_map(|(start, _)| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
-            .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+        best_of(&objective, self.screened(ellipsoid, noise, outlier_scale, seed, turned))
     }
 
     /// The starts of the first fit after a few steps, with the objective there, the best first; none where a body has only
@@ -49,6 +56,7 @@ impl Prepared {
         noise: &NoiseLevels,
         outlier_scale: Option<f64>,
         seed: u64,
+        turned: usize,
     ) -> Vec<(Model, NormalEquations)> {
         let objective = self.objective(noise, outlier_scale);
         let form = match self.kind {
@@ -59,9 +67,43 @@ impl Prepared {
         };
         let centers = centers_from_size(self);
         let starts = oriented_starts(ellipsoid, form, &self.prior, &centers, seed);
-        let descend = |start| minimise(start, SCREENING, |body| objective.linearise(body), BodyModel::retract);
-        let mut screened: Vec<_> = starts.into_iter().map(Model::Oriented).filter_map(descend).collect();
-        screened.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-        screened
+        // Where the size of the category is known few starts differ in more than their place.
+        let turned = if self.prior.log_size.is_some() { usize::MAX } else { turned };
+        descended(&objective, starts, turned)
     }
+}
+
+/// Where oriented bodies end after a few steps from these starts, with the objective there, the best first. Place and size
+/// of each start are found first, where it is; only so many of them are turned as well.
+pub(super) fn descended(
+    objective: &Objective,
+    starts: Vec<OrientedModel>,
+    turned: usize,
+) -> Vec<(Model, NormalEquations)> {
+    if turned >= starts.len() {
+        return turned_too(objective, starts.into_iter().map(Model::Oriented));
+    }
+    let held = |body: &Model| objective.linearise(body).map(NormalEquations::with_held_rotation);
+    let in_place = |start| minimise(start, IN_PLACE, held, BodyModel::retract);
+    let mut placed: Vec<_> = starts.into_iter().map(Model::Oriented).filter_map(in_place).collect();
+    placed.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    placed.truncate(turned);
+    turned_too(objective, placed.into_iter().map(|(start, _)| start))
+}
+
+fn turned_too(objective: &Objective, starts: impl Iterator<Item = Model>) -> Vec<(Model, NormalEquations)> {
+    let descend = |start| minimise(start, SCREENING, |body| objective.linearise(body), BodyModel::retract);
+    let mut descended: Vec<_> = starts.filter_map(descend).collect();
+    descended.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    descended
+}
+
+/// The best one of these after more steps.
+pub(super) fn best_of(
+    objective: &Objective,
+    descended: Vec<(Model, NormalEquations)>,
+) -> Option<(Model, NormalEquations)> {
+    let follow = |(start, _)| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract);
+    let followed = descended.into_iter().take(FOLLOWED_STARTS).filter_map(follow);
+    followed.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
 }

@@ -13,10 +13,11 @@ use super::common_errors::{
     CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
 };
 use super::covariance;
-use super::model::Model;
+use super::first_fit::{TURNED_AGAIN, TURNED_STARTS};
 use super::ground::{GroundPlane, LowestPoint};
 use super::levenberg_marquardt::{End, Minimum, Stop, minimise, minimum};
 use super::measurements::Plane;
+use super::model::Model;
 use super::noise::{CovarianceLevels, NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
@@ -42,6 +43,9 @@ const SUSPECT_COST: f64 = 12.0;
 /// standard deviations of each of four edges. Of
 /// Student's t distribution, the likelihood of an edge, one edge in 280,000 reaches it by itself.
 const FAR_BEYOND_NOISE: f64 = 10.0;
+
+/// Rounds in which a body with several starts is sought from other ones.
+const RESTARTED: usize = 2;
 
 /// A fitted object.
 #[derive(Clone)]
@@ -140,7 +144,7 @@ impl Fit {
         let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
         let seed = prepared.seed(context);
         let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, seed)?;
-        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, Some(OUTLIER_SCALE), seed)?;
+        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
         Some(Self {
             prepared: prepared.clone(),
             ellipsoid,
@@ -161,7 +165,7 @@ impl Fit {
         let again = || {
             let ellipsoid = self.prepared.fit_ellipsoid(noise)?;
             let seed = self.prepared.seed(context);
-            let (body, _) = self.prepared.from_ellipsoid(&ellipsoid, noise, None, seed)?;
+            let (body, _) = self.prepared.from_ellipsoid(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -177,11 +181,14 @@ impl Fit {
             // Other random rotations than before.
             let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
             let again = |scale| {
-                let (body, _) = self.prepared.from_ellipsoid(&self.ellipsoid, noise, scale, seed)?;
+                let (body, _) = self.prepared.from_ellipsoid(&self.ellipsoid, noise, scale, seed, TURNED_AGAIN)?;
                 let objective = self.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };
-            if let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost) {
+            let restart = round < RESTARTED || self.prepared.prior.log_size.is_some();
+            if restart
+                && let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost)
+            {
                 (fit.body, fit.equations) = (body, equations);
             }
             // A wrong start can look like outliers: where all views agree with another one there are none.

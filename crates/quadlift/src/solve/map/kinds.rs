@@ -8,38 +8,44 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
+
 use super::super::options::BodyKind;
 use super::MapContext;
 use super::body_model::{BodyModel, Form, OrientedModel};
+use super::first_fit::{TURNED_STARTS, best_of, descended};
 use super::fit::Fit;
-use super::levenberg_marquardt::{Stop, minimise};
 use super::model::Model;
-use super::noise::NoiseLevels;
+use super::noise::{LARGEST_CORRELATION, NoiseLevels};
 use super::normal_equations::{NormalEquations, PARAMETERS};
 use super::object::Prepared;
 use super::objective::Objective;
 use super::scene_fit::SceneFit;
-use super::starts::{along_each_axis, turned_axes};
+use super::starts::{along_each_axis, oriented_starts, turned_axes};
 use crate::geometry::linalg::cholesky;
 use crate::parallel::map_indices;
 
-/// The exponents of superellipsoids are 2 less so many tenths.
-const STEPS: usize = 10;
+/// The exponents of superellipsoids that are tried.
+const EXPONENTS: [f64; 3] = [1.75, 1.5, 1.25];
 
-/// Number of kinds: ellipsoid, superellipsoids, cuboid (the last of the exponents), cylinder.
-const KINDS: usize = STEPS + 2;
+/// The kinds: ellipsoid, superellipsoids, cuboid, cylinder.
+const KINDS: usize = EXPONENTS.len() + 3;
+const CUBOID: usize = KINDS - 2;
 const CYLINDER: usize = KINDS - 1;
 
-/// The exponent with which it is tried whether an object may be none: where the boxes of a body with edges are fitted
-/// better than those of an ellipsoid, so are those of this one, half of the way between an ellipsoid and a sphere's cube.
-const TRIED_STEP: usize = 4;
+/// The kind with which it is tried whether an object may be no ellipsoid: the boxes of any body with edges are fitted
+/// better by this one as well.
+const TRIED: usize = 1;
+
+/// Starts of a superellipsoid that are turned.
+const TURNED: usize = 2;
+
+/// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
+const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
 
 /// Precision of a Gaussian with the volume of the rotations that differ for a body with the symmetry of a cuboid with
 /// equal edges: `(2 pi)^(3/2) s^3 = 8 pi^2 / 24`, `1 / s^2`.
 const ROTATION_PRECISION: f64 = 2.84;
-
-/// From one exponent to the next.
-const NEXT: Stop = Stop { evaluations: 12, promised_decrease: 1e-2 };
 
 /// How often objects are none of the kinds but ellipsoids, before anything is known: the share of the others together.
 const OTHERS: f64 = 0.01;
@@ -50,11 +56,14 @@ const WEIGHT_OF_PRIOR: f64 = 1.0;
 /// Degrees of freedom with which the noise of the scene is believed to be that of an object.
 const FREEDOM_OF_SCENE: f64 = 8.0;
 
-/// Above the score of the ellipsoid by so much the tried exponent shows that the object is one.
-const HOPELESS: f64 = 2.0;
+/// By how much the score of the kind that is tried first may lie above that of the ellipsoid for the others to be tried:
+/// where some objects may be no ellipsoids, and where those that were looked at are.
+const LENIENT: f64 = 2.0;
+const STRICT: f64 = -2.0;
 
-/// The exponents are followed until so many in a row fit worse than the best one.
-const WORSE_IN_A_ROW: usize = 3;
+/// Objects that are looked at first, evenly spread, and the share of other bodies below which they are ellipsoids.
+const LOOKED_AT: usize = 8;
+const FEW_OTHERS: f64 = 0.25;
 
 /// Rounds in which shares and probabilities are adjusted to each other.
 const ROUNDS: usize = 50;
@@ -62,9 +71,18 @@ const ROUNDS: usize = 50;
 fn kind_of(index: usize) -> BodyKind {
     match index {
         0 => BodyKind::Ellipsoid,
+        CUBOID => BodyKind::Cuboid,
         CYLINDER => BodyKind::Cylinder,
-        STEPS => BodyKind::Cuboid,
-        step => BodyKind::Superellipsoid((2 * STEPS - step) as f64 / STEPS as f64),
+        k => BodyKind::Superellipsoid(EXPONENTS[k - 1]),
+    }
+}
+
+fn form_of(index: usize) -> Form {
+    match index {
+        0 => Form::Exponent(2.0),
+        CUBOID => Form::Cuboid,
+        CYLINDER => Form::Cylinder,
+        k => Form::Exponent(EXPONENTS[k - 1]),
     }
 }
 
@@ -77,18 +95,27 @@ struct Evidence {
     /// For each kind the cost of the best fit and the logarithm of the determinant of its normal equations; `None` where it was not
     /// tried.
     fits: [Option<(f64, f64)>; KINDS],
+    /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
+    /// that number.
+    neighbours: [[f64; 2]; KINDS],
 }
 
 impl Evidence {
     /// Logarithms of the evidences over that of an ellipsoid. The noise of an object is about that of the scene: its variance has an
     /// inverse gamma distribution around `variance`.
-    fn log_odds(&self, variance: f64) -> [f64; KINDS] {
+    fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
         let known = FREEDOM_OF_SCENE * variance;
         let log = |(cost, determinant): (f64, f64)| {
-            -0.5 * ((self.freedom + FREEDOM_OF_SCENE) * (cost + known).ln() + determinant)
+            -0.5 * (independent * (self.freedom + FREEDOM_OF_SCENE) * (cost + known).ln() + determinant)
         };
         let ellipsoid = self.fits[0].map_or(0.0, log);
         self.fits.map(|fit| fit.map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
+    }
+
+    /// The kind whose fit has the best score.
+    fn best(&self) -> usize {
+        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, det)| self.freedom * cost.ln() + det);
+        (0..KINDS).min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap_or(0)
     }
 
     fn best_cost(&self) -> f64 {
@@ -109,6 +136,8 @@ struct Others {
     shares: Shares,
     /// Weighted squared residual per degree of freedom.
     variance: f64,
+    /// Share of the residuals that count, see [`independent_share`].
+    independent: f64,
     noise: NoiseLevels,
 }
 
@@ -132,8 +161,8 @@ impl Shares {
     fn of(&self, category: Option<usize>) -> [f64; KINDS] {
         let before = |k: usize| match k {
             0 => 1.0 - OTHERS,
-            STEPS | CYLINDER => OTHERS / 3.0,
-            _ => OTHERS / 3.0 / (STEPS - 1) as f64,
+            CUBOID | CYLINDER => OTHERS / 3.0,
+            _ => OTHERS / 3.0 / EXPONENTS.len() as f64,
         };
         let pooled = |counts: &[f64; KINDS], prior: [f64; KINDS]| {
             let total = counts.iter().sum::<f64>().max(0.0) + WEIGHT_OF_PRIOR;
@@ -156,15 +185,22 @@ impl Kinds {
         let noise = scene.noise_of_independent_views(context);
         let fits = scene.fit_of_each();
         let ellipsoids = Self::given(BodyKind::Ellipsoid, fits.len());
-        let all: Vec<Option<Evidence>> =
-            map_indices(fits.len(), |k| fits[k].and_then(|fit| evidence(fit, &noise, context)));
+        let of = |k: usize, screen| fits[k].and_then(|fit: &Fit| evidence(fit, &noise, screen, context));
+        let stride = fits.len().div_ceil(LOOKED_AT).max(1);
+        let some = map_indices(fits.len().div_ceil(stride), |k| of(k * stride, LENIENT));
+        let screen = if may_hold_others(&some) { LENIENT } else { STRICT };
+        let all: Vec<Option<Evidence>> = map_indices(fits.len(), |k| match k % stride {
+            0 => some[k / stride].clone(),
+            _ => of(k, screen),
+        });
         let told: Vec<&Evidence> = all.iter().flatten().collect();
         let freedom: f64 = told.iter().map(|evidence| evidence.freedom).sum();
         let variance = told.iter().map(|evidence| evidence.best_cost()).sum::<f64>() / freedom;
         if freedom <= 0.0 || !variance.is_finite() {
             return ellipsoids;
         }
-        let log_odds: Vec<_> = told.iter().map(|evidence| evidence.log_odds(variance)).collect();
+        let independent = independent_share(&told);
+        let log_odds: Vec<_> = told.iter().map(|evidence| evidence.log_odds(variance, independent)).collect();
         let mut probabilities: Vec<[f64; KINDS]> = log_odds.iter().map(|odds| posterior(odds, &[1.0; KINDS])).collect();
         let mut shares = Shares::default();
         for (evidence, probabilities) in told.iter().zip(&probabilities) {
@@ -181,7 +217,7 @@ impl Kinds {
         let mut found = probabilities.iter().map(most_probable);
         let mut kind = |evidence: &Option<Evidence>| kind_of(evidence.as_ref().and_then(|_| found.next()).unwrap_or(0));
         let of_each = all.iter().map(&mut kind).collect();
-        Self { of_each, others: Some(Others { shares, variance, noise }) }
+        Self { of_each, others: Some(Others { shares, variance, independent, noise }) }
     }
 
     /// The kind of each object.
@@ -197,10 +233,34 @@ impl Kinds {
 
     /// The kind of another object of the scene, fitted as an ellipsoid.
     pub(super) fn of_other(&self, fit: &Fit, context: &MapContext) -> BodyKind {
-        let Some(Others { shares, variance, noise }) = &self.others else { return BodyKind::Ellipsoid };
-        let Some(evidence) = evidence(fit, noise, context) else { return BodyKind::Ellipsoid };
-        kind_of(most_probable(&posterior(&evidence.log_odds(*variance), &shares.of(evidence.category))))
+        let Some(Others { shares, variance, independent, noise }) = &self.others else { return BodyKind::Ellipsoid };
+        let Some(evidence) = evidence(fit, noise, LENIENT, context) else { return BodyKind::Ellipsoid };
+        kind_of(most_probable(&posterior(&evidence.log_odds(*variance, *independent), &shares.of(evidence.category))))
     }
+}
+
+/// Share of the residuals that count: those that remain with the best kind of each object are alike in neighbouring views
+/// where no kind is quite right, and then they say less about which one is.
+fn independent_share(told: &[&Evidence]) -> f64 {
+    let mut sums = [0.0; 2];
+    for evidence in told {
+        let [sum, pairs] = evidence.neighbours[evidence.best()];
+        sums[0] += sum;
+        sums[1] += pairs;
+    }
+    let correlation = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 };
+    (1.0 - correlation) / (1.0 + correlation)
+}
+
+/// Whether some of these objects may be no ellipsoids, each judged by itself.
+fn may_hold_others(some: &[Option<Evidence>]) -> bool {
+    let odds = |evidence: &Evidence| {
+        let variance = evidence.best_cost() / evidence.freedom;
+        evidence.log_odds(variance, 1.0)[1..].iter().map(|log_odds| log_odds.exp()).sum::<f64>() / (KINDS - 1) as f64
+    };
+    let probable: f64 =
+        some.iter().flatten().map(odds).map(|odds| if odds.is_finite() { odds / (1.0 + odds) } else { 1.0 }).sum();
+    probable > FEW_OTHERS * some.iter().flatten().count() as f64
 }
 
 /// Probabilities from logarithms of odds and what is probable beforehand.
@@ -217,95 +277,54 @@ fn most_probable(probabilities: &[f64; KINDS]) -> usize {
     (0..KINDS).rev().max_by(|&a, &b| probabilities[a].total_cmp(&probabilities[b])).unwrap_or(0)
 }
 
-/// An object as oriented bodies see it, followed from exponent to exponent.
-struct Search<'a> {
-    objective: Objective<'a>,
-    /// Ellipsoids with the axes of the fit, and with those turned by 45 degrees.
-    first: Vec<OrientedModel>,
-}
-
-/// The end of a search with one form.
-struct Found {
-    cost: f64,
-    log_determinant: f64,
-    bodies: Vec<OrientedModel>,
-}
-
-impl Search<'_> {
-    /// The fits of a form, from those with the last exponent and from the beginning: where edges lie is not found from a rounder
-    /// body alone.
-    fn with_form(&self, form: Form, last: &[OrientedModel]) -> Found {
-        let mut found = Found { cost: f64::INFINITY, log_determinant: 0.0, bodies: Vec::new() };
-        let starts = last.iter().chain(&self.first).flat_map(|body| {
-            let semi_axes = body.semi_axes() * (form.relative_size() / body.form().relative_size());
-            let start = OrientedModel::new(*body.center(), *body.axes(), semi_axes, form);
-            if form == Form::Cylinder { along_each_axis(&start).to_vec() } else { vec![start] }
-        });
-        let mut ends: Vec<(f64, OrientedModel)> = Vec::new();
-        for start in starts {
-            let end = minimise(start, NEXT, |body| self.objective.linearise(body), BodyModel::retract);
-            let Some((body, equations)) = end else { continue };
-            if equations.cost < found.cost
-                && let Some(determinant) = log_determinant_of(&equations)
-            {
-                (found.cost, found.log_determinant) = (equations.cost, determinant);
-            }
-            ends.push((equations.cost, body));
-        }
-        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found.bodies = ends.into_iter().take(self.first.len()).map(|(_, body)| body).collect();
-        found
-    }
-}
-
 /// What the boxes of a fitted object tell about its kind; `None` where nothing can be told.
-fn evidence(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Option<Evidence> {
+fn evidence(fit: &Fit, noise: &NoiseLevels, screen: f64, context: &MapContext) -> Option<Evidence> {
     let views = &fit.prepared.views;
+    let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
     // Ellipses are outlines of ellipsoids only.
     if views.views.iter().any(|view| view.ellipse.is_some()) {
         return None;
     }
-    let object = Prepared::in_frame(views.clone(), fit.prepared.measurements.frame, BodyKind::Superellipsoid(2.0), context);
+    let frame = fit.prepared.measurements.frame;
+    let object = Prepared::in_frame(views.clone(), frame, BodyKind::Superellipsoid(2.0), context);
     let freedom = object.measurements.edges.len() as f64 - PARAMETERS as f64;
     if freedom <= 0.0 {
         return None;
     }
-    let round = Form::Exponent(2.0);
-    let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
-    let first = turned_axes(ellipsoid, &object.prior)
-        .into_iter()
-        .map(|(axes, semi_axes)| OrientedModel::new(*fit.body.center(), axes, semi_axes, round))
-        .collect();
     let objective = Objective { ground: fit.ground, ..object.objective(noise, fit.outlier_scale) };
-    let search = Search { objective, first };
-    let mut evidence = Evidence { category: views.category_index, freedom, fits: [None; KINDS] };
-    let mut take = |kind: usize, found: &Found| {
-        evidence.fits[kind] = found.cost.is_finite().then_some((found.cost, found.log_determinant));
-        let score = freedom * found.cost.ln() + found.log_determinant;
-        if score.is_nan() { f64::INFINITY } else { score }
+    let mut evidence =
+        Evidence { category: views.category_index, freedom, fits: [None; KINDS], neighbours: [[0.0; 2]; KINDS] };
+    let mut take = |kind: usize, (body, equations): (Model, NormalEquations)| {
+        let mut determinant = log_determinant_of(&equations)?;
+        if kind == CYLINDER {
+            determinant += LOG_AXES_OF_CYLINDER;
+        }
+        evidence.neighbours[kind] = objective.statistics(&body, &equations, true).neighbours_of_edges();
+        evidence.fits[kind] = Some((equations.cost, determinant));
+        Some(freedom * equations.cost.ln() + determinant)
     };
-    let mut found = search.with_form(round, &[]);
-    let ellipsoid = take(0, &found);
-    let tried = search.with_form(exponent_of(TRIED_STEP), &[]);
-    if take(TRIED_STEP, &tried) > ellipsoid + HOPELESS {
+    // From the axes of the ellipsoid and from those turned by 45 degrees.
+    let starts = |form: Form| -> Vec<OrientedModel> {
+        let size = form.relative_size();
+        let start = |(axes, sizes): (_, Vector3<f64>)| OrientedModel::new(*fit.body.center(), axes, sizes * size, form);
+        turned_axes(ellipsoid, &object.prior).into_iter().map(start).collect()
+    };
+    let search = |starts, turned| best_of(&objective, descended(&objective, starts, turned));
+    let round = starts(Form::Exponent(2.0)).into_iter().take(1).collect();
+    let ellipsoid_score = take(0, search(round, 1)?)?;
+    let tried = form_of(TRIED);
+    let score = take(TRIED, search(starts(tried), 1)?)?;
+    if score > ellipsoid_score + screen {
         return Some(evidence);
     }
-    let (mut best, mut worse) = (ellipsoid, 0);
-    for step in 1..=STEPS {
-        found = search.with_form(exponent_of(step), &found.bodies);
-        let score = take(step, &found);
-        worse = if score < best { 0 } else { worse + 1 };
-        best = best.min(score);
-        if worse == WORSE_IN_A_ROW {
-            break;
-        }
+    for kind in (1..CUBOID).filter(|kind| *kind != TRIED) {
+        take(kind, search(starts(form_of(kind)), TURNED)?);
     }
-    take(CYLINDER, &search.with_form(Form::Cylinder, &[]));
+    let any_way = oriented_starts(ellipsoid, Form::Cuboid, &object.prior, &[], object.seed(context));
+    take(CUBOID, search(any_way, TURNED_STARTS)?);
+    let lying = starts(Form::Cylinder).iter().flat_map(along_each_axis).collect();
+    take(CYLINDER, search(lying, TURNED_STARTS)?);
     Some(evidence)
-}
-
-fn exponent_of(step: usize) -> Form {
-    Form::Exponent((2 * STEPS - step) as f64 / STEPS as f64)
 }
 
 /// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal; `None` where H is

@@ -21,9 +21,9 @@ mod fit;
 #[cfg(test)]
 mod fit_tests;
 mod ground;
-mod kinds;
 #[cfg(test)]
 mod jacobian_tests;
+mod kinds;
 pub(crate) mod levenberg_marquardt;
 mod measurements;
 mod model;

@@ -76,7 +76,7 @@ const GROUPS: usize = 8;
 const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
 
 /// Largest correlation between views that is believed.
-const LARGEST_CORRELATION: f64 = 0.9;
+pub(super) const LARGEST_CORRELATION: f64 = 0.9;
 
 /// Smallest standard deviation: larger ones cost accuracy on exact data, smaller ones stability.
 const FLOOR: f64 = 2e-4;
@@ -341,6 +341,11 @@ impl NoiseStatistics {
         self.determined[1] += parameters as f64;
         self.inverse_views[0] += 1.0 / views.max(1) as f64;
         self.inverse_views[1] += 1.0;
+    }
+
+    /// The correlation of edges in views that follow each other, times the number of pairs, and that number.
+    pub(super) fn neighbours_of_edges(&self) -> [f64; 2] {
+        self.neighbours[0]
     }
 
     /// Number of views of an object: the harmonic mean, so that one object of many views among others of few counts little.

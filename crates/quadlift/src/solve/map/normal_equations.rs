@@ -46,6 +46,17 @@ impl NormalEquations {
         self.add_row(residual, row, 1.0);
     }
 
+    /// The same with the rotation of an oriented body (parameters 3 to 5) held where it is.
+    pub(crate) fn with_held_rotation(mut self) -> Self {
+        for i in 3..6 {
+            self.gradient[i] = 0.0;
+            for j in 0..PARAMETERS {
+                self.hessian[i.max(j)][i.min(j)] = f64::from(i == j);
+            }
+        }
+        self
+    }
+
     /// `J^T J` as a full matrix.
     pub(crate) fn hessian(&self) -> SMatrix<f64, 9, 9> {
         SMatrix::from_fn(|i, j| self.hessian[i.max(j)][i.min(j)])

@@ -76,7 +76,11 @@ impl SceneFit {
     ///
     /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
     /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
-    pub(super) fn new(kinds: &[BodyKind], views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &MapContext) -> Self {
+    pub(super) fn new(
+        kinds: &[BodyKind],
+        views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+        context: &MapContext,
+    ) -> Self {
         Self::lying_anyhow(kinds, views_of, context).with_upright(context)
     }
 
@@ -127,7 +131,8 @@ impl SceneFit {
         noise: NoiseLevels,
         context: &MapContext,
     ) -> Self {
-        let fits = map_indices(kinds.len(), |k| Prepared::new(views_of(k), kinds[k], context)?.first_fit(&noise, context));
+        let fits =
+            map_indices(kinds.len(), |k| Prepared::new(views_of(k), kinds[k], context)?.first_fit(&noise, context));
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
@@ -291,8 +296,7 @@ impl SceneFit {
             fit.stand_on(ground, up);
         }
         let rounds = if fit.prepared.has_several_starts() { RECONSIDERED } else { 1 };
-        let reconsidered =
-            |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
+        let reconsidered = |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
         let fit = reconsidered(fit);
         let upright =
             fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));

@@ -12,6 +12,7 @@ use nalgebra::{Unit, Vector3};
 
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel};
+use super::first_fit::TURNED_STARTS;
 use super::fit::Fit;
 use super::levenberg_marquardt::minimise;
 use super::model::Model;
@@ -107,8 +108,8 @@ impl Fit {
             .min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
         let lying = self.refined(noise, false).trustful(noise)?;
         let (a, b) = (log_determinant(&self.body, &standing)?, log_determinant(&self.body, &lying)?);
-        let log_odds =
-            -0.5 * (standing.cost + a - lying.cost - b) + self.body.log_upright_density(TILT_SD, context.options.shape_sd);
+        let log_odds = -0.5 * (standing.cost + a - lying.cost - b)
+            + self.body.log_upright_density(TILT_SD, context.options.shape_sd);
         log_odds.is_finite().then_some((fit, log_odds))
     }
 
@@ -130,7 +131,7 @@ impl Fit {
         let objective = prepared.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
         let seed = prepared.seed(context);
-        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, self.outlier_scale, seed)?;
+        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)?;
         let fit = Self { prepared: prepared.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }
