@@ -214,7 +214,10 @@ impl Kinds {
                 shares.add(evidence.category, &probabilities[k], 1.0);
             }
         }
-        let mut found = probabilities.iter().map(most_probable);
+        let mut found = probabilities
+            .iter()
+            .zip(&told)
+            .map(|(probabilities, evidence)| most_probable(probabilities, evidence.freedom));
         let mut kind = |evidence: &Option<Evidence>| kind_of(evidence.as_ref().and_then(|_| found.next()).unwrap_or(0));
         let of_each = all.iter().map(&mut kind).collect();
         Self { of_each, others: Some(Others { shares, variance, independent, noise }) }
@@ -235,7 +238,8 @@ impl Kinds {
     pub(super) fn of_other(&self, fit: &Fit, context: &MapContext) -> BodyKind {
         let Some(Others { shares, variance, independent, noise }) = &self.others else { return BodyKind::Ellipsoid };
         let Some(evidence) = evidence(fit, noise, LENIENT, context) else { return BodyKind::Ellipsoid };
-        kind_of(most_probable(&posterior(&evidence.log_odds(*variance, *independent), &shares.of(evidence.category))))
+        let probabilities = posterior(&evidence.log_odds(*variance, *independent), &shares.of(evidence.category));
+        kind_of(most_probable(&probabilities, evidence.freedom))
     }
 }
 
@@ -272,9 +276,11 @@ fn posterior(log_odds: &[f64; KINDS], prior: &[f64; KINDS]) -> [f64; KINDS] {
     odds.map(|odds| odds / sum)
 }
 
-/// The first of the most probable ones: the roundest.
-fn most_probable(probabilities: &[f64; KINDS]) -> usize {
-    (0..KINDS).rev().max_by(|&a, &b| probabilities[a].total_cmp(&probabilities[b])).unwrap_or(0)
+/// The most probable kind; of those that are about as probable the roundest.
+fn most_probable(probabilities: &[f64; KINDS], freedom: f64) -> usize {
+    let best = (0..KINDS).rev().max_by(|&a, &b| probabilities[a].total_cmp(&probabilities[b])).unwrap_or(0);
+    let enough = probabilities[best] / freedom.sqrt();
+    if best == CYLINDER { best } else { (0..best).find(|&k| probabilities[k] > enough).unwrap_or(best) }
 }
 
 /// What the boxes of a fitted object tell about its kind; `None` where nothing can be told.
