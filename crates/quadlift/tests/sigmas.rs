@@ -81,7 +81,7 @@ fn given_levels_are_as_good_as_those_that_are_found() {
         found += residuals(&plain);
         given += residuals(&again);
         // The kind of body that was chosen, given too, changes nothing.
-        let same = run(&scene, Some(plain.body), Some(&sigmas_of(&plain)));
+        let same = run(&scene, plain.body, Some(&sigmas_of(&plain)));
         for (a, b) in again.estimates.iter().zip(&same.estimates) {
             assert_eq!(bits(a), bits(b));
         }

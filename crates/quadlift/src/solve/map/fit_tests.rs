@@ -12,6 +12,7 @@ use super::agreement::Reference;
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::fit::Fit;
 use super::ground::GroundPlane;
+use super::model::Model;
 use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;
 use super::object::Prepared;
@@ -22,32 +23,32 @@ use crate::scene::ObjectViews;
 use crate::synthetic::{Observations, SyntheticOptions, generate};
 
 /// An object of five views, with a ball for its body, and the options.
-fn ball(test: impl Fn(&Fit<EllipsoidModel>, &NoiseLevels, &MapContext)) {
+fn ball(test: impl Fn(&Fit, &NoiseLevels, &MapContext)) {
     ball_on_ground(None, test);
 }
 
 /// The same where objects stand on a ground plane if the direction against gravity is known.
-fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit<EllipsoidModel>, &NoiseLevels, &MapContext)) {
+fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLevels, &MapContext)) {
     let make = SyntheticOptions { objects: 1, views: 5, observations: Observations::Boxes, ..Default::default() };
     let scene = generate(&make).unwrap().scene;
     let detections: Vec<u32> = (0..5).collect();
     let views: ObjectViews = scene.object_views(0, &detections);
     let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Options::default().map };
     let context = MapContext::new(&scene.categories, up, Vec::new(), 0, &options);
-    let prepared = Prepared::new(views, &context).unwrap();
+    let prepared = Prepared::new(views, BodyKind::Ellipsoid, &context).unwrap();
     let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
     let noise = NoiseLevels::new(67.0);
     let equations = prepared.objective(&noise, None).linearise(&body).unwrap();
     let ellipsoid = body.clone();
-    let prepared = Arc::new(prepared);
+    let (prepared, body) = (Arc::new(prepared), Model::Ellipsoid(body));
     let fit = Fit { prepared, ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true };
     test(&fit, &noise, &context);
 }
 
 /// Residuals of all views after the camera of a frame has been moved.
-fn residuals(fit: &Fit<EllipsoidModel>, noise: &NoiseLevels, context: &MapContext, by: Vector6<f64>) -> Vec<f64> {
+fn residuals(fit: &Fit, noise: &NoiseLevels, by: Vector6<f64>) -> Vec<f64> {
     let moved = PoseCorrections::of_frames(BTreeMap::from([(2, by)]));
-    let prepared = fit.prepared.with_poses(&moved, context);
+    let prepared = fit.prepared.with_poses(&moved);
     let mut all = Vec::new();
     prepared.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
     all
@@ -55,7 +56,7 @@ fn residuals(fit: &Fit<EllipsoidModel>, noise: &NoiseLevels, context: &MapContex
 
 #[test]
 fn residuals_follow_a_camera_that_turns_or_moves() {
-    ball(|fit, noise, context| {
+    ball(|fit, noise, _| {
         let mut rows = Vec::new();
         fit.each_pose_row(noise, |frame, _, derivative, _| rows.push((frame, derivative)));
         assert_eq!(rows.len(), 20);
@@ -64,7 +65,7 @@ fn residuals_follow_a_camera_that_turns_or_moves() {
             let step = if k < 3 { 1e-6 } else { 1e-4 };
             let mut by = Vector6::zeros();
             by[k] = step;
-            let (plus, minus) = (residuals(fit, noise, context, by), residuals(fit, noise, context, -by));
+            let (plus, minus) = (residuals(fit, noise, by), residuals(fit, noise, -by));
             for (row, (frame, derivative)) in rows.iter().enumerate() {
                 let numeric = (plus[row] - minus[row]) / (2.0 * step);
                 let analytic = if *frame == 2 { derivative[k] } else { 0.0 };
@@ -91,7 +92,7 @@ fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
 #[test]
 fn bodies_that_have_run_away_have_diverged() {
     ball(|fit, noise, context| {
-        let ends = |body: EllipsoidModel, equations: NormalEquations| {
+        let ends = |body: Model, equations: NormalEquations| {
             let fit = Fit { body, equations, ..fit.clone() };
             fit.estimate(noise, Reference::among(noise, std::iter::empty(), context.options), context)
         };
@@ -100,7 +101,7 @@ fn bodies_that_have_run_away_have_diverged() {
         let away = *fit.body.center() - fit.prepared.measurements.views[0].axis * 1e4;
         for (center, radius) in [(away, 0.9), (*fit.body.center(), 1e-4), (*fit.body.center(), 1e4)] {
             let body = EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(radius));
-            let estimate = ends(body, fit.equations);
+            let estimate = ends(Model::Ellipsoid(body), fit.equations);
             assert_eq!((estimate.status, estimate.center), (Status::Diverged, None), "{center} {radius}");
         }
         assert_eq!(ends(fit.body.clone(), NormalEquations::nowhere()).status, Status::Diverged);
@@ -158,7 +159,7 @@ fn the_grounds_own_pull_is_taken_out_of_what_an_object_tells_of_it() {
         let mut standing = free.clone();
         standing.stand_on(&plane, &up);
         let standing = standing.refined(&noise, true);
-        let bottom = |fit: &Fit<EllipsoidModel>| {
+        let bottom = |fit: &Fit| {
             let frame = &fit.prepared.measurements.frame;
             up.dot(&frame.point_in_world(fit.body.center()).coords)
                 - fit.body.support_gradient(&up.into_inner()).0 * frame.unit

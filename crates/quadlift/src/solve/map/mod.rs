@@ -15,6 +15,7 @@ mod chi_square;
 mod common_errors;
 mod covariance;
 mod ellipse_residual;
+mod evidence;
 mod few_views;
 mod first_fit;
 mod fit;

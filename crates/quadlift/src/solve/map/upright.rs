@@ -12,6 +12,7 @@ use nalgebra::{Unit, Vector3};
 
 use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel};
+use super::evidence::log_determinant_of;
 use super::first_fit::TURNED_STARTS;
 use super::fit::Fit;
 use super::levenberg_marquardt::minimise;
@@ -145,7 +146,7 @@ impl Fit {
 /// `ln det H`, with the precision that a body has whose rotation is open.
 fn log_determinant(body: &Model, equations: &NormalEquations) -> Option<f64> {
     if matches!(body, Model::Oriented(_)) {
-        return super::kinds::log_determinant_of(equations);
+        return log_determinant_of(equations);
     }
     cholesky(&equations.hessian()).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
 }

@@ -1,0 +1,192 @@
+//! What the boxes of an object tell about the kind of its body (E9, ours).
+//!
+//! For each kind the evidence in Laplace's approximation: how well the boxes are fitted, less what the freedom of the body
+//! is worth.
+
+use nalgebra::Vector3;
+
+use super::super::options::BodyKind;
+use super::MapContext;
+use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
+use super::first_fit::{TURNED_STARTS, best_of, descended};
+use super::fit::Fit;
+use super::model::Model;
+use super::noise::NoiseLevels;
+use super::normal_equations::{NormalEquations, PARAMETERS};
+use super::object::Prepared;
+use super::objective::Objective;
+use super::starts::{along_each_axis, oriented_starts, turned_axes};
+use crate::geometry::linalg::cholesky;
+
+/// The exponents of superellipsoids that are tried.
+pub(super) const EXPONENTS: [f64; 3] = [1.75, 1.5, 1.25];
+
+/// The kinds, the roundest first: ellipsoid, superellipsoids, cuboid; and the cylinder.
+pub(super) const KINDS: usize = EXPONENTS.len() + 3;
+pub(super) const ELLIPSOID: usize = 0;
+pub(super) const CUBOID: usize = KINDS - 2;
+pub(super) const CYLINDER: usize = KINDS - 1;
+
+/// The kind with which it is tried whether an object may be no ellipsoid: the boxes of any body with edges are fitted
+/// better by this one as well.
+pub(super) const TRIED: usize = 2;
+
+/// Starts of a superellipsoid that are turned.
+const TURNED: usize = 2;
+
+/// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
+const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
+
+/// Precision of a Gaussian with the volume of the rotations that differ for a body with the symmetry of a cuboid with
+/// equal edges: `(2 pi)^(3/2) s^3 = 8 pi^2 / 24`, `1 / s^2`.
+const ROTATION_PRECISION: f64 = 2.84;
+
+/// Degrees of freedom with which the noise of the scene is believed to be that of an object.
+const FREEDOM_OF_SCENE: f64 = 8.0;
+
+/// The kind with this index.
+pub(super) fn kind_of(index: usize) -> BodyKind {
+    match index {
+        ELLIPSOID => BodyKind::Ellipsoid,
+        CUBOID => BodyKind::Cuboid,
+        CYLINDER => BodyKind::Cylinder,
+        k => BodyKind::Superellipsoid(EXPONENTS[k - 1]),
+    }
+}
+
+fn form_of(index: usize) -> Form {
+    match index {
+        ELLIPSOID => Form::Exponent(2.0),
+        CUBOID => Form::Cuboid,
+        CYLINDER => Form::Cylinder,
+        k => Form::Exponent(EXPONENTS[k - 1]),
+    }
+}
+
+/// What the boxes of an object tell about its kind.
+#[derive(Debug, Clone)]
+pub(super) struct Evidence {
+    /// The category of the object.
+    pub(super) category: Option<usize>,
+    /// Number of edges less that of the parameters; positive.
+    pub(super) freedom: f64,
+    /// For each kind the cost of the best fit and the logarithm of the determinant of its normal equations; `None` where it
+    /// was not tried.
+    pub(super) fits: [Option<(f64, f64)>; KINDS],
+    /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
+    /// that number.
+    pub(super) neighbours: [[f64; 2]; KINDS],
+}
+
+impl Evidence {
+    /// Of an ellipsoid and of the kind that is tried first, from the fit of an ellipsoid; `None` where nothing can be told.
+    pub(super) fn first(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
+        let views = &fit.prepared.views;
+        // Ellipses are outlines of ellipsoids only.
+        if views.views.iter().any(|view| view.ellipse.is_some()) {
+            return None;
+        }
+        let search = Search::new(fit, noise, context)?;
+        let object = &search.object;
+        let freedom = object.measurements.edges.len() as f64 - PARAMETERS as f64;
+        if freedom <= 0.0 {
+            return None;
+        }
+        let (fits, neighbours) = ([None; KINDS], [[0.0; 2]; KINDS]);
+        let mut evidence = Self { category: views.category_index, freedom, fits, neighbours };
+        let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
+        evidence.take(ELLIPSOID, &search, round, 1);
+        evidence.fits[ELLIPSOID]?;
+        evidence.take(TRIED, &search, search.starts(form_of(TRIED)), 1);
+        Some(evidence)
+    }
+
+    /// The same with that of all other kinds.
+    pub(super) fn with_others(mut self, fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Self {
+        let Some(search) = Search::new(fit, noise, context) else { return self };
+        for kind in 1..CUBOID {
+            self.take(kind, &search, search.starts(form_of(kind)), TURNED);
+        }
+        let object = &search.object;
+        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &object.prior, &[], object.seed(context));
+        self.take(CUBOID, &search, any_way, TURNED_STARTS);
+        let lying = search.starts(Form::Cylinder).iter().flat_map(along_each_axis).collect();
+        self.take(CYLINDER, &search, lying, TURNED_STARTS);
+        self
+    }
+
+    /// The evidence of a kind, from these starts, of which so many are turned. Nothing where none can be evaluated.
+    fn take(&mut self, kind: usize, search: &Search, starts: Vec<OrientedModel>, turned: usize) {
+        let objective = search.objective();
+        let found = best_of(&objective, descended(&objective, starts, turned));
+        let Some((body, equations)) = found else { return };
+        let Some(mut determinant) = log_determinant_of(&equations) else { return };
+        if kind == CYLINDER {
+            determinant += LOG_AXES_OF_CYLINDER;
+        }
+        self.neighbours[kind] = objective.statistics(&body, &equations, true).neighbours_of_edges();
+        self.fits[kind] = Some((equations.cost, determinant));
+    }
+
+    /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
+    /// about that of the scene: its variance has an inverse gamma distribution around `variance`. Only this share of the residuals counts.
+    pub(super) fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
+        let known = FREEDOM_OF_SCENE * variance;
+        let log = |(cost, determinant): (f64, f64)| {
+            -0.5 * (independent * (self.freedom + FREEDOM_OF_SCENE) * (cost + known).ln() + determinant)
+        };
+        let ellipsoid = self.fits[ELLIPSOID].map_or(0.0, log);
+        self.fits.map(|fit| fit.map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
+    }
+
+    /// The kind with the largest evidence by itself.
+    pub(super) fn best(&self) -> usize {
+        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, det)| self.freedom * cost.ln() + det);
+        (0..KINDS).min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap_or(ELLIPSOID)
+    }
+
+    /// The smallest cost of all kinds.
+    pub(super) fn best_cost(&self) -> f64 {
+        self.fits.iter().flatten().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// An object whose kind is looked for.
+struct Search<'a> {
+    fit: &'a Fit,
+    ellipsoid: &'a EllipsoidModel,
+    noise: &'a NoiseLevels,
+    object: Prepared,
+}
+
+impl<'a> Search<'a> {
+    /// `None` where the fit is none of an ellipsoid.
+    fn new(fit: &'a Fit, noise: &'a NoiseLevels, context: &MapContext) -> Option<Self> {
+        let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
+        let (views, frame) = (fit.prepared.views.clone(), fit.prepared.measurements.frame);
+        let object = Prepared::in_frame(views, frame, BodyKind::Superellipsoid(2.0), context);
+        Some(Self { fit, ellipsoid, noise, object })
+    }
+
+    fn objective(&self) -> Objective<'_> {
+        Objective { ground: self.fit.ground, ..self.object.objective(self.noise, self.fit.outlier_scale) }
+    }
+
+    /// From the axes of the ellipsoid and from those turned by 45 degrees.
+    fn starts(&self, form: Form) -> Vec<OrientedModel> {
+        let (center, size) = (*self.fit.body.center(), form.relative_size());
+        let start = |(axes, sizes): (_, Vector3<f64>)| OrientedModel::new(center, axes, sizes * size, form);
+        turned_axes(self.ellipsoid, &self.object.prior).into_iter().map(start).collect()
+    }
+}
+
+/// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal; `None` where H is
+/// singular.
+pub(super) fn log_determinant_of(equations: &NormalEquations) -> Option<f64> {
+    let mut hessian = equations.hessian();
+    for k in 3..6 {
+        hessian[(k, k)] += ROTATION_PRECISION;
+    }
+    // Twice the sum of the logarithms of Cholesky's diagonal.
+    cholesky(&hessian).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
+}
