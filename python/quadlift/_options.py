@@ -62,7 +62,7 @@ class Options(TypedDict, total=False):
     max_truncated: float | None
     """Leave out detections that are more truncated."""
     upright: bool
-    """Find out which objects stand upright, an axis along the scene's `up`."""
+    """Find out which objects stand upright, an axis along the scene's `up`; the default."""
     ground_plane: bool
     """All objects stand on a common ground plane; needs the scene's `up`."""
     camera_height: float | None
@@ -99,7 +99,7 @@ DEFAULTS: dict[str, Any] = {
     "min_views": 0,
     "max_occluded": None,
     "max_truncated": None,
-    "upright": False,
+    "upright": True,
     "ground_plane": False,
     "camera_height": None,
     "pose_noise": None,

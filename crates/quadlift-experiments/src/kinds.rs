@@ -59,7 +59,7 @@ fn rows() -> Vec<(&'static str, Row)> {
     vec![
         ("median of triangulated boxes", Row::Median),
         ("map, auto", map(MapOptions::default())),
-        ("map, auto, --upright", map(MapOptions { upright: true, ..Default::default() })),
+        ("map, auto, --no-upright", map(MapOptions { upright: false, ..Default::default() })),
         ("map, auto, all upright", map(standing)),
         ("map, ellipsoid", body(BodyKind::Ellipsoid)),
         ("map, cuboid", body(BodyKind::Cuboid)),

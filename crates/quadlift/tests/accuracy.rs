@@ -216,36 +216,54 @@ fn the_same_seed_gives_the_same_bytes() {
 
 #[test]
 fn the_kind_of_body_is_chosen_from_the_boxes() {
-    let chosen = |body: BodyKind, sigma: f64| {
+    // Of 12 objects of one kind, those for which it was chosen.
+    let right = |body: BodyKind, sigma: f64| {
         let synthetic = generate(&SyntheticOptions { objects: 12, body, ..boxes(sigma)(3) }).unwrap();
-        localize(&synthetic.scene, &Options::default(), &|_, _| {}).unwrap().body
+        let localization = localize(&synthetic.scene, &Options::default(), &|_, _| {}).unwrap();
+        let chosen = localization.estimates.iter().map(|estimate| BodyKind::of(&estimate.body.unwrap()));
+        // Noisy boxes hardly tell a cuboid from one with edges that are a little round.
+        let as_good =
+            |chosen: BodyKind| sigma > 0.0 && (body, chosen) == (BodyKind::Cuboid, BodyKind::Superellipsoid(1.25));
+        let right = chosen.filter(|chosen| *chosen == body || as_good(*chosen)).count();
+        right
     };
-    assert_eq!(chosen(BodyKind::Ellipsoid, 0.0), BodyKind::Ellipsoid);
-    assert_eq!(chosen(BodyKind::Ellipsoid, 0.1), BodyKind::Ellipsoid);
-    assert_eq!(chosen(BodyKind::Cuboid, 0.0), BodyKind::Cuboid);
-    assert_eq!(chosen(BodyKind::Superellipsoid(1.5), 0.0), BodyKind::Superellipsoid(1.5));
-    match chosen(BodyKind::Cuboid, 0.05) {
-        BodyKind::Cuboid => {}
-        BodyKind::Superellipsoid(exponent) => assert!(exponent <= 1.3, "{exponent}"),
-        BodyKind::Ellipsoid | BodyKind::Cylinder => panic!("an ellipsoid was chosen"),
+    assert_eq!(right(BodyKind::Ellipsoid, 0.0), 12);
+    assert_eq!(right(BodyKind::Ellipsoid, 0.1), 12);
+    assert_eq!(right(BodyKind::Cuboid, 0.0), 12);
+    for (body, sigma) in [(BodyKind::Cylinder, 0.0), (BodyKind::Superellipsoid(1.5), 0.0), (BodyKind::Cuboid, 0.05)] {
+        let right = right(body, sigma);
+        println!("{body:?} {sigma}: {right} of 12");
+        assert!(right >= 9, "{body:?} {sigma}: {right}");
     }
 }
 
-/// Of exponents that fit about as well the roundest is taken: 1.33 on average here, and 1.23 for those that fit best.
+/// Half of the objects each: their boxes alone tell which are cuboids, without categories.
 #[test]
-fn the_roundest_of_bodies_that_fit_as_well_is_chosen() {
-    let chosen = |seed: u64| {
-        let make =
-            SyntheticOptions { objects: 30, views: 10, body: BodyKind::Superellipsoid(1.2), ..boxes(0.05)(seed) };
-        let synthetic = generate(&make).unwrap();
-        match localize(&synthetic.scene, &Options::default(), &|_, _| {}).unwrap().body {
-            BodyKind::Superellipsoid(exponent) => exponent,
-            other => panic!("{other:?} was chosen"),
+fn of_two_kinds_in_one_scene_each_is_fitted_about_as_well_as_if_it_were_known() {
+    let kinds = [BodyKind::Ellipsoid, BodyKind::Cuboid];
+    let scenes: Vec<SyntheticScene> = (0..SCENES)
+        .map(|seed| {
+            let make = SyntheticOptions { objects: 50, views: 20, kinds: kinds.to_vec(), ..boxes(0.05)(seed) };
+            generate(&make).unwrap()
+        })
+        .collect();
+    // Mean IoU of the objects of a kind, fitted as this body.
+    let mean_of = |kind: usize, body: Option<BodyKind>| {
+        let mut ious = Vec::new();
+        for synthetic in &scenes {
+            let options = Options { map: MapOptions { body, ..Default::default() }, ..Default::default() };
+            let localization = localize(&synthetic.scene, &options, &|_, _| {}).unwrap();
+            assert_eq!(localization.body, body);
+            let of_kind = localization.estimates.iter().zip(&synthetic.truth).skip(kind).step_by(2);
+            ious.extend(of_kind.map(|(e, (_, truth))| e.body.map_or(0.0, |b| iou3d_bodies(&b, truth))));
         }
+        ious.iter().sum::<f64>() / ious.len() as f64
     };
-    let mean = (0..4).map(|seed| 0.25 * chosen(seed)).sum::<f64>();
-    println!("mean exponent {mean}");
-    assert!((1.28..1.38).contains(&mean), "{mean}");
+    for (kind, body) in kinds.into_iter().enumerate() {
+        let (auto, known) = (mean_of(kind, None), mean_of(kind, Some(body)));
+        println!("{body:?}: {auto:.3}, known {known:.3}");
+        assert!(auto > known - 0.04, "{body:?}: {auto} {known}");
+    }
 }
 
 #[test]

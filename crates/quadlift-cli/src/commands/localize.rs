@@ -121,9 +121,9 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
     max_truncated: Option<f64>,
 
-    /// Find out which objects stand upright, an axis along the scene's `up`
+    /// Do not find out which objects stand upright, an axis along the scene's `up`
     #[arg(long)]
-    upright: bool,
+    no_upright: bool,
 
     /// All objects stand on a common ground plane, which is estimated (the scene needs `up`)
     #[arg(long)]
@@ -209,8 +209,8 @@ impl Args {
         if (self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some()) && method != Method::Map {
             return usage("--ground-plane, --camera-height and --pose-noise are options of --method map only");
         }
-        if self.upright && method != Method::Map {
-            return usage("--upright is an option of --method map only");
+        if self.no_upright && method != Method::Map {
+            return usage("--no-upright is an option of --method map only");
         }
         if !self.calibration.is_empty() && method != Method::Map {
             return usage("--calibration is an option of --method map only: the other methods give no covariance");
@@ -245,7 +245,7 @@ impl Args {
             options.cross_validation.extent = Extent::All;
         }
         options.map.body = self.body.0;
-        options.map.upright = self.upright;
+        options.map.upright = !self.no_upright;
         options.map.ground_plane = self.ground_plane;
         options.map.camera_height = self.camera_height;
         options.map.pose_noise = self.pose_noise;

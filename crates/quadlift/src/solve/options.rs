@@ -104,8 +104,8 @@ pub struct PoseNoise {
 /// Options of the maximum a posteriori estimator.
 #[derive(Debug, Clone)]
 pub struct MapOptions {
-    /// The kind of body; without one it is chosen for the whole scene: an ellipsoid, unless its boxes clearly ask for a
-    /// superellipsoid.
+    /// The kind of body; without one it is chosen for each object, from its boxes and from what the other objects of the scene
+    /// and of its category are: an ellipsoid where nothing else is clear.
     pub body: Option<BodyKind>,
     /// Priors by category; empty by default.
     pub priors: CategoryPriors,
@@ -160,7 +160,7 @@ impl Default for MapOptions {
             pixel_noise_size: 67.0,
             heavy_tails: true,
             correlated_views: true,
-            upright: false,
+            upright: true,
             ground_plane: false,
             camera_height: None,
             hidden_edges: true,

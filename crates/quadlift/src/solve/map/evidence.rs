@@ -3,7 +3,7 @@
 //! For each kind the evidence in Laplace's approximation: how well the boxes are fitted, less what the freedom of the body
 //! is worth.
 
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::super::options::BodyKind;
 use super::MapContext;
@@ -16,7 +16,7 @@ use super::normal_equations::{NormalEquations, PARAMETERS};
 use super::object::Prepared;
 use super::objective::Objective;
 use super::starts::{along_each_axis, oriented_starts, turned_axes};
-use crate::geometry::linalg::cholesky;
+use crate::geometry::linalg::{cholesky, solve_spd};
 
 /// The exponents of superellipsoids that are tried.
 pub(super) const EXPONENTS: [f64; 3] = [1.75, 1.5, 1.25];
@@ -36,6 +36,11 @@ const TURNED: usize = 2;
 
 /// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
 const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
+
+/// Standard deviation of the logarithm of the ratio of a cylinder's radii, and that of two semi-axes of any body (the
+/// shape prior's 0.4, twice).
+const ROUND_SD: f64 = 0.1;
+const ANY_SD: f64 = 0.566;
 
 /// Precision of a Gaussian with the volume of the rotations that differ for a body with the symmetry of a cuboid with
 /// equal edges: `(2 pi)^(3/2) s^3 = 8 pi^2 / 24`, `1 / s^2`.
@@ -70,8 +75,8 @@ pub(super) struct Evidence {
     pub(super) category: Option<usize>,
     /// Number of edges less that of the parameters; positive.
     pub(super) freedom: f64,
-    /// For each kind the cost of the best fit and the logarithm of the determinant of its normal equations; `None` where it
-    /// was not tried.
+    /// For each kind what the measurements cost with the best fit, and what the freedom of the body and the priors do: the
+    /// logarithm of the determinant of the normal equations and the cost of the priors. `None` where it was not tried.
     pub(super) fits: [Option<(f64, f64)>; KINDS],
     /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
     /// that number.
@@ -120,20 +125,22 @@ impl Evidence {
         let objective = search.objective();
         let found = best_of(&objective, descended(&objective, starts, turned));
         let Some((body, equations)) = found else { return };
-        let Some(mut determinant) = log_determinant_of(&equations) else { return };
+        let Some(mut freedom) = log_determinant_of(&equations) else { return };
+        let priors = objective.cost_of_priors(&body);
+        freedom += priors;
         if kind == CYLINDER {
-            determinant += LOG_AXES_OF_CYLINDER;
+            freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
         self.neighbours[kind] = objective.statistics(&body, &equations, true).neighbours_of_edges();
-        self.fits[kind] = Some((equations.cost, determinant));
+        self.fits[kind] = Some((equations.cost - priors, freedom));
     }
 
     /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
     /// about that of the scene: its variance has an inverse gamma distribution around `variance`. Only this share of the residuals counts.
     pub(super) fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
         let known = FREEDOM_OF_SCENE * variance;
-        let log = |(cost, determinant): (f64, f64)| {
-            -0.5 * (independent * (self.freedom + FREEDOM_OF_SCENE) * (cost + known).ln() + determinant)
+        let log = |(cost, freedom): (f64, f64)| {
+            -0.5 * (independent * (self.freedom + FREEDOM_OF_SCENE) * (cost + known).ln() + freedom)
         };
         let ellipsoid = self.fits[ELLIPSOID].map_or(0.0, log);
         self.fits.map(|fit| fit.map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
@@ -141,7 +148,7 @@ impl Evidence {
 
     /// The kind with the largest evidence by itself.
     pub(super) fn best(&self) -> usize {
-        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, det)| self.freedom * cost.ln() + det);
+        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, freedom)| self.freedom * cost.ln() + freedom);
         (0..KINDS).min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap_or(ELLIPSOID)
     }
 
@@ -149,6 +156,23 @@ impl Evidence {
     pub(super) fn best_cost(&self) -> f64 {
         self.fits.iter().flatten().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min)
     }
+}
+
+/// Minus twice the logarithm of the evidence that a cylinder's section is about round over that of any ellipse: the boxes
+/// of cuboids are fitted well by elliptic cylinders, which hardly occur.
+fn elongation(body: &Model, equations: &NormalEquations) -> f64 {
+    let sizes = body.semi_axes();
+    let ratio = (sizes.x / sizes.y).ln();
+    let mut gradient = SVector::<f64, PARAMETERS>::zeros();
+    (gradient[6], gradient[7]) = (1.0, -1.0);
+    // Where the measurements leave it open both are as probable.
+    let Some(direction) = solve_spd(&regularised(equations), &gradient) else { return 0.0 };
+    let variance = gradient.dot(&direction);
+    let log = |prior_sd: f64| {
+        let total = variance + prior_sd * prior_sd;
+        ratio * ratio / total + total.ln()
+    };
+    log(ROUND_SD) - log(ANY_SD)
 }
 
 /// An object whose kind is looked for.
@@ -183,10 +207,14 @@ impl<'a> Search<'a> {
 /// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal; `None` where H is
 /// singular.
 pub(super) fn log_determinant_of(equations: &NormalEquations) -> Option<f64> {
+    // Twice the sum of the logarithms of Cholesky's diagonal.
+    cholesky(&regularised(equations)).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
+}
+
+fn regularised(equations: &NormalEquations) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
     let mut hessian = equations.hessian();
     for k in 3..6 {
         hessian[(k, k)] += ROTATION_PRECISION;
     }
-    // Twice the sum of the logarithms of Cholesky's diagonal.
-    cholesky(&hessian).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
+    hessian
 }

@@ -13,16 +13,18 @@ use super::starts::{centers_from_size, oriented_starts};
 /// Place and size of a start of which only the rotation counts.
 const IN_PLACE: Stop = Stop { evaluations: 4, promised_decrease: 1.0 };
 
-/// Starts that are turned as well.
+/// Starts that are turned as well, of those that were placed. With all 17 of a cuboid a first fit takes a third longer and
+/// finds no more (300 synthetic cuboids, exact and with 2 % noise).
 pub(super) const TURNED_STARTS: usize = 6;
 
-/// The same where a fit is known already.
-pub(super) const TURNED_AGAIN: usize = 4;
+/// The same under the noise levels that the first fits led to: with 4 of them 2 of 300 exact cuboids end in a wrong minimum,
+/// with all none.
+pub(super) const ALL: usize = usize::MAX;
 
 /// To decide between many starts: few steps.
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
 
-/// Oriented starts that are followed to the end.
+/// Oriented starts that are followed to the end. With 10 of them the same 300 come out within 0.001, and slower.
 const FOLLOWED_STARTS: usize = 3;
 
 impl Prepared {
@@ -68,7 +70,7 @@ impl Prepared {
         let centers = centers_from_size(self);
         let starts = oriented_starts(ellipsoid, form, &self.prior, &centers, seed);
         // Where the size of the category is known few starts differ in more than their place.
-        let turned = if self.prior.log_size.is_some() { usize::MAX } else { turned };
+        let turned = if self.prior.log_size.is_some() { ALL } else { turned };
         descended(&objective, starts, turned)
     }
 }

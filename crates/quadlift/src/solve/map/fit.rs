@@ -13,7 +13,7 @@ use super::common_errors::{
     CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
 };
 use super::covariance;
-use super::first_fit::{TURNED_AGAIN, TURNED_STARTS};
+use super::first_fit::{ALL, TURNED_STARTS};
 use super::ground::{GroundPlane, LowestPoint};
 use super::levenberg_marquardt::{End, Minimum, Stop, minimise, minimum};
 use super::measurements::Plane;
@@ -181,7 +181,7 @@ impl Fit {
             // Other random rotations than before.
             let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
             let again = |scale| {
-                let (body, _) = self.prepared.from_ellipsoid(&self.ellipsoid, noise, scale, seed, TURNED_AGAIN)?;
+                let (body, _) = self.prepared.from_ellipsoid(&self.ellipsoid, noise, scale, seed, ALL)?;
                 let objective = self.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };

@@ -33,6 +33,10 @@ const FEW_OBJECTS: usize = 24;
 /// Kinds that are at least this share as probable as the most probable one count as equally probable: the roundest of them is taken.
 const AS_PROBABLE: f64 = 0.5;
 
+/// Variance of the residuals, over that of the noise of the ellipsoids, far below which the best kinds are exact: what is alike in
+/// neighbouring views is then the pull of the priors.
+const MUCH_LESS_THAN_NOISE: f64 = 0.1;
+
 /// Rounds in which shares and probabilities are adjusted to each other.
 const ROUNDS: usize = 50;
 
@@ -140,7 +144,7 @@ impl Pooled {
         if freedom <= 0.0 || !variance.is_finite() {
             return None;
         }
-        let independent = independent_share(told);
+        let independent = independent_share(told, variance);
         let (counts, counts_of_category) = ([0.0; KINDS], BTreeMap::new());
         let mut pooled =
             Self { before: std::array::from_fn(before), counts, counts_of_category, variance, independent };
@@ -190,8 +194,9 @@ impl Pooled {
 }
 
 /// Share of the residuals that count: those that remain with the best kind of each object are alike in neighbouring views
-/// where no kind is quite right, and then they say less about which one is.
-fn independent_share(told: &[Evidence]) -> f64 {
+/// where no kind is quite right, and then they say less about which one is. As of an autoregressive process with the
+/// correlation of neighbours.
+fn independent_share(told: &[Evidence], variance: f64) -> f64 {
     let mut sums = [0.0; 2];
     for evidence in told {
         let [sum, pairs] = evidence.neighbours[evidence.best()];
@@ -199,6 +204,7 @@ fn independent_share(told: &[Evidence]) -> f64 {
         sums[1] += pairs;
     }
     let correlation = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 };
+    let correlation = correlation * variance / (variance + MUCH_LESS_THAN_NOISE);
     (1.0 - correlation) / (1.0 + correlation)
 }
 
@@ -217,4 +223,82 @@ fn most_probable(probabilities: &OfEach) -> usize {
     let as_probable = |k: &usize| probabilities[*k] >= AS_PROBABLE * probabilities[best];
     // A cylinder is no rounder than a cuboid, nor less round.
     if best == CYLINDER { best } else { (0..best).find(as_probable).unwrap_or(best) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An object of a category with these costs of an ellipsoid and a cuboid, all else equal.
+    fn object(category: usize, ellipsoid: f64, cuboid: f64) -> Evidence {
+        let mut fits = [None; KINDS];
+        fits[ELLIPSOID] = Some((ellipsoid, 10.0));
+        fits[CUBOID] = Some((cuboid, 10.0));
+        Evidence { category: Some(category), freedom: 30.0, fits, neighbours: [[0.0; 2]; KINDS] }
+    }
+
+    fn kinds(told: &[Evidence]) -> Vec<BodyKind> {
+        let (_, probabilities) = Pooled::among(told, MOSTLY_ELLIPSOIDS).unwrap();
+        probabilities.iter().map(|probabilities| kind_of(most_probable(probabilities))).collect()
+    }
+
+    /// The odds of an object that is little better fitted by a cuboid are 2 to 1.
+    #[test]
+    fn an_object_that_tells_little_is_what_the_others_are() {
+        let unclear = object(0, 30.0, 29.0);
+        assert_eq!(kinds(std::slice::from_ref(&unclear)), [BodyKind::Ellipsoid]);
+        let mut told = vec![object(0, 90.0, 30.0); 6];
+        told.push(unclear);
+        assert_eq!(kinds(&told), [BodyKind::Cuboid; 7]);
+    }
+
+    #[test]
+    fn categories_have_kinds_of_their_own() {
+        let mut told = vec![object(0, 90.0, 30.0); 6];
+        told.extend(vec![object(1, 30.0, 90.0); 6]);
+        told.extend([object(0, 30.0, 29.5), object(1, 29.5, 30.0)]);
+        let found = kinds(&told);
+        assert_eq!(found[..6], [BodyKind::Cuboid; 6]);
+        assert_eq!(found[6..12], [BodyKind::Ellipsoid; 6]);
+        assert_eq!(found[12..], [BodyKind::Cuboid, BodyKind::Ellipsoid]);
+    }
+
+    #[test]
+    fn another_object_is_judged_like_those_that_were_counted() {
+        let told = vec![object(0, 90.0, 30.0); 6];
+        let (pooled, probabilities) = Pooled::among(&told, MOSTLY_ELLIPSOIDS).unwrap();
+        let another = pooled.of_another(&told[0]);
+        assert!((another[CUBOID] - probabilities[0][CUBOID]).abs() < 1e-3, "{another:?}");
+        // Of the six that were counted and the one known beforehand.
+        let share = pooled.shares(Some(0))[CUBOID];
+        assert!((0.95..1.0).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn of_kinds_about_as_probable_the_roundest_is_taken() {
+        let mut probabilities = [0.0; KINDS];
+        (probabilities[CUBOID], probabilities[CUBOID - 1]) = (0.6, 0.4);
+        assert_eq!(most_probable(&probabilities), CUBOID - 1);
+        (probabilities[CUBOID], probabilities[CUBOID - 1]) = (0.7, 0.3);
+        assert_eq!(most_probable(&probabilities), CUBOID);
+        (probabilities[CYLINDER], probabilities[CUBOID], probabilities[CUBOID - 1]) = (0.5, 0.5, 0.0);
+        assert_eq!(most_probable(&probabilities), CUBOID);
+    }
+
+    /// Where the residuals of neighbouring views are alike there are as many independent ones as for an autoregressive
+    /// process: `(1 - r) / (1 + r)` of them.
+    #[test]
+    fn residuals_that_are_alike_in_neighbouring_views_count_less() {
+        let mut one = object(0, 90.0, 30.0);
+        one.neighbours[CUBOID] = [15.0, 30.0];
+        one.neighbours[ELLIPSOID] = [30.0, 30.0];
+        // The correlation of 0.5 shrinks where the residuals are much smaller than the noise.
+        assert!((independent_share(&[one.clone()], 1e9) - 1.0 / 3.0).abs() < 1e-9);
+        assert!((independent_share(&[one.clone()], 0.1) - 0.6).abs() < 1e-12);
+        assert!(independent_share(&[one.clone()], 1e-9) > 1.0 - 1e-6);
+        let odds = |independent| one.log_odds(1.0, independent)[CUBOID];
+        // Noise of the scene counts as eight residuals: (30 + 8) / 2 ln((90 + 8) / (30 + 8)).
+        assert!((odds(1.0) - 19.0 * (98.0_f64 / 38.0).ln()).abs() < 1e-9);
+        assert!((odds(1.0 / 3.0) / odds(1.0) - 1.0 / 3.0).abs() < 1e-9);
+    }
 }

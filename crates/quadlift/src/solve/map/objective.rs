@@ -312,6 +312,13 @@ impl Objective<'_> {
         })
     }
 
+    /// The part of the cost that is that of the priors.
+    pub(super) fn cost_of_priors(&self, body: &impl BodyModel) -> f64 {
+        let mut equations = NormalEquations::zero();
+        self.add_priors(body, &mut equations);
+        equations.cost
+    }
+
     fn add_priors(&self, body: &impl BodyModel, equations: &mut NormalEquations) {
         if self.prior.shape_weight > 0.0 {
             body.add_shape_prior(self.prior.shape_weight, equations);

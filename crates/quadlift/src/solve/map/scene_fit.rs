@@ -72,18 +72,6 @@ pub(super) struct SceneFit {
 }
 
 impl SceneFit {
-    /// Fits one object for each of these kinds.
-    ///
-    /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
-    /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
-    pub(super) fn new(
-        kinds: &[BodyKind],
-        views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
-        context: &MapContext,
-    ) -> Self {
-        Self::lying_anyhow(kinds, views_of, context).with_upright(context)
-    }
-
     /// The same with those objects upright that stand.
     pub(super) fn with_upright(mut self, context: &MapContext) -> Self {
         if !context.options.upright {
@@ -105,7 +93,10 @@ impl SceneFit {
         if changed { self.again(context) } else { self }
     }
 
-    /// Fits that nothing makes upright but priors of categories.
+    /// Fits one object for each of these kinds, that nothing makes upright but priors of categories.
+    ///
+    /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
+    /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
     pub(super) fn lying_anyhow(
         kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
