@@ -24,6 +24,8 @@ _SHAPES = {
     "centers": (3,),
     "semi_axes": (3,),
     "enclosing_semi_axes": (3,),
+    "enclosing_centers": (3,),
+    "enclosing_quaternions": (4,),
     "body_axes": (3,),
     "enclosing_body_axes": (3,),
     "quaternions": (4,),
@@ -95,11 +97,15 @@ class Estimates:
         Rotations of the objects, world from object: unit quaternions, w first.
     rotations : ndarray, shape (N, 3, 3)
         The same as matrices, whose columns are the axes in the order of ``semi_axes``.
-    enclosing_semi_axes : ndarray, shape (N, 3)
-        Semi-axes of the larger ellipsoid that holds the real object; centre and rotation are the same.
+    enclosing_semi_axes, enclosing_centers : ndarray, shape (N, 3)
+        Semi-axes and centre of the larger ellipsoid that holds the real object. It is fitted on its own: its centre and
+        rotation are not those of the tangent one.
+    enclosing_quaternions : ndarray, shape (N, 4)
+        Its rotation, world from object: a unit quaternion, w first.
     body_axes, enclosing_body_axes : ndarray, shape (N, 3)
         Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a
-        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one).
+        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one); and of the larger
+        body of the same kind that holds the real object.
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N
@@ -181,6 +187,8 @@ class Estimates:
     quaternions: NDArray[np.float64]
     rotations: NDArray[np.float64]
     enclosing_semi_axes: NDArray[np.float64]
+    enclosing_centers: NDArray[np.float64]
+    enclosing_quaternions: NDArray[np.float64]
     body_axes: NDArray[np.float64]
     enclosing_body_axes: NDArray[np.float64]
     covariances: NDArray[np.float64]
@@ -242,6 +250,8 @@ class Estimates:
             quaternions=rows("quaternions"),
             rotations=rows("rotations"),
             enclosing_semi_axes=rows("enclosing_semi_axes"),
+            enclosing_centers=rows("enclosing_centers"),
+            enclosing_quaternions=rows("enclosing_quaternions"),
             body_axes=rows("body_axes"),
             enclosing_body_axes=rows("enclosing_body_axes"),
             covariances=rows("covariances"),
@@ -307,7 +317,8 @@ class Estimates:
         -------
         pandas.DataFrame
             Columns `object`, `category`, `status`, `x`, `y`, `z`, `semi_axis_0` to `_2`, `qw`, `qx`, `qy`, `qz`,
-            `enclosing_semi_axis_0` to `_2`, `center_sd`, `views_used`, `rms_residual_px`.
+            `enclosing_semi_axis_0` to `_2`, `enclosing_x`, `enclosing_y`, `enclosing_z`, `enclosing_qw`, `enclosing_qx`,
+            `enclosing_qy`, `enclosing_qz`, `center_sd`, `views_used`, `rms_residual_px`.
         """
         try:
             import pandas as pd
@@ -318,6 +329,9 @@ class Estimates:
         columns |= {f"semi_axis_{k}": self.semi_axes[:, k] for k in range(3)}
         columns |= {name: self.quaternions[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
         columns |= {f"enclosing_semi_axis_{k}": self.enclosing_semi_axes[:, k] for k in range(3)}
+        columns |= {f"enclosing_{name}": self.enclosing_centers[:, k] for k, name in enumerate("xyz")}
+        quaternion = ("qw", "qx", "qy", "qz")
+        columns |= {f"enclosing_{name}": self.enclosing_quaternions[:, k] for k, name in enumerate(quaternion)}
         columns |= {
             "center_sd": self.center_sd,
             "views_used": self.views_used,
@@ -331,9 +345,9 @@ class Estimates:
         Returns
         -------
         pyarrow.Table
-            Columns `object`, `category`, `status`, `center`, `semi_axes`, `quaternion`, `enclosing_semi_axes` and
-            `covariance` (lists of 3, 3, 4, 3 and 81 numbers; null where there is none), `center_sd`, `views_used`,
-            `rms_residual_px`.
+            Columns `object`, `category`, `status`, `center`, `semi_axes`, `quaternion`, `enclosing_semi_axes`,
+            `enclosing_center`, `enclosing_quaternion` and `covariance` (lists of 3, 3, 4, 3, 3, 4 and 81 numbers; null
+            where there is none), `center_sd`, `views_used`, `rms_residual_px`.
         """
         from ._arrow import pa
 
@@ -356,6 +370,8 @@ class Estimates:
                 "semi_axes": lists(self.semi_axes),
                 "quaternion": lists(self.quaternions),
                 "enclosing_semi_axes": lists(self.enclosing_semi_axes),
+                "enclosing_center": lists(self.enclosing_centers),
+                "enclosing_quaternion": lists(self.enclosing_quaternions),
                 "covariance": lists(self.covariances),
                 "center_sd": numbers(self.center_sd),
                 "views_used": pa.array(self.views_used),

@@ -31,7 +31,11 @@ def test_exact_boxes_give_the_true_bodies(made: Arrays) -> None:
         assert rotation[1, 0] == pytest.approx(2.0 * (x * y + w * z), abs=1e-12)
     assert estimates.covariances.shape == (4, 9, 9)
     np.testing.assert_array_equal(estimates.covariances, np.swapaxes(estimates.covariances, 1, 2))
-    assert (estimates.enclosing_semi_axes >= estimates.semi_axes).all()
+    # The boxes are exact: both bodies are the same.
+    np.testing.assert_allclose(
+        np.sort(estimates.enclosing_semi_axes), np.sort(estimates.semi_axes), rtol=0.005, atol=0.005
+    )
+    np.testing.assert_allclose(estimates.enclosing_centers, estimates.centers, atol=0.005)
     assert estimates.views_used.tolist() == [6] * 4
     assert estimates.object_indices.tolist() == made.object.tolist()
     assert estimates.inliers.all()

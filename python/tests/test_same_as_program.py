@@ -58,6 +58,8 @@ def compare(estimates: quadlift.Estimates, objects: list[dict[str, Any]]) -> Non
     same(estimates.semi_axes, of("ellipsoid", "semi_axes"))
     same(estimates.quaternions, of("ellipsoid", "rotation"))
     same(estimates.enclosing_semi_axes, of("enclosing_ellipsoid", "semi_axes"))
+    same(estimates.enclosing_centers, of("enclosing_ellipsoid", "center"))
+    same(estimates.enclosing_quaternions, of("enclosing_ellipsoid", "rotation"))
     same(estimates.covariances, of("covariance", "matrix"))
     same(estimates.center_sd, [o.get("center_sd") for o in objects])
     same(estimates.rms_residuals, [o.get("residual_px") for o in objects])

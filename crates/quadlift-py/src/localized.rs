@@ -170,6 +170,12 @@ impl PyLocalized {
         rows("enclosing_semi_axes", 3, &|e, to| {
             to.extend(e.enclosing_ellipsoid().iter().flat_map(|b| b.semi_axes.iter().copied()));
         })?;
+        rows("enclosing_centers", 3, &|e, to| {
+            to.extend(e.enclosing_ellipsoid().iter().flat_map(|b| b.center.iter().copied()));
+        })?;
+        rows("enclosing_quaternions", 4, &|e, to| {
+            to.extend(e.enclosing_ellipsoid().iter().flat_map(|b| quaternion_from_rotation(&b.rotation)));
+        })?;
         rows("body_axes", 3, &|e, to| to.extend(e.body.iter().flat_map(axes)))?;
         rows("enclosing_body_axes", 3, &|e, to| {
             to.extend(e.enclosing_body().as_ref().map(axes).into_iter().flatten());

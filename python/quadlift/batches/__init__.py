@@ -79,6 +79,8 @@ def schema(object_type: Any = None, scene_type: Any = None) -> Any:
         ("semi_axes", vector),
         ("quaternion", vector),
         ("enclosing_semi_axes", vector),
+        ("enclosing_center", vector),
+        ("enclosing_quaternion", vector),
         ("covariance", vector),
         ("center_sd", pa.float64()),
         ("views_used", pa.int64()),

@@ -89,6 +89,7 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
     }
     if let Some(body) = &estimate.enclosing_body() {
         record.set_enclosing_body(body);
+        record.enclosing_ellipsoid = estimate.enclosing_ellipsoid().as_ref().map(Into::into);
     }
     record
 }
@@ -137,6 +138,7 @@ mod tests {
             center: Some(Point3::new(1.0, 2.0, 3.0)),
             body: Some(body),
             enclosing_scale: Some(1.25),
+            enclosing: None,
             covariance: Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix }),
             views: vec![
                 ViewReport { residual_px: Some(1.5), ..ViewReport::without_body(0) },

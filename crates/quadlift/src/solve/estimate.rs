@@ -215,6 +215,9 @@ pub struct Estimate {
     pub body: Option<Body>,
     /// The factor by which `body` must grow to hold the real object (E5): see [`Estimate::enclosing_body`].
     pub enclosing_scale: Option<f64>,
+    /// The ellipsoid that holds the real object, with a centre, axes and a direction of its own (E5). Absent for cuboids, and
+    /// where fewer than nine edges were seen: `body` times [`Estimate::enclosing_scale`] takes its place.
+    pub enclosing: Option<Ellipsoid>,
     /// Uncertainty of `body`.
     pub covariance: Option<Covariance>,
     /// Other bodies that agree with the measurements about as well, the most probable first. Sought for cuboids only;
@@ -238,6 +241,7 @@ impl Estimate {
             center: None,
             body: None,
             enclosing_scale: None,
+            enclosing: None,
             covariance: None,
             alternatives: Vec::new(),
             misfit: None,
@@ -251,14 +255,18 @@ impl Estimate {
         self.body.as_ref().map(Body::ellipsoid)
     }
 
-    /// The larger body that holds the real object, which fills only part of the body that its boxes touch.
+    /// The larger body that holds the real object, which fills only part of the body that its boxes touch: of the same kind.
+    /// Ellipsoids have proportions of their own ([`Estimate::enclosing`]), other bodies those of `body`.
     pub fn enclosing_body(&self) -> Option<Body> {
-        Some(self.body.as_ref()?.scaled(self.enclosing_scale?))
+        match (self.body.as_ref()?, self.enclosing) {
+            (Body::Ellipsoid(_), Some(enclosing)) => Some(Body::Ellipsoid(enclosing)),
+            (body, _) => Some(body.scaled(self.enclosing_scale?)),
+        }
     }
 
-    /// The ellipsoid of [`Estimate::enclosing_body`].
+    /// The ellipsoid that holds the real object: [`Estimate::enclosing`], else that of [`Estimate::enclosing_body`].
     pub fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
-        self.enclosing_body().as_ref().map(Body::ellipsoid)
+        self.enclosing.or_else(|| self.enclosing_body().as_ref().map(Body::ellipsoid))
     }
 
     /// The cuboid, where the body is one.

@@ -3,6 +3,7 @@
 mod arrowhead;
 mod closed_form;
 pub mod conditioning;
+mod enclosing;
 mod estimate;
 mod lfd;
 pub mod map;

@@ -1,12 +1,11 @@
 //! What every estimate carries besides its body, whatever the method: residuals in pixels, how much larger the real
 //! object is, and what makes the geometry weak.
 
-use nalgebra::{Matrix3x4, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
-use super::conditioning::ObjectFrame;
+use super::enclosing::{enclosing, quantile_of};
 use super::estimate::{Estimate, Rejection, Status, ViewReport, Warning};
-use super::planes::{edge_plane, support_plane};
-use crate::geometry::{Body, ConvexBody, SUPPORT_DIRECTIONS, SupportLines, project_bounding_box};
+use crate::geometry::{Body, ConvexBody, project_bounding_box};
 use crate::scene::View;
 
 /// Below this largest angle between viewing rays the depth is called uncertain (radians; 5 degrees).
@@ -43,7 +42,9 @@ pub(super) fn describe(
         })
         .collect();
     let used: Vec<View> = views.iter().enumerate().filter(|(index, _)| inlier(*index)).map(|(_, view)| *view).collect();
-    estimate.enclosing_scale = enclosing_scale(&used, &body, enclosing_quantile);
+    let enclosing = enclosing(&used, &body, enclosing_quantile);
+    estimate.enclosing_scale = enclosing.map(|enclosing| enclosing.scale);
+    estimate.enclosing = enclosing.and_then(|enclosing| enclosing.ellipsoid);
     // What is said of the views that count needs some that do.
     estimate.warnings = if used.len() < 2 { Vec::new() } else { warnings(&used, &body) };
     estimate.body = Some(body);
@@ -89,44 +90,6 @@ pub(super) fn is_a_body(body: &Body, views: &[View]) -> bool {
     quantile_of(&mut ratios, 0.5).is_some_and(|median| (1.0 / RUN_AWAY..=RUN_AWAY).contains(&median))
 }
 
-/// The factor by which the body must grow to hold the real object: a high quantile of (distance of the measured tangent
-/// plane) / (reach of the body) (E5, "Tangent or enclosing").
-pub(super) fn enclosing_scale(views: &[View], body: &Body, quantile: f64) -> Option<f64> {
-    // Planes in a frame about the body's centre: there the distance is simply the last coefficient.
-    let frame = ObjectFrame { origin: body.center(), unit: 1.0 };
-    let mut ratios = Vec::with_capacity(4 * views.len());
-    let mut push = |n: Vector3<f64>, d: f64| {
-        let ratio = d / body.support(&n);
-        if ratio.is_finite() {
-            ratios.push(ratio);
-        }
-    };
-    for view in views {
-        let p: Matrix3x4<f64> = frame.local_projection(&view.projection);
-        let ellipse = view.ellipse.filter(|_| view.bounding_box.is_none());
-        if let Some(lines) = ellipse.as_ref().map(SupportLines::of_ellipse).or(view.support_lines) {
-            for k in (0..SUPPORT_DIRECTIONS).filter(|&k| !lines.cut_off[k]) {
-                let plane = support_plane(&p, &lines, k);
-                push(plane.xyz(), plane.w);
-            }
-        } else if let Some(bounding_box) = &view.bounding_box {
-            for edge in (0..4).filter(|&edge| !view.cut_off[edge]) {
-                let plane = edge_plane(&p, bounding_box, edge);
-                push(plane.xyz(), plane.w);
-            }
-        }
-    }
-    quantile_of(&mut ratios, quantile).filter(|scale| *scale > 0.0)
-}
-
-/// The quantile of a list, interpolated linearly between neighbours; `None` for an empty list.
-fn quantile_of(values: &mut [f64], quantile: f64) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let position = quantile.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
-    let (low, high) = (position.floor() as usize, position.ceil() as usize);
-    Some(values[low] + (values[high] - values[low]) * (position - position.floor()))
-}
-
 fn warnings(views: &[View], body: &Body) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let center = body.center();
@@ -170,7 +133,7 @@ pub(super) fn largest_viewing_angle(views: &[View], center: &Point3<f64>) -> Opt
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Rotation3, Vector2};
+    use nalgebra::{Matrix3x4, Rotation3, Vector2};
 
     use super::*;
     use crate::geometry::{BoundingBox, Ellipsoid, Projection};
@@ -226,13 +189,5 @@ mod tests {
         // Where the border cuts the box the body may be any larger.
         let cut = [view([1.0, 1.0, 199.0, 199.0]); 2];
         assert!(is_a_body(&ball(0.0, 99.9), &cut) && !is_a_body(&ball(0.0, 1.0), &cut));
-    }
-
-    #[test]
-    fn quantiles_interpolate() {
-        let mut values = [4.0, 1.0, 2.0, 3.0];
-        assert_eq!(quantile_of(&mut values, 0.5), Some(2.5));
-        assert_eq!(quantile_of(&mut values, 1.0), Some(4.0));
-        assert_eq!(quantile_of(&mut [], 0.5), None);
     }
 }
