@@ -317,8 +317,8 @@ class Estimates:
         -------
         pandas.DataFrame
             Columns `object`, `category`, `status`, `x`, `y`, `z`, `semi_axis_0` to `_2`, `qw`, `qx`, `qy`, `qz`,
-            `enclosing_semi_axis_0` to `_2`, `enclosing_x`, `enclosing_y`, `enclosing_z`, `enclosing_qw`, `enclosing_qx`,
-            `enclosing_qy`, `enclosing_qz`, `center_sd`, `views_used`, `rms_residual_px`.
+            `enclosing_semi_axis_0` to `_2`, `enclosing_x`, `enclosing_y`, `enclosing_z`, `enclosing_qw`,
+            `enclosing_qx`, `enclosing_qy`, `enclosing_qz`, `center_sd`, `views_used`, `rms_residual_px`.
         """
         try:
             import pandas as pd
