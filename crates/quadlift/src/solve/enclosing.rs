@@ -13,7 +13,7 @@
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, SVector, Vector3};
 
 use super::conditioning::ObjectFrame;
-use super::planes::{FEWEST_PLANES, edge_plane, support_plane};
+use super::planes::{edge_plane, support_plane};
 use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
@@ -23,6 +23,10 @@ use crate::scene::View;
 /// .721, .719, .720, .719; of 8 .804, .808, .806, .798; of 20 .828, .837, .839, .839; of 50 .839, .846, .846, .845. The scaled
 /// body has .722, .800, .817 and .823.
 const PRIOR_SD: f64 = 0.1;
+
+/// Planes from which on the ellipsoid has proportions of its own: twice its parameters. Below it gains nothing: see the 3
+/// views above.
+const FEWEST_PLANES: usize = 18;
 
 /// The loss is round about zero, over this share of its mean.
 const ROUND: f64 = 0.2;
@@ -66,7 +70,7 @@ pub(super) fn enclosing(views: &[View], body: &Body, quantile: f64) -> Option<En
     let ellipsoid = match body {
         Body::Cuboid(_) => None,
         _ if planes.len() < FEWEST_PLANES => None,
-        Body::Ellipsoid(_) | Body::Superellipsoid(_) => {
+        Body::Ellipsoid(_) | Body::Superellipsoid(_) | Body::Cylinder(_) => {
             // A plane that a superellipsoid touches is one that the ellipsoid touches that stands for it.
             let equivalent = body.ellipsoid();
             let ratio = |n: &Vector3<f64>| equivalent.support(n) / body.support(n);

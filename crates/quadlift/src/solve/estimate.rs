@@ -216,7 +216,7 @@ pub struct Estimate {
     /// The factor by which `body` must grow to hold the real object (E5): see [`Estimate::enclosing_body`].
     pub enclosing_scale: Option<f64>,
     /// The ellipsoid that holds the real object, with a centre, axes and a direction of its own (E5). Absent for cuboids, and
-    /// where fewer than nine edges were seen: `body` times [`Estimate::enclosing_scale`] takes its place.
+    /// where fewer than 18 edges were seen: `body` times [`Estimate::enclosing_scale`] takes its place.
     pub enclosing: Option<Ellipsoid>,
     /// Uncertainty of `body`.
     pub covariance: Option<Covariance>,
