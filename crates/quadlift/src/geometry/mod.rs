@@ -14,6 +14,8 @@ pub(crate) mod gamma;
 mod lens;
 pub(crate) mod linalg;
 mod projection;
+pub(crate) mod quadrature;
+mod reach;
 mod rotation;
 mod superellipsoid;
 mod support_lines;
@@ -28,8 +30,9 @@ pub use ellipse::{Ellipse, EllipseError};
 pub use ellipsoid::{DualQuadric, Ellipsoid, EllipsoidError};
 pub use lens::{Camera, CameraModel, WIDEST_ANGLE_DEG};
 pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
+pub use reach::ellipsoid_of_same_reach;
 pub use rotation::{quaternion_from_rotation, random_rotation, rotation_defect, rotation_from_quaternion, skew};
-pub use superellipsoid::{Superellipsoid, second_moment_scale};
+pub use superellipsoid::Superellipsoid;
 pub use support_lines::{OutlineEnd, SUPPORT_DIRECTIONS, SupportLines};
 pub use vech::{VECH3, VECH4, projection_matrix_on_vech, unvech3, unvech4, vech3, vech4};
 
@@ -57,14 +60,14 @@ impl Body {
         }
     }
 
-    /// The ellipsoid that stands for the body: itself, the one inscribed in the cuboid, or the one with the
-    /// second moments of the cylinder or superellipsoid.
+    /// The ellipsoid that stands for the body: itself, or the one that reaches about as far in all directions, see
+    /// [`ellipsoid_of_same_reach`].
     pub fn ellipsoid(&self) -> Ellipsoid {
         match self {
             Self::Ellipsoid(body) => *body,
-            Self::Cuboid(body) => body.inscribed_ellipsoid(),
-            Self::Cylinder(body) => body.ellipsoid_of_same_moments(),
-            Self::Superellipsoid(body) => body.ellipsoid_of_same_moments(),
+            Self::Cuboid(body) => ellipsoid_of_same_reach(body, &body.rotation),
+            Self::Cylinder(body) => ellipsoid_of_same_reach(body, &body.rotation),
+            Self::Superellipsoid(body) => ellipsoid_of_same_reach(body, &body.rotation),
         }
     }
 

@@ -3,7 +3,6 @@
 use nalgebra::{Point3, Rotation3, Vector3};
 
 use super::convex_body::ConvexBody;
-use super::ellipsoid::Ellipsoid;
 use super::gamma::ln_gamma;
 
 /// A body between cuboid and ellipsoid: its support function is `(sum |a_i u_i|^q)^(1/q)`.
@@ -36,28 +35,7 @@ pub fn q_norm(v: &Vector3<f64>, q: f64) -> f64 {
     largest * v.map(|x| (x.abs() / largest).powf(q)).sum().powf(1.0 / q)
 }
 
-/// The factor on the semi-axes that gives the ellipsoid with the same second moments as the superellipsoid with
-/// support exponent `q` in [1, 2] (ours): `sqrt(5 G(3/p) G(1 + 3/p) / (G(1/p) G(1 + 5/p)))` with `p = q / (q - 1)`
-/// and G the gamma function; `sqrt(5/3)` for the cuboid, 1 for the ellipsoid.
-pub fn second_moment_scale(q: f64) -> f64 {
-    if q <= 1.0 {
-        return (5.0f64 / 3.0).sqrt();
-    }
-    let p = q / (q - 1.0);
-    let log = ln_gamma(3.0 / p) + ln_gamma(1.0 + 3.0 / p) - ln_gamma(1.0 / p) - ln_gamma(1.0 + 5.0 / p);
-    (5.0 * log.exp()).sqrt()
-}
-
 impl Superellipsoid {
-    /// The ellipsoid with the same centre, axes and second moments.
-    pub fn ellipsoid_of_same_moments(&self) -> Ellipsoid {
-        Ellipsoid {
-            center: self.center,
-            semi_axes: self.semi_axes * second_moment_scale(self.support_exponent),
-            rotation: self.rotation,
-        }
-    }
-
     /// The same body, `factor` times as large about its centre.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { semi_axes: self.semi_axes * factor, ..*self }
@@ -97,8 +75,6 @@ mod tests {
 
     #[test]
     fn limits_are_cuboid_and_ellipsoid() {
-        assert!((second_moment_scale(2.0) - 1.0).abs() < 1e-12);
-        assert!((second_moment_scale(1.0 + 1e-9) - (5.0f64 / 3.0).sqrt()).abs() < 1e-6);
         let v = Vector3::new(1.0, -2.0, 0.5);
         assert_eq!(q_norm(&v, 1.0), 3.5);
         assert!((q_norm(&v, 1.5) - (1.0 + 2.0f64.powf(1.5) + 0.5f64.powf(1.5)).powf(2.0 / 3.0)).abs() < 1e-12);
@@ -106,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn volume_and_second_moments_agree_with_sampling() {
+    fn the_volume_agrees_with_sampling() {
         let body = Superellipsoid {
             center: Point3::origin(),
             semi_axes: Vector3::new(1.0, 1.0, 1.0),
@@ -114,17 +90,13 @@ mod tests {
             support_exponent: 1.3,
         };
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-        let (mut inside, mut second, n) = (0.0, 0.0, 400_000);
+        let (mut inside, n) = (0.0, 400_000);
         for _ in 0..n {
             let p = Point3::from(Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)));
             if body.contains(&p) {
                 inside += 1.0;
-                second += p.coords.norm_squared() / 3.0;
             }
         }
         assert!((8.0 * inside / n as f64 - body.volume()).abs() < 0.02 * body.volume());
-        // An ellipsoid with semi-axis s has the second moment s^2 / 5.
-        let scale = second_moment_scale(1.3);
-        assert!((second / inside - scale * scale / 5.0).abs() < 0.005);
     }
 }

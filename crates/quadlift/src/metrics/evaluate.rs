@@ -53,7 +53,8 @@ pub struct ObjectScore {
     pub status: Option<String>,
     /// Whether there is an estimated body at all.
     pub has_body: bool,
-    /// Volume IoU of the ellipsoids (O3D of the paper), 0 without an estimated ellipsoid.
+    /// Volume IoU of the ellipsoids (O3D of the paper), 0 without an estimated ellipsoid. Of two cuboids that of the inscribed
+    /// ellipsoids, as in the papers.
     pub iou3d: Option<f64>,
     /// Volume IoU with the enclosing ellipsoid; 0 without an estimated ellipsoid, absent when the estimator reports
     /// no enclosing bodies.
@@ -232,8 +233,14 @@ fn score(
     let nothing = EstimatedObject::default();
     let (id, status) = (estimate.map(|e| e.id.clone()), estimate.map(|e| e.status.clone()));
     let estimate = estimate.unwrap_or(&nothing);
-    let true_ellipsoid = truth.ellipsoid();
-    let ellipsoids = estimate.ellipsoid.zip(true_ellipsoid);
+    // Of two cuboids those inscribed in them are compared, whatever stands for a cuboid in the files.
+    let cuboids = estimate.cuboid.zip(truth.cuboid);
+    let inscribed = |cuboid: Cuboid| Some(cuboid.inscribed_ellipsoid());
+    let (found, enclosing, true_ellipsoid) = match cuboids {
+        Some((found, truth)) => (inscribed(found), estimate.enclosing_cuboid.and_then(inscribed), inscribed(truth)),
+        None => (estimate.ellipsoid, estimate.enclosing_ellipsoid, truth.ellipsoid()),
+    };
+    let ellipsoids = found.zip(true_ellipsoid);
     let center = estimate.center.or(estimate.ellipsoid.map(|e| e.center)).or(estimate.cuboid.map(|c| c.center));
     let (no_ellipsoid, no_cuboid) = (estimate.ellipsoid.is_none(), estimate.cuboid.is_none());
     let iou_of_ellipsoids =
@@ -245,15 +252,15 @@ fn score(
         estimate: id,
         status,
         has_body: !(no_ellipsoid && no_cuboid),
-        iou3d: iou_of_ellipsoids(estimate.ellipsoid, true),
-        iou3d_enclosing: iou_of_ellipsoids(estimate.enclosing_ellipsoid, reported.enclosing_ellipsoids && no_ellipsoid),
+        iou3d: iou_of_ellipsoids(found, true),
+        iou3d_enclosing: iou_of_ellipsoids(enclosing, reported.enclosing_ellipsoids && no_ellipsoid),
         cuboid_iou3d: iou_of_cuboids(estimate.cuboid, reported.cuboids),
         cuboid_iou3d_enclosing: iou_of_cuboids(estimate.enclosing_cuboid, reported.enclosing_cuboids && no_cuboid),
         theta_err: ellipsoids.map(|(e, t)| main_axis_angle(&e, &t)),
         rotation_error: ellipsoids.map(|(e, t)| rotation_error_modulo_symmetry(&e, &t)),
         center_error: center.zip(true_ellipsoid).map(|(c, t)| center_error(&c, &t.center)),
         size_error: ellipsoids.map(|(e, t)| sorted_axes_error(&e, &t).abs().mean()),
-        reprojection: ellipsoids.and_then(|pair| reprojection(pair, estimate.cuboid.zip(truth.cuboid), projections)),
+        reprojection: ellipsoids.and_then(|pair| reprojection(pair, cuboids, projections)),
     }
 }
 

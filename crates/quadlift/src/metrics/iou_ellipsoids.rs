@@ -3,9 +3,9 @@
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use super::circle_ellipse::{circle_ellipse_area, circle_ellipse_crossings};
-use super::quadrature::{dense_at_ends, integrate};
 use super::ratio_of_union;
 use crate::geometry::linalg::axes_of_image_of_ball;
+use crate::geometry::quadrature::{dense_at_ends, integrate};
 use crate::geometry::{ConvexBody, Ellipsoid};
 
 /// Tolerance of [`iou3d_ellipsoids`]: ten times smaller than the 1e-6 that is wanted, because the error estimate of

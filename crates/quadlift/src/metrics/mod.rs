@@ -15,7 +15,6 @@ mod iou_ellipses;
 mod iou_ellipsoids;
 mod nees;
 mod overlap;
-mod quadrature;
 mod reprojection;
 mod squared_errors;
 

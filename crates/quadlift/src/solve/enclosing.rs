@@ -18,7 +18,7 @@ use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
 
-/// Standard deviation of the logarithm of the ellipsoid's reach about that of the fitted body. Tuned on boxes of YOLO in
+/// Standard deviation of the logarithm of the ellipsoid's reach about that of the ellipsoid that stands for the fitted body. Tuned on boxes of YOLO in
 /// frames of LINEMOD's sequences that no scene of the tests has. Mean IoU with the envelope with .02, .05, .1, .2: of 3 views
 /// .721, .719, .720, .719; of 8 .804, .808, .806, .798; of 20 .828, .837, .839, .839; of 50 .839, .846, .846, .845. The scaled
 /// body has .722, .800, .817 and .823.
@@ -56,7 +56,7 @@ pub(super) struct Enclosing {
     /// The factor by which the fitted body must grow to hold the real object: the quantile of (distance of the plane) /
     /// (reach of the body).
     pub scale: f64,
-    /// The ellipsoid with proportions of its own; absent for cuboids, and where there are too few planes.
+    /// The ellipsoid with proportions of its own; absent where there are too few planes.
     pub ellipsoid: Option<Ellipsoid>,
 }
 
@@ -67,20 +67,12 @@ pub(super) fn enclosing(views: &[View], body: &Body, quantile: f64) -> Option<En
     let planes = planes(views, &frame);
     let reach = |n: &Vector3<f64>| body.support(n) / unit;
     let scale = quantile_of_ratios(&planes, reach, quantile).filter(|scale| *scale > 0.0)?;
-    let ellipsoid = match body {
-        Body::Cuboid(_) => None,
-        _ if planes.len() < FEWEST_PLANES => None,
-        Body::Ellipsoid(_) | Body::Superellipsoid(_) | Body::Cylinder(_) => {
-            // A plane that a superellipsoid touches is one that the ellipsoid touches that stands for it.
-            let equivalent = body.ellipsoid();
-            let ratio = |n: &Vector3<f64>| equivalent.support(n) / body.support(n);
-            let planes: Vec<Plane> =
-                planes.iter().map(|plane| Plane { d: plane.d * ratio(&plane.n), ..*plane }).collect();
-            Fit::of(&equivalent, &planes, unit, quantile)
-                .map(|fit| (frame.point_in_world(&fit.center), fit.shape() * (unit * unit)))
-                .and_then(|(center, shape)| Ellipsoid::from_shape(center, &shape).ok())
-        }
-    };
+    let equivalent = body.ellipsoid();
+    let ellipsoid = (planes.len() >= FEWEST_PLANES)
+        .then(|| Fit::of(&equivalent, &planes, unit, quantile))
+        .flatten()
+        .map(|fit| (frame.point_in_world(&fit.center), fit.shape() * (unit * unit)))
+        .and_then(|(center, shape)| Ellipsoid::from_shape(center, &shape).ok());
     Some(Enclosing { scale, ellipsoid })
 }
 

@@ -215,8 +215,8 @@ pub struct Estimate {
     pub body: Option<Body>,
     /// The factor by which `body` must grow to hold the real object (E5): see [`Estimate::enclosing_body`].
     pub enclosing_scale: Option<f64>,
-    /// The ellipsoid that holds the real object, with a centre, axes and a direction of its own (E5). Absent for cuboids, and
-    /// where fewer than 18 edges were seen: `body` times [`Estimate::enclosing_scale`] takes its place.
+    /// The ellipsoid that holds the real object, with a centre, axes and a direction of its own (E5). Absent where
+    /// fewer than 18 edges were seen: `body` times [`Estimate::enclosing_scale`] takes its place.
     pub enclosing: Option<Ellipsoid>,
     /// Uncertainty of `body`.
     pub covariance: Option<Covariance>,

@@ -109,7 +109,7 @@ impl Fit {
 /// Whether the surfaces of two bodies differ by more than [`DIFFERENT`], seen from 26 directions. Where the symmetry of a
 /// cuboid gives the same body other axes the surfaces are the same.
 fn are_different(a: &Body, b: &Body) -> bool {
-    let size = a.ellipsoid().semi_axes.product().cbrt();
+    let size = a.half_extents().product().cbrt();
     let shift = b.center() - a.center();
     (0..27).any(|k| {
         let direction = Vector3::new(k % 3, k / 3 % 3, k / 9).map(|x| f64::from(x - 1));

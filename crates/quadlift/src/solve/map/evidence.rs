@@ -131,7 +131,7 @@ impl Evidence {
         if kind == CYLINDER {
             freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
-        self.neighbours[kind] = objective.statistics(&body, &equations, true).neighbours_of_edges();
+        self.neighbours[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbours_of_edges();
         self.fits[kind] = Some((equations.cost - priors, freedom));
     }
 
@@ -181,6 +181,8 @@ struct Search<'a> {
     ellipsoid: &'a EllipsoidModel,
     noise: &'a NoiseLevels,
     object: Prepared,
+    /// Whether views that follow each other may err alike.
+    correlated_views: bool,
 }
 
 impl<'a> Search<'a> {
@@ -189,7 +191,7 @@ impl<'a> Search<'a> {
         let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
         let (views, frame) = (fit.prepared.views.clone(), fit.prepared.measurements.frame);
         let object = Prepared::in_frame(views, frame, BodyKind::Superellipsoid(2.0), context);
-        Some(Self { fit, ellipsoid, noise, object })
+        Some(Self { fit, ellipsoid, noise, object, correlated_views: context.options.correlated_views })
     }
 
     fn objective(&self) -> Objective<'_> {
