@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 use crate::geometry::linalg::solve_spd;
-use crate::geometry::{Body, Ellipsoid, vech3};
+use crate::geometry::{Body, ConvexBody, Ellipsoid, vech3};
 use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
 
 /// Squared Mahalanobis distances of the truth from an estimate (ours). Where the covariance is honest they follow
@@ -25,11 +25,15 @@ const SQUARED_EXTENTS: [usize; 3] = [3, 6, 8];
 /// Squared Mahalanobis distances between an estimated and a true body, whose centre is that of the same kind of body:
 /// compare a tangent body with a tangent one.
 ///
-/// Cuboids and superellipsoids are compared through the ellipsoids that stand for them (see [`Body::ellipsoid`]), with
-/// the same semi-axes up to a factor that is common to both. The axes of such a body can be named in 24 ways; the one in
-/// which the truth is nearest counts. `None` when the covariance is not positive definite.
+/// Two bodies of one kind are compared in their half extents, others through the ellipsoids that stand for them (see
+/// [`Body::ellipsoid`]). The axes of a body that is no ellipsoid can be named in 24 ways; the one in which the truth is
+/// nearest counts. `None` when the covariance is not positive definite.
 pub fn squared_errors(estimate: &Body, covariance: &Covariance, truth: &Body) -> Option<SquaredErrors> {
-    let (estimate, truth) = (estimate.ellipsoid(), truth.ellipsoid());
+    let (estimate, truth) = if are_of_one_kind(estimate, truth) {
+        (inscribed(estimate), inscribed(truth))
+    } else {
+        (estimate.ellipsoid(), truth.ellipsoid())
+    };
     let matrix = &covariance.matrix;
     let of = |error: &SVector<f64, 9>, extents: [usize; 3]| {
         Some(SquaredErrors {
@@ -50,6 +54,18 @@ pub fn squared_errors(estimate: &Body, covariance: &Covariance, truth: &Body) ->
             .filter_map(|naming| of(&oriented_error(&estimate, &truth, naming), [6, 7, 8]))
             .min_by(|a, b| a.whole.total_cmp(&b.whole)),
     }
+}
+
+fn are_of_one_kind(a: &Body, b: &Body) -> bool {
+    match (a, b) {
+        (Body::Superellipsoid(a), Body::Superellipsoid(b)) => a.support_exponent == b.support_exponent,
+        _ => std::mem::discriminant(a) == std::mem::discriminant(b),
+    }
+}
+
+/// The ellipsoid with the half extents of a body as semi-axes.
+fn inscribed(body: &Body) -> Ellipsoid {
+    Ellipsoid { center: body.center(), semi_axes: body.half_extents(), rotation: body.rotation() }
 }
 
 /// The error in centre, rotation vector (in the estimate's axes) and log semi-axes, when the columns of `naming` are the

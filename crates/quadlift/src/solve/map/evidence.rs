@@ -220,3 +220,39 @@ fn regularised(equations: &NormalEquations) -> SMatrix<f64, PARAMETERS, PARAMETE
     }
     hessian
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+
+    use super::*;
+
+    /// A cylinder whose radii differ by a factor, and measurements that tell every parameter with this deviation.
+    fn of_radii(factor: f64, sd: f64) -> f64 {
+        let sizes = Vector3::new(factor, 1.0, 2.0);
+        let body = OrientedModel::new(Vector3::zeros(), Matrix3::identity(), sizes, Form::Cylinder);
+        let mut equations = NormalEquations::zero();
+        for k in 0..PARAMETERS {
+            let row = std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
+            equations.add_row(0.0, &row, 1.0 / (sd * sd));
+        }
+        elongation(&Model::Oriented(body), &equations)
+    }
+
+    /// Against the densities of the two priors at what was measured.
+    #[test]
+    fn cylinders_are_round() {
+        for (factor, sd) in [(1.0, 0.01), (1.3, 0.05), (2.0, 0.2)] {
+            // The difference of two parameters has twice the variance.
+            let density = |prior_sd: f64| {
+                let variance = prior_sd * prior_sd + 2.0 * sd * sd;
+                (-0.5 * f64::ln(factor).powi(2) / variance).exp() / variance.sqrt()
+            };
+            let expected = -2.0 * (density(ROUND_SD) / density(ANY_SD)).ln();
+            assert!((of_radii(factor, sd) - expected).abs() < 1e-9, "{factor} {sd}");
+        }
+        assert!(of_radii(1.0, 0.01) < -3.0, "round ones are more probable than any");
+        assert!(of_radii(1.5, 0.01) > 10.0, "elliptic ones less");
+        assert!(of_radii(1.5, 10.0).abs() < 0.1, "measurements that tell nothing decide nothing");
+    }
+}
