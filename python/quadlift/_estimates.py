@@ -102,6 +102,8 @@ class Estimates:
         rotation are not those of the tangent one.
     enclosing_quaternions : ndarray, shape (N, 4)
         Its rotation, world from object: a unit quaternion, w first.
+    body_kinds : list of str or None, length N
+        The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"superellipsoid:Q"``.
     body_axes, enclosing_body_axes : ndarray, shape (N, 3)
         Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a
         superellipsoid, the two radii and half the height of a cylinder (its axis is the third one); and of the larger
@@ -144,7 +146,7 @@ class Estimates:
         Why a detection is an outlier: ``"residual"`` (it is farther from the body than the noise explains) or
         ``"behind_camera"`` (the body does not lie wholly in front of the camera). None for all others.
     body : str
-        The kind of body that was fitted.
+        The kind of body that was fitted, ``"mixed"`` where objects differ (see ``body_kinds``).
     noise : dict
         Noise levels that the residuals show, by name; empty for other methods than ``"map"``. Standard deviations:
         ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
@@ -189,6 +191,7 @@ class Estimates:
     enclosing_semi_axes: NDArray[np.float64]
     enclosing_centers: NDArray[np.float64]
     enclosing_quaternions: NDArray[np.float64]
+    body_kinds: list[str | None]
     body_axes: NDArray[np.float64]
     enclosing_body_axes: NDArray[np.float64]
     covariances: NDArray[np.float64]
@@ -252,6 +255,7 @@ class Estimates:
             enclosing_semi_axes=rows("enclosing_semi_axes"),
             enclosing_centers=rows("enclosing_centers"),
             enclosing_quaternions=rows("enclosing_quaternions"),
+            body_kinds=items("body_kinds"),
             body_axes=rows("body_axes"),
             enclosing_body_axes=rows("enclosing_body_axes"),
             covariances=rows("covariances"),

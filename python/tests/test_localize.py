@@ -18,6 +18,14 @@ from conftest import Arrays, made_scene, made_truth
 from quadlift import _core
 
 
+def test_each_object_has_a_kind_of_body(made: Arrays) -> None:
+    cuboids = quadlift.localize(**made.arguments(), body="cuboid")
+    assert (cuboids.body, cuboids.body_kinds) == ("cuboid", ["cuboid"] * 4)
+    chosen = quadlift.localize(**made.arguments())
+    kinds = set(chosen.body_kinds)
+    assert chosen.body == (kinds.pop() if len(kinds) == 1 else "mixed")
+
+
 def test_exact_boxes_give_the_true_bodies(made: Arrays) -> None:
     estimates = quadlift.localize(**made.arguments(), body="ellipsoid")
     centers, semi_axes = made_truth()

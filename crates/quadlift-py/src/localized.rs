@@ -12,14 +12,14 @@ use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::diagnose::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::{Detection, Scene};
-use quadlift::solve::{Alternative, Estimate, Rejection};
+use quadlift::solve::{Alternative, BodyKind, Estimate, Rejection};
 use quadlift::{LeftOut, Localization, UsedMeasurements, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::{
-    coordinates_name, cross_validation_record, fitted_body_name, noise_record, settings_record,
+    body_name, coordinates_name, cross_validation_record, fitted_body_name, noise_record, settings_record,
 };
 use quadlift_report::{Content, Scores, page, report};
 
@@ -156,6 +156,8 @@ impl PyLocalized {
         dict.set_item("warnings", estimates.iter().map(warnings).collect::<Vec<_>>())?;
         let coordinates = |e: &Estimate| e.covariance.map(|covariance| coordinates_name(covariance.coordinates));
         dict.set_item("covariance_coordinates", estimates.iter().map(coordinates).collect::<Vec<_>>())?;
+        let body_kind = |e: &Estimate| e.body.as_ref().map(|body| body_name(BodyKind::of(body)));
+        dict.set_item("body_kinds", estimates.iter().map(body_kind).collect::<Vec<_>>())?;
         let rows = |name: &str, width: usize, of: &dyn Fn(&Estimate, &mut Vec<f64>)| {
             let mut values = Vec::with_capacity(width * estimates.len());
             for (index, estimate) in estimates.iter().enumerate() {

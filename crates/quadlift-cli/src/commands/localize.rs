@@ -81,8 +81,8 @@ pub struct Args {
     #[arg(long, value_name = "X", value_parser = args::finite)]
     lambda: Option<f64>,
 
-    /// Kind of body that is fitted: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto: an
-    /// ellipsoid unless the boxes of the scene clearly ask for a superellipsoid
+    /// Kind of body that is fitted: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto:
+    /// chosen for each object, an ellipsoid where its boxes and those of the other objects tell nothing else
     #[arg(long, value_name = "BODY", default_value = "auto", value_parser = args::body_choice)]
     body: BodyChoice,
 
