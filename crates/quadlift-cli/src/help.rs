@@ -36,7 +36,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
         "Which detections are used, and what of them",
         &["observations", "ids", "min_views", "max_occluded", "max_truncated"],
     ),
-    ("What is known of the scene", &["upright", "ground_plane", "camera_height", "pose_noise", "sigmas"]),
+    ("What is known of the scene", &["no_upright", "ground_plane", "camera_height", "pose_noise", "sigmas"]),
     ("Quality of the result", &["cross_validate", "calibration"]),
     ("Running", &["seed", "threads"]),
     ("For research (the defaults are better)", &["method", "lambda"]),
