@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, Vector3};
-use quadlift::geometry::{Body, Cuboid};
+use quadlift::geometry::Cuboid;
 
 use crate::scene_file::ObjectRecord;
 
@@ -48,10 +48,14 @@ impl LabelledObjects {
         for (id, labels) in &self.by_id {
             match labels.mean() {
                 Some(cuboid) => {
-                    let mut record =
-                        ObjectRecord { id: id.clone(), category: labels.category.clone(), ..ObjectRecord::default() };
-                    record.set_body(&Body::Cuboid(cuboid));
-                    still.push(record);
+                    still.push(ObjectRecord {
+                        id: id.clone(),
+                        category: labels.category.clone(),
+                        cuboid: Some((&cuboid).into()),
+                        // A label is the box of a body of any kind: as in the papers, the ellipsoid inscribed in it is true.
+                        ellipsoid: Some((&cuboid.inscribed_ellipsoid()).into()),
+                        ..ObjectRecord::default()
+                    });
                 }
                 None => moving.push(id.clone()),
             }
