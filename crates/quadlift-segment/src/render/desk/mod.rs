@@ -59,9 +59,10 @@ impl Default for DeskOptions {
 /// The pictures of the desk, what a detector finds in them, and what is true.
 #[derive(Debug, Clone)]
 pub struct RenderedDesk {
-    /// Cameras, detections (by frame; without objects, with category and score) and true bodies: the ellipsoids of least
-    /// volume that enclose the things. Metres; up is z; the top of the desk is z = 0. `outliers` are the boxes of nothing and those that are
-    /// quite wrong; `true_objects` has the thing of each detection that shows one.
+    /// Cameras, detections (by frame; without objects, with category and score) and true bodies: cuboids, cylinders and
+    /// ellipsoids where a thing is one, otherwise the ellipsoid of least volume that encloses it. Metres; up is z; the top of
+    /// the desk is z = 0. `outliers` are the boxes of nothing and those that are quite wrong; `true_objects` has the thing
+    /// of each detection that shows one.
     pub synthetic: SyntheticScene,
     /// Category of each thing, in the order of the truth.
     pub categories: Vec<&'static str>,
@@ -113,9 +114,8 @@ pub fn render_desk(options: &DeskOptions) -> Result<RenderedDesk, SyntheticError
         }
     }
     let truth = things.iter().enumerate().map(|(k, thing)| {
-        let points: Vec<Point3<f64>> =
-            parts.iter().filter(|part| part.thing == Some(k)).flat_map(Part::points).collect();
-        (thing.name.to_owned(), Body::Ellipsoid(enclosing_ellipsoid(&points)))
+        let parts: Vec<&Part> = parts.iter().filter(|part| part.thing == Some(k)).collect();
+        (thing.name.to_owned(), body_of(&parts))
     });
     let truth = truth.collect();
     let (images, labels) = pictures.into_iter().map(|picture| (picture.image, picture.labels)).unzip();
@@ -162,6 +162,16 @@ fn frames(options: &DeskOptions) -> Result<Vec<SyntheticFrame>, SyntheticError> 
         .collect()
 }
 
+/// The body of a thing: that of its one part, or the ellipsoid of least volume that encloses all its parts.
+fn body_of(parts: &[&Part]) -> Body {
+    let points = || parts.iter().flat_map(|part| part.points()).collect::<Vec<Point3<f64>>>();
+    match parts {
+        [part] => part.body(),
+        _ => None,
+    }
+    .unwrap_or_else(|| Body::Ellipsoid(enclosing_ellipsoid(&points())))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,9 +185,9 @@ mod tests {
         for (k, detection) in scene.detections.iter().enumerate() {
             assert!(detection.object_index.is_none() && detection.category_index.is_some());
             let (Some(thing), false) = (desk.synthetic.true_objects[k], desk.synthetic.outliers[k]) else { continue };
-            let Body::Ellipsoid(truth) = &desk.synthetic.truth[thing].1 else { panic!("an ellipsoid") };
+            let truth = &desk.synthetic.truth[thing].1;
             let projection = &scene.frames[detection.frame_index as usize].projection;
-            // The enclosing ellipsoid's box holds what is seen of the thing.
+            // The true body's box holds what is seen of the thing.
             let whole = project_bounding_box(projection, truth).unwrap().edges();
             let seen = detection.bounding_box.unwrap().edges();
             let slack = 0.3 * (whole[2] - whole[0]).max(whole[3] - whole[1]);

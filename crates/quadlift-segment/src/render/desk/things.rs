@@ -1,6 +1,7 @@
 //! What stands on the desk, and what is around it. Metres; z points upwards, the top of the desk is z = 0.
 
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid};
 
 use super::paint::{Paint, srgb};
 use crate::render::solid::Shape;
@@ -41,6 +42,19 @@ impl Part {
             Form::Full(Shape::Cuboid) => self.half.norm(),
             Form::Full(Shape::Cylinder) | Form::Cup => self.half.xy().max().hypot(self.half.z),
             Form::Full(Shape::Ellipsoid) | Form::Bowl => self.half.max(),
+        }
+    }
+
+    /// The part as a body of its kind; none for those that are hollow.
+    pub(super) fn body(&self) -> Option<Body> {
+        let Self { center, rotation, half, .. } = *self;
+        match self.form {
+            Form::Full(Shape::Ellipsoid) => Some(Body::Ellipsoid(Ellipsoid { center, semi_axes: half, rotation })),
+            Form::Full(Shape::Cuboid) => Some(Body::Cuboid(Cuboid { center, half_extents: half, rotation })),
+            Form::Full(Shape::Cylinder) => {
+                Some(Body::Cylinder(Cylinder { center, radii: half.xy(), half_height: half.z, rotation }))
+            }
+            Form::Bowl | Form::Cup => None,
         }
     }
 
