@@ -224,8 +224,7 @@ fn the_kind_of_body_is_chosen_from_the_boxes() {
         // Noisy boxes hardly tell a cuboid from one with edges that are a little round.
         let as_good =
             |chosen: BodyKind| sigma > 0.0 && (body, chosen) == (BodyKind::Cuboid, BodyKind::Superellipsoid(1.25));
-        let right = chosen.filter(|chosen| *chosen == body || as_good(*chosen)).count();
-        right
+        chosen.filter(|chosen| *chosen == body || as_good(*chosen)).count()
     };
     assert_eq!(right(BodyKind::Ellipsoid, 0.0), 12);
     assert_eq!(right(BodyKind::Ellipsoid, 0.1), 12);

@@ -322,7 +322,7 @@ mod tests {
     fn many_planes_find_the_envelope_and_few_keep_the_proportions() {
         let truth = Ellipsoid { center: Point3::origin(), ..ellipsoid() };
         // Every fifth plane lies inside, by up to a quarter.
-        let inside = |k: usize| if k % 5 == 0 { 1.0 - 0.05 * (k / 5 % 6) as f64 } else { 1.0 };
+        let inside = |k: usize| if k.is_multiple_of(5) { 1.0 - 0.05 * (k / 5 % 6) as f64 } else { 1.0 };
         let shrunk = |n: Vector3<f64>, k: usize| Plane { n, d: truth.support(&n) * inside(k) };
         let planes: Vec<Plane> = normals(400).into_iter().enumerate().map(|(k, n)| shrunk(n, k)).collect();
         // A sphere of the same volume.

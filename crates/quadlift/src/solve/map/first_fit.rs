@@ -34,7 +34,7 @@ impl Prepared {
     }
 
     /// The body that a fitted ellipsoid leads to, and the objective there; `None` when no start can be evaluated.
-    pub(super) fn from_ellipsoid(
+    pub(super) fn started_at(
         &self,
         ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,

@@ -144,7 +144,7 @@ impl Fit {
         let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
         let seed = prepared.seed(context);
         let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, seed)?;
-        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
+        let (body, equations) = prepared.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
         Some(Self {
             prepared: prepared.clone(),
             ellipsoid,
@@ -165,7 +165,7 @@ impl Fit {
         let again = || {
             let ellipsoid = self.prepared.fit_ellipsoid(noise)?;
             let seed = self.prepared.seed(context);
-            let (body, _) = self.prepared.from_ellipsoid(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
+            let (body, _) = self.prepared.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -181,7 +181,7 @@ impl Fit {
             // Other random rotations than before.
             let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
             let again = |scale| {
-                let (body, _) = self.prepared.from_ellipsoid(&self.ellipsoid, noise, scale, seed, ALL)?;
+                let (body, _) = self.prepared.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
                 let objective = self.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };

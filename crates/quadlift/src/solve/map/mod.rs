@@ -140,7 +140,7 @@ pub fn map(
     };
     let scene = scene.with_upright(context);
     let kind_of = |index: usize| match kinds.of_each().get(index / stride) {
-        Some(kind) if index % stride == 0 => *kind,
+        Some(kind) if index.is_multiple_of(stride) => *kind,
         _ => kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &kinds, context)),
     };
     let estimates = map_indices(count, |index| {

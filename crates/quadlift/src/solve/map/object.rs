@@ -65,7 +65,7 @@ impl Prepared {
         let failed = Box::new(Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged));
         let seed = self.seed(context);
         let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) = self.from_ellipsoid(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
+        let (body, equations) = self.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
         let fit = Fit {
             prepared: Arc::new(self),
             ellipsoid,

@@ -132,7 +132,7 @@ impl Fit {
         let objective = prepared.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
         let seed = prepared.seed(context);
-        let (body, equations) = prepared.from_ellipsoid(&ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)?;
+        let (body, equations) = prepared.started_at(&ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)?;
         let fit = Self { prepared: prepared.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }
