@@ -91,7 +91,8 @@ def test_same_as_the_program(
     rows = quadlift.spark.localize(detections, cameras, **GIVEN).toArrow().to_pylist()
     compared = 0
     for name, path in fleet.files.items():
-        program("localize", "-q", path, "-o", tmp_path / "result.json", "--sigmas", levels, "--body", "ellipsoid")
+        given = ["--sigmas", levels, "--body", "ellipsoid", "--no-upright"]
+        program("localize", "-q", path, "-o", tmp_path / "result.json", *given)
         of_id = {o["id"]: o for o in read_json(tmp_path / "result.json")["objects"]}
         mine = [row for row in rows if row["scene"] == name]
         assert sorted(row["object"] for row in mine) == sorted(of_id)

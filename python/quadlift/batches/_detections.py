@@ -54,8 +54,10 @@ class Settings:
                 )
             if name not in known:
                 raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
-        # The self-check is one of whole scenes: objects that are solved one by one do not depend on it.
-        of_kind = {"associate": "never", "accept_inconsistent": True} if known == OF_OBJECTS else {"associate": "auto"}
+        # The self-check is one of whole scenes, and so is how many objects stand upright: objects that are solved one
+        # by one do not depend on them.
+        of_objects: dict[str, Any] = {"associate": "never", "accept_inconsistent": True, "upright": False}
+        of_kind = of_objects if known == OF_OBJECTS else {"associate": "auto"}
         given = cast("_options.Options", {**of_kind, **options})
         settings = cls(
             _options.split(given, "localize")[0],
