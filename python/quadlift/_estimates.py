@@ -174,7 +174,7 @@ class Estimates:
     association : dict or None
         What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
         nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
-        `not_used` (by reason), `edge_sd` (error of box edges relative to the box) and `frame_shift_sd_px`.
+        `not_used` (by reason), `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
     problems : list of str
         Masks that could not be read.
     seconds : float

@@ -156,7 +156,7 @@ def of_association(
     min_views: int,
     min_score: float | None,
     max_overlap: float | None,
-    pixel_sd: float,
+    pixel_sd: float | None,
     priors: Path | Mapping[str, Prior] | None,
 ) -> dict[str, Any]:
     """The core's keywords of an association."""
@@ -168,7 +168,7 @@ def of_association(
         "min_views": _checks.whole("min_views", min_views, 2, 2**32),
         "min_score": _checks.optional(_checks.number, "min_score", min_score),
         "max_overlap": _checks.optional(_checks.number, "max_overlap", max_overlap),
-        "pixel_sd": _checks.number("pixel_sd", pixel_sd),
+        "pixel_sd": _checks.optional(_checks.number, "pixel_sd", pixel_sd),
         "priors": name,
         "priors_text": text,
     }

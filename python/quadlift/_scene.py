@@ -388,7 +388,7 @@ class Scene:
         min_views: int = 3,
         min_score: float | None = None,
         max_overlap: float | None = None,
-        pixel_sd: float = 2.0,
+        pixel_sd: float | None = None,
         priors: Path | Mapping[str, _options.Prior] | None = None,
         threads: int | None = None,
         progress: _options.Progress | None = None,
@@ -410,8 +410,9 @@ class Scene:
         max_overlap : float, optional
             Leave out detections that overlap a better one of the same frame and category by more (intersection over
             union).
-        pixel_sd : float
-            Error of box edges that does not depend on the size of the box, pixels: 2 suits photos, 3 to 4 a moving car.
+        pixel_sd : float, optional
+            Error of box edges that does not depend on the size of the box, pixels. By default 2, 4 or 8, as much as
+            costs little evidence.
         priors : str, path-like or mapping, optional
             Sizes of categories: "builtin" (for scenes in metres), a TOML file, or a mapping, as in `localize`.
         threads : int, optional

@@ -55,6 +55,7 @@ pub fn association_record(scene: &Scene, association: &Association) -> Value {
             "duplicate": not_used.duplicate,
         },
         "edge_sd": association.edge_sd,
+        "pixel_sd": association.pixel_sd,
         "frame_shift_sd_px": association.frame_shift_sd,
     })
 }

@@ -21,7 +21,7 @@ pub struct AssociateKeywords {
     min_views: usize,
     min_score: Option<f64>,
     max_overlap: Option<f64>,
-    pixel_sd: f64,
+    pixel_sd: Option<f64>,
     priors: Option<String>,
     priors_text: Option<String>,
 }

@@ -39,7 +39,7 @@ Columns:
 
 Examples:
   quadlift associate scene.json -o associated.json
-  quadlift associate street.json -o associated.json --source rrc --min-score 0.5 --pixel-sd 3
+  quadlift associate street.json -o associated.json --source rrc --min-score 0.5
   quadlift localize associated.json -o objects.json
 
 Exit codes: 0 fine; 1 a file cannot be read or written, or there is too little to associate; 2 wrong usage; 3 the scene does
@@ -78,9 +78,10 @@ pub struct Args {
     #[arg(long, value_name = "IOU", value_parser = args::finite)]
     max_overlap: Option<f64>,
 
-    /// Error of box edges that does not depend on the size of the box, in pixels: 2 suits photos, 3 to 4 a moving car
-    #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = args::positive)]
-    pixel_sd: f64,
+    /// Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, as much as
+    /// costs little evidence]
+    #[arg(long, value_name = "PX", value_parser = args::positive)]
+    pixel_sd: Option<f64>,
 
     /// Sizes of categories: "builtin" (for scenes in metres) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]

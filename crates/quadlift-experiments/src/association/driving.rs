@@ -34,9 +34,6 @@ const LEAST_SCORE: f64 = 0.5;
 /// A box shows a labelled car when their intersection over union is greater.
 const LEAST_OVERLAP: f64 = 0.5;
 
-/// Error of the edges in pixels, for poses of a car that drives.
-pub const PIXEL_SD: f64 = 3.0;
-
 /// Reads a sequence: its detections without ids, and which standing car each of them shows.
 fn case(data: &Path, sequence: &str) -> Result<Case, Error> {
     let folder = data.join("kitti_tracking");
@@ -131,7 +128,7 @@ pub fn steps() -> usize {
 /// # Errors
 /// [`Error::Read`], [`Error::Associate`], [`Error::Localize`].
 pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error> {
-    let options = AssociateOptions { ids: IdUse::Ignore, pixel_sd: PIXEL_SD, ..Default::default() };
+    let options = AssociateOptions { ids: IdUse::Ignore, ..Default::default() };
     let score = |(name, ..): &(&str, &str, f64, [f64; 3])| {
         let case = case(data, name)?;
         let score = case.score(&options)?;
@@ -183,12 +180,12 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
             id,
             format!("F1, KITTI tracking {name}, all RRC boxes"),
             Some(score.division.f1),
-            "associate, --pixel-sd 3",
+            "associate",
         ));
         (of_false, of_true) = (of_false.and(score.false_objects), of_true.and(score.standing));
     }
     table.note(format!(
-        "Boxes with a score of {LEAST_SCORE} or more; `--pixel-sd {PIXEL_SD}`, everything else is the default. Poses from \
+        "Boxes with a score of {LEAST_SCORE} or more; every setting is the default. Poses from \
          GPS and IMU. A true object is a car that stands still and is detected three times at least; its centre is found \
          when an object lies within its longest semi-axis. An object that was found is false when most of its boxes show \
          something else, most often a car that drives. Aims for all sequences together: at least half of the false ones \
@@ -203,7 +200,7 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
             id,
             format!("{what}, KITTI tracking"),
             marked.share(),
-            "associate, --pixel-sd 3",
+            "associate",
         ));
     }
     Ok(())

@@ -86,7 +86,7 @@ pub fn add(data: Option<&Path>, report: &mut Report, seed: u64, steps: &Steps) -
             cells.push(if row.divides() { number(f1(&divided(cases, &options)?)) } else { Cell::Empty });
         }
         steps.done();
-        let driving = divided(&videos, &AssociateOptions { pixel_sd: driving::PIXEL_SD, ..options })?;
+        let driving = divided(&videos, &options)?;
         let all = |of: fn(&Division) -> Marked| driving.iter().map(of).fold(Marked::default(), Marked::and);
         let (standing, others) = (all(|d| d.standing), all(|d| d.false_objects));
         cells.push(number(f1(&driving).filter(|_| row.divides())));

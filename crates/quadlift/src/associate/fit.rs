@@ -179,7 +179,6 @@ fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &Ellipso
 
 #[cfg(test)]
 mod tests {
-    use super::super::options::AssociateOptions;
     use super::super::test_scenes::{ellipsoid, seen_by};
     use super::*;
     use crate::geometry::ConvexBody;
@@ -189,7 +188,7 @@ mod tests {
         let truth = ellipsoid();
         let (observations, _) = seen_by(12, &truth);
         let mut model =
-            Model::new(&observations, &AssociateOptions { pixel_sd: 1e-3, ..Default::default() }, vec![None]);
+            Model::new(&observations, vec![None], 1e-3);
         model.edge_sd = 1e-4;
         let center = truth.center.coords - observations.origin;
         let start = Start::sphere(center + Vector3::new(0.5, -0.4, 0.3), 2.0);
@@ -218,8 +217,7 @@ mod tests {
                 sighting.edges[2] -= 0.3 * sighting.half_size;
                 sighting.cut[2] = cut;
             }
-            let options = AssociateOptions { pixel_sd: 0.1, ..Default::default() };
-            let mut model = Model::new(&observations, &options, vec![None]);
+            let mut model = Model::new(&observations, vec![None], 0.1);
             model.edge_sd = 0.05;
             let start = Start::sphere(center(&observations), 2.0);
             let object = fit(&observations, &model, (0..12).collect(), &[start]).unwrap();

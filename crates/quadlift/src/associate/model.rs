@@ -5,7 +5,6 @@ use nalgebra::Vector2;
 use super::clutter::Clutter;
 use super::object::Object;
 use super::observations::{Observations, Sighting};
-use super::options::AssociateOptions;
 use super::problem::Problem;
 use super::statistics::{median, quantile};
 
@@ -57,11 +56,11 @@ pub(super) struct Model {
 
 impl Model {
     /// Before anything is learnt.
-    pub fn new(observations: &Observations, options: &AssociateOptions, given_sizes: Vec<Option<LogSize>>) -> Self {
+    pub fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
         let per_frame = observations.boxes.len() as f64 / observations.cameras.len().max(1) as f64;
         Self {
             edge_sd: FIRST_EDGE_SD,
-            pixel_sd: options.pixel_sd,
+            pixel_sd,
             log_clutter_rate: (per_frame * FIRST_CLUTTER_SHARE).max(0.05).ln(),
             log_sizes: given_sizes,
             volume: f64::INFINITY,

@@ -49,9 +49,10 @@ pub struct AssociateOptions {
     /// higher intersection over union than this, in [0, 1].
     pub max_overlap: Option<f64>,
     /// Part of the standard deviation of box edges that does not depend on the size of the box, in pixels: slack for
-    /// bodies that are no ellipsoids and for poses. 2 suits photos, 3 to 4 a camera in a moving car, 1 exact synthetic
-    /// boxes. (Learning it from the residuals was tried: it comes out too small, because they do not show wrong poses.)
-    pub pixel_sd: f64,
+    /// bodies that are no ellipsoids and for poses. `None`: 2, 4 or 8, as much as costs little evidence. 1 suits
+    /// exact synthetic boxes. (Learning it from the residuals was tried: it comes out too small, because they do not show
+    /// wrong poses.)
+    pub pixel_sd: Option<f64>,
     /// Sizes by category, where they are known; other priors are not used here, because they do not help.
     pub priors: CategoryPriors,
     /// Search from several starts and seek weak objects anew. It takes about eight times as long; it helps where there
@@ -71,7 +72,7 @@ impl Default for AssociateOptions {
             min_views: 3,
             min_score: None,
             max_overlap: None,
-            pixel_sd: 2.0,
+            pixel_sd: None,
             priors: CategoryPriors::default(),
             thorough: false,
             without: None,
@@ -122,8 +123,10 @@ impl AssociateOptions {
         {
             return refuse("largest overlap", overlap, "a number from 0 to 1");
         }
-        if !(self.pixel_sd.is_finite() && self.pixel_sd > 0.0) {
-            return refuse("standard deviation in pixels", self.pixel_sd, "a positive number");
+        if let Some(sd) = self.pixel_sd
+            && !(sd.is_finite() && sd > 0.0)
+        {
+            return refuse("standard deviation in pixels", sd, "a positive number");
         }
         Ok(())
     }

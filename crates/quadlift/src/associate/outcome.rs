@@ -84,6 +84,8 @@ pub struct Association {
     pub clutter: usize,
     /// Standard deviation of box edges relative to the mean half size of the box, as the objects show it.
     pub edge_sd: f64,
+    /// The part of the standard deviation of box edges that does not depend on the box, pixels: as given, or as found.
+    pub pixel_sd: f64,
     /// Standard deviation of the shifts of whole frames, which errors of their poses cause, pixels.
     pub frame_shift_sd: f64,
 }
@@ -151,6 +153,7 @@ pub(super) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, st
     let mut association = Association {
         object_of_detection: vec![None; scene.detections.len()],
         edge_sd: state.model.edge_sd,
+        pixel_sd: state.model.pixel_sd,
         frame_shift_sd: state.model.shift_sd,
         clutter: detections.len().saturating_sub(found.iter().map(|f| f.members.len()).sum()),
         ..Default::default()

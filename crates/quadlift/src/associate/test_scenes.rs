@@ -4,7 +4,6 @@ use nalgebra::{Point3, Rotation3, Vector3};
 
 use super::model::Model;
 use super::observations::Observations;
-use super::options::AssociateOptions;
 use crate::geometry::{Ellipsoid, project_ellipsoid};
 use crate::scene::{DetectionInput, Scene, SceneBuilder};
 use crate::synthetic::{SyntheticOptions, Trajectory, generate};
@@ -42,6 +41,6 @@ pub(super) fn of_frames(
     let scene = builder.build();
     let observations = Observations::new(&scene, &(0..scene.detections.len()).collect::<Vec<_>>());
     let unknown_sizes = vec![None; observations.categories.len()];
-    let model = Model::new(&observations, &AssociateOptions::default(), unknown_sizes);
+    let model = Model::new(&observations, unknown_sizes, 2.0);
     (scene, observations, model)
 }

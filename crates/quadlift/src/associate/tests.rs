@@ -265,7 +265,7 @@ fn senseless_options_are_refused() {
     assert!(refused(|o| o.min_views = 1).contains("at least 2"));
     assert!(refused(|o| o.min_score = Some(f64::NAN)).contains("least score"));
     assert!(refused(|o| o.max_overlap = Some(1.5)).contains("from 0 to 1"));
-    assert!(refused(|o| o.pixel_sd = -1.0).contains("positive"));
+    assert!(refused(|o| o.pixel_sd = Some(-1.0)).contains("positive"));
     assert!(refused(|o| o.source = Some("yolo".into())).contains("no detections of the source"));
 }
 
