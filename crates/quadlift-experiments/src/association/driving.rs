@@ -196,12 +196,7 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
         ("association_doubtful_false", "share of false objects marked as doubtful", of_false),
         ("association_doubtful_true", "share of true objects marked as doubtful", of_true),
     ] {
-        report.headlines.extend(headline(
-            id,
-            format!("{what}, KITTI tracking"),
-            marked.share(),
-            "associate",
-        ));
+        report.headlines.extend(headline(id, format!("{what}, KITTI tracking"), marked.share(), "associate"));
     }
     Ok(())
 }

@@ -187,8 +187,7 @@ mod tests {
     fn exact_boxes_give_the_body_back() {
         let truth = ellipsoid();
         let (observations, _) = seen_by(12, &truth);
-        let mut model =
-            Model::new(&observations, vec![None], 1e-3);
+        let mut model = Model::new(&observations, vec![None], 1e-3);
         model.edge_sd = 1e-4;
         let center = truth.center.coords - observations.origin;
         let start = Start::sphere(center + Vector3::new(0.5, -0.4, 0.3), 2.0);
