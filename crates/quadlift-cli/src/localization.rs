@@ -123,8 +123,10 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
     if matches!(settings.priors, PriorSource::Builtin) {
         check_metres(scene)?;
     }
+    let plausible_sizes = quadlift_io::priors::plausible_sizes(scene.length_unit.as_deref());
+    let options = Options { plausible_sizes, ..settings.options.clone() };
     let bar = object_bar(title, out);
-    let result = localize(scene, &settings.options, &|done, total| {
+    let result = localize(scene, &options, &|done, total| {
         bar.set_length(total as u64);
         bar.set_position(done as u64);
     });

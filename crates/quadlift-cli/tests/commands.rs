@@ -225,6 +225,25 @@ fn priors_act_where_the_unit_is_known() {
 }
 
 #[test]
+fn sizes_that_things_do_not_have_are_named_where_lengths_are_metres() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["category"] = json!("cup");
+    }
+    let warnings = |scene: &Value| {
+        folder.write_json("cups.json", scene);
+        folder.succeed("localize cups.json -o cups-out.json");
+        let objects = folder.json("cups-out.json")["objects"].as_array().unwrap().clone();
+        objects.iter().filter(|o| o["warnings"].to_string().contains("implausible size: it is ")).count()
+    };
+    assert_eq!(warnings(&scene), 0);
+    // Cups of several metres.
+    scene["length_unit"] = json!("m");
+    assert_eq!(warnings(&scene), 2);
+}
+
+#[test]
 fn info_tells_what_looks_wrong() {
     let folder = Folder::new();
     let mut scene = folder.small_scene();

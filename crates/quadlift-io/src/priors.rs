@@ -107,6 +107,11 @@ pub fn builtin_priors() -> CategoryPriors {
     parse_priors(Path::new("builtin.toml"), BUILTIN).unwrap_or_default()
 }
 
+/// What is known of sizes where lengths have this unit: the built-in priors for metres, nothing otherwise.
+pub fn plausible_sizes(length_unit: Option<&str>) -> CategoryPriors {
+    if length_unit == Some("m") { builtin_priors() } else { CategoryPriors::default() }
+}
+
 /// Refuses a length unit that is not the built-in priors'.
 ///
 /// # Errors

@@ -11,7 +11,7 @@ use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{Options, UsedMeasurements, localize};
 use quadlift_io::builtin_priors;
 use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
-use quadlift_io::priors::{check_metres, parse_priors};
+use quadlift_io::priors::{check_metres, parse_priors, plausible_sizes};
 use serde_json::Value;
 
 use crate::error::refuse;
@@ -112,6 +112,7 @@ impl LocalizeKeywords {
         localize(&Scene::default(), &options, &|_, _| {}).map_err(refuse)?;
         let (priors, name) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
         options.map.priors = priors;
+        options.plausible_sizes = plausible_sizes(scene.length_unit.as_deref());
         options.source = self.source.clone();
         Ok(Choices { options, priors: name, ids: self.ids(scene)?, calibration: self.calibration()? })
     }

@@ -9,8 +9,10 @@ use crate::diagnose::{Diagnosis, diagnose};
 use crate::parallel::map_indices;
 use crate::scene::{BORDER_TOLERANCE_PX, Detection, Scene, SourceError, View};
 use crate::solve::map::{MapContext, map};
+use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BodyKind, Estimate, Fold, MapOptions, Method, RegOptions, Status, ViewReport, predict_fold, solve_closed_form,
+    BodyKind, CategoryPriors, Estimate, Fold, MapOptions, Method, RegOptions, Status, ViewReport, predict_fold,
+    solve_closed_form,
 };
 
 /// Which of a detection's measurements are used.
@@ -78,6 +80,9 @@ pub struct Options {
     /// Report objects of a scene that does not agree with itself (see [`crate::diagnose`]) as if it did; otherwise
     /// none of them is [`Status::Ok`].
     pub accept_inconsistent: bool,
+    /// Sizes that categories have: an object that is much longer or shorter than all of its category gets a warning
+    /// ([`crate::solve::Warning::ImplausibleSize`]). No estimate depends on them; the priors of [`MapOptions`] do more.
+    pub plausible_sizes: CategoryPriors,
     /// Seed of everything that is drawn at random.
     pub seed: u64,
     /// Options of [`Method::Map`].
@@ -226,6 +231,7 @@ pub fn localize(scene: &Scene, options: &Options, progress: Progress) -> Result<
                 .collect();
         }
     }
+    warn_of_implausible_sizes(&mut estimates, &scene.categories, &options.plausible_sizes);
     let is_used = |d: &Detection| from_source(d) && visible(d);
     let mut diagnosis = diagnose(scene, is_used);
     diagnosis.check_lengths(scene, is_used, &options.map.priors);

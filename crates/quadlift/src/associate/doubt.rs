@@ -1,6 +1,6 @@
 //! Objects that may not be one standing thing.
 
-use super::evidence::evidence;
+use super::evidence::{evidence, score_log_odds};
 use super::object::Object;
 use super::options::Part;
 use super::problem::Problem;
@@ -19,6 +19,8 @@ pub enum Doubt {
     UnusualSize,
     /// Its detections agree with one standing body much less than those of the scene's other objects.
     WeakEvidence,
+    /// The detector itself gives its boxes low scores.
+    LowScores,
 }
 
 impl Doubt {
@@ -28,6 +30,7 @@ impl Doubt {
             Self::Elongated => "its body is implausibly long: it may move",
             Self::UnusualSize => "its size is not that of its category: it may move",
             Self::WeakEvidence => "its detections agree poorly with one standing body: it may move, or be several",
+            Self::LowScores => "its boxes have low scores: the detector hardly believes in it",
         }
     }
 }
@@ -47,6 +50,9 @@ const LEAST_ASPECT_SD: f64 = 0.3;
 
 /// Standard deviation of the logarithm of the evidence per view.
 const LOG_EVIDENCE_SD: f64 = 0.35;
+
+/// Log odds by the scores of its boxes below which an object is doubtful: the detector gives it one chance in four.
+const LEAST_SCORE_LOG_ODDS: f64 = -1.1;
 
 /// For each object, why it is doubtful, if it is.
 pub(super) fn doubts(problem: &Problem, state: &State) -> Vec<Option<Doubt>> {
@@ -75,7 +81,8 @@ pub(super) fn doubts(problem: &Problem, state: &State) -> Vec<Option<Doubt>> {
             return Some(Doubt::Elongated);
         }
         if size.hypot(length).hypot(weakness) <= LARGEST_DEVIATION {
-            return None;
+            let low = score_log_odds(&state.observations, object) < LEAST_SCORE_LOG_ODDS;
+            return (low && problem.options.uses(Part::Doubt(Doubt::LowScores))).then_some(Doubt::LowScores);
         }
         Some(if length >= size.max(weakness) {
             Doubt::Elongated

@@ -7,7 +7,7 @@ use super::model::Model;
 use super::object::Object;
 use super::observations::Observations;
 use super::problem::Problem;
-use super::statistics::{LN_2PI, t_constant};
+use super::statistics::{LN_2PI, median, t_constant};
 
 /// Objects with less evidence (nats) are given up.
 pub(super) const LEAST_EVIDENCE: f64 = 5.0;
@@ -50,7 +50,14 @@ pub(super) fn evidence(problem: &Problem, observations: &Observations, model: &M
     };
     let occam = 4.5 * LN_2PI - 0.5 * object.log_det_hessian;
     let rate = problem.rate.log_probability(object.boxes.len(), object.visible);
-    sum + place + shape + size + occam + rate + model.objects.max(1.0).ln()
+    sum + place + shape + size + occam + rate + model.objects.max(1.0).ln() + score_log_odds(observations, object)
+}
+
+/// What the detector says against the object: the median of its boxes' log odds, once. Its boxes show the same thing, so that
+/// their scores are one opinion.
+pub(super) fn score_log_odds(observations: &Observations, object: &Object) -> f64 {
+    let odds = object.boxes.iter().map(|&index| observations.boxes[index as usize].score_log_odds);
+    median(&mut odds.collect::<Vec<f64>>()).unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -100,5 +107,23 @@ mod tests {
         observations.boxes[3].cut[1] = true;
         let cut = evidence(&problem, &observations, &model, &object);
         assert!((seen - cut - of_edge).abs() < 1e-9, "{seen} {cut}");
+    }
+
+    #[test]
+    fn low_scores_count_once_against_an_object() {
+        let (mut observations, mut model) = seen_by(10, &ellipsoid());
+        model.volume = 1e5;
+        let problem_options = AssociateOptions::default();
+        let problem = Problem::new(&Scene::default(), &observations, &problem_options);
+        let center = ellipsoid().center.coords - observations.origin;
+        let object = fit(&observations, &model, (0..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        let without = evidence(&problem, &observations, &model, &object);
+        for (sighting, score) in
+            observations.boxes.iter_mut().zip([0.9, 0.04, 0.05, 0.04, 0.04, 0.04, 0.01, 0.04, 0.2, 0.04])
+        {
+            sighting.score_log_odds = if score < 0.5 { f64::ln(score / (1.0 - score)) } else { 0.0 };
+        }
+        let low = evidence(&problem, &observations, &model, &object);
+        assert!((without - low - 24.0_f64.ln()).abs() < 1e-9, "{without} {low}");
     }
 }

@@ -10,6 +10,9 @@ use crate::scene::Scene;
 /// Distance from the border of the image, in pixels, within which an edge counts as cut off.
 const BORDER_PX: f64 = 2.0;
 
+/// Smaller scores count as this one.
+const LEAST_SCORE: f64 = 1e-3;
+
 /// Share of detections with another category than that of their object.
 const WRONG_CATEGORY_SHARE: f64 = 0.03;
 
@@ -52,6 +55,8 @@ pub(super) struct Sighting {
     pub half_size: f64,
     /// Logarithms of half the width and half the height.
     pub log_half: [f64; 2],
+    /// Logarithm of the odds that the detector gives it, where they are against it.
+    pub score_log_odds: f64,
     /// Points on the ray through the middle are `center + depth * ray`.
     pub ray: Vector3<f64>,
     /// Radius of a sphere at depth one that fills the box.
@@ -85,6 +90,17 @@ pub(super) struct Observations {
     pub origin: Vector3<f64>,
     /// Share of the boxes in each category.
     category_share: Vec<f64>,
+}
+
+/// Logarithm of the odds of a score that is a probability, where it is less than one half; 0 without one.
+fn log_odds_against(score: Option<f64>) -> f64 {
+    match score {
+        Some(score) if (0.0..0.5).contains(&score) => {
+            let score = score.max(LEAST_SCORE);
+            (score / (1.0 - score)).ln()
+        }
+        _ => 0.0,
+    }
 }
 
 impl Observations {
@@ -123,6 +139,7 @@ impl Observations {
                 cut: cut_edges(&measured, size),
                 half_size: 0.5 * (half.x + half.y),
                 log_half: [half.x.ln(), half.y.ln()],
+                score_log_odds: log_odds_against(detection.score),
                 ray: Vector3::zeros(),
                 radius_per_depth: 0.0,
             });

@@ -269,6 +269,24 @@ fn senseless_options_are_refused() {
     assert!(refused(|o| o.source = Some("yolo".into())).contains("no detections of the source"));
 }
 
+/// What a detector sees again and again in one place and hardly believes in.
+#[test]
+fn objects_with_low_scores_are_doubtful() {
+    let scored = |score: f64| {
+        let make = SyntheticOptions { objects: 8, detector: Detector::default(), ..base(4) };
+        let mut synthetic = generate(&make).unwrap();
+        for (detection, object) in synthetic.scene.detections.iter_mut().zip(&synthetic.true_objects) {
+            detection.score = Some(if *object == Some(0) { score } else { 0.9 });
+        }
+        let association = run(&synthetic.scene, &AssociateOptions::default());
+        let first = synthetic.true_objects.iter().position(|object| *object == Some(0)).unwrap();
+        let found = association.object_of_detection[first].map(|object| association.objects[object as usize].doubtful);
+        (association.objects.len(), found)
+    };
+    assert_eq!(scored(0.9), (8, Some(None)));
+    assert_eq!(scored(0.04), (8, Some(Some(Doubt::LowScores))));
+}
+
 /// A scene with boxes in the frames of a synthetic one: `boxes(frame)`.
 fn scene_of(views: usize, boxes: impl Fn(usize) -> Vec<[f64; 4]>) -> Scene {
     let frames = generate(&SyntheticOptions { objects: 0, views, ..base(0) }).unwrap().scene.frames;

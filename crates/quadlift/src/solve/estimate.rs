@@ -70,6 +70,13 @@ pub enum Warning {
     NoCovariance,
     /// The iteration ended before it had found the body that fits best ([`super::Method::Map`] only).
     NotConverged,
+    /// The longest extent is not one that things of its category have ([`crate::Options::plausible_sizes`]).
+    ImplausibleSize {
+        /// The longest full extent of the body, world units.
+        extent: f64,
+        /// That of most things of the category.
+        expected: f64,
+    },
 }
 
 impl std::fmt::Display for Warning {
@@ -100,6 +107,11 @@ impl std::fmt::Display for Warning {
             Self::NotConverged => {
                 write!(f, "not converged: the iteration ended before it had found the body that fits best")
             }
+            Self::ImplausibleSize { extent, expected } => write!(
+                f,
+                "implausible size: it is {extent:.2} long, where things of its category are about {expected:.2}; its boxes \
+                 may be wrong, or the unit of length"
+            ),
         }
     }
 }

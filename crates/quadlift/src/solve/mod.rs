@@ -10,6 +10,7 @@ pub mod map;
 mod options;
 mod pfd;
 pub mod planes;
+pub(crate) mod plausible;
 mod prediction;
 mod reg;
 mod report;
