@@ -107,11 +107,9 @@ impl std::fmt::Display for Warning {
             Self::NotConverged => {
                 write!(f, "not converged: the iteration ended before it had found the body that fits best")
             }
-            Self::ImplausibleSize { extent, expected } => write!(
-                f,
-                "implausible size: it is {extent:.2} long, where things of its category are about {expected:.2}; its boxes \
-                 may be wrong, or the unit of length"
-            ),
+            Self::ImplausibleSize { extent, expected } => {
+                write!(f, "implausible size: {extent:.2} long, things of its category are about {expected:.2}")
+            }
         }
     }
 }
