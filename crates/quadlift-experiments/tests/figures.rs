@@ -188,12 +188,12 @@ fn objects_without_ids() {
             ("association_tuw", 1.0, 1.0),
             ("association_lmo_model", 0.99, 1.0),
             ("association_lmo_mask", 0.985, 1.0),
-            ("association_kitti", 0.97, 1.0),
-            ("association_kitti_drift", 0.815, 1.0),
+            ("association_kitti", 0.98, 1.0),
+            ("association_kitti_drift", 0.98, 1.0),
             ("association_video_0000", 0.98, 1.0),
             ("association_video_0001", 0.98, 1.0),
             ("association_video_0007", 0.91, 1.0),
-            ("association_video_0009", 0.96, 1.0),
+            ("association_video_0009", 0.965, 1.0),
             // 22 of 36, since the slack is found and not given: one half is the aim, with fewer true objects doubtful.
             ("association_doubtful_false", 0.6, 1.0),
             ("association_doubtful_true", 0.0, 0.05),
@@ -203,9 +203,8 @@ fn objects_without_ids() {
         let part = |row: &str, column: &str| cell(&report, "Parts of association", &[row], column);
         let all = |column: &str| part("everything", column);
         assert!(part("nested bodies stay", "20 % duplicates") < all("20 % duplicates") - 0.01);
-        for row in ["objects are not merged", "one pass"] {
-            assert!(part(row, "false objects") > all("false objects") + 2.0, "{row}");
-        }
+        assert!(part("objects are not merged", "false objects") > all("false objects") + 2.0);
+        assert!(part("one pass", "KITTI tracking") < all("KITTI tracking") - 0.001);
         for reason in ["length", "size", "weak evidence"] {
             let row = format!("{reason} is no reason for doubt");
             assert!(part(&row, "doubtful ones") < all("doubtful ones") - 3.0, "{row}");
