@@ -50,6 +50,9 @@ pub(super) fn search(problem: &Problem, observations: Observations, progress: &(
     let mut best = passes(problem, &state, &steps);
     if problem.options.pixel_sd.is_none() {
         for slack in &PIXEL_SDS[1..] {
+            if best.objects.is_empty() {
+                break;
+            }
             let mut trial = best.clone();
             trial.model.pixel_sd = *slack;
             trial.settle(problem, TRIAL_ROUNDS);

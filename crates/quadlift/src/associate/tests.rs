@@ -269,6 +269,21 @@ fn senseless_options_are_refused() {
     assert!(refused(|o| o.source = Some("yolo".into())).contains("no detections of the source"));
 }
 
+/// Where boxes are large more slack costs little; in few views of small ones it would cost the objects.
+#[test]
+fn as_much_slack_is_taken_as_costs_little() {
+    let slack = |make: &SyntheticOptions| {
+        let (division, _, association) = score(make, &AssociateOptions::default());
+        assert!(division.f1 > 0.9, "{division:?}");
+        association.pixel_sd
+    };
+    assert_eq!(slack(&SyntheticOptions { views: 4, ..base(0) }), 2.0);
+    assert_eq!(slack(&base(0)), 2.0);
+    assert!(slack(&SyntheticOptions { distance: 80.0, ..base(0) }) >= 4.0);
+    let given = AssociateOptions { pixel_sd: Some(3.0), ..Default::default() };
+    assert_eq!(run(&generate(&base(0)).unwrap().scene, &given).pixel_sd, 3.0);
+}
+
 /// What a detector sees again and again in one place and hardly believes in.
 #[test]
 fn objects_with_low_scores_are_doubtful() {
