@@ -1,7 +1,7 @@
 // What the tests in the browser share: a page that is watched, pixels of what it shows, the program quadlift.
 
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -13,6 +13,9 @@ export const project = resolve("..");
 
 /** A folder for the files of this run. */
 export const folder = mkdtempSync(join(tmpdir(), "quadlift-viewer-"));
+process.on("exit", () => {
+  rmSync(folder, { recursive: true, force: true });
+});
 
 /** Runs the program: QUADLIFT names it, otherwise that of the debug build is taken. */
 export function quadlift(...args: string[]): string {

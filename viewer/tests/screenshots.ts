@@ -1,7 +1,7 @@
 // Takes the pictures of the README and of docs/report.md of rendered scenes: `npm run screenshots` in viewer/. Look at them.
 
 import { join } from "node:path";
-import { folder, launch, open, project, quadlift } from "./browser.ts";
+import { launch, open, project, quadlift } from "./browser.ts";
 
 quadlift("synth", "-q", "-o", "scene.json", "--render", "--objects", "7", "--views", "24", "--seed", "5");
 quadlift("localize", "-q", "scene.json", "-o", "estimate.json");
@@ -21,4 +21,3 @@ for (const [name, path, row, look] of [
   console.log(file);
 }
 await browser.close();
-console.log(`made in ${folder}`);
