@@ -42,7 +42,7 @@ test("the demo opens in silence, draws, turns, and selects what is clicked", asy
   assert.equal(await page.locator("tr[aria-selected=true]").count(), 0, "a drag selects nothing");
 
   const flat = await pixels(page, sheet);
-  const row = page.locator("table[aria-label=Objects] tbody tr").nth(2);
+  const row = page.locator("table[aria-label=Objects] tbody tr").nth(3);
   const id = (await row.locator("td").first().textContent())!;
   await row.click();
   assert.equal(await row.getAttribute("aria-selected"), "true");
