@@ -38,7 +38,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ),
     ("What is known of the scene", &["no_upright", "ground_plane", "camera_height", "pose_noise", "sigmas"]),
     ("Quality of the result", &["cross_validate", "calibration"]),
-    ("Running", &["seed", "threads"]),
+    ("Running", &["detail", "seed", "threads"]),
     ("For research (the defaults are better)", &["method", "lambda"]),
 ];
 

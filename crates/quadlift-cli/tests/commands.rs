@@ -46,6 +46,26 @@ fn the_demo_finds_what_is_on_the_desk() {
 }
 
 #[test]
+fn a_brief_result_leaves_out_what_takes_space_and_its_page_nothing() {
+    let folder = Folder::new();
+    for ids in ["", "--no-ids"] {
+        folder.succeed(&format!("synth -o scene.json --objects 3 --views 8 --seed 4 --noise box:0.03 {ids}"));
+        folder.succeed("localize scene.json -o full.json --report full.html");
+        folder.succeed("localize scene.json -o brief.json --report brief.html --detail brief");
+        folder.succeed("localize scene.json -o alone.json --detail brief");
+        assert_eq!(folder.read("brief.json"), folder.read("alone.json"));
+        assert_eq!(folder.read("brief.html"), folder.read("full.html"));
+        let (full, brief) = (folder.json("full.json"), folder.json("brief.json"));
+        let mut expected = full.clone();
+        for object in expected["objects"].as_array_mut().unwrap() {
+            let object = object.as_object_mut().unwrap();
+            assert!(object.remove("covariance").is_some() && object.remove("view_residuals_px").is_some());
+        }
+        assert_eq!(brief, expected);
+    }
+}
+
+#[test]
 fn a_small_scene_is_localised_and_scored() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 3 --views 8 --seed 4 --noise box:0.03");

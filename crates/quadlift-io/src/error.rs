@@ -88,7 +88,8 @@ fn is_hidden(c: char) -> bool {
 
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.path.display())?;
+        // A path may stand in a file that somebody else wrote.
+        write!(f, "{}", escape(&self.path.display().to_string()))?;
         for number in [self.line, self.column].into_iter().flatten() {
             write!(f, ":{number}")?;
         }
@@ -125,7 +126,7 @@ impl EntryError {
 
 /// Why a file cannot be written. The earlier file of this name, if there was one, is as it was.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("cannot write {}: {problem}", path.display())]
+#[error("cannot write {}: {problem}", escape(&path.display().to_string()))]
 pub struct WriteError {
     /// The file.
     pub path: PathBuf,
@@ -274,6 +275,11 @@ mod tests {
     fn messages_are_one_line_whatever_they_quote() {
         let error = ReadError::new(Path::new("a.json"), "found \"a\nb\"; é").in_entry("images.\u{1b}[31m");
         assert_eq!(error.to_string(), "a.json: images.\\u{1b}[31m: found \"a\\nb\"; é");
+        // Scenes name images and masks.
+        let error = ReadError::new(Path::new("a\u{1b}[31m.png"), "there is no such file");
+        assert_eq!(error.to_string(), "a\\u{1b}[31m.png: there is no such file");
+        let error = WriteError::new(Path::new("a\n.json"), "no");
+        assert_eq!(error.to_string(), "cannot write a\\n.json: no");
     }
 
     #[test]

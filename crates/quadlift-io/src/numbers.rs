@@ -111,6 +111,21 @@ pub fn plain<S: Serializer>(number: &Option<f64>, serializer: S) -> Result<S::Ok
     }
 }
 
+/// A number with so many significant decimal digits (1 to 15) at most, for figures that are not known better and would be
+/// written with 17.
+pub fn significant(x: f64, digits: i32) -> f64 {
+    if x == 0.0 || !x.is_finite() {
+        return x;
+    }
+    let places = digits - 1 - x.abs().log10().floor() as i32;
+    // Powers of ten up to this one are exact, so that the quotient is the number next to the decimal one.
+    if places.abs() > 22 {
+        return format!("{x:.*e}", digits as usize - 1).parse().unwrap_or(x);
+    }
+    let power = 10f64.powi(places.abs());
+    if places >= 0 { (x * power).round() / power } else { (x / power).round() * power }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -148,5 +163,31 @@ mod tests {
             (text(640.0), text(-1.0), text(0.25), text(1e15)),
             ("640".into(), "-1".into(), "0.25".into(), "1000000000000000.0".into())
         );
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn figures_have_so_many_digits(x in proptest::num::f64::NORMAL, digits in 1..15i32) {
+            // Formatting to so many digits and reading is the independent way; halves may go either way.
+            let expected: f64 = format!("{x:.*e}", digits as usize - 1).parse().unwrap();
+            let found = significant(x, digits);
+            let written = serde_json::to_string(&found).unwrap();
+            let shown = written.split('e').next().unwrap().trim_start_matches(['-', '0', '.']).replace('.', "");
+            proptest::prop_assert!(shown.trim_end_matches('0').len() <= digits as usize, "{x} {written}");
+            let unit = 10f64.powi(1 - digits);
+            proptest::prop_assert!(found == expected || (found - x).abs() <= 0.500001 * unit * x.abs() * 10.0, "{x} {written}");
+            proptest::prop_assert!((found / x - 1.0).abs() <= 0.5000001 * unit, "{x} {written}");
+        }
+    }
+
+    #[test]
+    fn figures_that_are_short_stay() {
+        for x in [0.0, -0.0, 1.5, -0.002, 1e300, 5e-324, f64::INFINITY, 123456.0] {
+            assert_eq!(significant(x, 6), x);
+        }
+        assert_eq!(significant(0.4583859461658408, 6), 0.458386);
+        assert_eq!(significant(-1234567.8, 3), -1.23e6);
+        assert_eq!(significant(9.99999e-30, 3), 1e-29);
+        assert!(significant(f64::NAN, 6).is_nan());
     }
 }

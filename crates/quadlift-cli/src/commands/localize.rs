@@ -16,7 +16,7 @@ use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::guard::check_not_read;
-use quadlift_io::scene_file::write_localized_file;
+use quadlift_io::scene_file::{Detail, write_localized_file};
 use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
 use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
 use serde_json::{Value, json};
@@ -72,6 +72,11 @@ pub struct Args {
     /// Page that shows the result, for any browser (of several scenes: a folder)
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+
+    /// What the result says of each object: full, or brief (no covariance, no figures of single views; a quarter of the
+    /// size)
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
+    detail: DetailName,
 
     /// Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularised one)
     #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodName::Map, hide_possible_values = true)]
@@ -173,6 +178,21 @@ pub struct Args {
 /// The command, in which options that have no effect on scene files need `--cameras`.
 pub fn with_requirements(command: clap::Command) -> clap::Command {
     direct::ONLY_DIRECT.iter().fold(command, |command, id| command.mut_arg(id, |option| option.requires("cameras")))
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum DetailName {
+    Full,
+    Brief,
+}
+
+impl From<DetailName> for Detail {
+    fn from(name: DetailName) -> Self {
+        match name {
+            DetailName::Full => Self::Full,
+            DetailName::Brief => Self::Brief,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
@@ -468,10 +488,16 @@ fn one_scene(
         add_to_result(&mut result, detections, &scene, source, &association);
     }
     if let Some(output) = output {
-        if needs_records {
+        let detail = Detail::from(args.detail);
+        if needs_records && detail == Detail::Full {
             write_scene_file(output, &result)?;
+        } else if needs_records {
+            // The page shows everything.
+            let mut brief = result.clone();
+            brief.objects.iter_mut().for_each(|object| detail.apply(object));
+            write_scene_file(output, &brief)?;
         } else {
-            write_localized_file(output, &result, &scene, &localization)?;
+            write_localized_file(output, &result, &scene, &localization, detail)?;
         }
         document["output"] = output.display().to_string().into();
     }

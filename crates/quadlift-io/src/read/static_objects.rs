@@ -51,7 +51,7 @@ impl LabelledObjects {
                     still.push(ObjectRecord {
                         id: id.clone(),
                         category: labels.category.clone(),
-                        cuboid: Some((&cuboid).into()),
+                        cuboid: Some(Box::new((&cuboid).into())),
                         // A label is the box of a body of any kind: as in the papers, the ellipsoid inscribed in it is true.
                         ellipsoid: Some((&cuboid.inscribed_ellipsoid()).into()),
                         ..ObjectRecord::default()

@@ -133,7 +133,7 @@ fn ellipsoid(record: &Option<EllipsoidRecord>, place: String) -> Result<Option<E
     }))
 }
 
-fn cuboid(record: &Option<CuboidRecord>, place: String) -> Result<Option<Cuboid>, EntryError> {
+fn cuboid(record: &Option<Box<CuboidRecord>>, place: String) -> Result<Option<Cuboid>, EntryError> {
     record.as_ref().map(|record| one_cuboid(record, place)).transpose()
 }
 
@@ -145,7 +145,7 @@ fn one_cuboid(record: &CuboidRecord, place: String) -> Result<Cuboid, EntryError
     })
 }
 
-fn cylinder(record: &Option<CylinderRecord>, place: String) -> Result<Option<Cylinder>, EntryError> {
+fn cylinder(record: &Option<Box<CylinderRecord>>, place: String) -> Result<Option<Cylinder>, EntryError> {
     let Some(record) = record else { return Ok(None) };
     let positive = |x: f64| x > 0.0 && x.is_finite();
     if !record.radii.into_iter().all(positive) {
@@ -164,7 +164,7 @@ fn cylinder(record: &Option<CylinderRecord>, place: String) -> Result<Option<Cyl
     }))
 }
 
-fn superellipsoid(record: &Option<SuperellipsoidRecord>, place: String) -> Result<Option<Superellipsoid>, EntryError> {
+fn superellipsoid(record: &Option<Box<SuperellipsoidRecord>>, place: String) -> Result<Option<Superellipsoid>, EntryError> {
     let Some(record) = record else { return Ok(None) };
     let support_exponent = record.support_exponent;
     if !(1.0..=2.0).contains(&support_exponent) {

@@ -35,7 +35,7 @@ pub use records::{
     CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile,
     SegmentationRecord, VERSION,
 };
-pub use results::{cross_validation_of_object, estimates_to_objects};
+pub use results::{Detail, cross_validation_of_object, estimates_to_objects};
 pub use run::{
     body_name, count_localised, cross_validation_record, fitted_body_name, left_out_record, method_name, noise_record,
     observations_name, settings_record, status_counts,

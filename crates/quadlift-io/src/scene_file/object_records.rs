@@ -32,22 +32,22 @@ pub struct ObjectRecord {
     pub enclosing_ellipsoid: Option<EllipsoidRecord>,
     /// The cuboid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cuboid: Option<CuboidRecord>,
+    pub cuboid: Option<Box<CuboidRecord>>,
     /// The larger cuboid that holds the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enclosing_cuboid: Option<CuboidRecord>,
+    pub enclosing_cuboid: Option<Box<CuboidRecord>>,
     /// The cylinder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cylinder: Option<CylinderRecord>,
+    pub cylinder: Option<Box<CylinderRecord>>,
     /// The larger cylinder that holds the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enclosing_cylinder: Option<CylinderRecord>,
+    pub enclosing_cylinder: Option<Box<CylinderRecord>>,
     /// The superellipsoid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub superellipsoid: Option<SuperellipsoidRecord>,
+    pub superellipsoid: Option<Box<SuperellipsoidRecord>>,
     /// The larger superellipsoid that holds the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enclosing_superellipsoid: Option<SuperellipsoidRecord>,
+    pub enclosing_superellipsoid: Option<Box<SuperellipsoidRecord>>,
     /// Number of views that the estimate rests on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub views_used: Option<usize>,
@@ -273,9 +273,9 @@ impl ObjectRecord {
         self.ellipsoid = Some((&body.ellipsoid()).into());
         match body {
             Body::Ellipsoid(_) => {}
-            Body::Cuboid(cuboid) => self.cuboid = Some(cuboid.into()),
-            Body::Cylinder(cylinder) => self.cylinder = Some(cylinder.into()),
-            Body::Superellipsoid(superellipsoid) => self.superellipsoid = Some(superellipsoid.into()),
+            Body::Cuboid(cuboid) => self.cuboid = Some(Box::new(cuboid.into())),
+            Body::Cylinder(cylinder) => self.cylinder = Some(Box::new(cylinder.into())),
+            Body::Superellipsoid(superellipsoid) => self.superellipsoid = Some(Box::new(superellipsoid.into())),
         }
     }
 
@@ -284,9 +284,9 @@ impl ObjectRecord {
         self.enclosing_ellipsoid = Some((&body.ellipsoid()).into());
         match body {
             Body::Ellipsoid(_) => {}
-            Body::Cuboid(cuboid) => self.enclosing_cuboid = Some(cuboid.into()),
-            Body::Cylinder(cylinder) => self.enclosing_cylinder = Some(cylinder.into()),
-            Body::Superellipsoid(superellipsoid) => self.enclosing_superellipsoid = Some(superellipsoid.into()),
+            Body::Cuboid(cuboid) => self.enclosing_cuboid = Some(Box::new(cuboid.into())),
+            Body::Cylinder(cylinder) => self.enclosing_cylinder = Some(Box::new(cylinder.into())),
+            Body::Superellipsoid(superellipsoid) => self.enclosing_superellipsoid = Some(Box::new(superellipsoid.into())),
         }
     }
 }

@@ -10,11 +10,40 @@ use super::bodies::coordinates_name;
 use super::object_records::{
     AlternativeRecord, CovarianceRecord, CrossValidationRecord, MisfitRecord, ObjectRecord, ViewRecord,
 };
+use crate::numbers::significant;
+
+/// Significant digits of residuals and standard deviations.
+const FIGURE_DIGITS: i32 = 6;
+
+/// Significant digits of covariances. A correlation matrix keeps its eigenvalues but for `9 * 5e-9`.
+const COVARIANCE_DIGITS: i32 = 9;
+
+/// How much a result says of each object.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Detail {
+    /// All that is known.
+    #[default]
+    Full,
+    /// Without covariance, the figures of each view and alternatives: about a quarter of the size.
+    Brief,
+}
+
+impl Detail {
+    /// Takes out of an object what is not wanted.
+    pub fn apply(self, object: &mut ObjectRecord) {
+        if self == Self::Brief {
+            object.covariance = None;
+            object.view_residuals_px = Vec::new();
+            object.alternatives = Vec::new();
+        }
+    }
+}
 
 /// The estimates of a localisation of `scene` as the objects of a file, in their order, each made when it is asked for: a
 /// record takes a few kilobytes.
 ///
-/// Figures that are not finite are left out, because JSON cannot hold them.
+/// Figures that are not finite are left out, because JSON cannot hold them. Residuals and standard deviations have 6
+/// significant digits, covariances 9, bodies all.
 pub fn estimates_to_objects<'a>(
     scene: &'a Scene,
     localization: &'a Localization,
@@ -40,12 +69,13 @@ pub fn cross_validation_of_object(scene: &Scene, checked: &ObjectCrossValidation
 fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValidation>) -> ObjectRecord {
     let frame_id = |index: usize| scene.frames.get(index).map(|frame| frame.id.clone()).unwrap_or_default();
     let finite = |x: &f64| x.is_finite();
+    let figure = |x: f64| significant(x, FIGURE_DIGITS);
     let mut record = ObjectRecord {
         id: scene.object_ids.get(estimate.object_index).cloned().unwrap_or_default(),
         category: estimate.category_index.and_then(|index| scene.categories.get(index).cloned()),
         status: Some(estimate.status.name().to_owned()),
         center: estimate.center.map(|center| center.coords.into()).filter(|c: &[f64; 3]| c.iter().all(finite)),
-        center_sd: estimate.center_sd().filter(finite),
+        center_sd: estimate.center_sd().filter(finite).map(figure),
         views_used: Some(estimate.views_used()),
         views_rejected: estimate
             .views
@@ -53,11 +83,11 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
             .filter(|v| v.rejected_because.is_some())
             .map(|v| frame_id(v.frame_index))
             .collect(),
-        residual_px: estimate.rms_residual_px().filter(finite),
+        residual_px: estimate.rms_residual_px().filter(finite).map(figure),
         alternatives: estimate.alternatives.iter().filter_map(alternative).collect(),
         misfit: estimate.misfit.filter(|m| finite(&m.deviations) && finite(&m.relative)).map(|m| MisfitRecord {
-            deviations: m.deviations,
-            relative: m.relative,
+            deviations: figure(m.deviations),
+            relative: figure(m.relative),
             ..Default::default()
         }),
         view_residuals_px: estimate
@@ -65,10 +95,10 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
             .iter()
             .map(|view| ViewRecord {
                 frame: frame_id(view.frame_index),
-                residual_px: view.residual_px.filter(finite),
-                deviations: view.deviations.filter(finite),
+                residual_px: view.residual_px.filter(finite).map(figure),
+                deviations: view.deviations.filter(finite).map(figure),
                 inlier: view.inlier,
-                predicted_iou: checked.and_then(|c| Some(c.of_frame(view.frame_index)?.iou)),
+                predicted_iou: checked.and_then(|c| Some(figure(c.of_frame(view.frame_index)?.iou))),
                 rejected_because: view.rejected_because.map(|reason| reason.name().to_owned()),
                 ..Default::default()
             })
@@ -78,7 +108,7 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
         covariance: estimate.covariance.as_ref().filter(|c| c.matrix.iter().all(finite)).map(|c| {
             Box::new(CovarianceRecord {
                 coordinates: coordinates_name(c.coordinates).to_owned(),
-                matrix: std::array::from_fn(|i| std::array::from_fn(|j| c.matrix[(i, j)])),
+                matrix: std::array::from_fn(|i| std::array::from_fn(|j| significant(c.matrix[(i, j)], COVARIANCE_DIGITS))),
                 ..Default::default()
             })
         }),

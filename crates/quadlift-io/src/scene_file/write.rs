@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 
 use super::object_records::ObjectRecord;
 use super::records::{CameraRecord, DetectionRecord, FORMAT, FrameRecord, SceneFile, VERSION};
-use super::results::estimates_to_objects;
+use super::results::{Detail, estimates_to_objects};
 use crate::atomic::write_file;
 use crate::error::WriteError;
 
@@ -24,7 +24,8 @@ pub fn write_scene_file(path: &Path, scene: &SceneFile) -> Result<(), WriteError
 }
 
 /// Writes a result of a localisation, the bytes of [`write_scene_file`] for [`SceneFile::localized`], without all objects
-/// being in memory as records at once: `result` comes from [`SceneFile::localized_without_objects`].
+/// being in memory as records at once: `result` comes from [`SceneFile::localized_without_objects`]. `detail` says how much of
+/// each object is written.
 ///
 /// # Errors
 /// As [`write_scene_file`].
@@ -33,8 +34,13 @@ pub fn write_localized_file(
     result: &SceneFile,
     scene: &Scene,
     localization: &Localization,
+    detail: Detail,
 ) -> Result<(), WriteError> {
-    write_file(path, |out| write_records(result, estimates_to_objects(scene, localization), out))
+    let objects = estimates_to_objects(scene, localization).map(|mut object| {
+        detail.apply(&mut object);
+        object
+    });
+    write_file(path, |out| write_records(result, objects, out))
 }
 
 /// Writes a scene as JSON. The same scene gives the same bytes.
@@ -219,8 +225,17 @@ mod tests {
         let path = folder.path().join("a.json");
         let result = small().localized_without_objects(&localization, serde_json::Value::Null);
         assert!(result.objects.is_empty());
-        write_localized_file(&path, &result, &scene, &localization).unwrap();
+        write_localized_file(&path, &result, &scene, &localization, Detail::Full).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), at_once);
-        assert_eq!(parse_scene_file(&path, &at_once).unwrap().objects.len(), 5);
+        let full = parse_scene_file(&path, &at_once).unwrap();
+        assert_eq!(full.objects.len(), 5);
+        write_localized_file(&path, &result, &scene, &localization, Detail::Brief).unwrap();
+        let brief = parse_scene_file(&path, &std::fs::read(&path).unwrap()).unwrap();
+        assert!(std::fs::metadata(&path).unwrap().len() < at_once.len() as u64 / 2);
+        for (brief, full) in brief.objects.iter().zip(full.objects) {
+            assert!(full.covariance.is_some() && full.view_residuals_px.len() == 6);
+            let expected = ObjectRecord { covariance: None, view_residuals_px: Vec::new(), ..full };
+            assert_eq!(*brief, expected);
+        }
     }
 }
