@@ -5,6 +5,7 @@ use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use parquet::column::page::Page;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::{Field, Row};
 use serde::Deserialize;
@@ -107,7 +108,9 @@ fn read_records<T: DeserializeOwned>(
         ReadError::new(path, problem)
     };
     let file = File::open(path).map_err(|error| failed(&error))?;
+    let bytes = file.metadata().map_err(|error| failed(&error))?.len();
     let reader = SerializedFileReader::new(file).map_err(|error| failed(&error))?;
+    check_counts(&reader, bytes).map_err(|problem| failed(&problem))?;
     let mut records = Vec::new();
     for (index, row) in reader.get_row_iter(None).map_err(|error| failed(&error))?.enumerate() {
         let row = row.map_err(|error| failed(&error))?;
@@ -116,6 +119,28 @@ fn read_records<T: DeserializeOwned>(
         records.push(deserialize(Value::Object(record), path, index)?);
     }
     Ok(records)
+}
+
+/// Checks that a table of so many bytes can hold what it claims to hold, before memory is taken for that.
+fn check_counts(reader: &SerializedFileReader<File>, bytes: u64) -> Result<(), String> {
+    // A row that differs from the last one takes a bit at least.
+    let (rows, most) = (reader.metadata().file_metadata().num_rows(), 8 * bytes);
+    if u64::try_from(rows).is_ok_and(|rows| rows > most) {
+        return Err(format!("it claims to have {rows} rows in {bytes} bytes"));
+    }
+    for group in 0..reader.num_row_groups() {
+        // What cannot be read here is an error where the rows are read.
+        let Ok(group) = reader.get_row_group(group) else { continue };
+        for column in 0..group.num_columns() {
+            let first = group.get_column_page_reader(column).and_then(|mut pages| pages.get_next_page());
+            let Ok(Some(Page::DictionaryPage { buf, num_values, .. })) = first else { continue };
+            if num_values as usize > buf.len() {
+                let size = buf.len();
+                return Err(format!("it claims to have a dictionary of {num_values} values in {size} bytes"));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The JSON of a row; an error names the column.

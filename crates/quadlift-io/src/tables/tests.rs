@@ -3,8 +3,11 @@
 use std::fs;
 use std::path::Path;
 
+use parquet::data_type::{ByteArray, ByteArrayType};
 use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::writer::SerializedFileWriter;
 use parquet::record::Field;
+use parquet::schema::parser::parse_message_type;
 use proptest::prelude::*;
 use serde_json::json;
 
@@ -258,4 +261,35 @@ fn damaged_tables_do_not_crash() {
         }
         fs::write(path.join(&name), &bytes).unwrap();
     }
+}
+
+/// A file of 2.6 kB, found by fuzzing, that claims to have 67 million texts, for which the crate took 2 GB.
+#[test]
+fn dictionaries_that_cannot_be_are_refused_before_memory_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tables(folder.path(), &full()).unwrap();
+    let bytes = include_bytes!("../../tests/fixtures/parquet/dictionary_of_many.parquet");
+    std::fs::write(folder.path().join("scene.parquet"), bytes).unwrap();
+    let problem = read_tables(folder.path()).unwrap_err().problem;
+    assert!(problem.starts_with("cannot read the table: it claims to have a dictionary of "), "{problem}");
+}
+
+/// Runs of equal values take no space, so that a table of a few bytes can have any number of rows.
+#[test]
+fn rows_that_cannot_be_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tables(folder.path(), &full()).unwrap();
+    let schema = parse_message_type("message m { OPTIONAL BYTE_ARRAY frame (STRING); }").unwrap();
+    let file = fs::File::create(folder.path().join("detections.parquet")).unwrap();
+    let mut writer = SerializedFileWriter::new(file, schema.into(), Default::default()).unwrap();
+    let mut group = writer.next_row_group().unwrap();
+    let mut column = group.next_column().unwrap().unwrap();
+    let rows = 100_000;
+    let (frames, levels) = (vec![ByteArray::from("a"); rows], vec![1; rows]);
+    column.typed::<ByteArrayType>().write_batch(&frames, Some(&levels), None).unwrap();
+    column.close().unwrap();
+    group.close().unwrap();
+    writer.close().unwrap();
+    let problem = read_tables(folder.path()).unwrap_err().problem;
+    assert!(problem.starts_with("cannot read the table: it claims to have 100000 rows in "), "{problem}");
 }
