@@ -6,4 +6,5 @@ cd "$(dirname "$0")/.."
 
 feature=(-p quadlift-io -p quadlift-cli --features quadlift-cli/parquet --locked)
 cargo clippy "${feature[@]}" --all-targets -- -D warnings
-cargo test "${feature[@]}" --lib --test export --test fuzz_seeds
+cargo test "${feature[@]}" --lib --test fuzz_seeds
+cargo test "${feature[@]}" --test program export

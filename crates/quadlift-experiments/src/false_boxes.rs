@@ -124,7 +124,7 @@ fn of_scene(views: usize, sigma: f64, seed: u64) -> Result<Counts, Error> {
 }
 
 /// Whether an estimate is wrong: its centre is off by more than the mean semi-axis and by more than five of its standard
-/// deviations; and whether it is right: off by at most the mean semi-axis. Some are neither. `tests/false_boxes.rs` of the
+/// deviations; and whether it is right: off by at most the mean semi-axis. Some are neither. `tests/library/false_boxes.rs` of the
 /// library has the same definitions.
 fn verdict(scene: &SyntheticScene, estimate: &Estimate) -> (bool, bool) {
     let truth = &scene.truth[estimate.object_index].1;

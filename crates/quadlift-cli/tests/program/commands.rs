@@ -1,0 +1,381 @@
+//! The commands from end to end, through the built program.
+
+use crate::common::Folder;
+use serde_json::{Value, json};
+
+#[test]
+fn the_demo_finds_what_is_on_the_desk() {
+    let folder = Folder::new();
+    insta::assert_snapshot!("demo", folder.succeed("demo"));
+    for name in ["scene.json", "wrong-poses.json"] {
+        let scene = folder.json(&format!("quadlift-demo/{name}"));
+        assert!(scene["objects"].is_null(), "the scene must not hold the truth");
+        let detections = scene["detections"].as_array().unwrap();
+        let known = ["frame", "box", "category", "score"];
+        let plain = |d: &Value| d.as_object().unwrap().keys().all(|key| known.contains(&key.as_str()));
+        assert!(!detections.is_empty() && detections.iter().all(plain), "a detector gives boxes and nothing else");
+    }
+    for name in ["images/000015.jpg", "report.html"] {
+        assert!(folder.path(&format!("quadlift-demo/{name}")).exists(), "{name}");
+    }
+    // What it proposes to do next works; `localize` gives what the demo has written.
+    insta::assert_snapshot!("info_of_the_demo", folder.succeed("info quadlift-demo/scene.json"));
+    folder.succeed("localize quadlift-demo/scene.json -o again.json");
+    assert!(folder.read("again.json") == folder.read("quadlift-demo/estimate.json"));
+    folder.succeed("evaluate quadlift-demo/estimate.json quadlift-demo/truth.json");
+    let wrong = folder.run("localize quadlift-demo/wrong-poses.json");
+    assert!(wrong.code == 3 && wrong.stderr.contains("--pose-convention opengl"), "{} {}", wrong.code, wrong.stderr);
+    folder.succeed("localize quadlift-demo/wrong-poses.json --fix");
+    // The same for programs, over the files of the first run.
+    let report: Value = serde_json::from_str(&folder.succeed("demo --overwrite --json --report page.html")).unwrap();
+    let desk = &report["desk"];
+    assert!(desk["found"].as_u64() >= Some(12) && desk["things"] == 13, "{desk}");
+    let off: Vec<f64> = desk["objects"].as_array().unwrap().iter().filter_map(|o| o["off"].as_f64()).collect();
+    assert!(off.len() == 12 && off.iter().all(|off| *off < 0.02), "{off:?}");
+    let boxes = &desk["boxes"];
+    assert!(4 * boxes["wrong_refused"].as_u64().unwrap() >= 3 * boxes["wrong"].as_u64().unwrap(), "{boxes}");
+    assert!(10 * boxes["right_refused"].as_u64().unwrap() <= boxes["all"].as_u64().unwrap(), "{boxes}");
+    assert_eq!(report["wrong_poses"]["mended"]["found"], desk["found"]);
+    // Its page shows photographs, objects, and what belongs to none.
+    let page = folder.read("page.html");
+    assert!(page.matches("data:image/jpeg").count() >= 16 && page.contains("\"title\":\"desk\""));
+}
+
+#[test]
+fn a_brief_result_leaves_out_what_takes_space_and_its_page_nothing() {
+    let folder = Folder::new();
+    for ids in ["", "--no-ids"] {
+        folder.succeed(&format!("synth -o scene.json --objects 3 --views 8 --seed 4 --noise box:0.03 {ids}"));
+        folder.succeed("localize scene.json -o full.json --report full.html");
+        folder.succeed("localize scene.json -o brief.json --report brief.html --detail brief");
+        folder.succeed("localize scene.json -o alone.json --detail brief");
+        assert_eq!(folder.read("brief.json"), folder.read("alone.json"));
+        assert_eq!(folder.read("brief.html"), folder.read("full.html"));
+        let (full, brief) = (folder.json("full.json"), folder.json("brief.json"));
+        let mut expected = full.clone();
+        for object in expected["objects"].as_array_mut().unwrap() {
+            let object = object.as_object_mut().unwrap();
+            assert!(object.remove("covariance").is_some() && object.remove("view_residuals_px").is_some());
+        }
+        assert_eq!(brief, expected);
+    }
+}
+
+#[test]
+fn a_small_scene_is_localised_and_scored() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 3 --views 8 --seed 4 --noise box:0.03");
+    insta::assert_snapshot!("localize", folder.succeed("localize scene.json -o estimate.json"));
+    // The names of the noise levels are for those who ask, and times are milliseconds or seconds.
+    let details = folder.run("localize scene.json -v").stderr;
+    assert!(details.contains("noise levels: edge_relative 0.0"), "{details}");
+    assert!(details.contains("ms, localised in ") && !details.contains('µ'), "{details}");
+    insta::assert_snapshot!("evaluate", folder.succeed("evaluate estimate.json scene.json"));
+    let result = folder.json("estimate.json");
+    insta::assert_snapshot!(
+        "localization",
+        serde_json::to_string_pretty(&json!({
+            "settings": result["localization"]["settings"],
+            "left_out": result["localization"]["left_out"],
+            "status": result["localization"]["status"],
+            "keys": result.as_object().unwrap().keys().collect::<Vec<_>>(),
+        }))
+        .unwrap()
+    );
+    assert_eq!(result["localization"]["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(result["objects"].as_array().unwrap().len(), 3);
+    assert_eq!(result["objects"][0]["view_residuals_px"].as_array().unwrap().len(), 8);
+}
+
+#[test]
+fn parts_of_a_scene_are_localised_apart_with_given_noise_levels() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 6 --views 10 --seed 5 --noise box:0.03 --outliers 0.1");
+    folder.succeed("localize scene.json -o found.json");
+    let found = folder.json("found.json");
+    folder.succeed("localize scene.json -o whole.json --sigmas found.json --body ellipsoid");
+    let whole = folder.json("whole.json");
+    assert_eq!(whole["localization"]["noise"], found["localization"]["noise"]);
+    assert_eq!(whole["localization"]["settings"]["sigmas"], found["localization"]["noise"]);
+    // One object alone: the other boxes stay, without a name, because they may hide its edges.
+    let mut scene = folder.json("scene.json");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        if detection["object"] != whole["objects"][4]["id"] {
+            detection.as_object_mut().unwrap().remove("object");
+        }
+    }
+    folder.write_json("part.json", &scene);
+    folder.succeed("localize part.json -o part_result.json --sigmas found.json --body ellipsoid --associate never");
+    let part = folder.json("part_result.json");
+    assert_eq!(part["objects"].as_array().unwrap().len(), 1);
+    assert_eq!(part["objects"][0], whole["objects"][4]);
+    // By name, with blanks, and what is not given has its default.
+    let levels = "edge_relative=0.02, edge_px=1.5";
+    let run = folder.run_list(&["localize", "scene.json", "-o", "given.json", "--sigmas", levels]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let given = folder.json("given.json");
+    assert_eq!(given["localization"]["noise"], json!({ "edge_relative": 0.02, "edge_px": 1.5 }));
+}
+
+#[test]
+fn cuboids_are_localised_and_scored() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 3 --views 20 --seed 2 --body cuboid");
+    folder.succeed("localize scene.json -o estimate.json --body cuboid");
+    let scores: Value = serde_json::from_str(&folder.succeed("evaluate estimate.json scene.json --json")).unwrap();
+    assert!(scores["mean"]["cuboid_iou3d"]["value"].as_f64().unwrap() > 0.8, "{scores}");
+    assert_eq!(scores["failures"], 0);
+}
+
+#[test]
+fn json_is_one_document_and_silence_is_silent() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 2 --views 6");
+    for arguments in ["localize scene.json", "info scene.json", "evaluate scene.json scene.json", "synth -o b.json"] {
+        let text = folder.succeed(&format!("{arguments} --json"));
+        let document: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{arguments}: {error}"));
+        assert!(document.is_object());
+        assert_eq!(folder.succeed(&format!("{arguments} -q")), "");
+    }
+    let run = folder.run("localize no.json scene.json --json");
+    let document: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(document["scenes"][0]["error"], "no.json: there is no such file");
+    assert_eq!(document["scenes"][1]["localised"], 2);
+    assert_eq!(run.code, 1);
+    let run = folder.run("info no.json --json");
+    assert_eq!(serde_json::from_str::<Value>(&run.stdout).unwrap()["error"], "no.json: there is no such file");
+}
+
+#[test]
+fn several_scenes_give_a_folder_of_results() {
+    let folder = Folder::new();
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        std::fs::create_dir_all(folder.path("scenes")).unwrap();
+        folder.succeed(&format!("synth -o scenes/{name}.json --objects 2 --views 6 --seed {seed}"));
+    }
+    folder.write("scenes/bad.json", "{");
+    folder.write("scenes/notes.txt", "no scene");
+    // A folder, a pattern and single paths name the same files.
+    for (index, arguments) in
+        ["scenes", "scenes/*.json", "scenes/a.json scenes/b.json scenes/bad.json"].iter().enumerate()
+    {
+        let run = folder.run(&format!("localize {arguments} -o results{index}"));
+        assert_eq!(run.code, 1);
+        assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+        assert!(run.stderr.starts_with("error: scenes/bad.json:1:1: "), "{}", run.stderr);
+        for name in ["a.json", "b.json"] {
+            assert_eq!(folder.read(&format!("results{index}/{name}")), folder.read(&format!("results0/{name}")));
+        }
+        assert!(!folder.path(&format!("results{index}/bad.json")).exists());
+    }
+    folder.succeed("localize scenes/a.json -o single.json");
+    assert_eq!(folder.read("single.json"), folder.read("results0/a.json"));
+    assert_eq!(folder.run("localize scenes/a.json scenes/b.json -o results0").code, 0);
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_byte() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 40 --views 10 --noise box:0.05 --outliers 0.1");
+    for body in ["ellipsoid", "cuboid"] {
+        folder.succeed(&format!("localize scene.json -o one.json --threads 1 --body {body}"));
+        folder.succeed(&format!("localize scene.json -o four.json --threads 4 --body {body}"));
+        assert!(folder.read("one.json") == folder.read("four.json"), "{body}");
+    }
+}
+
+#[test]
+fn detections_without_object_ids_are_given_to_their_objects_or_counted() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    let first = scene["detections"][0]["object"].clone();
+    for detection in scene["detections"].as_array_mut().unwrap().iter_mut().skip(9) {
+        detection.as_object_mut().unwrap().remove("object");
+    }
+    folder.write_json("scene.json", &scene);
+    let text = folder.succeed("localize scene.json -o out.json");
+    let expected = "identities were found (3 detections name no object, the ids of the others are trusted): 12 detections \
+                    show 2 objects, 0 none";
+    assert!(text.contains(expected), "{text}");
+    let found = folder.json("out.json");
+    assert_eq!(found["detections"].as_array().unwrap().len(), 12);
+    assert_eq!((&found["detections"][0]["object"], &found["detections"][11]["object"]), (&first, &json!("object_001")));
+    assert_eq!(found["localization"]["left_out"]["without_object"], 0);
+    // Not where it is not wanted.
+    let text = folder.succeed("localize scene.json --associate never");
+    assert!(text.contains("warning: left out 3 detections without an object id"), "{text}");
+    let document: Value =
+        serde_json::from_str(&folder.succeed("localize scene.json --associate never --json")).unwrap();
+    assert_eq!(document["scenes"][0]["left_out"]["without_object"], 3);
+}
+
+#[test]
+fn occluded_and_truncated_detections_can_be_left_out() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    scene["detections"][0]["occluded"] = json!(2);
+    scene["detections"][7]["truncated"] = json!(0.5);
+    folder.write_json("scene.json", &scene);
+    let text = folder.succeed("localize scene.json --max-occluded 1 --max-truncated 0");
+    assert!(text.contains("left out 2 detections as too occluded or truncated"), "{text}");
+    assert_eq!(text.matches(" 5/5 ").count(), 2, "{text}");
+}
+
+#[test]
+fn priors_act_where_the_unit_is_known() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    scene["length_unit"] = json!("m");
+    for (index, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
+        detection["category"] = json!(if index < 6 { "truck" } else { "spaceship" });
+    }
+    folder.write_json("scene.json", &scene);
+    let text = folder.succeed("localize scene.json --priors builtin -o out.json");
+    assert!(text.contains("warning: no prior for: spaceship"), "{text}");
+    assert!(text.contains("size [m]"), "{text}");
+    assert_eq!(folder.json("out.json")["localization"]["settings"]["priors"], "builtin");
+    folder.write("priors.toml", "[truck]\nsize = [4.0, 1.0, 1.0]\nsize_sd = [0.01, 0.01, 0.01]\n");
+    folder.succeed("localize scene.json --priors priors.toml -o small.json");
+    assert_ne!(folder.json("out.json")["objects"][0], folder.json("small.json")["objects"][0]);
+    assert_eq!(folder.json("small.json")["localization"]["settings"]["priors"], "priors.toml");
+}
+
+#[test]
+fn sizes_that_things_do_not_have_are_named_where_lengths_are_metres() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["category"] = json!("cup");
+    }
+    let warnings = |scene: &Value| {
+        folder.write_json("cups.json", scene);
+        folder.succeed("localize cups.json -o cups-out.json");
+        let objects = folder.json("cups-out.json")["objects"].as_array().unwrap().clone();
+        objects.iter().filter(|o| o["warnings"].to_string().contains("implausible size: ")).count()
+    };
+    assert_eq!(warnings(&scene), 0);
+    // Cups of several metres.
+    scene["length_unit"] = json!("m");
+    assert_eq!(warnings(&scene), 2);
+}
+
+#[test]
+fn info_tells_what_looks_wrong() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    let detections = scene["detections"].as_array_mut().unwrap();
+    detections.truncate(7);
+    detections[0]["box"] = json!([-50, 10, 20, 40]);
+    detections[1]["box"] = json!([1300, 10, 1400, 40]);
+    detections[2].as_object_mut().unwrap().remove("object");
+    detections[3]["category"] = json!("cup");
+    detections[4]["category"] = json!("mug");
+    detections[5]["source"] = json!("yolo");
+    detections[6]["source"] = json!("yolo");
+    let pose = scene["frames"][0]["cam_from_world"].clone();
+    scene["frames"][3] = json!({"id": "bare", "projection": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5]]});
+    scene["frames"].as_array_mut().unwrap().push(json!({"id": "last", "camera": "camera", "cam_from_world": pose}));
+    scene["cameras"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({"id": "spare", "model": "SIMPLE_PINHOLE", "params": [100, 50, 50]}));
+    scene["detections"][3]["frame"] = json!("bare");
+    folder.write_json("scene.json", &scene);
+    insta::assert_snapshot!("info", folder.succeed("info scene.json"));
+    let report: Value = serde_json::from_str(&folder.succeed("info scene.json --json")).unwrap();
+    assert_eq!(report["oddities"].as_array().unwrap().len(), 8, "{report:#}");
+    // That detections have no ids is a fact, not a mistake.
+    assert_eq!(report["sources"][1]["without_object"], 1);
+}
+
+#[test]
+fn help_and_completions() {
+    let folder = Folder::new();
+    assert!(folder.succeed("--help").contains("Exit codes:"));
+    assert_eq!(folder.succeed("--version"), format!("quadlift {}\n", env!("CARGO_PKG_VERSION")));
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        assert!(folder.succeed(&format!("completions {shell}")).contains("max-occluded"), "{shell}");
+    }
+    assert_eq!(folder.run("").code, 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_closed_pipe_is_no_error() {
+    let folder = Folder::new();
+    let mut child = std::process::Command::new(folder.command().get_program())
+        .args(["completions", "zsh"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), String::from_utf8(output.stderr).unwrap().as_str()), (Some(0), ""));
+}
+
+/// The commands below "Next".
+#[cfg(unix)]
+fn next_commands(text: &str) -> Vec<String> {
+    let next = text.split_once("Next\n").map_or("", |(_, next)| next);
+    next.lines().filter_map(|line| line.find("quadlift ").map(|at| line[at..].to_owned())).collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_printed_to_be_done_next_works_as_printed() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("my scenes")).unwrap();
+    let program = assert_cmd::cargo::cargo_bin("quadlift");
+    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap());
+    let shell = |command: &str| {
+        let command = command.replace("quadlift view", "quadlift view --no-browser");
+        let mut shell = std::process::Command::new("sh");
+        let output = shell.args(["-c", &command]).current_dir(folder.path("")).env("PATH", &path).output().unwrap();
+        let [stdout, stderr] =
+            [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+        assert!(output.status.success(), "{command}\n{stdout}{stderr}");
+        stdout
+    };
+    let mut commands = vec![
+        "quadlift synth -o 'my scenes/one.json' --objects 3 --views 8 --noise box:0.02".to_owned(),
+        "quadlift info 'my scenes/one.json'".to_owned(),
+        "quadlift associate 'my scenes/one.json' --ids ignore -o 'my scenes/two.json'".to_owned(),
+        "quadlift localize 'my scenes/one.json' --body ellipsoid".to_owned(),
+        "quadlift localize 'my scenes/one.json' -o objects.json".to_owned(),
+        "quadlift evaluate objects.json 'my scenes/one.json'".to_owned(),
+    ];
+    let (mut seen, mut done) = (std::collections::BTreeSet::new(), 0);
+    while done < commands.len() {
+        for next in next_commands(&shell(&commands[done].clone())) {
+            if seen.insert(next.clone()) {
+                commands.push(next);
+            }
+        }
+        done += 1;
+    }
+    assert!(seen.len() >= 7, "{seen:?}");
+    for kind in ["view", "localize", "export ply"] {
+        assert!(seen.iter().any(|command| command.starts_with(&format!("quadlift {kind} "))), "{kind} in {seen:?}");
+    }
+    assert!(seen.iter().any(|command| command.contains("--body ellipsoid -o objects.json")), "{seen:?}");
+}
+
+#[test]
+fn tables_fit_a_hundred_columns() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 3 --views 8 --noise box:0.02 --body cuboid --scale 0.05");
+    let mut scene = folder.json("scene.json");
+    scene["length_unit"] = "m".into();
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["category"] = "car".into();
+    }
+    folder.write_json("scene.json", &scene);
+    folder.succeed("localize scene.json -o estimate.json --body cuboid");
+    for command in ["localize scene.json --body cuboid --cross-validate -o e.json", "evaluate estimate.json scene.json"]
+    {
+        for line in folder.succeed(command).lines() {
+            assert!(line.chars().count() <= 100, "{command}: {line}");
+        }
+    }
+}

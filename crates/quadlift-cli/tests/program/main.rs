@@ -1,0 +1,23 @@
+//! The program as its users run it. One binary for all files: each would link the whole program.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+mod associate;
+#[cfg(not(feature = "parquet"))]
+mod bad_inputs;
+mod calibration;
+mod commands;
+mod common;
+mod cross_validation;
+mod diagnosis;
+mod documentation;
+mod export;
+mod import;
+mod import_detections;
+#[cfg(unix)]
+mod outputs;
+mod real_data;
+mod report;
+mod reproduce;
+mod segment;
+mod troubleshooting;

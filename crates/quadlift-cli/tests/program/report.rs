@@ -1,0 +1,192 @@
+//! Reports and pictures: what is in them. How the page behaves in a browser is tested in `viewer/tests`.
+
+use crate::common::{Folder, RENDER};
+use serde_json::Value;
+
+/// The data in a page.
+fn data(page: &str) -> Value {
+    let place = "id=\"report-data\">";
+    let start = page.find(place).unwrap() + place.len();
+    let end = start + page[start..].find("</script>").unwrap();
+    serde_json::from_str(&page[start..end]).unwrap()
+}
+
+/// The data in the page that `view` makes of files.
+fn view(folder: &Folder, files: &str) -> Value {
+    let text = folder.succeed(&format!("view {files} --no-browser"));
+    let path = std::path::Path::new(text.trim());
+    assert!(path.file_name().unwrap().to_str().unwrap().starts_with("quadlift-"), "{text}");
+    let page = std::fs::read_to_string(path).unwrap();
+    std::fs::remove_file(path).unwrap();
+    data(&page)
+}
+
+#[test]
+fn a_report_has_estimates_truth_scores_and_rejected_boxes() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 8 --views 20 --scale 0.05 --noise box:0.05 --outliers 0.05");
+    folder.succeed("localize scene.json -o estimate.json -q");
+    folder.succeed("evaluate estimate.json scene.json --report scores.html");
+    let report = data(&folder.read("scores.html"));
+    let objects = report["objects"].as_array().unwrap();
+    assert_eq!((objects.len(), report["frames"].as_array().unwrap().len()), (8, 20));
+    for object in objects {
+        assert_eq!(object["status"], "ok");
+        assert!(object["truth"].is_object() && object["enclosing"].is_object(), "{object}");
+        // The shell holds 95 %: its mean semi-axis is about 2.8 standard deviations.
+        let axes: Vec<f64> = (0..3).map(|k| object["centerShell"]["half"][k].as_f64().unwrap()).collect();
+        let mean = (axes.iter().map(|a| a * a).sum::<f64>() / 3.0).sqrt();
+        assert!((mean / object["centerSd"].as_f64().unwrap() - 7.8147f64.sqrt()).abs() < 1e-3, "{object}");
+    }
+    let states: Vec<&Value> = report["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|f| f["detections"]["state"].as_array().unwrap())
+        .collect();
+    let rejected = objects.iter().map(|o| o["viewsRejected"].as_u64().unwrap()).sum::<u64>();
+    assert!(rejected > 0);
+    assert_eq!(states.iter().filter(|state| **state == 2).count() as u64, rejected);
+    assert_eq!(report["scores"]["rows"].as_array().unwrap().len(), 8);
+    let settings = report["settings"].to_string();
+    assert!(settings.contains("[\"method\",\"map\"]") && settings.contains("noise, edge"), "{settings}");
+}
+
+#[test]
+fn images_are_embedded_and_missing_ones_are_told() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    std::fs::remove_file(folder.path("images/000001.png")).unwrap();
+    folder.succeed("localize scene.json --report objects.html");
+    let report = data(&folder.read("objects.html"));
+    let images: Vec<bool> =
+        report["frames"].as_array().unwrap().iter().map(|f| f["image"].to_string().contains("jpeg;base64,")).collect();
+    assert_eq!(images, [true, false, true]);
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("1 of 3 images could not be read") && notes.contains("000001.png"), "{notes}");
+    // The truth of a scene is not shown as a result of localize.
+    assert!(report["objects"].as_array().unwrap().iter().all(|object| object["truth"].is_null()));
+}
+
+#[test]
+fn several_scenes_have_several_reports() {
+    let folder = Folder::new();
+    for name in ["a", "b"] {
+        folder.write_json(&format!("scenes/{name}.json"), &folder.small_scene());
+    }
+    folder.succeed("localize scenes --report pages");
+    assert!(folder.path("pages/a.html").exists() && folder.path("pages/b.html").exists());
+}
+
+#[test]
+fn segment_shows_ellipses() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    folder.succeed("segment scene.json -o out.json --method masks --report out.html");
+    let report = data(&folder.read("out.html"));
+    let ellipses: usize = report["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| f["detections"]["ellipses"].as_array().unwrap().len())
+        .sum();
+    assert_eq!(ellipses, folder.json("out.json")["detections"].as_array().unwrap().len());
+}
+
+#[test]
+fn view_shows_files_together_in_any_order() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 3 --views 6");
+    folder.succeed("localize scene.json -o estimate.json -q");
+    let report = view(&folder, "estimate.json scene.json");
+    assert_eq!(report["scores"]["rows"].as_array().unwrap().len(), 3);
+    assert_eq!(report["frames"][0]["detections"]["object"].as_array().unwrap().len(), 3);
+    assert_eq!(report, view(&folder, "scene.json estimate.json"));
+    // Without estimates the objects of a scene are its truth.
+    let plain = view(&folder, "scene.json");
+    assert!(plain["objects"].as_array().unwrap().iter().all(|o| o["status"].is_null() && o["truth"].is_object()));
+}
+
+#[test]
+fn pictures_have_the_size_of_the_frame_and_show_what_is_asked_for() {
+    let folder = Folder::new();
+    folder.succeed(RENDER);
+    folder.succeed("localize scene.json -o objects.json -q");
+    for name in ["frame.png", "frame.svg"] {
+        folder.succeed(&format!("render scene.json objects.json --frame 000001 -o {name} --labels"));
+    }
+    let drawn = quadlift_io::read_image(&folder.path("frame.png")).unwrap();
+    let plain = quadlift_io::read_image(&folder.path("images/000001.png")).unwrap();
+    assert_eq!(drawn.dimensions(), plain.dimensions());
+    let changed = drawn.pixels().zip(plain.pixels()).filter(|(a, b)| a != b).count();
+    let pixels = plain.pixels().len();
+    assert!(changed > pixels / 50 && changed < pixels * 9 / 10, "{changed} of {pixels}");
+    let svg = folder.read("frame.svg");
+    assert!(svg.contains("width=\"160\" height=\"120\"") && svg.contains("data:image/png;base64,"), "{svg:.300}");
+    assert_eq!(svg.matches("<text ").count(), 2, "two objects have labels");
+    // Bodies, truth and boxes.
+    assert!(svg.matches("<polygon ").count() >= 2 && svg.matches("<polyline ").count() >= 8);
+    // Without an image the sheet is blank.
+    folder.succeed("synth -o blank.json --objects 2 --views 4");
+    folder.succeed("render blank.json --frame 000003 -o blank.png");
+    assert_eq!(quadlift_io::read_image(&folder.path("blank.png")).unwrap().dimensions(), (1280, 960));
+}
+
+#[test]
+fn identities_that_were_found_are_shown_on_the_scene_that_names_none() {
+    let folder = Folder::new();
+    folder.succeed("synth -o scene.json --objects 4 --views 10 --scale 0.05 --noise box:0.03 --seed 3");
+    let mut scene = folder.json("scene.json");
+    scene.as_object_mut().unwrap().remove("objects");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection.as_object_mut().unwrap().remove("object");
+    }
+    folder.write_json("scene.json", &scene);
+    folder.succeed("localize scene.json -o estimate.json");
+    let path = folder.succeed("view scene.json estimate.json --no-browser");
+    let page = data(&std::fs::read_to_string(path.trim()).unwrap());
+    std::fs::remove_file(path.trim()).unwrap();
+    let detections = &page["frames"][0]["detections"];
+    assert!(detections["object"].as_array().unwrap().iter().all(|object| object.as_i64() >= Some(0)), "{detections}");
+    assert!(detections["box"].as_array().unwrap().iter().all(Value::is_number), "{detections}");
+    assert!(detections["residual"].as_array().unwrap().iter().all(Value::is_number), "{detections}");
+}
+
+#[test]
+fn a_picture_has_the_detections_of_the_source_that_is_asked_for() {
+    let folder = Folder::new();
+    let mut scene = folder.small_scene();
+    let detections = scene["detections"].as_array_mut().unwrap();
+    for detection in detections.iter_mut() {
+        detection["source"] = "yolo".into();
+    }
+    let mut other = detections[0].clone();
+    other["source"] = "label".into();
+    detections.push(other);
+    folder.write_json("scene.json", &scene);
+    let lines = |options: &str| {
+        folder.succeed(&format!("render scene.json --frame 000000 -o frame.svg --labels {options}"));
+        folder.read("frame.svg").matches("<text").count()
+    };
+    assert_eq!((lines(""), lines("--source yolo"), lines("--source label")), (3, 2, 1));
+    let run = folder.run("render scene.json --frame 000000 -o frame.svg --source coco");
+    assert!(run.code == 2 && run.stderr.contains("\"coco\"; there are"), "{}", run.stderr);
+}
+
+#[test]
+fn the_tutorial_with_photographs_is_true() {
+    let folder = Folder::new();
+    folder.copy(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/data/tutorial-photos"));
+    folder.succeed("import colmap sparse/0 --images images -o scene.json");
+    folder.succeed("import-detections yolo labels scene.json -o detected.json");
+    let text = folder.succeed("localize detected.json -o objects.json --report objects.html");
+    assert!(text.contains("413 detections show 13 objects, 37 none"), "{text}");
+    let page = data(&folder.read("objects.html"));
+    let frames = page["frames"].as_array().unwrap();
+    assert_eq!((frames.len(), page["categories"].as_array().unwrap().len()), (36, 9));
+    assert!(frames.iter().all(|frame| frame["image"].is_string()), "images, no blank sheets");
+    let scores: Value = serde_json::from_str(&folder.succeed("evaluate objects.json truth.json --json")).unwrap();
+    assert_eq!((&scores["found"]["matched"], &scores["failures"]), (&13.into(), &0.into()), "{}", scores["found"]);
+    let center = scores["mean"]["center_error"]["value"].as_f64().unwrap();
+    assert!((0.004..0.0065).contains(&center), "{center}");
+}

@@ -1,0 +1,18 @@
+//! The library as its users call it. One binary for all files: each would compile the same numerics.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+mod accuracy;
+mod alternatives;
+mod closed_forms;
+mod common;
+mod cross_validation;
+mod false_boxes;
+mod invariance;
+mod lens;
+mod masks;
+mod pfd_reference;
+mod sigmas;
+mod surroundings;
+mod trust;
+mod upright;

@@ -1,0 +1,103 @@
+//! Objects from the supporting lines of masks, and from ellipses of which some are of parts.
+
+use nalgebra::{Rotation2, Vector2};
+use quadlift::geometry::{Ellipse, OutlineEnd, SupportLines};
+use quadlift::metrics::iou3d_ellipsoids;
+use quadlift::scene::Scene;
+use quadlift::solve::{BodyKind, Method};
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, generate};
+use quadlift::{LocalizeError, Options, UsedMeasurements, localize};
+
+fn synthetic(observations: Observations, noise: Vec<Noise>) -> SyntheticScene {
+    generate(&SyntheticOptions { objects: 20, views: 8, observations, noise, ..Default::default() }).unwrap()
+}
+
+/// The supporting lines of an ellipse, of which nothing right of `x` pixels is seen.
+fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<SupportLines>> {
+    let outline = (0..3600).map(|i| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 3600.0).sin_cos();
+        let offset = Vector2::new(ellipse.semi_axes.x * cos, ellipse.semi_axes.y * sin);
+        let point = ellipse.center + Rotation2::new(ellipse.angle) * offset;
+        (Vector2::new(point.x.min(x), point.y), OutlineEnd { cut_off: point.x > x - 1.0, hidden: false })
+    });
+    SupportLines::of_outline(&outline.collect::<Vec<_>>()).map(Box::new)
+}
+
+fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &Options) -> f64 {
+    let estimates = localize(scene, options, &|_, _| {}).unwrap().estimates;
+    let iou = |k: usize| {
+        let body = estimates[k].body.as_ref()?.ellipsoid();
+        Some(iou3d_ellipsoids(&body, &synthetic.truth[estimates[k].object_index].1.ellipsoid()))
+    };
+    (0..estimates.len()).map(|k| iou(k).unwrap_or(0.0)).sum::<f64>() / estimates.len() as f64
+}
+
+fn with_masks(method: Method) -> Options {
+    let mut options = Options { method, measurements: UsedMeasurements::Mask, ..Default::default() };
+    options.map.body = Some(BodyKind::Ellipsoid);
+    options
+}
+
+#[test]
+fn exact_masks_give_exact_bodies() {
+    let synthetic = synthetic(Observations::Ellipses, Vec::new());
+    let mut scene = synthetic.scene.clone();
+    for detection in &mut scene.detections {
+        detection.support_lines = lines(&detection.ellipse.unwrap(), f64::INFINITY);
+    }
+    for method in [Method::Map, Method::Planes] {
+        let iou = mean_iou(&synthetic, &scene, &with_masks(method));
+        assert!(iou > 0.999, "{method:?} {iou}");
+    }
+    // Without masks nothing takes part.
+    let estimates = localize(&synthetic.scene, &with_masks(Method::Map), &|_, _| {}).unwrap().estimates;
+    assert!(estimates.iter().all(|estimate| estimate.body.is_none()));
+}
+
+#[test]
+fn what_the_border_cuts_off_tells_only_that_the_object_reaches_so_far() {
+    let synthetic = synthetic(Observations::Ellipses, Vec::new());
+    let mut scene = synthetic.scene.clone();
+    // Half of the masks lose what lies right of a place inside of them.
+    for (index, detection) in scene.detections.iter_mut().enumerate() {
+        let ellipse = detection.ellipse.unwrap();
+        let x = if index % 2 == 0 { ellipse.center.x + 0.3 * ellipse.semi_axes.min() } else { f64::INFINITY };
+        detection.support_lines = lines(&ellipse, x);
+    }
+    for method in [Method::Map, Method::Planes] {
+        let told = mean_iou(&synthetic, &scene, &with_masks(method));
+        assert!(told > 0.98, "{method:?} {told}");
+    }
+    for lines in scene.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
+        lines.cut_off = [false; 8];
+    }
+    let not_told = mean_iou(&synthetic, &scene, &with_masks(Method::Planes));
+    assert!(not_told < 0.9, "{not_told}");
+}
+
+#[test]
+fn ellipses_of_parts_do_less_harm_when_they_are_known_as_such() {
+    let synthetic = synthetic(Observations::Ellipses, vec![Noise::Rotation(3.0)]);
+    let mut scene = synthetic.scene.clone();
+    // Of every fourth object only the left half is seen.
+    for detection in scene.detections.iter_mut().step_by(4) {
+        let ellipse = detection.ellipse.as_mut().unwrap();
+        ellipse.center.x -= 0.5 * ellipse.semi_axes.min();
+        ellipse.semi_axes.y *= 0.5;
+    }
+    let mut options = with_masks(Method::Map);
+    options.measurements = UsedMeasurements::Ellipse;
+    options.map.robust = false;
+    let not_told = mean_iou(&synthetic, &scene, &options);
+    scene.detections.iter_mut().step_by(4).for_each(|detection| detection.partial = true);
+    let told = mean_iou(&synthetic, &scene, &options);
+    assert!(told > not_told + 0.05, "{told} {not_told}");
+}
+
+#[test]
+fn closed_forms_of_ellipses_refuse_masks() {
+    for method in [Method::Lfd, Method::Pfd, Method::Reg] {
+        let result = localize(&Scene::default(), &with_masks(method), &|_, _| {});
+        assert!(matches!(result, Err(LocalizeError::Option(text)) if text.contains("mask")));
+    }
+}

@@ -1,0 +1,134 @@
+//! What the surroundings of objects tell: the border of the image, the ground, the height of the cameras, and edges that
+//! err by pixels. Real scenes need all of it; these synthetic ones show what each is worth by itself.
+
+use nalgebra::Vector2;
+use quadlift::geometry::BoundingBox;
+use quadlift::metrics::iou3d_bodies;
+use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
+use quadlift::{Options, localize};
+
+fn ellipsoids() -> MapOptions {
+    MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }
+}
+
+/// Mean volume IoU and mean distance of the centres, of the objects that have a body.
+fn score(synthetic: &SyntheticScene, map: MapOptions) -> (f64, f64) {
+    let estimates = localize(&synthetic.scene, &Options { map, ..Default::default() }, &|_, _| {}).unwrap().estimates;
+    let count = estimates.iter().filter(|estimate| estimate.body.is_some()).count() as f64;
+    let (mut iou, mut distance) = (0.0, 0.0);
+    for estimate in estimates.iter().filter(|estimate| estimate.body.is_some()) {
+        let id = &synthetic.scene.object_ids[estimate.object_index];
+        let (_, truth) = synthetic.truth.iter().find(|(name, _)| name == id).unwrap();
+        let body = estimate.body.unwrap();
+        iou += iou3d_bodies(&body, truth) / count;
+        distance += (body.ellipsoid().center - truth.ellipsoid().center).norm() / count;
+    }
+    (iou, distance)
+}
+
+/// Means over some scenes with and without something.
+fn compare(scenes: &[SyntheticScene], with: &MapOptions, without: &MapOptions) -> [(f64, f64); 2] {
+    let mean = |map: &MapOptions| {
+        let all: Vec<(f64, f64)> = scenes.iter().map(|scene| score(scene, map.clone())).collect();
+        let count = all.len() as f64;
+        (all.iter().map(|s| s.0).sum::<f64>() / count, all.iter().map(|s| s.1).sum::<f64>() / count)
+    };
+    let both = [mean(with), mean(without)];
+    println!("IoU and distance with {:.3?}, without {:.3?}", both[0], both[1]);
+    both
+}
+
+#[test]
+fn objects_reach_beyond_the_border_that_detectors_keep_a_little_away_from() {
+    // In two of three views the image ends before the object does, and the box some pixels before the image.
+    let mut synthetic = generate(&SyntheticOptions {
+        objects: 8,
+        trajectory: Trajectory::Orbit,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.03)],
+        ..Default::default()
+    })
+    .unwrap();
+    // One object in each frame, whose image may then end anywhere.
+    let scene = &mut synthetic.scene;
+    let frames = scene.frames.clone();
+    scene.frames.clear();
+    for detection in &mut scene.detections {
+        let index = scene.frames.len();
+        let mut frame = frames[detection.frame_index as usize].clone();
+        frame.id = index.to_string();
+        detection.frame_index = index as u32;
+        if !index.is_multiple_of(3) {
+            let [x0, y0, x1, y1] = detection.bounding_box.unwrap().edges();
+            let end = (x1 - 0.2 * (x1 - x0)).round();
+            frame.image_size = Some(Vector2::new(end, 960.0));
+            detection.bounding_box = BoundingBox::new([x0, y0, end - 6.0, y1]).ok();
+        }
+        scene.frames.push(frame);
+    }
+    let [with, without] = compare(&[synthetic], &ellipsoids(), &MapOptions { border_margin: 0.0, ..ellipsoids() });
+    assert!(with.0 > 0.95 && without.0 < 0.85, "{with:?} {without:?}");
+}
+
+/// Streets of parked cars, seen from a car that drives by.
+fn streets(views: usize, noise: f64) -> Vec<SyntheticScene> {
+    let make = |seed| SyntheticOptions {
+        seed,
+        views,
+        objects: 12,
+        trajectory: Trajectory::Street,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(noise)],
+        ..Default::default()
+    };
+    (0..8).map(|seed| generate(&make(seed)).unwrap()).collect()
+}
+
+#[test]
+fn objects_on_a_common_ground_are_found_better() {
+    let on_ground = MapOptions { ground_plane: true, ..ellipsoids() };
+    let [with, without] = compare(&streets(4, 0.1), &on_ground, &ellipsoids());
+    assert!(with.0 > without.0 + 0.015 && with.1 < 0.9 * without.1, "{with:?} {without:?}");
+}
+
+#[test]
+fn the_height_of_the_cameras_tells_where_the_ground_is() {
+    let scenes = streets(3, 0.1);
+    let height = scenes[0].scene.frames[0].projection.center_in_world().unwrap().z;
+    let on_ground = MapOptions { ground_plane: true, ..ellipsoids() };
+    let [with, without] =
+        compare(&scenes, &MapOptions { camera_height: Some(height), ..on_ground.clone() }, &on_ground);
+    assert!(with.0 > without.0 + 0.03 && with.1 < 0.8 * without.1, "{with:?} {without:?}");
+}
+
+#[test]
+fn edges_of_small_boxes_err_by_more_of_their_size() {
+    let mut scenes = Vec::new();
+    for seed in 0..4 {
+        let mut synthetic = generate(&SyntheticOptions {
+            seed,
+            views: 30,
+            objects: 12,
+            trajectory: Trajectory::Street,
+            observations: Observations::Boxes,
+            ..Default::default()
+        })
+        .unwrap();
+        for (index, detection) in synthetic.scene.detections.iter_mut().enumerate() {
+            // Three pixels whatever the size is, without a generator.
+            let exact = detection.bounding_box.unwrap().edges();
+            let normal = |k: usize| {
+                let wave = |p: f64| (p * (4 * index + k) as f64 + seed as f64).sin();
+                3.0 * (wave(12.9898) + wave(78.233) + wave(39.425))
+            };
+            let moved: [f64; 4] = std::array::from_fn(|k| exact[k] + normal(k));
+            if moved[2] - moved[0] > 4.0 && moved[3] - moved[1] > 4.0 {
+                detection.bounding_box = BoundingBox::new(moved).ok();
+            }
+        }
+        scenes.push(synthetic);
+    }
+    let [with, without] = compare(&scenes, &ellipsoids(), &MapOptions { pixel_noise_size: 0.0, ..ellipsoids() });
+    assert!(with.0 > 0.735 && with.0 > without.0 + 0.01, "{with:?} {without:?}");
+}
