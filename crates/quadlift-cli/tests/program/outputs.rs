@@ -1,6 +1,5 @@
 //! Where results go: odd outputs, files that must not be overwritten, and ends by signals.
 
-
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::os::unix::fs::symlink;

@@ -164,7 +164,10 @@ fn cylinder(record: &Option<Box<CylinderRecord>>, place: String) -> Result<Optio
     }))
 }
 
-fn superellipsoid(record: &Option<Box<SuperellipsoidRecord>>, place: String) -> Result<Option<Superellipsoid>, EntryError> {
+fn superellipsoid(
+    record: &Option<Box<SuperellipsoidRecord>>,
+    place: String,
+) -> Result<Option<Superellipsoid>, EntryError> {
     let Some(record) = record else { return Ok(None) };
     let support_exponent = record.support_exponent;
     if !(1.0..=2.0).contains(&support_exponent) {

@@ -286,7 +286,9 @@ impl ObjectRecord {
             Body::Ellipsoid(_) => {}
             Body::Cuboid(cuboid) => self.enclosing_cuboid = Some(Box::new(cuboid.into())),
             Body::Cylinder(cylinder) => self.enclosing_cylinder = Some(Box::new(cylinder.into())),
-            Body::Superellipsoid(superellipsoid) => self.enclosing_superellipsoid = Some(Box::new(superellipsoid.into())),
+            Body::Superellipsoid(superellipsoid) => {
+                self.enclosing_superellipsoid = Some(Box::new(superellipsoid.into()))
+            }
         }
     }
 }

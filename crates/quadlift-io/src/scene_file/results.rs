@@ -108,7 +108,9 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
         covariance: estimate.covariance.as_ref().filter(|c| c.matrix.iter().all(finite)).map(|c| {
             Box::new(CovarianceRecord {
                 coordinates: coordinates_name(c.coordinates).to_owned(),
-                matrix: std::array::from_fn(|i| std::array::from_fn(|j| significant(c.matrix[(i, j)], COVARIANCE_DIGITS))),
+                matrix: std::array::from_fn(|i| {
+                    std::array::from_fn(|j| significant(c.matrix[(i, j)], COVARIANCE_DIGITS))
+                }),
                 ..Default::default()
             })
         }),
