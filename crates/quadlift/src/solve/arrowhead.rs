@@ -303,14 +303,15 @@ mod tests {
 
     fn dense_minimiser(system: &Arrowhead) -> (Vec<f64>, f64) {
         let count = system.norms.len();
-        let m = faer::Mat::from_fn(10 + count, 10 + count, |i, j| match (i.checked_sub(10), j.checked_sub(10)) {
-            (None, None) => system.r()[i][j],
-            (Some(f), None) => system.couplings[f][j],
-            (Some(f), Some(g)) if f == g => -system.norms[f],
-            _ => 0.0,
-        });
-        let svd = m.svd().unwrap();
-        ((0..10 + count).map(|i| svd.V()[(i, 9 + count)]).collect(), svd.S()[9 + count])
+        let m =
+            nalgebra::DMatrix::from_fn(10 + count, 10 + count, |i, j| match (i.checked_sub(10), j.checked_sub(10)) {
+                (None, None) => system.r()[i][j],
+                (Some(f), None) => system.couplings[f][j],
+                (Some(f), Some(g)) if f == g => -system.norms[f],
+                _ => 0.0,
+            });
+        let svd = m.svd(false, true);
+        (svd.v_t.unwrap().row(9 + count).iter().copied().collect(), svd.singular_values[9 + count])
     }
 
     fn assert_same(system: &Arrowhead) {

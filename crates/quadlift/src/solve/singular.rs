@@ -160,14 +160,15 @@ fn scale_to_largest(x: &mut Row) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::DMatrix;
     use rand::{RngExt, SeedableRng};
 
     /// The triangular factor of `U diag(values) V^T` with random orthogonal U and V.
     fn with_singular_values(values: &Row, seed: u64) -> [Row; 10] {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let mut orthogonal = || faer::Mat::from_fn(10, 10, |_, _| rng.random_range(-1.0..1.0f64)).qr().compute_thin_Q();
+        let mut orthogonal = || DMatrix::from_fn(10, 10, |_, _| rng.random_range(-1.0..1.0f64)).qr().q();
         let (u, v) = (orthogonal(), orthogonal());
-        let m = faer::Mat::from_fn(10, 10, |i, j| (0..10).map(|k| u[(i, k)] * values[k] * v[(j, k)]).sum::<f64>());
+        let m = DMatrix::from_fn(10, 10, |i, j| (0..10).map(|k| u[(i, k)] * values[k] * v[(j, k)]).sum::<f64>());
         let mut rows: [Row; 10] = std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]));
         let mut qr = StreamingQr::new();
         qr.push_rows(&mut rows);
@@ -180,17 +181,17 @@ mod tests {
             let mut values = [3.0, 2.0, 1.5, 1.0, 0.9, 0.8, 0.7, 0.6, 0.0, 0.0];
             values[8..].copy_from_slice(smallest_two);
             let r = with_singular_values(&values, seed as u64);
-            let dense = faer::Mat::from_fn(10, 10, |i, j| r[i][j]).svd().unwrap();
-            let expected: Row = std::array::from_fn(|i| dense.V()[(i, 9)]);
+            let dense = DMatrix::from_fn(10, 10, |i, j| r[i][j]).svd(false, true);
+            let expected: Row = std::array::from_fn(|i| dense.v_t.as_ref().unwrap()[(9, i)]);
             let gap = smallest_two[0] - smallest_two[1];
             for start in [None, Some(&expected)] {
                 let smallest = smallest_singular(&r, start, EXACT).unwrap();
-                assert!((smallest.value - dense.S()[9]).abs() < 1e-14);
+                assert!((smallest.value - dense.singular_values[9]).abs() < 1e-14);
                 let sign = dot(&smallest.vector, &expected).signum();
                 let error = (0..10).map(|i| (smallest.vector[i] - sign * expected[i]).abs()).fold(0.0, f64::max);
                 assert!(error < 1e-14 / gap.abs(), "{error:e}");
                 let second = second_smallest_singular(&r, &smallest).unwrap();
-                assert!((second / dense.S()[8] - 1.0).abs() < 1e-3, "{second}");
+                assert!((second / dense.singular_values[8] - 1.0).abs() < 1e-3, "{second}");
             }
         }
     }

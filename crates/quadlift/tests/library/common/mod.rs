@@ -2,7 +2,7 @@
 // Every test program uses a part of it; the benchmarks, which use it too, are not test code to clippy.
 #![allow(dead_code, clippy::unwrap_used)]
 
-use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
 use quadlift::geometry::{
     CamFromWorld, Ellipse, Ellipsoid, Intrinsics, Projection, project_ellipsoid, projection_matrix_on_vech, vech3,
 };
@@ -85,10 +85,10 @@ pub fn normalised(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
     views.iter().map(normalise).collect()
 }
 
-/// The paper's own computation: the last right singular vector of the dense M (6F x (10 + F)) and its singular value.
-pub fn dense_pfd(views: &[(Projection, Ellipse)]) -> (Vec<f64>, f64) {
+/// The paper's dense M (6F x (10 + F)).
+pub fn dense_system(views: &[(Projection, Ellipse)]) -> DMatrix<f64> {
     let count = views.len();
-    let mut m = faer::Mat::<f64>::zeros(6 * count, 10 + count);
+    let mut m = DMatrix::<f64>::zeros(6 * count, 10 + count);
     for (f, (projection, ellipse)) in views.iter().enumerate() {
         let g = projection_matrix_on_vech(projection.matrix());
         let c = vech3(&ellipse.dual_conic());
@@ -99,7 +99,12 @@ pub fn dense_pfd(views: &[(Projection, Ellipse)]) -> (Vec<f64>, f64) {
             m[(6 * f + i, 10 + f)] = -c[i];
         }
     }
-    let svd = m.thin_svd().unwrap();
-    let last = svd.V().ncols() - 1;
-    ((0..10 + count).map(|i| svd.V()[(i, last)]).collect(), svd.S()[last])
+    m
+}
+
+/// The paper's own computation: the last right singular vector of the dense M and its singular value.
+pub fn dense_pfd(views: &[(Projection, Ellipse)]) -> (Vec<f64>, f64) {
+    let svd = dense_system(views).svd(false, true);
+    let last = svd.singular_values.len() - 1;
+    (svd.v_t.unwrap().row(last).iter().copied().collect(), svd.singular_values[last])
 }

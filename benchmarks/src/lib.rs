@@ -1,0 +1,1 @@
+//! The benchmarks are in `benches/`; a package needs a library or a program.
