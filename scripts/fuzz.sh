@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Fuzzes every target for some seconds: scripts/fuzz.sh SECONDS [TARGET ...]. Needs a nightly compiler and cargo-fuzz. What
 # is found lies in fuzz/artifacts; the corpus in fuzz/corpus is not committed. Ends with the number of executions of each
-# target, and with an error where one has failed. Without a sanitizer: there is no unsafe code, and it is twice as fast.
+# target, and with an error where one has failed. With QUADLIFT_FUZZ_SEED each run starts alike. Without a sanitizer:
+# there is no unsafe code, and it is twice as fast.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
@@ -21,7 +22,7 @@ for target in "${targets[@]}"; do
     mkdir -p "fuzz/corpus/$target" "fuzz/artifacts/$target"
     log="fuzz/artifacts/$target.log"
     if ! cargo +nightly fuzz run -s none "$target" "fuzz/corpus/$target" "fuzz/seeds/$target" -- \
-        -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -max_len=20000 -print_final_stats=1 >"$log" 2>&1; then
+        -seed="${QUADLIFT_FUZZ_SEED:-0}" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -max_len=20000 -print_final_stats=1 >"$log" 2>&1; then
         failed=1
         tail -n 40 "$log"
     fi

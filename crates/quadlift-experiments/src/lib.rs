@@ -22,7 +22,7 @@ mod minimal;
 pub mod paper;
 pub mod plot;
 mod progress;
-pub mod reg_weight;
+mod reg_weight;
 mod report;
 pub mod scores;
 pub mod segmentation;

@@ -29,25 +29,17 @@ pub(crate) const STEPS: usize = SCENES as usize;
 
 /// What the scan finds for one lambda.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ScanPoint {
+struct ScanPoint {
     /// The weight.
-    pub lambda: f64,
+    lambda: f64,
     /// O3D without noise, and at the end of each of the paper's curves: rotation, size, translation.
-    pub o3d: [f64; 4],
+    o3d: [f64; 4],
     /// Root mean square difference from the paper's figures.
-    pub difference: f64,
-}
-
-/// The figures for every decade.
-///
-/// # Errors
-/// [`Error::Synthetic`], [`Error::Localize`].
-pub fn scan(seed: u64) -> Result<Vec<ScanPoint>, Error> {
-    measure(seed, &|| {})
+    difference: f64,
 }
 
 /// The decade that comes nearest to the paper.
-pub fn nearest(points: &[ScanPoint]) -> Option<f64> {
+fn nearest(points: &[ScanPoint]) -> Option<f64> {
     points.iter().min_by(|a, b| a.difference.total_cmp(&b.difference)).map(|point| point.lambda)
 }
 
@@ -56,6 +48,7 @@ fn published() -> [f64; 4] {
     [reg.without_noise, reg.rotation, reg.size, reg.translation]
 }
 
+/// The figures for every decade.
 fn measure(seed: u64, scene_done: &(dyn Fn() + Sync)) -> Result<Vec<ScanPoint>, Error> {
     let lambdas: Vec<f64> = DECADES.map(|decade| 10f64.powi(decade)).collect();
     let conditions: [(usize, f64); 4] = [(0, 0.0), (0, 1.0), (1, 1.0), (2, 1.0)];

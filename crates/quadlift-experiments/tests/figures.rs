@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use quadlift::scene::Frame;
 use quadlift_experiments::data::TrueScene;
 use quadlift_experiments::methods::REG_LAMBDA;
-use quadlift_experiments::{Error, Experiment, Report, diagnosis, reg_weight, run, segmentation, trust};
+use quadlift_experiments::{Error, Experiment, Report, diagnosis, run, segmentation, trust};
 
 /// The folder of the real data, where it is at hand.
 fn data() -> Option<PathBuf> {
@@ -68,6 +68,12 @@ fn synthetic_scenes() {
     assert!((cell(&report, "Rotation error", &["reg"], "45") - 0.39).abs() < 0.07);
     assert!((cell(&report, "Size error", &["reg"], "0.30") - 0.33).abs() < 0.07);
     assert_eq!(report.plots().count(), 5);
+    // The weight of REG is what the rule gives.
+    let json = report.to_json();
+    let tables = json["tables"].as_array().unwrap();
+    let scan = tables.iter().find(|t| t["title"].as_str().unwrap().starts_with("The weight of reg")).unwrap();
+    let marked = scan["rows"].as_array().unwrap().iter().find(|row| row[1] == "used, nearest").unwrap();
+    assert_eq!(marked[0], format!("{REG_LAMBDA:e}"));
 }
 
 #[test]
@@ -78,12 +84,6 @@ fn few_views() {
     assert_within(&report, &bounds);
     let map = |views, noise| cell(&report, "Few views", &[views, noise], "map");
     assert!(map("3", "0.00") > 0.99 && map("5", "0.01") > 0.91 && map("3", "0.10") > 0.67);
-}
-
-#[test]
-fn the_weight_of_reg_is_what_the_rule_gives() {
-    let points = reg_weight::scan(0).unwrap();
-    assert_eq!(reg_weight::nearest(&points), Some(REG_LAMBDA));
 }
 
 #[test]
