@@ -101,11 +101,11 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
     observations: ObservationName,
 
-    /// Find out first which detections show the same object: auto (where some of them name none), never or always
+    /// Associate detections that show the same object first: auto (if any lack an id), never or always
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = When::Auto, hide_possible_values = true)]
     associate: When,
 
-    /// What ids that detections have are worth then: trust, evidence or ignore [default: trust; with --associate always:
+    /// How far to trust existing ids: trust, evidence or ignore [default: trust; with --associate always:
     /// evidence]
     #[arg(long, value_enum, value_name = "WHAT", hide_possible_values = true)]
     ids: Option<IdsName>,

@@ -105,7 +105,7 @@ pub struct Args {
     #[arg(long, value_name = "SIDE", default_value_t = 20.0, value_parser = args::finite)]
     cube: f64,
 
-    /// Standard deviation of wrong turns of the cameras about each of their axes, in degrees
+    /// Standard deviation of the rotation error of the cameras about each of their axes, in degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = args::finite)]
     pose_noise: f64,
 
