@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::progress::Steps;
 
 /// Weight of the regulariser of `reg`, the same in every experiment (the paper keeps one for all of its tests). How it
-/// was chosen is shown by [`crate::reg_weight`].
+/// was chosen is shown by the last table but one of [`crate::Experiment::Synthetic`].
 pub const REG_LAMBDA: f64 = 1e13;
 
 /// A row: a method and everything that is set about it.
