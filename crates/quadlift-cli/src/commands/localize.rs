@@ -73,7 +73,7 @@ pub struct Args {
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 
-    /// What the result says of each object: full, or brief (no covariance, no figures of single views; a quarter of the
+    /// What the result says of each object: full, or brief (no covariance, no figures of single views; a third of the
     /// size)
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
     detail: DetailName,

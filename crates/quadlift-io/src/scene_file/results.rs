@@ -24,7 +24,7 @@ pub enum Detail {
     /// All that is known.
     #[default]
     Full,
-    /// Without covariance, the figures of each view and alternatives: about a quarter of the size.
+    /// Without covariance, the figures of each view and alternatives: about a third of the size.
     Brief,
 }
 

@@ -124,8 +124,9 @@ fn read_records<T: DeserializeOwned>(
 /// Checks that a table of so many bytes can hold what it claims to hold, before memory is taken for that.
 fn check_counts(reader: &SerializedFileReader<File>, bytes: u64) -> Result<(), String> {
     // A row that differs from the last one takes a bit at least.
-    let (rows, most) = (reader.metadata().file_metadata().num_rows(), 8 * bytes);
-    if u64::try_from(rows).is_ok_and(|rows| rows > most) {
+    let of_group = |group| u64::try_from(reader.metadata().row_group(group).num_rows()).unwrap_or(0);
+    let rows = (0..reader.num_row_groups()).map(of_group).fold(0, u64::saturating_add);
+    if rows > 8 * bytes {
         return Err(format!("it claims to have {rows} rows in {bytes} bytes"));
     }
     for group in 0..reader.num_row_groups() {
