@@ -99,6 +99,11 @@ def page_data(path: Path) -> dict[str, Any]:
     return data
 
 
+def as_written(values: Any, digits: int) -> Any:
+    """Numbers as result files have them, with so many significant digits: figures 6, covariances 9."""
+    return np.vectorize(lambda x: float(f"{x:.{digits - 1}e}"), otypes=[float])(values)
+
+
 def read_json(path: Path) -> dict[str, Any]:
     document: dict[str, Any] = json.loads(path.read_text())
     return document
