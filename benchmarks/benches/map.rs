@@ -1,6 +1,7 @@
 //! The default estimator on whole synthetic scenes: clean, noisy and with outliers, and with many views.
 //!
-//! `cargo bench --manifest-path benchmarks/Cargo.toml --bench map`. One thread: `RAYON_NUM_THREADS=1`. Times are per scene of 50 objects.
+//! `cargo bench --manifest-path benchmarks/Cargo.toml --bench map`. One thread: `RAYON_NUM_THREADS=1`. Times are per scene
+//! of 50 objects.
 
 #![allow(missing_docs, clippy::unwrap_used)]
 

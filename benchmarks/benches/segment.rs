@@ -1,7 +1,8 @@
 //! One object by its number of views, and the methods side by side, at the default grid and on one thread.
 //!
-//! `cargo bench --manifest-path benchmarks/Cargo.toml --bench segment`. Times are per object with all its views; the time per frame and
-//! object is one over the throughput. On Linux they are of the processor, so that other programs do not disturb.
+//! `cargo bench --manifest-path benchmarks/Cargo.toml --bench segment`. Times are per object with all its views; the time
+//! per frame and object is one over the throughput. On Linux they are of the processor, so that other programs do not
+//! disturb.
 
 #![allow(missing_docs, clippy::unwrap_used)]
 

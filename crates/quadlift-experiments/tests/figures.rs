@@ -37,11 +37,16 @@ fn assert_within(report: &Report, bounds: &[(&str, f64, f64)]) {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// The number in a row and column of a table; the row is named by its first cells.
-fn cell(report: &Report, title: &str, row: &[&str], column: &str) -> f64 {
+/// The table whose title begins so.
+fn table(report: &Report, title: &str) -> serde_json::Value {
     let json = report.to_json();
     let tables = json["tables"].as_array().unwrap();
-    let table = tables.iter().find(|t| t["title"].as_str().unwrap().starts_with(title)).unwrap();
+    tables.iter().find(|t| t["title"].as_str().unwrap().starts_with(title)).unwrap().clone()
+}
+
+/// The number in a row and column of a table; the row is named by its first cells.
+fn cell(report: &Report, title: &str, row: &[&str], column: &str) -> f64 {
+    let table = table(report, title);
     let column = table["columns"].as_array().unwrap().iter().position(|c| c == column).unwrap();
     let rows = table["rows"].as_array().unwrap();
     let row = rows.iter().find(|r| row.iter().enumerate().all(|(k, name)| r[k] == *name)).unwrap();
@@ -69,9 +74,7 @@ fn synthetic_scenes() {
     assert!((cell(&report, "Size error", &["reg"], "0.30") - 0.33).abs() < 0.07);
     assert_eq!(report.plots().count(), 5);
     // The weight of REG is what the rule gives.
-    let json = report.to_json();
-    let tables = json["tables"].as_array().unwrap();
-    let scan = tables.iter().find(|t| t["title"].as_str().unwrap().starts_with("The weight of reg")).unwrap();
+    let scan = table(&report, "The weight of reg");
     let marked = scan["rows"].as_array().unwrap().iter().find(|row| row[1] == "used, nearest").unwrap();
     assert_eq!(marked[0], format!("{REG_LAMBDA:e}"));
 }

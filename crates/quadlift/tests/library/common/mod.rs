@@ -1,5 +1,5 @@
 //! Test scenes for the closed forms, and the dense solution that they are compared with.
-// Every test program uses a part of it; the benchmarks, which use it too, are not test code to clippy.
+// The benchmarks use a part of it, and are not test code to clippy.
 #![allow(dead_code, clippy::unwrap_used)]
 
 use nalgebra::{DMatrix, Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
