@@ -188,7 +188,7 @@ mod tests {
         };
         let association = Association {
             object_of_detection: vec![Some(0), Some(0), Some(1), Some(1), Some(1), None],
-            objects: vec![object(None), object(Some(quadlift::associate::Doubt::Elongated))],
+            objects: vec![object(None), object(Some(quadlift::associate::AssociationWarning::Elongated))],
             ..Default::default()
         };
         let (standing, others) = case.marked(&association);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::associate::{AssociateOptions, Doubt, IdUse, Part};
+use quadlift::associate::{AssociateOptions, AssociationWarning, IdUse, Part};
 use quadlift::synthetic::SyntheticOptions;
 use rayon::prelude::*;
 
@@ -26,15 +26,15 @@ struct Row {
 
 fn rows() -> Vec<Row> {
     let without = |name, part| Row { name, thorough: false, without: Some(part) };
-    let doubt = |name, reason| without(name, Part::Doubt(reason));
+    let doubt = |name, reason| without(name, Part::Warning(reason));
     vec![
         Row { name: "everything", thorough: false, without: None },
         without("objects are not merged", Part::Merge),
         without("nested bodies stay", Part::Nested),
         without("one pass", Part::SecondPass),
-        doubt("length is no reason for doubt", Doubt::Elongated),
-        doubt("size is no reason for doubt", Doubt::UnusualSize),
-        doubt("weak evidence is no reason for doubt", Doubt::WeakEvidence),
+        doubt("length is no reason for doubt", AssociationWarning::Elongated),
+        doubt("size is no reason for doubt", AssociationWarning::UnusualSize),
+        doubt("weak evidence is no reason for doubt", AssociationWarning::WeakEvidence),
         Row { name: "thorough", thorough: true, without: None },
         Row { name: "thorough, nothing is dissolved", thorough: true, without: Some(Part::Dissolve) },
     ]
@@ -48,7 +48,7 @@ impl Row {
 
     /// Whether the row shows anything but which objects are doubtful.
     fn divides(&self) -> bool {
-        !matches!(self.without, Some(Part::Doubt(_)))
+        !matches!(self.without, Some(Part::Warning(_)))
     }
 }
 

@@ -6,7 +6,7 @@ use super::growth::grow;
 use super::object::Object;
 use super::point_tree::PointTree;
 use super::problem::Problem;
-use super::rounds::{State, born, refit};
+use super::state::{State, born, refit};
 
 /// Share of the objects, those with the least evidence per view, that are dissolved.
 const SUSPECTS: f64 = 0.3;

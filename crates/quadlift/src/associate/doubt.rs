@@ -4,36 +4,9 @@ use super::evidence::{evidence, score_log_odds};
 use super::object::Object;
 use super::options::Part;
 use super::problem::Problem;
-use super::rounds::State;
+use super::state::State;
 use super::statistics::median;
-
-/// Why an object may not be one standing thing.
-///
-/// A thing that moves seldom looks like clutter: some standing ellipsoid explains its boxes more or less, but that is
-/// oddly long, oddly large or small, or explains them less well than the scene's other objects explain theirs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Doubt {
-    /// Its body is implausibly long.
-    Elongated,
-    /// Its size is not that of the other objects of its category.
-    UnusualSize,
-    /// Its detections agree with one standing body much less than those of the scene's other objects.
-    WeakEvidence,
-    /// The detector itself gives its boxes low scores.
-    LowScores,
-}
-
-impl Doubt {
-    /// The reason in words.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::Elongated => "its body is implausibly long: it may move",
-            Self::UnusualSize => "its size is not that of its category: it may move",
-            Self::WeakEvidence => "its detections agree poorly with one standing body: it may move, or be several",
-            Self::LowScores => "its boxes have low scores: the detector hardly believes in it",
-        }
-    }
-}
+use super::warning::AssociationWarning;
 
 /// Ratio of the longest to the shortest semi-axis beyond which an object is doubtful where nothing is known of others.
 const LARGEST_ASPECT: f64 = 8.0;
@@ -55,7 +28,7 @@ const LOG_EVIDENCE_SD: f64 = 0.35;
 const LEAST_SCORE_LOG_ODDS: f64 = -1.1;
 
 /// For each object, why it is doubtful, if it is.
-pub(super) fn doubts(problem: &Problem, state: &State) -> Vec<Option<Doubt>> {
+pub(super) fn doubts(problem: &Problem, state: &State) -> Vec<Option<AssociationWarning>> {
     let objects = &state.objects;
     let per_view: Vec<f64> = objects
         .iter()
@@ -69,27 +42,32 @@ pub(super) fn doubts(problem: &Problem, state: &State) -> Vec<Option<Doubt>> {
     let usual_of: Vec<_> = (0..state.observations.categories.len())
         .map(|c| (of_category(c, log_radius, LEAST_SIZE_SD), of_category(c, log_aspect, LEAST_ASPECT_SD)))
         .collect();
-    let looks_at = |reason| f64::from(u8::from(problem.options.uses(Part::Doubt(reason))));
+    let looks_at = |reason| f64::from(u8::from(problem.options.uses(Part::Warning(reason))));
     let doubt = |(object, own): (&Object, &f64)| {
         let (usual_radius, usual_aspect) = usual_of[object.category];
         let deviation = |value: f64, usual: Option<(f64, f64)>| usual.map_or(0.0, |(middle, sd)| (value - middle) / sd);
-        let size = looks_at(Doubt::UnusualSize) * deviation(log_radius(object), usual_radius).abs();
+        let size = looks_at(AssociationWarning::UnusualSize) * deviation(log_radius(object), usual_radius).abs();
         // Only too long and too weak are odd.
-        let length = looks_at(Doubt::Elongated) * deviation(log_aspect(object), usual_aspect).max(0.0);
-        let weakness = looks_at(Doubt::WeakEvidence) * (usual_evidence / own.max(0.1)).ln().max(0.0) / LOG_EVIDENCE_SD;
-        if usual_aspect.is_none() && looks_at(Doubt::Elongated) > 0.0 && log_aspect(object) > LARGEST_ASPECT.ln() {
-            return Some(Doubt::Elongated);
+        let length = looks_at(AssociationWarning::Elongated) * deviation(log_aspect(object), usual_aspect).max(0.0);
+        let weakness = looks_at(AssociationWarning::WeakEvidence) * (usual_evidence / own.max(0.1)).ln().max(0.0)
+            / LOG_EVIDENCE_SD;
+        if usual_aspect.is_none()
+            && looks_at(AssociationWarning::Elongated) > 0.0
+            && log_aspect(object) > LARGEST_ASPECT.ln()
+        {
+            return Some(AssociationWarning::Elongated);
         }
         if size.hypot(length).hypot(weakness) <= LARGEST_DEVIATION {
             let low = score_log_odds(&state.observations, object) < LEAST_SCORE_LOG_ODDS;
-            return (low && problem.options.uses(Part::Doubt(Doubt::LowScores))).then_some(Doubt::LowScores);
+            return (low && problem.options.uses(Part::Warning(AssociationWarning::LowScores)))
+                .then_some(AssociationWarning::LowScores);
         }
         Some(if length >= size.max(weakness) {
-            Doubt::Elongated
+            AssociationWarning::Elongated
         } else if size >= weakness {
-            Doubt::UnusualSize
+            AssociationWarning::UnusualSize
         } else {
-            Doubt::WeakEvidence
+            AssociationWarning::WeakEvidence
         })
     };
     objects.iter().zip(&per_view).map(doubt).collect()
@@ -127,7 +105,7 @@ mod tests {
     use crate::scene::Scene;
 
     /// The doubt about the last of some objects: all but this one are alike, up to the noise of sizes and shapes.
-    fn doubt_about(count: usize, change: impl Fn(&mut Object)) -> Option<Doubt> {
+    fn doubt_about(count: usize, change: impl Fn(&mut Object)) -> Option<AssociationWarning> {
         let (observations, mut model) = seen_by(10, &ellipsoid());
         model.volume = 1e5;
         let start = Start::sphere(ellipsoid().center.coords - observations.origin, 2.0);
@@ -171,10 +149,10 @@ mod tests {
     #[test]
     fn an_object_is_doubtful_for_its_length_its_size_or_its_evidence() {
         assert_eq!(doubt_about(8, |_| ()), None);
-        assert_eq!(doubt_about(8, |o| stretched(o, 1.0, 4.0)), Some(Doubt::Elongated));
-        assert_eq!(doubt_about(8, |o| stretched(o, 1.8, 1.0)), Some(Doubt::UnusualSize));
-        assert_eq!(doubt_about(8, |o| stretched(o, 0.5, 1.0)), Some(Doubt::UnusualSize));
-        assert_eq!(doubt_about(8, |o| o.cost += 75.0), Some(Doubt::WeakEvidence));
+        assert_eq!(doubt_about(8, |o| stretched(o, 1.0, 4.0)), Some(AssociationWarning::Elongated));
+        assert_eq!(doubt_about(8, |o| stretched(o, 1.8, 1.0)), Some(AssociationWarning::UnusualSize));
+        assert_eq!(doubt_about(8, |o| stretched(o, 0.5, 1.0)), Some(AssociationWarning::UnusualSize));
+        assert_eq!(doubt_about(8, |o| o.cost += 75.0), Some(AssociationWarning::WeakEvidence));
         // Round, and better explained than others, is not odd.
         assert_eq!(doubt_about(8, |o| stretched(o, 1.0, 0.5)), None);
         assert_eq!(doubt_about(8, |o| o.cost -= 1500.0), None);
@@ -198,6 +176,6 @@ mod tests {
     fn where_few_objects_tell_what_is_usual_only_a_very_long_body_is_odd() {
         assert_eq!(doubt_about(3, |o| stretched(o, 1.0, 3.0)), None);
         assert_eq!(doubt_about(3, |o| stretched(o, 1.8, 1.0)), None);
-        assert_eq!(doubt_about(3, |o| stretched(o, 1.0, 6.0)), Some(Doubt::Elongated));
+        assert_eq!(doubt_about(3, |o| stretched(o, 1.0, 6.0)), Some(AssociationWarning::Elongated));
     }
 }

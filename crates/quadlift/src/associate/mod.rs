@@ -50,16 +50,19 @@ mod range_tree;
 mod rays;
 mod rounds;
 mod search;
+mod sizes;
 mod sphere_score;
+mod state;
 mod statistics;
 #[cfg(test)]
 mod test_scenes;
 #[cfg(test)]
 mod tests;
+mod warning;
 
-pub use doubt::Doubt;
 pub use options::{AssociateError, AssociateOptions, IdUse, Part};
 pub use outcome::{AssociatedObject, Association, NotUsed, Outcome};
+pub use warning::AssociationWarning;
 
 use crate::scene::Scene;
 use observations::Observations;

@@ -6,6 +6,7 @@ use super::clutter::Clutter;
 use super::object::Object;
 use super::observations::{Observations, Sighting};
 use super::problem::Problem;
+use super::sizes::LogSize;
 use super::statistics::{median, quantile};
 
 /// Relative standard deviation of an edge to begin with, and the range that it may be learnt in.
@@ -20,15 +21,6 @@ const TELLING_VIEWS: usize = 4;
 
 /// Largest standard deviation of a frame's shift, pixels.
 pub(super) const LARGEST_SHIFT_SD: f64 = 10.0;
-
-/// Logarithm of the radius of a category's objects.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LogSize {
-    /// Its mean.
-    pub mean: f64,
-    /// Its standard deviation.
-    pub sd: f64,
-}
 
 /// What is learnt.
 #[derive(Debug, Clone)]

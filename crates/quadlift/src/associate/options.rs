@@ -1,6 +1,6 @@
 //! What can be chosen about association, and why it refuses a scene.
 
-use super::doubt::Doubt;
+use super::warning::AssociationWarning;
 use crate::scene::SourceError;
 use crate::solve::CategoryPriors;
 
@@ -29,7 +29,7 @@ pub enum Part {
     /// Everything is done twice, the second time with what has been learnt.
     SecondPass,
     /// A reason for which objects are doubtful.
-    Doubt(Doubt),
+    Warning(AssociationWarning),
 }
 
 /// Everything that can be chosen about association.

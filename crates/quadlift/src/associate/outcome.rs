@@ -2,12 +2,13 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::doubt::{Doubt, doubts};
+use super::doubt::doubts;
 use super::evidence::evidence;
 use super::object::Object;
 use super::options::IdUse;
 use super::problem::Problem;
-use super::rounds::State;
+use super::state::State;
+use super::warning::AssociationWarning;
 use crate::geometry::Ellipsoid;
 use crate::scene::Scene;
 use nalgebra::Point3;
@@ -66,7 +67,7 @@ pub struct AssociatedObject {
     /// The quick fit of the association, in the world; the estimators give a better one.
     pub ellipsoid: Option<Ellipsoid>,
     /// Why it may not be one standing object.
-    pub doubtful: Option<Doubt>,
+    pub doubtful: Option<AssociationWarning>,
 }
 
 /// The result for a scene.
@@ -124,7 +125,7 @@ struct Found<'a> {
     /// Indices into the scene, ascending.
     members: Vec<usize>,
     object: Option<&'a Object>,
-    doubt: Option<Doubt>,
+    doubt: Option<AssociationWarning>,
     trusted_id: Option<u32>,
 }
 

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::clutter::Clutter;
 use super::frame_order::FrameOrder;
-use super::model::LogSize;
 use super::observations::{Observations, Sighting};
 use super::options::{AssociateOptions, IdUse};
 use super::point_tree::PointTree;
+use super::sizes::LogSize;
 use super::statistics::DetectionRate;
 use crate::scene::Scene;
 

@@ -1,19 +1,12 @@
 //! Expectation-maximisation: boxes are assigned, bodies fitted, the scene's noise learnt, weak objects given up, new
 //! ones born of what is left.
 
-use super::assignment::{Share, assign, count_visible, owners};
-use super::births::births;
 use super::dissolve::dissolve_weak;
-use super::evidence::{LEAST_EVIDENCE, evidence};
-use super::fit::{Start, fit};
 use super::frame_shift::learn_shifts;
-use super::merge::{drop_nested, merge};
-use super::model::Model;
-use super::object::Object;
-use super::observations::Observations;
+use super::merge::drop_nested;
 use super::options::Part;
 use super::problem::Problem;
-use crate::parallel::map_indices;
+use super::state::State;
 
 /// Rounds, at most.
 pub(super) const ROUNDS: usize = 8;
@@ -24,75 +17,7 @@ const BIRTH_ROUNDS: usize = 2;
 /// Rounds in which a fit also starts from a sphere.
 const SPHERE_ROUNDS: usize = 1;
 
-/// Everything that changes while objects are sought.
-#[derive(Debug, Clone)]
-pub(super) struct State {
-    pub observations: Observations,
-    pub model: Model,
-    pub objects: Vec<Object>,
-}
-
 impl State {
-    /// Total evidence of the objects.
-    pub fn evidence(&self, problem: &Problem) -> f64 {
-        self.objects.iter().map(|o| evidence(problem, &self.observations, &self.model, o).max(0.0)).sum()
-    }
-
-    /// Assigns all boxes and fits every object to its own; those with too few are given up.
-    pub fn assign_and_fit(&mut self, problem: &Problem, with_spheres: bool) {
-        let shares = assign(problem, &self.observations, &mut self.model, &self.objects, &|_| true);
-        self.objects = refit(problem, &self.observations, &self.model, &self.objects, &shares, with_spheres);
-    }
-
-    /// Gives up objects with too little evidence; those that are trusted stay.
-    pub fn give_up_weak(&mut self, problem: &Problem) {
-        let (observations, model) = (&self.observations, &self.model);
-        self.objects.retain(|o| o.trusted_id.is_some() || evidence(problem, observations, model, o) > LEAST_EVIDENCE);
-    }
-
-    /// Learns the scene's noise, clutter and sizes.
-    pub fn learn(&mut self, problem: &Problem) {
-        self.model.learn(problem, &self.observations, &self.objects);
-    }
-
-    /// Merges objects that are one.
-    pub fn merge(&mut self, problem: &Problem) {
-        if !problem.options.uses(Part::Merge) {
-            return;
-        }
-        let objects = std::mem::take(&mut self.objects);
-        self.objects = merge(problem, &self.observations, &self.model, objects);
-    }
-
-    /// A few rounds without births and shifts, as a start.
-    pub fn settle(&mut self, problem: &Problem, rounds: usize) {
-        for _ in 0..rounds {
-            self.assign_and_fit(problem, false);
-            if self.objects.is_empty() {
-                return;
-            }
-            self.learn(problem);
-            self.give_up_weak(problem);
-            self.merge(problem);
-        }
-    }
-
-    /// Which object each box belongs to.
-    pub fn owners(&self) -> Vec<Option<u32>> {
-        owners(self.observations.boxes.len(), &self.objects)
-    }
-
-    /// Adds new objects from boxes that belong to none, unless these are the same as those that were `tried` last.
-    fn add_births(&mut self, problem: &Problem, tried: &mut Vec<bool>) {
-        let used: Vec<bool> = self.owners().iter().map(Option::is_some).collect();
-        if used.iter().filter(|&&u| !u).count() <= 2 || used == *tried {
-            return;
-        }
-        let new = born(problem, &self.observations, &self.model, &used, &|_| true);
-        self.objects.extend(new);
-        *tried = used;
-    }
-
     /// All rounds; ends early when nothing changes any more. A thorough run dissolves weak objects and tries again.
     pub fn run(&mut self, problem: &Problem, report: &impl Fn(), thorough: bool) {
         let (mut before, mut tried) = (None, Vec::new());
@@ -137,49 +62,4 @@ impl State {
             before = now;
         }
     }
-}
-
-/// Births as objects: fitted, with the number of frames that should see them.
-pub(super) fn born(
-    problem: &Problem,
-    observations: &Observations,
-    model: &Model,
-    used: &[bool],
-    is_seed: &(impl Fn(usize) -> bool + Sync),
-) -> Vec<Object> {
-    let found = births(problem, observations, model, used, is_seed);
-    let objects = map_indices(found.len(), |k| {
-        let birth = &found[k];
-        let start = Start::sphere(birth.sphere.center, birth.sphere.log_radius.exp());
-        let mut object = fit(observations, model, birth.boxes.clone(), &[start])?;
-        object.visible = count_visible(problem, observations, &object);
-        Some(object)
-    });
-    objects.into_iter().flatten().collect()
-}
-
-/// Fits objects to their shares; those with too few boxes are given up, unless trusted.
-pub(super) fn refit(
-    problem: &Problem,
-    observations: &Observations,
-    model: &Model,
-    objects: &[Object],
-    shares: &[Share],
-    with_spheres: bool,
-) -> Vec<Object> {
-    let fitted = map_indices(objects.len(), |k| {
-        let (object, share) = (&objects[k], &shares[k]);
-        if share.boxes.len() < problem.options.min_views && object.trusted_id.is_none() {
-            return None;
-        }
-        let mut starts = vec![Start::body(object)];
-        if with_spheres {
-            starts.push(Start::sphere(object.center, object.radius));
-        }
-        match fit(observations, model, share.boxes.clone(), &starts) {
-            Some(fitted) => Some(Object { visible: share.visible, trusted_id: object.trusted_id, ..fitted }),
-            None => object.trusted_id.map(|_| object.clone()),
-        }
-    });
-    fitted.into_iter().flatten().collect()
 }

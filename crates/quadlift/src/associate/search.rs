@@ -12,7 +12,8 @@ use super::observations::Observations;
 use super::options::{IdUse, Part};
 use super::problem::Problem;
 use super::rays::triangulate;
-use super::rounds::{ROUNDS, State};
+use super::rounds::ROUNDS;
+use super::state::State;
 use crate::parallel::map_indices;
 
 /// Rounds after growth, before anything is born of what is left.

@@ -299,7 +299,7 @@ fn objects_with_low_scores_are_doubtful() {
         (association.objects.len(), found)
     };
     assert_eq!(scored(0.9), (8, Some(None)));
-    assert_eq!(scored(0.04), (8, Some(Some(Doubt::LowScores))));
+    assert_eq!(scored(0.04), (8, Some(Some(AssociationWarning::LowScores))));
 }
 
 /// A scene with boxes in the frames of a synthetic one: `boxes(frame)`.

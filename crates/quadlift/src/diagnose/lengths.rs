@@ -1,8 +1,11 @@
 //! Are lengths in the unit that the priors on sizes have? Boxes and poses alone cannot tell.
 
+use super::cause::Cause;
+use super::correction::Correction;
+use super::diagnosis::Diagnosis;
+use super::misses::size;
 use super::rays::median;
 use super::sample::Sample;
-use super::{Cause, Correction, agreement};
 use crate::scene::{Detection, Scene};
 use crate::solve::CategoryPriors;
 
@@ -40,7 +43,7 @@ pub(super) fn wrong_lengths(
         .objects
         .iter()
         .zip(&sample.object_indices)
-        .filter_map(|(boxes, &object)| Some((known[object]? / agreement::size(&sample, boxes)?).ln()));
+        .filter_map(|(boxes, &object)| Some((known[object]? / size(&sample, boxes)?).ln()));
     let mut factors: Vec<f64> = factors.filter(|factor| factor.is_finite()).collect();
     if factors.len() < FEWEST_OBJECTS {
         return None;
@@ -51,7 +54,7 @@ pub(super) fn wrong_lengths(
     is_wrong.then(|| Correction::Lengths(middle.exp()))
 }
 
-impl super::Diagnosis {
+impl Diagnosis {
     /// Checks the lengths of a scene against what is known of the sizes of its categories, the full extents in world units:
     /// a scene in millimetres does not agree with priors in metres. Nothing changes where they agree, where too few
     /// objects have a prior, or where the scene does not agree with itself anyway.

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use super::agreement::Agreement;
-use super::without_ids::Tried;
-use super::{Cause, CauseName};
+use super::cause::{Cause, CauseName};
+use super::trials::Tried;
 use crate::associate::{AssociateOptions, IdUse};
 use crate::scene::{Detection, Scene};
 

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 
-use super::agreement::{Misses, corrected_ray, misses};
+use super::agreement::Gain;
+use super::misses::{Misses, corrected_ray, misses};
 use super::rays::{Ray, median, meeting_point};
 use super::sample::{Sample, Seen};
-use super::search::Gain;
 use crate::geometry::linalg::solve_spd;
 use crate::parallel::map_indices;
 

@@ -8,9 +8,9 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::super::estimate::{Alternative, Covariance, CovarianceCoordinates, Estimate, Warning};
 use super::super::options::BodyKind;
-use super::MapContext;
 use super::agreement::Reference;
 use super::body_model::BodyModel;
+use super::context::MapContext;
 use super::evidence::log_determinant_of;
 use super::first_fit::TURNED_STARTS;
 use super::fit::{Fit, POLISH};

@@ -23,8 +23,11 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::super::estimate::Matrix9;
-use super::noise::COMMON_CLASSES;
 use super::normal_equations::{NormalEquations, PARAMETERS, Row};
+
+/// Kinds of measurements whose errors the views of an object may have in common: those of [`super::noise::NoiseGroup`], hidden edges
+/// with the others.
+pub(super) const COMMON_CLASSES: usize = 7;
 
 /// Scale of the field's correlation, as a distance between unit vectors. Tuned on LINEMOD, LMO, TUW and KITTI by the
 /// share of true centres inside the 95 % region (all sets together 83, 89, 89, 89 and 89 % at 0.1, 0.2, 0.3, 0.4 and 0.6)

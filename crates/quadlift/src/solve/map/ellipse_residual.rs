@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, Matrix3x4, Vector3};
 use super::body_model::BodyModel;
 use super::noise::{NoiseGroup, NoiseLevels};
 use super::normal_equations::Row;
-use super::rows::ResidualRow;
+use super::residual_row::ResidualRow;
 use crate::geometry::Ellipse;
 
 /// Residual of every kind where the body has no outline in the view (behind the camera): ten sizes off.

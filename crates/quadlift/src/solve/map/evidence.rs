@@ -6,8 +6,8 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::super::options::BodyKind;
-use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
+use super::context::MapContext;
 use super::first_fit::{TURNED_STARTS, best_of, descended};
 use super::fit::Fit;
 use super::model::Model;

@@ -3,13 +3,12 @@
 
 use std::sync::Arc;
 
-use super::MapContext;
 use super::agreement::{Reference, agrees, is_inconsistent};
+use super::context::MapContext;
 use super::fit::Fit;
 use super::noise::NoiseLevels;
 use super::object::Prepared;
-use super::objective::OUTLIER_SCALE;
-use super::robust::FEWEST_VIEWS;
+use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
 use crate::scene::ObjectViews;
 
 /// Fewest views of which one can be left out.
@@ -41,7 +40,7 @@ impl Fit {
             let mut views = ObjectViews { views: Vec::with_capacity(count - 1), ..*all };
             views.views.extend(all.views.iter().enumerate().filter(|(k, _)| *k != left_out).map(|(_, view)| *view));
             let fitted = Prepared::new(views, self.prepared.kind, context)
-                .and_then(|object| self.as_upright(object, context).first_fit(&level, context));
+                .and_then(|object| Self::first(self.as_upright(object, context), &level, context));
             let Ok(fit) = fitted else { continue };
             let fit = Self { ground: None, ..fit.refined(&level, true) };
             let Some(misfit) = fit.misfit(&level) else { continue };

@@ -67,7 +67,7 @@ impl Prepared {
             BodyKind::Cylinder => Form::Cylinder,
             BodyKind::Cuboid => Form::Cuboid,
         };
-        let centers = centers_from_size(self);
+        let centers = centers_from_size(&self.views, &self.measurements.frame, &self.prior);
         let starts = oriented_starts(ellipsoid, form, &self.prior, &centers, seed);
         // Where the size of the category is known few starts differ in more than their place.
         let turned = if self.prior.log_size.is_some() { ALL } else { turned };

@@ -6,12 +6,12 @@ use nalgebra::{Unit, Vector3, Vector6};
 
 use super::super::estimate::{Covariance, Estimate, Matrix9, Misfit, Status, Warning};
 use super::super::report::{describe, is_a_body};
-use super::MapContext;
 use super::agreement::{Reference, is_inconsistent};
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::common_errors::{
     CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
 };
+use super::context::MapContext;
 use super::covariance;
 use super::first_fit::{ALL, TURNED_STARTS};
 use super::ground::{GroundPlane, LowestPoint};
@@ -21,8 +21,8 @@ use super::model::Model;
 use super::noise::{CovarianceLevels, NoiseLevels, NoiseStatistics};
 use super::normal_equations::NormalEquations;
 use super::object::{FROM_START, Prepared};
-use super::objective::{OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
-use super::robust::{FEWEST_VIEWS, fit_without_outliers};
+use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
+use super::robust::fit_without_outliers;
 use crate::geometry::linalg::invert_spd;
 use crate::scene::View;
 
@@ -64,6 +64,25 @@ pub(super) struct Fit {
 }
 
 impl Fit {
+    /// The first fit: from the starts, and again without the outliers where its residuals show some.
+    pub(super) fn first(object: Prepared, noise: &NoiseLevels, context: &MapContext) -> Result<Self, Box<Estimate>> {
+        let failed =
+            Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
+        let seed = object.seed(context);
+        let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
+        let (body, equations) = object.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
+        let fit = Self {
+            prepared: Arc::new(object),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale: None,
+            ground: None,
+            converged: false,
+        };
+        Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
+    }
+
     pub(super) fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
         Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
     }

@@ -7,9 +7,9 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3, Vector6};
 
 use super::super::estimate::Status;
 use super::super::options::{BodyKind, MapOptions, PoseNoise};
-use super::MapContext;
 use super::agreement::Reference;
 use super::body_model::{BodyModel, EllipsoidModel};
+use super::context::MapContext;
 use super::fit::Fit;
 use super::ground::GroundPlane;
 use super::model::Model;
@@ -83,7 +83,7 @@ fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
         let mut poses = PoseCorrections::of_frames(BTreeMap::from([(2, moved)]));
         let prior = PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 };
         // With this noise measurements are worth nothing.
-        let step = poses.update(std::iter::once(fit), &noise.scaled(1e9), prior);
+        let step = poses.update(|take| fit.each_pose_row(&noise.scaled(1e9), take), prior);
         assert!((step.of_frame(2).unwrap() + moved).norm() < 1e-6);
         assert!(poses.of_frame(2).unwrap().norm() < 1e-6);
     });

@@ -8,11 +8,10 @@
 use std::collections::BTreeMap;
 
 use super::super::options::BodyKind;
-use super::MapContext;
+use super::context::MapContext;
 use super::evidence::{CUBOID, CYLINDER, ELLIPSOID, EXPONENTS, Evidence, KINDS, TRIED, kind_of};
 use super::fit::Fit;
 use super::noise::{LARGEST_CORRELATION, NoiseLevels};
-use super::scene_fit::SceneFit;
 use crate::parallel::map_indices;
 
 /// How often objects are none of the kinds but ellipsoids, before anything is known: the share of the others together.
@@ -65,10 +64,10 @@ impl Kinds {
     }
 
     /// The kind of each object, where all were fitted as ellipsoids.
-    pub(super) fn among(scene: &SceneFit, context: &MapContext) -> Self {
-        // A body of the wrong kind errs alike in neighbouring views: what looks like correlation is what is looked for.
-        let noise = scene.noise_of_independent_views(context);
-        let fits = scene.fit_of_each();
+    ///
+    /// `noise` takes the views as independent: a body of the wrong kind errs alike in neighbouring views, so that what looks
+    /// like correlation is what is looked for.
+    pub(super) fn among(fits: &[Option<&Fit>], noise: NoiseLevels, context: &MapContext) -> Self {
         let ellipsoids = Self::given(BodyKind::Ellipsoid, fits.len());
         let told: Vec<(usize, &Fit)> = fits.iter().enumerate().filter_map(|(k, fit)| Some((k, (*fit)?))).collect();
         let first = map_indices(told.len(), |k| Evidence::first(told[k].1, &noise, context));

@@ -13,6 +13,7 @@ mod alternatives;
 pub(crate) mod body_model;
 mod chi_square;
 mod common_errors;
+mod context;
 mod covariance;
 mod ellipse_residual;
 mod evidence;
@@ -33,6 +34,8 @@ pub(crate) mod normal_equations;
 mod object;
 mod objective;
 mod poses;
+mod prior;
+mod residual_row;
 #[cfg(test)]
 mod residual_tests;
 mod robust;
@@ -42,53 +45,17 @@ mod starts;
 mod upright;
 mod usual_level;
 
-use nalgebra::{Point3, Unit, Vector3};
-
+pub use self::context::MapContext;
 use self::kinds::Kinds;
 use self::scene_fit::SceneFit;
 use super::estimate::Estimate;
-use super::options::{BodyKind, MapOptions};
+use super::options::BodyKind;
 use super::prediction::{Fold, FoldPrediction, predict_fold};
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
 /// Objects from which the noise levels are estimated; larger scenes use this many, evenly spread.
 const NOISE_SAMPLE: usize = 2000;
-
-/// What the objects of a scene share.
-#[derive(Debug, Clone)]
-pub struct MapContext<'a> {
-    /// Names of the categories, by index.
-    pub categories: &'a [String],
-    /// World direction against gravity.
-    pub up: Option<Unit<Vector3<f64>>>,
-    /// Centres of all cameras, for the ground plane.
-    pub cameras: Vec<Point3<f64>>,
-    /// Seed of the hypotheses and of the random starts.
-    pub seed: u64,
-    /// The estimator's options.
-    pub options: &'a MapOptions,
-}
-
-impl<'a> MapContext<'a> {
-    /// What the objects of a scene share.
-    pub fn new(
-        categories: &'a [String],
-        up: Option<Unit<Vector3<f64>>>,
-        cameras: Vec<Point3<f64>>,
-        seed: u64,
-        options: &'a MapOptions,
-    ) -> Self {
-        Self { categories, up, cameras, seed, options }
-    }
-
-    /// Whether the objects have more in common than noise levels: the ground, or cameras that are moved.
-    fn has_shared_unknowns(&self) -> bool {
-        let MapOptions { ground_plane, priors, pose_noise, .. } = self.options;
-        let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);
-        pose_noise.is_some() || (on_ground && self.up.is_some())
-    }
-}
 
 /// The answer for a scene.
 #[derive(Debug, Clone)]
@@ -133,7 +100,8 @@ pub fn map(
         Some(body) => (together(&all(body)), Kinds::given(body, sample.len())),
         None => {
             let ellipsoids = fitted(&all(BodyKind::Ellipsoid));
-            let kinds = Kinds::among(&ellipsoids, context);
+            let noise = ellipsoids.noise_of_independent_views(context);
+            let kinds = Kinds::among(&ellipsoids.fit_of_each(), noise, context);
             let as_they_are = !apart && kinds.of_all() == Some(BodyKind::Ellipsoid);
             (if as_they_are { ellipsoids } else { together(kinds.of_each()) }, kinds)
         }

@@ -4,7 +4,7 @@
 //! finds both out and weighs them so.
 
 use super::super::sigmas::{COMMON_NAMES, SIGMA_NAMES, SPREAD_NAMES, Sigmas};
-use super::common_errors::Spread;
+use super::common_errors::{COMMON_CLASSES, Spread};
 use super::usual_level::most_probable;
 
 /// A kind of measurement error with a standard deviation of its own.
@@ -64,10 +64,6 @@ impl NoiseGroup {
         self.is_edge() || matches!(self, Self::Shape | Self::PartialEllipse)
     }
 }
-
-/// Kinds of measurements whose errors the views of an object may have in common: those of [`NoiseGroup`], hidden edges
-/// with the others.
-pub(super) const COMMON_CLASSES: usize = 7;
 
 /// Number of noise groups.
 const GROUPS: usize = 8;

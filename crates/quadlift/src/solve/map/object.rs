@@ -1,22 +1,19 @@
 //! One object before it is fitted: its measurements and priors in its own frame, and the first ellipsoid.
 
-use std::sync::Arc;
-
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
 
 use super::super::conditioning::ObjectFrame;
 use super::super::estimate::{Estimate, Status};
 use super::super::options::BodyKind;
 use super::super::planes::planes_in_frame;
-use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel};
-use super::first_fit::TURNED_STARTS;
-use super::fit::Fit;
+use super::context::MapContext;
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
 use super::noise::NoiseLevels;
-use super::objective::{ObjectPrior, Objective};
+use super::objective::Objective;
 use super::poses::PoseCorrections;
+use super::prior::{ObjectPrior, object_prior};
 use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
 use crate::scene::{ObjectViews, View};
 
@@ -60,24 +57,6 @@ impl Prepared {
         Self { views, measurements, prior: self.prior.clone(), ..*self }
     }
 
-    /// The first fit: from the starts, and again without the outliers where its residuals show some.
-    pub(super) fn first_fit(self, noise: &NoiseLevels, context: &MapContext) -> Result<Fit, Box<Estimate>> {
-        let failed = Box::new(Estimate::failed(self.views.object_index, self.views.category_index, Status::Diverged));
-        let seed = self.seed(context);
-        let ellipsoid = self.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) = self.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
-        let fit = Fit {
-            prepared: Arc::new(self),
-            ellipsoid,
-            body,
-            equations,
-            outlier_scale: None,
-            ground: None,
-            converged: false,
-        };
-        Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
-    }
-
     /// Seed of what is drawn for this object: it comes from the directions in which its cameras look, so that it is the
     /// same whatever the object's name is, whatever other objects there are, in which order the frames come, which way up
     /// their images are, and where the origin of the world and what its unit is.
@@ -106,7 +85,11 @@ impl Prepared {
             .ok()
             .and_then(|quadric| ellipsoid_from_quadric(&quadric));
         let sphere = unit_sphere(Vector3::zeros());
-        let upright = upright_ellipsoids(&sphere, &self.prior, &centers_from_size(self));
+        let upright = upright_ellipsoids(
+            &sphere,
+            &self.prior,
+            &centers_from_size(&self.views, &self.measurements.frame, &self.prior),
+        );
         [Some(sphere), linear]
             .into_iter()
             .flatten()
@@ -122,28 +105,4 @@ impl Prepared {
 fn hash(numbers: impl Iterator<Item = f64>) -> u64 {
     let mixed = |hash: u64| hash.wrapping_mul(0x100_0000_01B3) ^ (hash >> 29);
     numbers.fold(0xCBF2_9CE4_8422_2325, |hash, number| mixed(hash ^ number.to_bits()))
-}
-
-/// The priors of an object in its frame.
-fn object_prior(views: &ObjectViews, frame: &ObjectFrame, kind: BodyKind, context: &MapContext) -> ObjectPrior {
-    let mut prior = ObjectPrior { shape_weight: 1.0 / context.options.shape_sd, ..Default::default() };
-    prior.axes_are_named = kind != BodyKind::Ellipsoid;
-    let name = views.category_index.map_or("", |index| context.categories[index].as_str());
-    prior.on_ground = context.options.ground_plane && context.up.is_some();
-    let Some(category) = context.options.priors.of(name) else { return prior };
-    prior.on_ground |= category.on_ground && context.up.is_some();
-    if let (Some(up), Some(sd)) = (context.up, category.upright_sd) {
-        prior.up = Some(up.into_inner());
-        prior.upright_weight = 1.0 / sd;
-    }
-    if let Some(size) = category.size {
-        prior.log_size =
-            Some(std::array::from_fn(|k| ((0.5 * size.mean[k] / frame.unit).ln(), size.mean[k] / size.sd[k])));
-        if prior.up.is_none() {
-            prior.up = context.up.map(Unit::into_inner);
-        }
-        // The category's size takes the place of the general shape prior.
-        prior.shape_weight = 0.0;
-    }
-    prior
 }

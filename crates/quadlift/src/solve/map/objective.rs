@@ -1,15 +1,14 @@
 //! What is minimised: whitened residuals of all views, with a robust loss where there are outliers, plus priors.
 
-use nalgebra::Vector3;
-
 use super::super::estimate::Misfit;
 use super::body_model::BodyModel;
 use super::chi_square;
 use super::measurements::{Measurements, Plane};
 use super::noise::{NoiseGroup, NoiseLevels, NoiseStatistics, Weights};
 use super::normal_equations::{NormalEquations, PARAMETERS, Row};
-use super::robust::FEWEST_VIEWS;
-use super::rows::{ResidualRow, view_rows};
+use super::prior::ObjectPrior;
+use super::residual_row::ResidualRow;
+use super::rows::view_rows;
 use crate::geometry::linalg::invert_spd;
 
 /// Residuals of a view for which the scale of the loss and limits on its sum of squares are meant: four edges. Sums of
@@ -39,62 +38,14 @@ pub(super) const CHI2_MEDIAN: f64 = 3.357;
 /// standard deviations it gives way.
 const TAILS: f64 = 9.0;
 
+/// Fewest views of which one can be told to be an outlier.
+pub(super) const FEWEST_VIEWS: usize = 5;
+
 /// Squared residuals below this can be multiplied with those of a whole view without overflow.
 const SMALL_ENOUGH: f64 = 1e20;
 
 /// Whitened residuals beyond this take no part in the correlation between views.
 const WILD: f64 = 4.0;
-
-/// Priors of one object, in its frame.
-#[derive(Debug, Clone, Default)]
-pub(super) struct ObjectPrior {
-    /// 1/sd of the deviation of the log semi-axes from their mean.
-    pub shape_weight: f64,
-    /// Mean and 1/sd of the log semi-axes: length, width, height.
-    pub log_size: Option<[(f64, f64); 3]>,
-    /// Direction against gravity.
-    pub up: Option<Vector3<f64>>,
-    /// 1/sd of the angle between an axis and `up`.
-    pub upright_weight: f64,
-    /// Whether the object stands on the ground plane.
-    pub on_ground: bool,
-    /// The axes of the body model are length, width and height, in this order (set for oriented bodies).
-    pub axes_are_named: bool,
-}
-
-impl ObjectPrior {
-    /// For each axis of the body, which of length (0), width (1) and height (2) it is.
-    pub(super) fn named_axes(&self, body: &impl BodyModel) -> [usize; 3] {
-        if self.axes_are_named {
-            return [0, 1, 2];
-        }
-        let semi_axes = body.semi_axes();
-        let mut names = [0; 3];
-        match &self.up {
-            Some(up) => {
-                let vertical = (body.axes().transpose() * up).iamax();
-                let (a, b) = ((vertical + 1) % 3, (vertical + 2) % 3);
-                let length = if semi_axes[a] >= semi_axes[b] { a } else { b };
-                names[vertical] = 2;
-                names[length] = 0;
-                names[3 - vertical - length] = 1;
-            }
-            None => {
-                // Longest to longest: the only sensible match when no direction is known.
-                let order = |values: [f64; 3]| {
-                    let mut order = [0, 1, 2];
-                    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-                    order
-                };
-                let by_prior = order(self.log_size.unwrap_or_default().map(|(mean, _)| mean));
-                for (axis, name) in order(semi_axes.into()).into_iter().zip(by_prior) {
-                    names[axis] = name;
-                }
-            }
-        }
-        names
-    }
-}
 
 /// The objective of one object.
 #[derive(Debug)]

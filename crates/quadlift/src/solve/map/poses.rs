@@ -5,8 +5,6 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix6, Rotation3, Vector6};
 
 use super::super::options::PoseNoise;
-use super::fit::Fit;
-use super::noise::NoiseLevels;
 use crate::geometry::linalg::solve_spd;
 use crate::scene::ObjectViews;
 
@@ -36,10 +34,12 @@ impl PoseCorrections {
 impl PoseCorrections {
     /// Moves the frames to where the fitted objects want them and the prior allows. Returns by how much they were moved
     /// now, for the objects to follow.
-    pub(super) fn update<'a>(
+    ///
+    /// `each_row` gives every residual of the objects: index of its frame, residual, its derivatives by a motion of the
+    /// camera, weight.
+    pub(super) fn update(
         &mut self,
-        fits: impl Iterator<Item = &'a Fit>,
-        noise: &NoiseLevels,
+        each_row: impl FnOnce(&mut dyn FnMut(usize, f64, Motion, f64)),
         prior: PoseNoise,
     ) -> Self {
         let precision = Matrix6::from_diagonal(&Motion::from_fn(|k, _| {
@@ -47,15 +47,13 @@ impl PoseCorrections {
         }));
         // One step of Gauss and Newton for each frame; the objects stay where they are.
         let mut systems: BTreeMap<usize, (Matrix6<f64>, Motion)> = BTreeMap::new();
-        for fit in fits {
-            fit.each_pose_row(noise, |frame, residual, row, weight| {
-                let (normal, right) = systems.entry(frame).or_insert_with(|| {
-                    (precision, self.frames.get(&frame).map_or_else(Motion::zeros, |moved| precision * moved))
-                });
-                *normal += row * row.transpose() * weight;
-                *right += row * (residual * weight);
+        each_row(&mut |frame, residual, row, weight| {
+            let (normal, right) = systems.entry(frame).or_insert_with(|| {
+                (precision, self.frames.get(&frame).map_or_else(Motion::zeros, |moved| precision * moved))
             });
-        }
+            *normal += row * row.transpose() * weight;
+            *right += row * (residual * weight);
+        });
         let mut step = Self::default();
         for (frame, (normal, right)) in systems {
             if let Some(more) = solve_spd(&normal, &-right).filter(|more| more.iter().all(|x| x.is_finite())) {

@@ -7,8 +7,10 @@ use super::super::sigmas::Sigmas;
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::measurements::Measurements;
 use super::noise::{NoiseGroup, NoiseLevels};
-use super::objective::{ObjectPrior, Objective};
-use super::rows::{ResidualRow, view_rows};
+use super::objective::Objective;
+use super::prior::ObjectPrior;
+use super::residual_row::ResidualRow;
+use super::rows::view_rows;
 use crate::geometry::{
     BoundingBox, CamFromWorld, Ellipse, Ellipsoid, Intrinsics, Projection, SupportLines, project_ellipsoid,
 };

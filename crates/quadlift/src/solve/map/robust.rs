@@ -9,13 +9,10 @@ use super::body_model::{BodyModel, EllipsoidModel};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
 use super::noise::{NoiseGroup, NoiseLevels};
-use super::objective::{CHI2_MEDIAN, OUTLIER_SCALE, Objective, usual_cost};
+use super::objective::{CHI2_MEDIAN, FEWEST_VIEWS, OUTLIER_SCALE, Objective, usual_cost};
 use super::rows::SMALLEST_DEPTH;
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 use crate::scene::View;
-
-/// Fewest views of which one can be told to be an outlier.
-pub(super) const FEWEST_VIEWS: usize = 5;
 
 /// A view whose squared residual is this many times the median view's makes a plain fit suspect. Gaussian residuals of
 /// four edges and 20 views exceed it now and then, so it only asks for a closer look.

@@ -2,22 +2,12 @@
 
 use super::body_model::BodyModel;
 use super::measurements::{Measurements, Plane};
-use super::noise::{NoiseGroup, NoiseLevels};
-use super::normal_equations::Row;
+use super::noise::NoiseLevels;
+use super::residual_row::ResidualRow;
 
 /// Depths below this (in object sizes) are taken as this: the object is at or behind the camera, and its residuals
 /// are very large.
 pub(super) const SMALLEST_DEPTH: f64 = 1e-3;
-
-/// One whitened residual: divided by the noise of its group.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ResidualRow {
-    pub residual: f64,
-    pub row: Row,
-    pub group: NoiseGroup,
-    /// Whether it is a measurement here: not where an edge is cut off and the body reaches beyond it.
-    pub counts: bool,
-}
 
 /// Fills `rows` with the residuals of one view; edges keep their places, those that do not count are zero. `smooth` is
 /// for the way from a start (see [`super::ellipse_residual`]).

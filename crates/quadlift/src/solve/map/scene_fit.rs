@@ -4,19 +4,18 @@ use std::sync::Arc;
 
 use super::super::estimate::{Estimate, Misfit};
 use super::super::options::BodyKind;
-use super::MapContext;
 use super::agreement::{Reference, is_inconsistent, median_level};
 use super::body_model::{BodyModel, EllipsoidModel};
 use super::common_errors::{CommonStatistics, Spread};
+use super::context::MapContext;
 use super::fit::Fit;
 use super::ground::{GroundPlane, LowestPoint};
 use super::kinds::Kinds;
 use super::model::Model;
 use super::noise::{CovarianceLevels, NoiseLevels, NoiseStatistics};
 use super::object::Prepared;
-use super::objective::OUTLIER_SCALE;
+use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
 use super::poses::PoseCorrections;
-use super::robust::FEWEST_VIEWS;
 use super::upright::{UPRIGHT_SHARE, share_of_upright, stands, was_upright};
 use crate::geometry::Body;
 use crate::parallel::map_indices;
@@ -123,7 +122,7 @@ impl SceneFit {
         context: &MapContext,
     ) -> Self {
         let fits =
-            map_indices(kinds.len(), |k| Prepared::new(views_of(k), kinds[k], context)?.first_fit(&noise, context));
+            map_indices(kinds.len(), |k| Fit::first(Prepared::new(views_of(k), kinds[k], context)?, &noise, context));
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
@@ -156,7 +155,8 @@ impl SceneFit {
                 fits.iter_mut().flatten().for_each(|fit| fit.stand_on(ground, up));
             }
             if let Some(prior) = context.options.pose_noise {
-                let step = poses.update(fits.iter().flatten(), &noise, prior);
+                let step = poses
+                    .update(|take| fits.iter().flatten().for_each(|fit| fit.each_pose_row(&noise, &mut *take)), prior);
                 for fit in fits.iter_mut().flatten() {
                     fit.prepared = Arc::new(fit.prepared.with_poses(&step));
                 }
@@ -282,7 +282,7 @@ impl SceneFit {
     /// Another object of the scene, fitted from its starts under what the scene shares.
     fn fit_other(&self, mut views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Fit, Box<Estimate>> {
         self.poses.apply(&mut views);
-        let mut fit = Prepared::new(views, kind, context)?.first_fit(&self.noise, context)?;
+        let mut fit = Fit::first(Prepared::new(views, kind, context)?, &self.noise, context)?;
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on(ground, up);
         }

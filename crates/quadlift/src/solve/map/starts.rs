@@ -4,13 +4,13 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::super::conditioning::ObjectFrame;
 use super::super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
 use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel, horizontal_basis};
-use super::object::Prepared;
-use super::objective::ObjectPrior;
+use super::prior::ObjectPrior;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::{DualQuadric, random_rotation};
-use crate::scene::View;
+use crate::scene::{ObjectViews, View};
 
 /// A start's shortest semi-axis is at least this share of its longest one.
 const ROUNDEST_START: f64 = 0.2;
@@ -204,15 +204,14 @@ fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
 
 /// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
 /// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
-pub(super) fn centers_from_size(prepared: &Prepared) -> Vec<Vector3<f64>> {
-    let frame = &prepared.measurements.frame;
-    let Some([_, _, (log_half_height, _)]) = prepared.prior.log_size else { return Vec::new() };
+pub(super) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior: &ObjectPrior) -> Vec<Vector3<f64>> {
+    let Some([_, _, (log_half_height, _)]) = prior.log_size else { return Vec::new() };
     let whole = |view: &&View| {
         let b = view.bounding_box;
         b.is_some_and(|b| !edges_at_border(&view.in_image(&b), view.image_size, BORDER_TOLERANCE_PX).contains(&true))
     };
     let height = |view: &View| view.bounding_box.map_or(0.0, |b| b.size().y);
-    let tallest = prepared.views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));
+    let tallest = views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));
     let Some(view) = tallest else { return Vec::new() };
     let (Some(bounding_box), Some(camera)) = (view.bounding_box, view.projection.center_in_world()) else {
         return Vec::new();

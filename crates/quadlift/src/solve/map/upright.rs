@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use nalgebra::{Unit, Vector3};
 
-use super::MapContext;
 use super::body_model::{BodyModel, EllipsoidModel};
+use super::context::MapContext;
 use super::evidence::log_determinant_of;
 use super::first_fit::TURNED_STARTS;
 use super::fit::Fit;
@@ -98,7 +98,7 @@ impl Fit {
         let near = self.put_upright(&prepared, &up, noise, context);
         let few = prepared.views.views.len() < FEW_VIEWS;
         let again = || {
-            let fit = Prepared::clone(&prepared).first_fit(noise, context).ok()?;
+            let fit = Self::first(Prepared::clone(&prepared), noise, context).ok()?;
             Some(Self { prepared: prepared.clone(), ground: self.ground, ..fit }.refined(noise, false))
         };
         let again = if few || self.outlier_scale.is_some() || near.is_none() { again() } else { None };

@@ -1,0 +1,40 @@
+//! What the objects of a scene share before they are fitted.
+
+use nalgebra::{Point3, Unit, Vector3};
+
+use super::super::options::MapOptions;
+
+/// What the objects of a scene share.
+#[derive(Debug, Clone)]
+pub struct MapContext<'a> {
+    /// Names of the categories, by index.
+    pub categories: &'a [String],
+    /// World direction against gravity.
+    pub up: Option<Unit<Vector3<f64>>>,
+    /// Centres of all cameras, for the ground plane.
+    pub cameras: Vec<Point3<f64>>,
+    /// Seed of the hypotheses and of the random starts.
+    pub seed: u64,
+    /// The estimator's options.
+    pub options: &'a MapOptions,
+}
+
+impl<'a> MapContext<'a> {
+    /// What the objects of a scene share.
+    pub fn new(
+        categories: &'a [String],
+        up: Option<Unit<Vector3<f64>>>,
+        cameras: Vec<Point3<f64>>,
+        seed: u64,
+        options: &'a MapOptions,
+    ) -> Self {
+        Self { categories, up, cameras, seed, options }
+    }
+
+    /// Whether the objects have more in common than noise levels: the ground, or cameras that are moved.
+    pub(super) fn has_shared_unknowns(&self) -> bool {
+        let MapOptions { ground_plane, priors, pose_noise, .. } = self.options;
+        let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);
+        pose_noise.is_some() || (on_ground && self.up.is_some())
+    }
+}
