@@ -10,7 +10,8 @@ use super::object::{Object, edge_planes};
 use super::observations::Observations;
 use super::statistics::TAILS;
 use crate::geometry::linalg::{cholesky, invert_spd};
-use crate::solve::map::body_model::{BodyModel, EllipsoidModel};
+use crate::solve::map::body_model::BodyModel;
+use crate::solve::map::ellipsoid_model::EllipsoidModel;
 use crate::solve::map::levenberg_marquardt::{Stop, minimise};
 use crate::solve::map::normal_equations::NormalEquations;
 

@@ -16,7 +16,7 @@ pub(crate) mod linalg;
 mod projection;
 pub(crate) mod quadrature;
 mod reach;
-mod rotation;
+pub(crate) mod rotation;
 mod superellipsoid;
 mod support_lines;
 mod vech;

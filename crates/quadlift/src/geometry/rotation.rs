@@ -44,6 +44,13 @@ pub fn random_rotation(rng: &mut impl Rng) -> Rotation3<f64> {
     UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()
 }
 
+/// Two unit vectors that span the plane orthogonal to `up`.
+pub(crate) fn horizontal_basis(up: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let away = if up.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() };
+    let first = up.cross(&away).normalize();
+    [first, up.cross(&first)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

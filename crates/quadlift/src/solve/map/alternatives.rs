@@ -11,7 +11,7 @@ use super::super::options::BodyKind;
 use super::agreement::Reference;
 use super::body_model::BodyModel;
 use super::context::MapContext;
-use super::evidence::log_determinant_of;
+use super::covariance::log_determinant_of;
 use super::first_fit::TURNED_STARTS;
 use super::fit::{Fit, POLISH};
 use super::levenberg_marquardt::minimise;

@@ -2,7 +2,10 @@
 
 use super::super::conditioning::ObjectFrame;
 use super::super::estimate::{Covariance, CovarianceCoordinates, Matrix9};
-use super::body_model::EllipsoidModel;
+use super::ellipsoid_model::EllipsoidModel;
+use super::normal_equations::{NormalEquations, PARAMETERS};
+use crate::geometry::linalg::cholesky;
+use nalgebra::SMatrix;
 
 /// Derivatives of the ellipsoid's centre and `vech A`, in world units, by the parameters of the fit. In these coordinates
 /// the normalised estimation error is right even for narrow baselines; in logarithms of the shape it is ten times too
@@ -27,4 +30,24 @@ pub(super) fn in_world(local: &Matrix9, in_world: &Matrix9, coordinates: Covaria
     let matrix = in_world * local * in_world.transpose();
     let matrix = (matrix + matrix.transpose()) * 0.5;
     matrix.iter().all(|x| x.is_finite()).then_some(Covariance { coordinates, matrix })
+}
+
+/// Precision of a Gaussian with the volume of the rotations that differ for a body with the symmetry of a cuboid with
+/// equal edges: `(2 pi)^(3/2) s^3 = 8 pi^2 / 24`, `1 / s^2`.
+const ROTATION_PRECISION: f64 = 2.84;
+
+/// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal; `None` where H is
+/// singular.
+pub(super) fn log_determinant_of(equations: &NormalEquations) -> Option<f64> {
+    // Twice the sum of the logarithms of Cholesky's diagonal.
+    cholesky(&regularised(equations)).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
+}
+
+/// The normal equations with a prior on the rotation.
+pub(super) fn regularised(equations: &NormalEquations) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
+    let mut hessian = equations.hessian();
+    for k in 3..6 {
+        hessian[(k, k)] += ROTATION_PRECISION;
+    }
+    hessian
 }

@@ -3,11 +3,14 @@
 //! For each kind the evidence in Laplace's approximation: how well the boxes are fitted, less what the freedom of the body
 //! is worth.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SVector, Vector3};
 
 use super::super::options::BodyKind;
-use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
+use super::oriented_model::{Form, OrientedModel};
 use super::context::MapContext;
+use super::covariance::{log_determinant_of, regularised};
 use super::first_fit::{TURNED_STARTS, best_of, descended};
 use super::fit::Fit;
 use super::model::Model;
@@ -16,7 +19,7 @@ use super::normal_equations::{NormalEquations, PARAMETERS};
 use super::object::Prepared;
 use super::objective::Objective;
 use super::starts::{along_each_axis, oriented_starts, turned_axes};
-use crate::geometry::linalg::{cholesky, solve_spd};
+use crate::geometry::linalg::solve_spd;
 
 /// The exponents of superellipsoids that are tried.
 pub(super) const EXPONENTS: [f64; 3] = [1.75, 1.5, 1.25];
@@ -41,10 +44,6 @@ const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
 /// shape prior's 0.4, twice).
 const ROUND_SD: f64 = 0.1;
 const ANY_SD: f64 = 0.566;
-
-/// Precision of a Gaussian with the volume of the rotations that differ for a body with the symmetry of a cuboid with
-/// equal edges: `(2 pi)^(3/2) s^3 = 8 pi^2 / 24`, `1 / s^2`.
-const ROTATION_PRECISION: f64 = 2.84;
 
 /// Degrees of freedom with which the noise of the scene is believed to be that of an object.
 const FREEDOM_OF_SCENE: f64 = 8.0;
@@ -204,21 +203,6 @@ impl<'a> Search<'a> {
         let start = |(axes, sizes): (_, Vector3<f64>)| OrientedModel::new(center, axes, sizes * size, form);
         turned_axes(self.ellipsoid, &self.object.prior).into_iter().map(start).collect()
     }
-}
-
-/// `ln det H` with a prior on the rotation, of which three parameters know nothing where axes are equal; `None` where H is
-/// singular.
-pub(super) fn log_determinant_of(equations: &NormalEquations) -> Option<f64> {
-    // Twice the sum of the logarithms of Cholesky's diagonal.
-    cholesky(&regularised(equations)).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
-}
-
-fn regularised(equations: &NormalEquations) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
-    let mut hessian = equations.hessian();
-    for k in 3..6 {
-        hessian[(k, k)] += ROTATION_PRECISION;
-    }
-    hessian
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! The first fit of a body of each kind, from an ellipsoid.
 
 use super::super::options::BodyKind;
-use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
+use super::oriented_model::{Form, OrientedModel};
 use super::levenberg_marquardt::{Stop, minimise};
 use super::model::Model;
 use super::noise::NoiseLevels;

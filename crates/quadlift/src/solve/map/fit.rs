@@ -7,7 +7,8 @@ use nalgebra::{Unit, Vector3, Vector6};
 use super::super::estimate::{Covariance, Estimate, Matrix9, Misfit, Status, Warning};
 use super::super::report::{describe, is_a_body};
 use super::agreement::{Reference, is_inconsistent};
-use super::body_model::{BodyModel, EllipsoidModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
 use super::common_errors::{
     CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
 };
@@ -126,6 +127,11 @@ impl Fit {
             let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
             (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / (ground.unevenness * lowest.unevenness()))
         });
+    }
+
+    /// Whether the prior has it that the object stands.
+    pub(super) fn is_upright(&self) -> bool {
+        self.prepared.prior.upright_weight > 0.0
     }
 
     /// For every residual of the last fit: index of the frame, residual, its derivatives by a motion of the camera

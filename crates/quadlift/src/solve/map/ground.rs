@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
-use super::body_model::horizontal_basis;
+use crate::geometry::rotation::horizontal_basis;
 use crate::geometry::linalg::solve_spd;
 
 /// Standard deviation of the plane's slopes before anything is known.

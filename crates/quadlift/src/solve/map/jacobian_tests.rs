@@ -5,7 +5,9 @@ use proptest::prelude::*;
 
 use super::super::conditioning::ObjectFrame;
 use super::super::sigmas::Sigmas;
-use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
+use super::oriented_model::{Form, OrientedModel};
 use super::measurements::{Measurements, Plane};
 use super::noise::NoiseLevels;
 use super::normal_equations::NormalEquations;

@@ -11,6 +11,8 @@
 mod agreement;
 mod alternatives;
 pub(crate) mod body_model;
+pub(crate) mod ellipsoid_model;
+mod oriented_model;
 mod chi_square;
 mod common_errors;
 mod context;

@@ -4,7 +4,9 @@ use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 
 use super::super::conditioning::ObjectFrame;
 use super::super::estimate::{CovarianceCoordinates, Matrix9};
-use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
+use super::oriented_model::{Form, OrientedModel};
 use super::covariance;
 use super::normal_equations::{NormalEquations, Row};
 use crate::geometry::{Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid};

@@ -1,19 +1,20 @@
 //! One object before it is fitted: its measurements and priors in its own frame, and the first ellipsoid.
 
-use nalgebra::Vector3;
+use nalgebra::{Unit, Vector3};
 
 use super::super::conditioning::ObjectFrame;
 use super::super::estimate::{Estimate, Status};
 use super::super::options::BodyKind;
 use super::super::planes::planes_in_frame;
-use super::body_model::{BodyModel, EllipsoidModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
 use super::context::MapContext;
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
 use super::noise::NoiseLevels;
 use super::objective::Objective;
 use super::poses::PoseCorrections;
-use super::prior::{ObjectPrior, object_prior};
+use super::prior::{ObjectPrior, TILT_SD, object_prior};
 use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
 use crate::scene::{ObjectViews, View};
 
@@ -63,6 +64,16 @@ impl Prepared {
     pub(super) fn seed(&self, context: &MapContext) -> u64 {
         let of_view = |view: &View| hash(view.projection.m().row(2).iter().copied());
         context.seed ^ self.views.views.iter().map(of_view).fold(0, u64::wrapping_add)
+    }
+
+    /// The same object with some axis of it along `up`; as it is where its category says how upright it is.
+    pub(super) fn standing(&self, up: &Unit<Vector3<f64>>) -> Self {
+        let mut standing = self.clone();
+        if standing.prior.upright_weight <= 0.0 {
+            standing.prior.up = Some(up.into_inner());
+            standing.prior.upright_weight = 1.0 / TILT_SD;
+        }
+        standing
     }
 
     /// The objective of the object, not on any ground plane.

@@ -8,6 +8,9 @@ use super::body_model::BodyModel;
 use super::context::MapContext;
 use crate::scene::ObjectViews;
 
+/// Standard deviation of the tilt of an object that stands, radians (3 degrees): of the object, and of `up` itself.
+pub(super) const TILT_SD: f64 = 0.05;
+
 /// Priors of one object, in its frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ObjectPrior {

@@ -4,7 +4,8 @@ use nalgebra::{Matrix3x4, Point3, Rotation3, Vector2, Vector3};
 
 use super::super::conditioning::ObjectFrame;
 use super::super::sigmas::Sigmas;
-use super::body_model::{BodyModel, EllipsoidModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
 use super::measurements::Measurements;
 use super::noise::{NoiseGroup, NoiseLevels};
 use super::objective::Objective;

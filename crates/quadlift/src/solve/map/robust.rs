@@ -5,7 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::super::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
-use super::body_model::{BodyModel, EllipsoidModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
 use super::levenberg_marquardt::{Stop, minimise};
 use super::measurements::Measurements;
 use super::noise::{NoiseGroup, NoiseLevels};

@@ -6,7 +6,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::super::conditioning::ObjectFrame;
 use super::super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
-use super::body_model::{BodyModel, EllipsoidModel, Form, OrientedModel, horizontal_basis};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
+use super::oriented_model::{Form, OrientedModel};
+use crate::geometry::rotation::horizontal_basis;
 use super::prior::ObjectPrior;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::{DualQuadric, random_rotation};

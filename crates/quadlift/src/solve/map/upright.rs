@@ -10,9 +10,10 @@ use std::sync::Arc;
 
 use nalgebra::{Unit, Vector3};
 
-use super::body_model::{BodyModel, EllipsoidModel};
+use super::body_model::BodyModel;
+use super::ellipsoid_model::EllipsoidModel;
 use super::context::MapContext;
-use super::evidence::log_determinant_of;
+use super::covariance::log_determinant_of;
 use super::first_fit::TURNED_STARTS;
 use super::fit::Fit;
 use super::levenberg_marquardt::minimise;
@@ -20,11 +21,9 @@ use super::model::Model;
 use super::noise::NoiseLevels;
 use super::normal_equations::{NormalEquations, PARAMETERS};
 use super::object::{FROM_START, Prepared};
+use super::prior::TILT_SD;
 use super::starts::set_upright;
 use crate::geometry::linalg::cholesky;
-
-/// Standard deviation of the tilt of an object that stands, radians (3 degrees): of the object, and of `up` itself.
-const TILT_SD: f64 = 0.05;
 
 /// Share of the objects that stand before anything is known; where objects do not depend on each other, for good.
 ///
@@ -69,24 +68,7 @@ pub(super) fn was_upright(body: &impl BodyModel, up: &Vector3<f64>) -> bool {
     body.axes().tr_mul(up).amax() > (2.0 * TILT_SD).cos()
 }
 
-impl Prepared {
-    /// The same object with some axis of it along `up`; as it is where its category says how upright it is.
-    pub(super) fn standing(&self, up: &Unit<Vector3<f64>>) -> Self {
-        let mut standing = self.clone();
-        if standing.prior.upright_weight <= 0.0 {
-            standing.prior.up = Some(up.into_inner());
-            standing.prior.upright_weight = 1.0 / TILT_SD;
-        }
-        standing
-    }
-}
-
 impl Fit {
-    /// Whether the prior has it that the object stands.
-    pub(super) fn is_upright(&self) -> bool {
-        self.prepared.prior.upright_weight > 0.0
-    }
-
     /// The fit of the same object standing, and the logarithm of its odds against this one under equal shares; `None`
     /// where nothing is asked: it stands already, `up` is not known, or a prior on the size of its category has taken the
     /// place of the shape prior, without which the odds mean nothing (cars in two and three views of KITTI: O3D .60 and .68
