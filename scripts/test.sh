@@ -12,11 +12,14 @@ if ! command -v cargo >/dev/null; then
 fi
 # A changed snapshot is a failure here, never a file to be reviewed later.
 export INSTA_UPDATE=no
-cargo test --workspace --locked --no-run "$@"
+# `quadlift reproduce` is a feature that is off by default. All scripts build the program with --workspace and this feature, so
+# that nothing is compiled twice (-p quadlift-cli alone gives its dependencies other features).
+features=(--features quadlift-cli/reproduce)
+cargo test --workspace "${features[@]}" --locked --no-run "$@"
 # A test that hangs is a failure: cargo names those that have been running for more than a minute. All of them take about
 # ten minutes of two cores.
 limit=()
 if command -v timeout >/dev/null; then
     limit=(timeout --verbose --kill-after=30 "${QUADLIFT_TEST_MINUTES:-90}m")
 fi
-"${limit[@]}" cargo test --workspace --locked --no-fail-fast "$@"
+"${limit[@]}" cargo test --workspace "${features[@]}" --locked --no-fail-fast "$@"

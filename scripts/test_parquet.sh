@@ -7,4 +7,5 @@ cd "$(dirname "$0")/.."
 feature=(-p quadlift-io -p quadlift-cli --features quadlift-cli/parquet --locked)
 cargo clippy "${feature[@]}" --all-targets -- -D warnings
 cargo test "${feature[@]}" --lib --test fuzz_seeds
-cargo test "${feature[@]}" --test program export
+# The program without `reproduce`: the other tests have it.
+cargo test "${feature[@]}" --test program -- export reproduce

@@ -10,6 +10,10 @@ pub mod import_detections;
 pub mod info;
 pub mod localize;
 pub mod render;
+#[cfg(feature = "reproduce")]
+pub mod reproduce;
+#[cfg(not(feature = "reproduce"))]
+#[path = "reproduce_missing.rs"]
 pub mod reproduce;
 pub mod segment;
 pub mod synth;

@@ -592,11 +592,6 @@ fn paths() -> Vec<Case> {
             make: Box::new(|folder| folder.write("taken", "")),
             ..called("a demo in place of a file", 1, "demo --out taken")
         },
-        called("an experiment without its data", 1, "reproduce tuw --data nowhere"),
-        Case {
-            make: Box::new(|folder| folder.write("taken", "")),
-            ..called("results in place of a file", 1, "reproduce synthetic --out taken")
-        },
     ]
 }
 

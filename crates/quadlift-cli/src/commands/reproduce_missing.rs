@@ -1,0 +1,22 @@
+//! `quadlift reproduce` in a program that was built without the feature `reproduce`: says how to get it.
+
+use std::ffi::OsString;
+
+use crate::error::{Outcome, usage};
+use crate::output::Output;
+
+/// For research: rerun the experiments of the paper (not in this build)
+#[derive(clap::Args)]
+#[command(hide = true, disable_help_flag = true)]
+pub struct Args {
+    /// Whatever follows; the program that has the command checks it.
+    #[arg(allow_hyphen_values = true, trailing_var_arg = true)]
+    _arguments: Vec<OsString>,
+}
+
+pub fn run(_: &Args, _: &Output) -> anyhow::Result<Outcome> {
+    usage(
+        "this program was built without `reproduce`, which is for research; to get it: cargo install --path \
+         crates/quadlift-cli --features reproduce",
+    )
+}
