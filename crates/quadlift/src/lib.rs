@@ -31,11 +31,13 @@
 #![forbid(unsafe_code)]
 
 pub mod associate;
+mod body_model;
 pub mod cross_validation;
 pub mod diagnose;
 pub mod geometry;
 mod localize;
 pub mod metrics;
+mod optimize;
 mod parallel;
 pub mod scene;
 pub mod solve;

@@ -22,37 +22,12 @@
 //!
 //! Nothing is drawn at random: the same input gives the same answer, on any number of threads.
 
-mod assignment;
-mod births;
-mod candidates;
-mod clutter;
-mod dissolve;
-mod doubt;
-mod evidence;
-mod fit;
-mod frame_order;
-mod frame_shift;
-mod free_boxes;
-mod gain;
-mod growth;
-mod hygiene;
-mod input_ids;
-pub(crate) mod matching;
-mod merge;
-mod model;
-mod object;
-mod observations;
+mod implausible;
+mod input;
 mod options;
-mod outcome;
-mod point_tree;
-mod problem;
-mod range_tree;
-mod rays;
-mod rounds;
+mod result;
+mod score;
 mod search;
-mod sizes;
-mod sphere_score;
-mod state;
 mod statistics;
 #[cfg(test)]
 mod test_scenes;
@@ -61,12 +36,14 @@ mod tests;
 mod warning;
 
 pub use options::{AssociateError, AssociateOptions, IdUse, Part};
-pub use outcome::{AssociatedObject, Association, NotUsed, Outcome};
+pub use result::{AssociatedObject, Association, NotUsed, Outcome};
 pub use warning::AssociationWarning;
 
 use crate::scene::Scene;
-use observations::Observations;
-use problem::Problem;
+use input::context::Problem;
+use input::observations::Observations;
+use input::preselect;
+use search::passes;
 
 /// Divides the detections of a scene into objects.
 ///
@@ -81,12 +58,12 @@ pub fn associate(
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Association, AssociateError> {
     options.check()?;
-    let (detections, not_used) = hygiene::select(scene, options)?;
+    let (detections, not_used) = preselect::select(scene, options)?;
     let observations = Observations::new(scene, &detections);
     let problem = Problem::new(scene, &observations, options);
     let frames = observations.cameras.iter().filter(|c| !c.boxes.is_empty()).count();
-    let state = search::search(&problem, observations, progress);
-    let mut association = outcome::collect(scene, &detections, &problem, &state);
+    let state = passes::search(&problem, observations, progress);
+    let mut association = result::collect(scene, &detections, &problem, &state);
     association.not_used = not_used;
     if association.objects.is_empty() {
         association.outcome = match frames {

@@ -2,8 +2,8 @@
 
 use nalgebra::{Point3, Rotation3, Vector3};
 
-use super::model::Model;
-use super::observations::Observations;
+use super::input::observations::Observations;
+use super::score::scene_statistics::Model;
 use crate::geometry::{Ellipsoid, project_ellipsoid};
 use crate::scene::{DetectionInput, Scene, SceneBuilder};
 use crate::synthetic::{SyntheticOptions, Trajectory, generate};

@@ -70,8 +70,8 @@ impl Diagnosis {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{CauseName, diagnose};
     use super::*;
-    use crate::diagnose::{CauseName, diagnose};
     use crate::solve::{CategoryPrior, SizePrior};
     use crate::synthetic::{SyntheticOptions, Trajectory, generate};
 

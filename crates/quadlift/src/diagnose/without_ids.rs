@@ -42,7 +42,7 @@ const ENOUGH_FRAMES: usize = 5;
 /// under each hypothesis, which may take seconds.
 ///
 /// # Errors
-/// Those of [`associate()`] with the same options.
+/// Those of [`crate::associate()`] with the same options.
 pub fn diagnose_association(
     scene: &Scene,
     association: &Association,

@@ -115,8 +115,8 @@ fn outer_root(gap: impl Fn(f64) -> f64, start: f64, towards: f64, depth: f64, re
 
 #[cfg(test)]
 mod tests {
+    use super::super::{CamFromWorld, Cuboid, Intrinsics, Superellipsoid};
     use super::*;
-    use crate::geometry::{CamFromWorld, Cuboid, Intrinsics, Superellipsoid};
     use nalgebra::Rotation3;
     use proptest::prelude::*;
 

@@ -45,8 +45,8 @@ mod tests {
 
     use nalgebra::{Point3, Vector2};
 
+    use super::super::{Cuboid, Cylinder, Superellipsoid};
     use super::*;
-    use crate::geometry::{Cuboid, Cylinder, Superellipsoid};
 
     fn place() -> (Point3<f64>, Rotation3<f64>) {
         (Point3::new(1.0, -2.0, 3.0), Rotation3::from_euler_angles(0.3, -0.7, 1.1))

@@ -1,8 +1,8 @@
 //! Which found body is which true one, where no ids tell.
 
 use super::iou3d_ellipsoids;
-use crate::associate::matching::{Pair, best_pairs};
 use crate::geometry::Ellipsoid;
+use crate::optimize::matching::{Pair, best_pairs};
 
 /// A found and a true body that belong together.
 #[derive(Debug, Clone, Copy, PartialEq)]

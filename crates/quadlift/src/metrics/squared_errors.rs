@@ -107,9 +107,9 @@ fn distance<const N: usize>(error: &SVector<f64, 9>, covariance: &Matrix9, param
 
 #[cfg(test)]
 mod tests {
+    use super::super::nees;
     use super::*;
     use crate::geometry::Cuboid;
-    use crate::metrics::nees;
     use nalgebra::Point3;
 
     fn covariance(coordinates: CovarianceCoordinates) -> Covariance {

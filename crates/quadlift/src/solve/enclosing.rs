@@ -12,8 +12,8 @@
 
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, SVector, Vector3};
 
+use super::closed_form::planes::{edge_plane, support_plane};
 use super::conditioning::ObjectFrame;
-use super::planes::{edge_plane, support_plane};
 use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;

@@ -30,9 +30,9 @@ pub(crate) fn warn_of_implausible_sizes(estimates: &mut [Estimate], categories: 
 mod tests {
     use nalgebra::{Point3, Rotation3, Vector3};
 
+    use super::super::{CategoryPrior, SizePrior, Status};
     use super::*;
     use crate::geometry::{Body, Cuboid};
-    use crate::solve::{CategoryPrior, SizePrior, Status};
 
     /// Warnings about a thing of these extents.
     fn warnings(category: &str, extents: [f64; 3]) -> Vec<Warning> {

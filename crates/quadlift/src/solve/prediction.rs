@@ -1,7 +1,7 @@
 //! What a body predicts for a view that had no part in it: the box, its overlap with the measured one, and the errors of
 //! its edges (ours).
 
-use super::planes::{BORDER_TOLERANCE_PX, edges_at_border};
+use super::closed_form::planes::{BORDER_TOLERANCE_PX, edges_at_border};
 use crate::geometry::{Body, BoundingBox, project_bounding_box};
 use crate::scene::{ObjectViews, View};
 

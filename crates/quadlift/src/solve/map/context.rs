@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Unit, Vector3};
 
-use super::super::options::MapOptions;
+use crate::solve::options::MapOptions;
 
 /// What the objects of a scene share.
 #[derive(Debug, Clone)]

@@ -8,48 +8,16 @@
 //! Rounds: fit every object from its starts with default noise; look for outliers where the residuals show some
 //! (`robust`); then alternate between new noise levels and refits until the levels stand.
 
-mod agreement;
-mod alternatives;
-pub(crate) mod body_model;
-pub(crate) mod ellipsoid_model;
-mod oriented_model;
-mod chi_square;
-mod common_errors;
 mod context;
-mod covariance;
-mod ellipse_residual;
-mod evidence;
-mod few_views;
-mod first_fit;
-mod fit;
-#[cfg(test)]
-mod fit_tests;
-mod ground;
-#[cfg(test)]
-mod jacobian_tests;
-mod kinds;
-pub(crate) mod levenberg_marquardt;
-mod measurements;
-mod model;
 mod noise;
-pub(crate) mod normal_equations;
-mod object;
-mod objective;
-mod poses;
-mod prior;
-mod residual_row;
-#[cfg(test)]
-mod residual_tests;
-mod robust;
-mod rows;
-mod scene_fit;
-mod starts;
-mod upright;
-mod usual_level;
+pub(crate) mod object;
+mod residuals;
+mod scene;
+mod shared;
 
 pub use self::context::MapContext;
-use self::kinds::Kinds;
-use self::scene_fit::SceneFit;
+use self::scene::body_selection::Kinds;
+use self::scene::scene_fit::SceneFit;
 use super::estimate::Estimate;
 use super::options::BodyKind;
 use super::prediction::{Fold, FoldPrediction, predict_fold};

@@ -1,0 +1,222 @@
+//! What association finds.
+
+use std::collections::{HashMap, HashSet};
+
+use super::implausible::doubts;
+use super::input::context::Problem;
+use super::options::IdUse;
+use super::score::evidence::evidence;
+use super::score::object::Object;
+use super::search::state::State;
+use super::warning::AssociationWarning;
+use crate::geometry::Ellipsoid;
+use crate::scene::Scene;
+use nalgebra::Point3;
+
+/// Detections that took no part, by reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct NotUsed {
+    /// They are of another source.
+    pub other_source: usize,
+    /// Their score is too low.
+    pub low_score: usize,
+    /// They overlap a better one of their frame and category.
+    pub duplicate: usize,
+}
+
+/// How an association ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Outcome {
+    /// There are objects.
+    Found,
+    /// No detection takes part.
+    #[default]
+    NoDetections,
+    /// The detections are in fewer frames than an object needs views.
+    TooFewFrames,
+    /// No boxes of different frames agree on an object.
+    NothingAgrees,
+}
+
+impl Outcome {
+    /// The outcome in words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Found => "objects were found",
+            Self::NoDetections => "there are no detections to associate",
+            Self::TooFewFrames => "the detections are in fewer frames than an object needs views",
+            Self::NothingAgrees => "no detections of different frames agree on an object",
+        }
+    }
+}
+
+/// An object that association has found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AssociatedObject {
+    /// Its id: the one that most of its detections came with, where no other object has it, else a new one.
+    pub id: String,
+    /// Index into [`Scene::categories`]: the category of most of its detections.
+    pub category_index: Option<u32>,
+    /// Number of its detections, each in a frame of its own.
+    pub views: usize,
+    /// Number of frames in which it should be detected, if nothing hides it; at least `views`.
+    pub expected_views: usize,
+    /// Logarithm of how much better its detections are explained by it than by clutter (nats); absent for trusted ids
+    /// whose detections no ellipsoid explains.
+    pub evidence: Option<f64>,
+    /// The quick fit of the association, in the world; the estimators give a better one.
+    pub ellipsoid: Option<Ellipsoid>,
+    /// Why it may not be one standing object.
+    pub doubtful: Option<AssociationWarning>,
+}
+
+/// The result for a scene.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Association {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// For each detection of the scene, the index of its object in `objects`.
+    pub object_of_detection: Vec<Option<u32>>,
+    /// The objects, in the order of their first detections.
+    pub objects: Vec<AssociatedObject>,
+    /// Detections that took no part.
+    pub not_used: NotUsed,
+    /// Detections that took part and belong to no object.
+    pub clutter: usize,
+    /// Standard deviation of box edges relative to the mean half size of the box, as the objects show it.
+    pub edge_sd: f64,
+    /// The part of the standard deviation of box edges that does not depend on the box, pixels: as given, or as found.
+    pub pixel_sd: f64,
+    /// Standard deviation of the shifts of whole frames, which errors of their poses cause, pixels.
+    pub frame_shift_sd: f64,
+}
+
+impl Association {
+    /// The scene with the objects of this association: the detections that took part name their objects or, where they
+    /// belong to none, nothing.
+    ///
+    /// Detections of other sources keep the ids they have. Detections that were left out for their score or as
+    /// duplicates name nothing.
+    pub fn applied_to(&self, scene: &Scene, source: Option<u32>) -> Scene {
+        let mut result = scene.clone();
+        result.object_ids = self.objects.iter().map(|o| o.id.clone()).collect();
+        let mut by_id: HashMap<String, u32> =
+            result.object_ids.iter().enumerate().map(|(index, id)| (id.clone(), index as u32)).collect();
+        for (index, detection) in result.detections.iter_mut().enumerate() {
+            let is_other = source.is_some() && detection.source_index != source;
+            detection.object_index = match detection.object_index {
+                Some(old) if is_other => {
+                    let id = &scene.object_ids[old as usize];
+                    let next = result.object_ids.len() as u32;
+                    Some(*by_id.entry(id.clone()).or_insert_with(|| {
+                        result.object_ids.push(id.clone());
+                        next
+                    }))
+                }
+                _ => self.object_of_detection.get(index).copied().flatten(),
+            };
+        }
+        result
+    }
+}
+
+/// An object with the detections that are its own.
+struct Found<'a> {
+    /// Indices into the scene, ascending.
+    members: Vec<usize>,
+    object: Option<&'a Object>,
+    doubt: Option<AssociationWarning>,
+    trusted_id: Option<u32>,
+}
+
+/// Collects the result of a search.
+pub(crate) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, state: &State) -> Association {
+    let observations = &state.observations;
+    let mut found: Vec<Found> = Vec::new();
+    for (object, doubt) in state.objects.iter().zip(doubts(problem, state)) {
+        let mut members: Vec<usize> = object.boxes.iter().map(|&i| observations.boxes[i as usize].detection).collect();
+        members.sort_unstable();
+        found.push(Found { members, object: Some(object), doubt, trusted_id: object.trusted_id });
+    }
+    if problem.options.ids == IdUse::Trust {
+        // Ids whose boxes no ellipsoid explains stay all the same.
+        let explained: HashSet<u32> = state.objects.iter().filter_map(|o| o.trusted_id).collect();
+        let mut others: HashMap<u32, Vec<usize>> = HashMap::new();
+        for &index in detections {
+            if let Some(id) = scene.detections[index].object_index.filter(|id| !explained.contains(id)) {
+                others.entry(id).or_default().push(index);
+            }
+        }
+        let named = |(id, members)| Found { members, object: None, doubt: None, trusted_id: Some(id) };
+        found.extend(others.into_iter().map(named));
+    }
+    found.sort_by(|a, b| a.members.first().cmp(&b.members.first()));
+    let mut association = Association {
+        object_of_detection: vec![None; scene.detections.len()],
+        edge_sd: state.model.edge_sd,
+        pixel_sd: state.model.pixel_sd,
+        frame_shift_sd: state.model.shift_sd,
+        clutter: detections.len().saturating_sub(found.iter().map(|f| f.members.len()).sum()),
+        ..Default::default()
+    };
+    let names = names(scene, &found, problem.options.ids);
+    for (index, (Found { members, object, doubt, .. }, id)) in found.into_iter().zip(names).enumerate() {
+        for &member in &members {
+            association.object_of_detection[member] = Some(index as u32);
+        }
+        let category_index = match object {
+            Some(object) => observations.categories[object.category],
+            None => members.first().and_then(|&m| scene.detections[m].category_index),
+        };
+        let ellipsoid = object.and_then(|o| {
+            Ellipsoid::from_shape(Point3::from(o.center + observations.origin), &(o.root * o.root.transpose())).ok()
+        });
+        association.objects.push(AssociatedObject {
+            id,
+            category_index,
+            views: members.len(),
+            expected_views: object.map_or(0, |o| o.visible).max(members.len()),
+            evidence: object.map(|o| evidence(problem, observations, &state.model, o)),
+            ellipsoid,
+            doubtful: doubt,
+        });
+    }
+    association.outcome = if association.objects.is_empty() { Outcome::NothingAgrees } else { Outcome::Found };
+    association
+}
+
+/// Ids of the objects: the one that most of an object's detections came with (the object with most of them gets it), or
+/// a new one that the scene does not use.
+fn names(scene: &Scene, found: &[Found], ids: IdUse) -> Vec<String> {
+    let mut claims: Vec<(usize, u32, usize)> = Vec::new();
+    for (object, Found { members, trusted_id, .. }) in found.iter().enumerate() {
+        if let Some(id) = *trusted_id {
+            claims.push((usize::MAX, id, object));
+        } else if ids == IdUse::Evidence {
+            let mut counts: HashMap<u32, usize> = HashMap::new();
+            for id in members.iter().filter_map(|&m| scene.detections[m].object_index) {
+                *counts.entry(id).or_default() += 1;
+            }
+            let most = counts.into_iter().max_by_key(|&(id, count)| (count, std::cmp::Reverse(id)));
+            claims.extend(most.map(|(id, count)| (count, id, object)));
+        }
+    }
+    claims.sort_by_key(|&(count, id, object)| (std::cmp::Reverse(count), object, id));
+    let mut names: Vec<Option<String>> = vec![None; found.len()];
+    let mut given = HashSet::new();
+    for (_, id, object) in claims {
+        if given.insert(id) {
+            names[object] = Some(scene.object_ids[id as usize].clone());
+        }
+    }
+    let taken: HashSet<&str> = scene.object_ids.iter().map(String::as_str).collect();
+    let mut next = 0;
+    let mut new_name = || loop {
+        let name = format!("object_{next:04}");
+        next += 1;
+        if !taken.contains(name.as_str()) {
+            return name;
+        }
+    };
+    names.into_iter().map(|name| name.unwrap_or_else(&mut new_name)).collect()
+}

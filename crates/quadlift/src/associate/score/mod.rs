@@ -1,0 +1,13 @@
+//! Scores of hypotheses in one currency, log likelihood ratios: of a box for an object, of spheres from pairs of rays, of an
+//! object against clutter; and the fit of an object's body.
+
+pub(crate) mod evidence;
+pub(crate) mod fit;
+pub(crate) mod free_boxes;
+pub(crate) mod input_ids;
+pub(crate) mod log_likelihood_ratio;
+pub(crate) mod object;
+pub(crate) mod range_tree;
+pub(crate) mod rays;
+pub(crate) mod scene_statistics;
+pub(crate) mod sphere_score;

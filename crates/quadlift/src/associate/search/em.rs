@@ -1,0 +1,65 @@
+//! Expectation-maximisation: boxes are assigned, bodies fitted, the scene's noise learnt, weak objects given up, new
+//! ones born of what is left.
+
+use super::frame_shift::learn_shifts;
+use super::merge::drop_nested;
+use super::reseed::dissolve_weak;
+use super::state::State;
+use crate::associate::input::context::Problem;
+use crate::associate::options::Part;
+
+/// Rounds, at most.
+pub(crate) const ROUNDS: usize = 8;
+
+/// Rounds that begin with births, besides the third last.
+const BIRTH_ROUNDS: usize = 2;
+
+/// Rounds in which a fit also starts from a sphere.
+const SPHERE_ROUNDS: usize = 1;
+
+impl State {
+    /// All rounds; ends early when nothing changes any more. A thorough run dissolves weak objects and tries again.
+    pub fn run(&mut self, problem: &Problem, report: &impl Fn(), thorough: bool) {
+        let (mut before, mut tried) = (None, Vec::new());
+        for round in 0..ROUNDS {
+            let last_births = ROUNDS - 3;
+            if round < BIRTH_ROUNDS || round == last_births {
+                let count = self.objects.len();
+                if round == 1 {
+                    // The first round has learnt the shifts of the frames: everything is worth another try.
+                    tried.clear();
+                }
+                self.add_births(problem, &mut tried);
+                self.model.objects = self.objects.len() as f64;
+                if round == 0 {
+                    self.learn(problem);
+                }
+                if self.objects.len() > count {
+                    self.merge(problem);
+                }
+            }
+            if self.objects.is_empty() {
+                return;
+            }
+            self.assign_and_fit(problem, round < SPHERE_ROUNDS);
+            self.learn(problem);
+            learn_shifts(&mut self.observations, &mut self.model, &self.objects);
+            self.give_up_weak(problem);
+            self.merge(problem);
+            if round >= last_births && problem.options.uses(Part::Nested) {
+                let objects = std::mem::take(&mut self.objects);
+                self.objects = drop_nested(problem, &self.observations, &self.model, objects);
+            }
+            let dissolves = thorough && problem.options.uses(Part::Dissolve);
+            if dissolves && (round + 1 == last_births || round == last_births) {
+                dissolve_weak(problem, self);
+            }
+            report();
+            let now = Some(self.owners());
+            if now == before && round > last_births {
+                return;
+            }
+            before = now;
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! The search for the best division: boxes to objects, births, merges, rounds of expectation and maximisation, passes.
+
+pub(crate) mod assignment;
+pub(crate) mod births;
+pub(crate) mod candidates;
+pub(crate) mod em;
+pub(crate) mod frame_shift;
+pub(crate) mod growth;
+pub(crate) mod merge;
+pub(crate) mod passes;
+pub(crate) mod reseed;
+pub(crate) mod state;

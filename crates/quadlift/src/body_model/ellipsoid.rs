@@ -1,0 +1,159 @@
+//! An ellipsoid that fits move.
+
+use nalgebra::{Matrix3, SVector, Vector3};
+
+use super::{BodyModel, LARGEST_ASPECT};
+use crate::geometry::linalg::symmetric_eigen3;
+use crate::geometry::rotation::horizontal_basis;
+use crate::optimize::normal_equations::{NormalEquations, Row};
+
+/// An ellipsoid: `A <- B exp(D) B^T` with `A = B B^T`, D symmetric (E5): no singularity at spheres, no order of axes.
+///
+/// B is kept as `V diag(a)` with the eigenvectors V of A, so that the matrix logarithm of the prior is diagonal.
+#[derive(Debug, Clone)]
+pub(crate) struct EllipsoidModel {
+    center: Vector3<f64>,
+    axes: Matrix3<f64>,
+    semi_axes: Vector3<f64>,
+    /// `B^T`, rows `a_i v_i^T`.
+    root_transposed: Matrix3<f64>,
+}
+
+/// Entry of the parameter vector for each entry (i, j), i >= j, of the symmetric step D.
+const STEP_INDEX: [[usize; 3]; 3] = [[3, 4, 5], [4, 6, 7], [5, 7, 8]];
+
+impl EllipsoidModel {
+    /// From centre and shape matrix; `None` when the shape is not positive definite.
+    pub(crate) fn new(center: Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
+        let (values, axes) = symmetric_eigen3(shape)?;
+        if values[2] <= 0.0 || values[0] > values[2] * LARGEST_ASPECT * LARGEST_ASPECT {
+            return None;
+        }
+        Some(Self::from_axes(center, axes, values.map(f64::sqrt)))
+    }
+
+    /// From centre, orthonormal axes (columns) and semi-axes.
+    pub(crate) fn from_axes(center: Vector3<f64>, axes: Matrix3<f64>, semi_axes: Vector3<f64>) -> Self {
+        let root_transposed = Matrix3::from_diagonal(&semi_axes) * axes.transpose();
+        Self { center, axes, semi_axes, root_transposed }
+    }
+
+    /// `B` with `A = B B^T`.
+    pub(crate) fn root(&self) -> Matrix3<f64> {
+        self.root_transposed.transpose()
+    }
+
+    /// Derivative of `vech(A)` (6) by the six entries of D, at D = 0.
+    pub(crate) fn shape_jacobian(&self) -> nalgebra::SMatrix<f64, 6, 6> {
+        let root = self.root();
+        let mut jacobian = nalgebra::SMatrix::<f64, 6, 6>::zeros();
+        for (k, &(i, j)) in crate::geometry::VECH3.iter().enumerate() {
+            let (b, c) = (root.column(i), root.column(j));
+            let change = if i == j { b * b.transpose() } else { b * c.transpose() + c * b.transpose() };
+            jacobian.set_column(k, &crate::geometry::vech3(&change));
+        }
+        jacobian
+    }
+}
+
+impl BodyModel for EllipsoidModel {
+    fn center(&self) -> &Vector3<f64> {
+        &self.center
+    }
+
+    fn semi_axes(&self) -> Vector3<f64> {
+        self.semi_axes
+    }
+
+    fn axes(&self) -> &Matrix3<f64> {
+        &self.axes
+    }
+
+    #[inline]
+    fn support_gradient(&self, n: &Vector3<f64>) -> (f64, [f64; 6]) {
+        // h^2 = |u|^2 with u = B^T n; dh = u^T D u / (2 h).
+        let u = self.root_transposed * n;
+        let h = u.norm();
+        let v = u / h;
+        let w = 0.5 * u;
+        (h, [w.x * v.x, u.x * v.y, u.x * v.z, w.y * v.y, u.y * v.z, w.z * v.z])
+    }
+
+    fn root_transposed(&self) -> Option<&Matrix3<f64>> {
+        Some(&self.root_transposed)
+    }
+
+    fn retract(&self, step: &SVector<f64, 9>) -> Option<Self> {
+        let half = Matrix3::from_fn(|i, j| 0.5 * step[STEP_INDEX[i][j]]);
+        let root = exp_symmetric(&half) * self.root_transposed;
+        Self::new(self.center + step.fixed_rows::<3>(0), &(root.transpose() * root))
+    }
+
+    fn add_shape_prior(&self, weight: f64, equations: &mut NormalEquations) {
+        // W = 1/2 log A without its trace; in the eigenbasis dW_ij = 1/2 kappa_ij D_ij.
+        let log = self.semi_axes.map(f64::ln);
+        let mean = log.sum() / 3.0;
+        for i in 0..3 {
+            let mut row = [0.0; 9];
+            for k in 0..3 {
+                row[STEP_INDEX[k][k]] = 0.5 * weight * (f64::from(i == k) - 1.0 / 3.0);
+            }
+            equations.add_quadratic(weight * (log[i] - mean), &row);
+            for j in 0..i {
+                let mut row = [0.0; 9];
+                row[STEP_INDEX[i][j]] = std::f64::consts::FRAC_1_SQRT_2 * weight * log_slope(log[i] - log[j]);
+                equations.add_quadratic(0.0, &row);
+            }
+        }
+    }
+
+    fn log_axes_gradient(&self) -> [Row; 3] {
+        std::array::from_fn(|i| {
+            let mut row = [0.0; 9];
+            row[STEP_INDEX[i][i]] = 0.5;
+            row
+        })
+    }
+
+    fn add_upright_prior(&self, up: &Vector3<f64>, weight: f64, equations: &mut NormalEquations) {
+        // The two entries of 1/2 log A between `up` and the horizontal: zero when `up` is an axis, and smooth where
+        // axes are equal. For a small tilt they are the tilt times the difference of the log semi-axes.
+        let log = self.semi_axes.map(f64::ln);
+        let vertical = self.axes.transpose() * up;
+        for horizontal in horizontal_basis(up) {
+            let h = self.axes.transpose() * horizontal;
+            let mut row = [0.0; 9];
+            let mut residual = 0.0;
+            for i in 0..3 {
+                residual += vertical[i] * h[i] * log[i];
+                row[STEP_INDEX[i][i]] = 0.5 * weight * vertical[i] * h[i];
+                for j in 0..i {
+                    row[STEP_INDEX[i][j]] =
+                        0.5 * weight * log_slope(log[i] - log[j]) * (vertical[i] * h[j] + vertical[j] * h[i]);
+                }
+            }
+            equations.add_quadratic(weight * residual, &row);
+        }
+    }
+}
+
+/// `sqrt(p q) (ln p - ln q) / (p - q)` for p / q = exp(2 difference): the slope of the matrix logarithm between two
+/// eigenvalues, relative to their geometric mean.
+fn log_slope(difference: f64) -> f64 {
+    if difference.abs() < 1e-4 { 1.0 - difference * difference / 6.0 } else { difference / difference.sinh() }
+}
+
+/// `exp(S)` of a symmetric 3x3 matrix of moderate size, by scaling and squaring of the Taylor series.
+fn exp_symmetric(s: &Matrix3<f64>) -> Matrix3<f64> {
+    let scaled = s / 8.0;
+    let mut term = scaled;
+    let mut sum = Matrix3::identity() + scaled;
+    for k in 2..9 {
+        term = term * scaled / k as f64;
+        sum += term;
+    }
+    for _ in 0..3 {
+        sum = sum * sum;
+    }
+    sum
+}

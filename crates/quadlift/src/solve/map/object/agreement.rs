@@ -1,0 +1,97 @@
+//! Whether an object's measurements agree with its body, given the noise of the scene (ours).
+//!
+//! The misfit of an object is its mean squared whitened residual per degree of freedom: about one where its boxes err
+//! like those of the scene. A false box among few views cannot be left out, because there are too few others to
+//! contradict it; the body is then a compromise whose misfit is hundreds of times that of the other objects.
+//!
+//! False boxes raise the scene's own noise level too, while there are too few views to leave them out. So misfits are
+//! compared with that of the median object ([`Reference`]) and not with one; never with more than the noise level
+//! itself, and never with less than what no detector reaches.
+
+use crate::optimize::chi_square::over_freedom;
+use crate::solve::estimate::Misfit;
+use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels};
+use crate::solve::options::MapOptions;
+
+/// What misfits are compared with: the noise levels times this factor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Reference(f64);
+
+/// Edge noise, relative to the half size of a box, below which residuals are not told apart: rounding of boxes to pixels
+/// and bodies that are not quite of the right kind leave more than exact data do.
+const FINEST_NOISE: f64 = 0.01;
+
+impl Reference {
+    /// For a scene whose objects have these misfits under its noise levels. Levels that were given alone count, whatever
+    /// other objects there are.
+    pub(crate) fn among(noise: &NoiseLevels, misfits: impl Iterator<Item = Misfit>, options: &MapOptions) -> Self {
+        if options.sigmas.is_some() { Self::of_noise(noise) } else { Self::of_scene(noise, misfits) }
+    }
+
+    /// The noise levels themselves.
+    fn of_noise(noise: &NoiseLevels) -> Self {
+        Self(1.0f64.max(FINEST_NOISE / noise.of(NoiseGroup::Edge)))
+    }
+
+    /// From the misfits of the scene's objects under its noise levels.
+    fn of_scene(noise: &NoiseLevels, misfits: impl Iterator<Item = Misfit>) -> Self {
+        Self(median_level(misfits).max(FINEST_NOISE / noise.of(NoiseGroup::Edge)))
+    }
+
+    /// Not more than the noise levels themselves: a scene of a single object, or one in which most objects hold a false
+    /// box, does not excuse them.
+    pub(crate) fn at_most_the_noise(self, noise: &NoiseLevels) -> Self {
+        Self(self.0.min(Self::of_noise(noise).0))
+    }
+
+    /// A misfit under the noise levels, against the reference.
+    pub(crate) fn against(self, misfit: Misfit) -> Misfit {
+        Misfit { deviations: misfit.deviations / self.0, ..misfit }
+    }
+
+    /// The factor on the noise levels.
+    pub(crate) fn factor(self) -> f64 {
+        self.0
+    }
+}
+
+/// The median misfit of objects, in standard deviations of the noise: over the degrees of freedom, since up to half of them
+/// may belong to objects with false boxes. One where no object tells.
+pub(crate) fn median_level(misfits: impl Iterator<Item = Misfit>) -> f64 {
+    // Of chi-square with few degrees of freedom the median lies below the mean (Wilson and Hilferty).
+    let mut levels: Vec<(f64, f64)> = misfits
+        .filter(|misfit| misfit.freedom > 0.0)
+        .map(|misfit| (misfit.deviations.powi(2) / over_freedom(misfit.freedom, 0.0), misfit.freedom))
+        .collect();
+    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * levels.iter().map(|(_, freedom)| freedom).sum::<f64>();
+    let mut sum = 0.0;
+    let median = levels.iter().find(|(_, freedom)| {
+        sum += freedom;
+        sum >= half
+    });
+    median.map_or(1.0, |(level, _)| level.sqrt())
+}
+
+/// Whether a misfit (against the reference) is far beyond what noise does.
+pub(crate) fn is_inconsistent(misfit: &Misfit) -> bool {
+    let expected = over_freedom(misfit.freedom.max(1.0), ONE_IN_1000);
+    misfit.relative > SMALLEST_MISFIT && misfit.deviations.powi(2) > HETEROGENEITY * expected
+}
+
+/// Whether a misfit (against the reference) is one that noise makes.
+pub(crate) fn agrees(misfit: &Misfit) -> bool {
+    misfit.deviations.powi(2) < over_freedom(misfit.freedom.max(1.0), ONE_IN_100)
+}
+
+/// Standard deviations of a Gaussian that one of 1000 exceeds.
+const ONE_IN_1000: f64 = 3.09;
+
+/// Standard deviations of a Gaussian that one of 100 exceeds.
+const ONE_IN_100: f64 = 2.33;
+
+/// How much larger than the scene's the variance of an object's errors may be.
+const HETEROGENEITY: f64 = 2.0;
+
+/// Misfits below this, relative to the half size of the boxes, are no contradiction, however small the scene's noise is.
+const SMALLEST_MISFIT: f64 = 0.1;

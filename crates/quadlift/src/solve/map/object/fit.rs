@@ -1,0 +1,388 @@
+//! A fitted object, on its way through the rounds to an estimate.
+
+use std::sync::Arc;
+
+use nalgebra::{Unit, Vector3, Vector6};
+
+use super::agreement::{Reference, is_inconsistent};
+use super::covariance;
+use super::first_fit::{ALL, TURNED_STARTS};
+use super::model::Model;
+use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
+use super::outliers::fit_without_outliers;
+use super::problem::{FROM_START, Prepared};
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::geometry::linalg::invert_spd;
+use crate::optimize::levenberg_marquardt::{End, Minimum, Stop, minimise, minimum};
+use crate::optimize::normal_equations::NormalEquations;
+use crate::scene::View;
+use crate::solve::estimate::{Covariance, Estimate, Matrix9, Misfit, Status, Warning};
+use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::common_errors::{
+    CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
+};
+use crate::solve::map::noise::levels::{CovarianceLevels, NoiseLevels, NoiseStatistics};
+use crate::solve::map::residuals::measurements::Plane;
+use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
+use crate::solve::report::{describe, is_a_body};
+
+/// Between two estimates of the noise levels.
+const BETWEEN_ROUNDS: Stop = Stop { evaluations: 6, promised_decrease: 0.1 };
+
+/// The end.
+pub(crate) const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
+
+/// A fit whose cost could still fall by more than this has not converged: it is about the square of the distance to the
+/// minimum, in standard deviations of the estimate, of which a tenth does not matter.
+const LARGEST_PROMISE: f64 = 0.01;
+
+/// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
+const SUSPECT_COST: f64 = 12.0;
+
+/// Norm of a view's whitened residuals with which it does not count as used though no outliers were looked for: five
+/// standard deviations of each of four edges. Of
+/// Student's t distribution, the likelihood of an edge, one edge in 280,000 reaches it by itself.
+const FAR_BEYOND_NOISE: f64 = 10.0;
+
+/// Rounds in which a body with several starts is sought from other ones.
+const RESTARTED: usize = 2;
+
+/// A fitted object.
+#[derive(Clone)]
+pub(crate) struct Fit {
+    pub prepared: Arc<Prepared>,
+    /// The ellipsoid from whose starts the body came.
+    pub ellipsoid: EllipsoidModel,
+    pub body: Model,
+    pub equations: NormalEquations,
+    /// Set where the views hold outliers.
+    pub outlier_scale: Option<f64>,
+    /// The ground plane in the object's frame, where the object stands on it.
+    pub ground: Option<(Plane, f64)>,
+    /// Whether the last iteration ended at a minimum.
+    pub converged: bool,
+}
+
+impl Fit {
+    /// The first fit: from the starts, and again without the outliers where its residuals show some.
+    pub(crate) fn first(object: Prepared, noise: &NoiseLevels, context: &MapContext) -> Result<Self, Box<Estimate>> {
+        let failed =
+            Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
+        let seed = object.seed(context);
+        let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
+        let (body, equations) = object.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
+        let fit = Self {
+            prepared: Arc::new(object),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale: None,
+            ground: None,
+            converged: false,
+        };
+        Ok(if context.options.robust { fit.without_outliers(noise, context).unwrap_or(fit) } else { fit })
+    }
+
+    pub(crate) fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
+        Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
+    }
+
+    /// The lowest point of the body against `up`, for the ground plane; `None` where it does not stand on it.
+    pub(crate) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
+        let Prepared { views, measurements, prior, .. } = &*self.prepared;
+        if !prior.on_ground {
+            return None;
+        }
+        let frame = &measurements.frame;
+        let level = Plane { n: up.into_inner(), d: 0.0 };
+        let (reach, _) = self.body.support_gradient(&level.n);
+        // What the object knows without the plane: its row is taken out of the inverse again (Sherman-Morrison).
+        let covariance = invert_spd(&self.equations.hessian())?;
+        let variance_along = |plane: &Plane| {
+            let row = nalgebra::SVector::from(lowest_point(plane, &self.body).1);
+            (row.transpose() * covariance * row)[0]
+        };
+        let with = variance_along(&level);
+        let told = self.ground.map_or(0.0, |(_, weight)| weight * weight * with);
+        let free = (1.0 - told).max(0.05);
+        let variance = with / free;
+        // Likewise the point is put back to where it would be without the plane's pull.
+        let pulled = self.ground.map_or(0.0, |(plane, _)| lowest_point(&plane, &self.body).0);
+        let lowest = self.body.center() - level.n * reach + level.n * (pulled * (1.0 / free - 1.0));
+        let point = frame.point_in_world(&lowest);
+        let nearest = views.views.iter().filter_map(|view| Some((view.projection.center_in_world()? - point).norm()));
+        Some(LowestPoint {
+            point,
+            variance: variance * frame.unit * frame.unit,
+            height: 2.0 * reach * frame.unit,
+            distance: nearest.fold(f64::INFINITY, f64::min),
+        })
+    }
+
+    /// Puts the body on the ground plane.
+    pub(crate) fn stand_on(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
+        self.ground = self.lowest_point(up).map(|lowest| {
+            let frame = &self.prepared.measurements.frame;
+            let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
+            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / (ground.unevenness * lowest.unevenness()))
+        });
+    }
+
+    /// Whether the prior has it that the object stands.
+    pub(crate) fn is_upright(&self) -> bool {
+        self.prepared.prior.upright_weight > 0.0
+    }
+
+    /// For every residual of the last fit: index of the frame, residual, its derivatives by a motion of the camera
+    /// (rotation vector about its centre, shift; world axes and units) and its weight. That the body is seen from
+    /// another side when the camera turns is left out: it is small against where the body appears.
+    pub(crate) fn each_pose_row(&self, noise: &NoiseLevels, mut take: impl FnMut(usize, f64, Vector6<f64>, f64)) {
+        let Prepared { views, measurements, .. } = &*self.prepared;
+        let center = measurements.frame.point_in_world(self.body.center());
+        let cameras: Vec<_> = views.views.iter().map(|view| view.projection.center_in_world()).collect();
+        self.objective(noise, self.outlier_scale).each_row(&self.body, |view, row, weight| {
+            let Some(camera) = cameras[view] else { return };
+            // Moving the camera is moving the body the other way.
+            let by_point = Vector3::new(row.row[0], row.row[1], row.row[2]) / measurements.frame.unit;
+            let by_turn = -(center - camera).cross(&by_point);
+            let derivative = Vector6::new(by_turn.x, by_turn.y, by_turn.z, -by_point.x, -by_point.y, -by_point.z);
+            take(views.views[view].frame_index, row.residual, derivative, weight);
+        });
+    }
+
+    /// Residual statistics under the noise levels of the last fit.
+    pub(crate) fn statistics(&self, noise: &NoiseLevels, context: &MapContext) -> NoiseStatistics {
+        let objective = self.objective(noise, self.outlier_scale);
+        objective.statistics(&self.body, &self.equations, context.options.correlated_views)
+    }
+
+    /// Logarithm of the evidence for the noise levels of the last fit, up to what does not depend on them; `None` when the
+    /// normal equations are singular.
+    pub(crate) fn evidence(&self, noise: &NoiseLevels) -> Option<f64> {
+        self.objective(noise, self.outlier_scale).evidence(&self.body, &self.equations)
+    }
+
+    /// A fit that leaves outliers out, where this plain one shows some.
+    pub(crate) fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
+        let prepared = &self.prepared;
+        let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
+        let seed = prepared.seed(context);
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, seed)?;
+        let (body, equations) = prepared.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
+        Some(Self {
+            prepared: prepared.clone(),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale: Some(OUTLIER_SCALE),
+            ground: self.ground,
+            converged: false,
+        })
+    }
+
+    /// The better one of the fit and another from the first starts, for noise levels that are far from those of the
+    /// first fit: where the measurements determine little, its valley need not be the right one.
+    pub(crate) fn restarted(self, noise: &NoiseLevels, context: &MapContext) -> Self {
+        if self.outlier_scale.is_some() {
+            return self;
+        }
+        let again = || {
+            let ellipsoid = self.prepared.fit_ellipsoid(noise)?;
+            let seed = self.prepared.seed(context);
+            let (body, _) = self.prepared.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
+            let objective = self.objective(noise, None);
+            let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
+            (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
+        };
+        again().unwrap_or(self)
+    }
+
+    /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and
+    /// for outliers where the residuals are much larger than the noise.
+    pub(crate) fn reconsidered(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
+        let mut fit = self.refined(noise, false);
+        if self.prepared.has_several_starts() {
+            // Other random rotations than before.
+            let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
+            let again = |scale| {
+                let (body, _) = self.prepared.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
+                let objective = self.objective(noise, scale);
+                minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
+            };
+            let restart = round < RESTARTED || self.prepared.prior.log_size.is_some();
+            if restart
+                && let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost)
+            {
+                (fit.body, fit.equations) = (body, equations);
+            }
+            // A wrong start can look like outliers: where all views agree with another one there are none.
+            if let Some((body, equations)) = fit.outlier_scale.and_then(|_| again(None)) {
+                let costs = fit.prepared.objective(noise, None).view_costs(&body);
+                if costs.iter().all(|cost| *cost <= OUTLIER_SCALE * OUTLIER_SCALE) {
+                    (fit.body, fit.equations, fit.outlier_scale) = (body, equations, None);
+                }
+            }
+        }
+        if fit.outlier_scale.is_some() || !context.options.robust {
+            return fit;
+        }
+        let costs = fit.prepared.objective(noise, None).view_costs(&fit.body);
+        let mean = costs.iter().sum::<f64>() / costs.len().max(1) as f64;
+        (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
+    }
+
+    /// The fit under new noise levels. Where it cannot be evaluated under them its cost is infinite, and it ends as
+    /// diverged.
+    pub(crate) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
+        let stop = if last { POLISH } else { BETWEEN_ROUNDS };
+        let plain = self.objective(noise, None);
+        let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
+        let objective = Objective { outlier_scale: scale, ..plain };
+        match minimum(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
+            Some(Minimum { state: body, equations, end }) => {
+                let converged = !matches!(end, End::UsedUp { promised } if promised > LARGEST_PROMISE);
+                Self { body, equations, outlier_scale: scale, converged, ..self.clone() }
+            }
+            None => Self { equations: NormalEquations::nowhere(), ..self.clone() },
+        }
+    }
+
+    /// Root mean square of each view's whitened residuals, over those that count.
+    fn view_deviations(&self, noise: &NoiseLevels) -> Vec<Option<f64>> {
+        let mut sums = vec![(0.0, 0usize); self.prepared.views.views.len()];
+        self.objective(noise, None).each_row(&self.body, |view, row, _| {
+            sums[view].0 += row.residual * row.residual;
+            sums[view].1 += usize::from(row.counts);
+        });
+        sums.into_iter().map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt())).collect()
+    }
+
+    /// How far the measurements are from the body under the noise levels of the last fit.
+    pub(crate) fn misfit(&self, noise: &NoiseLevels) -> Option<Misfit> {
+        self.objective(noise, self.outlier_scale).misfit(&self.body, &self.equations)
+    }
+
+    /// The fit without views that are far beyond the noise, where it is a plain one to enough views: it has followed them
+    /// a little, and they do not count as used.
+    pub(crate) fn without_far_views(self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Self {
+        let enough = self.prepared.views.views.len() >= FEWEST_VIEWS;
+        let limit = self.largest_cost(reference);
+        if self.outlier_scale.is_some() || !context.options.robust || !enough {
+            return self;
+        }
+        let far = self.view_costs(noise).into_iter().any(|cost| cost > limit);
+        if far { Self { outlier_scale: Some(OUTLIER_SCALE), ..self }.refined(noise, true) } else { self }
+    }
+
+    /// Squared norm of each view's whitened residuals, as if there were four of them.
+    fn view_costs(&self, noise: &NoiseLevels) -> Vec<f64> {
+        self.prepared.objective(noise, None).view_costs(&self.body)
+    }
+
+    /// The squared norm of a view's whitened residuals beyond which it is rejected.
+    fn largest_cost(&self, reference: Reference) -> f64 {
+        let far = (FAR_BEYOND_NOISE * reference.factor()).max(OUTLIER_SCALE);
+        self.outlier_scale.map_or(far, |scale| scale.min(far)).powi(2)
+    }
+
+    /// The measurements that count, for what their errors have in common.
+    fn common_rows(&self, noise: &NoiseLevels) -> Vec<CommonRow> {
+        let measured = &self.prepared.measurements.views;
+        let objective = self.objective(noise, self.outlier_scale);
+        let weights = noise.weights(measured.len());
+        let mut rows = Vec::with_capacity(4 * measured.len());
+        let (mut last_view, mut component) = (usize::MAX, 0);
+        objective.each_row(&self.body, |view, row, weight| {
+            component = if view == last_view { component + 1 } else { 1 };
+            last_view = view;
+            if !row.counts || weight <= 0.0 {
+                return;
+            }
+            let normal = Vector3::new(row.row[0], row.row[1], row.row[2]);
+            let (component, direction, reach) = if row.group.is_edge() {
+                let noise = noise.of(row.group) * noise.size_factor(measured[view].half_size);
+                (0, normal.normalize(), self.body.support_gradient(&normal).0 * noise)
+            } else {
+                (component, measured[view].axis, 1.0)
+            };
+            if reach > 0.0 && reach.is_finite() && direction.iter().all(|x| x.is_finite()) {
+                let total_weight = weight * weights.of(row.group);
+                let (group, residual, row) = (row.group, row.residual, row.row);
+                let class = group.common_class();
+                let slope = weight * objective.relative_slope(group, residual);
+                rows.push(CommonRow {
+                    view,
+                    class,
+                    component,
+                    direction,
+                    reach,
+                    residual,
+                    row,
+                    weight,
+                    slope,
+                    total_weight,
+                });
+            }
+        });
+        rows
+    }
+
+    /// What the residuals tell about errors that the views have in common, and about this object.
+    pub(crate) fn common_statistics(&self, noise: &NoiseLevels) -> (CommonStatistics, ObjectAgreement) {
+        let Some(covariance) = invert_spd(&self.equations.hessian()) else { return Default::default() };
+        let rows = self.common_rows(noise);
+        (CommonStatistics::of_object(&rows, &covariance), ObjectAgreement::new(&rows, &covariance))
+    }
+
+    /// The covariance of noise, and of errors that the views have in common.
+    fn covariance(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Covariance> {
+        let of_noise = invert_spd(&self.equations.hessian())?;
+        let local = if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
+        covariance::in_world(&local, &self.body.world_map(&self.prepared.measurements.frame), self.body.coordinates())
+    }
+
+    /// A covariance of noise with what its inverse normal equations do not know.
+    fn with_common_errors(&self, of_noise: &Matrix9, noise: &NoiseLevels) -> Matrix9 {
+        let CovarianceLevels { common, spread } = noise.covariance_levels();
+        let rows = self.common_rows(noise);
+        let relative =
+            if spread.variance > 0.0 { ObjectAgreement::new(&rows, of_noise).relative_variance(*spread) } else { 1.0 };
+        let local = scaled_covariance(&rows, relative * cost_of_robustness(&rows), of_noise);
+        if common.iter().all(|level| *level == 0.0) {
+            return local;
+        }
+        // Small residuals do not show that the body suits the object better: it may have followed the measurements.
+        local + added_covariance(&rows, common, of_noise) * relative.max(1.0)
+    }
+
+    /// The estimate in the world.
+    pub(crate) fn estimate(&self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Estimate {
+        let Prepared { views, measurements, .. } = &*self.prepared;
+        let blank = Estimate::failed(views.object_index, views.category_index, Status::Ok);
+        let body = self.body.body_in_world(&measurements.frame);
+        let behind = |view: &View| view.projection.depth(&measurements.frame.point_in_world(self.body.center())) <= 0.0;
+        if !self.equations.cost.is_finite() || views.views.iter().all(behind) || !is_a_body(&body, &views.views) {
+            return Estimate { status: Status::Diverged, ..blank };
+        }
+        let costs = self.view_costs(noise);
+        let limit = self.largest_cost(reference);
+        let inlier = |view: usize| costs[view] <= limit;
+        let mut estimate = describe(blank, body, &views.views, inlier, context.options.enclosing_quantile);
+        for (view, deviations) in estimate.views.iter_mut().zip(self.view_deviations(noise)) {
+            view.deviations = deviations.map(|x| x / reference.factor());
+        }
+        estimate.covariance = self.covariance(noise, context);
+        if estimate.covariance.is_none() {
+            estimate.warnings.push(Warning::NoCovariance);
+        }
+        if !self.converged {
+            estimate.warnings.push(Warning::NotConverged);
+        }
+        estimate.misfit = self.misfit(noise).map(|misfit| reference.against(misfit));
+        if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
+            estimate.status = Status::Inconsistent;
+        }
+        self.with_alternatives(estimate, noise, reference, context)
+    }
+}

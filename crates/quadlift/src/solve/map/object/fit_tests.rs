@@ -1,0 +1,175 @@
+//! What fits say of cameras that move, and of bodies that are none.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, Point3, Unit, Vector3, Vector6};
+
+use super::agreement::Reference;
+use super::fit::Fit;
+use super::model::Model;
+use super::objective::lowest_point;
+use super::problem::Prepared;
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::localize::Options;
+use crate::optimize::normal_equations::NormalEquations;
+use crate::scene::ObjectViews;
+use crate::solve::estimate::Status;
+use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::shared::ground::GroundPlane;
+use crate::solve::map::shared::poses::PoseCorrections;
+use crate::solve::options::{BodyKind, MapOptions, PoseNoise};
+use crate::synthetic::{Observations, SyntheticOptions, generate};
+
+/// An object of five views, with a ball for its body, and the options.
+fn ball(test: impl Fn(&Fit, &NoiseLevels, &MapContext)) {
+    ball_on_ground(None, test);
+}
+
+/// The same where objects stand on a ground plane if the direction against gravity is known.
+fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLevels, &MapContext)) {
+    let make = SyntheticOptions { objects: 1, views: 5, observations: Observations::Boxes, ..Default::default() };
+    let scene = generate(&make).unwrap().scene;
+    let detections: Vec<u32> = (0..5).collect();
+    let views: ObjectViews = scene.object_views(0, &detections);
+    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Options::default().map };
+    let context = MapContext::new(&scene.categories, up, Vec::new(), 0, &options);
+    let prepared = Prepared::new(views, BodyKind::Ellipsoid, &context).unwrap();
+    let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
+    let noise = NoiseLevels::new(67.0);
+    let equations = prepared.objective(&noise, None).linearise(&body).unwrap();
+    let ellipsoid = body.clone();
+    let (prepared, body) = (Arc::new(prepared), Model::Ellipsoid(body));
+    let fit = Fit { prepared, ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true };
+    test(&fit, &noise, &context);
+}
+
+/// Residuals of all views after the camera of a frame has been moved.
+fn residuals(fit: &Fit, noise: &NoiseLevels, by: Vector6<f64>) -> Vec<f64> {
+    let moved = PoseCorrections::of_frames(BTreeMap::from([(2, by)]));
+    let prepared = fit.prepared.with_poses(&moved);
+    let mut all = Vec::new();
+    prepared.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
+    all
+}
+
+#[test]
+fn residuals_follow_a_camera_that_turns_or_moves() {
+    ball(|fit, noise, _| {
+        let mut rows = Vec::new();
+        fit.each_pose_row(noise, |frame, _, derivative, _| rows.push((frame, derivative)));
+        assert_eq!(rows.len(), 20);
+        for k in 0..6 {
+            // A ball looks the same from all sides: turns have no other effect than to move it.
+            let step = if k < 3 { 1e-6 } else { 1e-4 };
+            let mut by = Vector6::zeros();
+            by[k] = step;
+            let (plus, minus) = (residuals(fit, noise, by), residuals(fit, noise, -by));
+            for (row, (frame, derivative)) in rows.iter().enumerate() {
+                let numeric = (plus[row] - minus[row]) / (2.0 * step);
+                let analytic = if *frame == 2 { derivative[k] } else { 0.0 };
+                let scale = derivative.fixed_rows::<3>(k / 3 * 3).amax();
+                assert!((numeric - analytic).abs() < 1e-3 * scale, "{row} {k}: {numeric} {analytic}");
+            }
+        }
+    });
+}
+
+#[test]
+fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
+    ball(|fit, noise, _| {
+        let moved = Vector6::new(0.01, -0.02, 0.03, 0.4, 0.5, -0.6);
+        let mut poses = PoseCorrections::of_frames(BTreeMap::from([(2, moved)]));
+        let prior = PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 };
+        // With this noise measurements are worth nothing.
+        let step = poses.update(|take| fit.each_pose_row(&noise.scaled(1e9), take), prior);
+        assert!((step.of_frame(2).unwrap() + moved).norm() < 1e-6);
+        assert!(poses.of_frame(2).unwrap().norm() < 1e-6);
+    });
+}
+
+#[test]
+fn bodies_that_have_run_away_have_diverged() {
+    ball(|fit, noise, context| {
+        let ends = |body: Model, equations: NormalEquations| {
+            let fit = Fit { body, equations, ..fit.clone() };
+            fit.estimate(noise, Reference::among(noise, std::iter::empty(), context.options), context)
+        };
+        assert_eq!(ends(fit.body.clone(), fit.equations).status, Status::Ok);
+        // Behind the cameras, a point, nowhere.
+        let away = *fit.body.center() - fit.prepared.measurements.views[0].axis * 1e4;
+        for (center, radius) in [(away, 0.9), (*fit.body.center(), 1e-4), (*fit.body.center(), 1e4)] {
+            let body = EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(radius));
+            let estimate = ends(Model::Ellipsoid(body), fit.equations);
+            assert_eq!((estimate.status, estimate.center), (Status::Diverged, None), "{center} {radius}");
+        }
+        assert_eq!(ends(fit.body.clone(), NormalEquations::nowhere()).status, Status::Diverged);
+    });
+}
+
+/// A plane through a point of the world, sloped.
+fn ground(through: Point3<f64>, up: &Unit<Vector3<f64>>) -> GroundPlane {
+    let normal = (up.into_inner() + Vector3::new(0.05, 0.02, 0.0)).normalize();
+    let offset = 0.7;
+    // Heights are `normal . (x - reference) + offset`.
+    GroundPlane { reference: through + normal * offset, normal, offset, unevenness: 1.5 }
+}
+
+#[test]
+fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
+    let up = Unit::new_normalize(Vector3::new(0.1, -0.2, 1.0));
+    ball_on_ground(Some(up), |fit, _, _| {
+        let through = Point3::new(1.0, -2.0, -3.0);
+        let plane = ground(through, &up);
+        let frame = &fit.prepared.measurements.frame;
+        let center = frame.point_in_world(fit.body.center());
+        let radius = 0.9 * frame.unit;
+        let lowest = fit.lowest_point(&up).unwrap();
+        assert!((lowest.point - (center - up.into_inner() * radius)).norm() < 1e-9 * radius, "{lowest:?}");
+        assert!((lowest.height - 2.0 * radius).abs() < 1e-9 * radius);
+        let mut standing = fit.clone();
+        standing.stand_on(&plane, &up);
+        let (local, weight) = standing.ground.unwrap();
+        let found = lowest_point(&local, &fit.body).0 * weight;
+        // Of a ball the point nearest to the plane lies along its normal.
+        let expected = (plane.normal.dot(&(center - through)) - radius) / (1.5 * lowest.unevenness());
+        assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{found} {expected}");
+    });
+    // Without a known direction nothing stands.
+    ball(|fit, _, _| assert!(fit.lowest_point(&up).is_none()));
+}
+
+#[test]
+fn the_grounds_own_pull_is_taken_out_of_what_an_object_tells_of_it() {
+    let up = Vector3::z_axis();
+    ball_on_ground(Some(up), |fit, noise, _| {
+        // Little is known of the object, so that the ground has a say.
+        let noise = noise.scaled(10.0);
+        let free = fit.refined(&noise, true);
+        let alone = free.lowest_point(&up).unwrap();
+        let deviation = alone.variance.sqrt();
+        // A plane that lies lower by half a deviation of the object's lowest point.
+        let plane = GroundPlane {
+            reference: alone.point - up.into_inner() * 0.5 * deviation,
+            normal: up.into_inner(),
+            offset: 0.0,
+            unevenness: 1.0,
+        };
+        let mut standing = free.clone();
+        standing.stand_on(&plane, &up);
+        let standing = standing.refined(&noise, true);
+        let bottom = |fit: &Fit| {
+            let frame = &fit.prepared.measurements.frame;
+            up.dot(&frame.point_in_world(fit.body.center()).coords)
+                - fit.body.support_gradient(&up.into_inner()).0 * frame.unit
+        };
+        let pulled = bottom(&free) - bottom(&standing);
+        assert!(pulled > 0.1 * deviation, "pulled by {pulled} of {deviation}");
+        let told = standing.lowest_point(&up).unwrap();
+        let moved = up.dot(&(told.point - alone.point)).abs();
+        assert!(moved < 0.1 * pulled, "{moved} of {pulled}");
+        assert!((told.variance / alone.variance - 1.0).abs() < 0.1, "{} {}", told.variance, alone.variance);
+    });
+}

@@ -1,0 +1,303 @@
+//! What is minimised: whitened residuals of all views, with a robust loss where there are outliers, plus priors.
+
+use super::prior::ObjectPrior;
+use crate::body_model::BodyModel;
+use crate::geometry::linalg::invert_spd;
+use crate::optimize::chi_square;
+use crate::optimize::normal_equations::{NormalEquations, PARAMETERS, Row};
+use crate::solve::estimate::Misfit;
+use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels, NoiseStatistics, Weights};
+use crate::solve::map::residuals::measurements::{Measurements, Plane};
+use crate::solve::map::residuals::row::ResidualRow;
+use crate::solve::map::residuals::view_rows::view_rows;
+
+/// Residuals of a view for which the scale of the loss and limits on its sum of squares are meant: four edges. Sums of
+/// other numbers are compared by their probability ([`chi_square::as_of`]).
+const USUAL_RESIDUALS: usize = 4;
+
+/// Scale of the redescending loss (Geman-McClure) on the norm of a view's four whitened residuals.
+pub(crate) const OUTLIER_SCALE: f64 = 4.0;
+
+/// A view's sum of squared whitened residuals, as if there were four of them.
+pub(crate) fn usual_cost(sum: f64, residuals: usize) -> f64 {
+    chi_square::as_of(sum, residuals, USUAL_RESIDUALS)
+}
+
+/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where half of
+/// the views agree less well than the noise of the scene lets expect, because then that noise is not the object's.
+pub(crate) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
+    view_costs.sort_by(f64::total_cmp);
+    let median = view_costs.get(view_costs.len() / 2).copied().unwrap_or(0.0);
+    OUTLIER_SCALE * (median / CHI2_MEDIAN).sqrt().clamp(1.0, 10.0)
+}
+
+/// Median of the chi-square distribution with four degrees of freedom: a view of four edges.
+pub(crate) const CHI2_MEDIAN: f64 = 3.357;
+
+/// Degrees of freedom of Student's t distribution, the likelihood of an edge: near zero it is a Gaussian, beyond three
+/// standard deviations it gives way.
+const TAILS: f64 = 9.0;
+
+/// Fewest views of which one can be told to be an outlier.
+pub(crate) const FEWEST_VIEWS: usize = 5;
+
+/// Squared residuals below this can be multiplied with those of a whole view without overflow.
+const SMALL_ENOUGH: f64 = 1e20;
+
+/// Whitened residuals beyond this take no part in the correlation between views.
+const WILD: f64 = 4.0;
+
+/// The objective of one object.
+#[derive(Debug)]
+pub(crate) struct Objective<'a> {
+    pub measurements: &'a Measurements,
+    pub prior: &'a ObjectPrior,
+    /// The plane on which the object stands (positive above) and 1/sd of the distance, lengths in object units.
+    pub ground: Option<(Plane, f64)>,
+    pub noise: &'a NoiseLevels,
+    /// Whether single edges may be wrong.
+    pub heavy_tails: bool,
+    /// Whether views may be outliers: the scale beyond which they count less, in units of the noise, for a view of four
+    /// residuals.
+    pub outlier_scale: Option<f64>,
+    /// Whether shapes of ellipses are compared in the smooth form, for the way from a start.
+    pub smooth: bool,
+}
+
+impl Objective<'_> {
+    /// Cost and normal equations at a body; `None` when it is not finite.
+    pub(crate) fn linearise(&self, body: &impl BodyModel) -> Option<NormalEquations> {
+        let mut equations = NormalEquations::zero();
+        let mut rows = Vec::with_capacity(16);
+        let weights = self.weights();
+        for view in 0..self.measurements.views.len() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (cost, view_weight) = self.view_loss(&rows, &weights);
+            equations.cost += cost;
+            for row in &rows {
+                equations.add_row(row.residual, &row.row, view_weight * self.row_weight(row, &weights));
+            }
+        }
+        self.add_priors(body, &mut equations);
+        equations.cost.is_finite().then_some(equations)
+    }
+
+    /// Cost of a view and the factor on the weights of its rows: Geman and McClure's loss of the view's weighted sum of
+    /// squares, and its derivative.
+    #[inline]
+    fn view_loss(&self, rows: &[ResidualRow], weights: &Weights) -> (f64, f64) {
+        let (edges, others) = self.view_cost(rows);
+        let cost = edges * weights.edges() + others * weights.ellipses();
+        let Some(squared_scale) = self.squared_scale(rows.len()) else { return (cost, 1.0) };
+        // Whether a view is an outlier does not depend on how many others there are: the scale is weighted like the sum.
+        let count = rows.len().max(1) as f64;
+        let mean_weight = rows.iter().map(|row| weights.of(row.group)).sum::<f64>() / count;
+        let ratio = 1.0 + cost / (mean_weight.max(f64::MIN_POSITIVE) * squared_scale);
+        (cost / ratio, 1.0 / (ratio * ratio))
+    }
+
+    /// The square of the outlier scale for a view of so many residuals.
+    #[inline]
+    fn squared_scale(&self, residuals: usize) -> Option<f64> {
+        self.outlier_scale.map(|scale| chi_square::as_of(scale * scale, USUAL_RESIDUALS, residuals.max(1)))
+    }
+
+    /// Twice the negative log likelihood of a view's edges and of its other residuals, up to constants.
+    #[inline]
+    fn view_cost(&self, rows: &[ResidualRow]) -> (f64, f64) {
+        // The logarithms of Student's t distribution are taken of the product: one logarithm for a view.
+        let (mut tails, mut edges, mut others) = (1.0, 0.0, 0.0);
+        for row in rows {
+            let squared = row.residual * row.residual;
+            if !row.group.is_edge() {
+                let heavy = self.heavy_tails && row.group.has_heavy_tails();
+                others += if heavy { (TAILS + 1.0) * (squared / TAILS).ln_1p() } else { squared };
+            } else if self.heavy_tails && squared < SMALL_ENOUGH {
+                tails *= 1.0 + squared / TAILS;
+            } else if self.heavy_tails {
+                edges += (TAILS + 1.0) * (squared / TAILS).ln_1p();
+            } else {
+                edges += squared;
+            }
+        }
+        (edges + if tails > 1.0 { (TAILS + 1.0) * f64::ln(tails) } else { 0.0 }, others)
+    }
+
+    fn weights(&self) -> Weights {
+        self.noise.weights(self.measurements.views.len())
+    }
+
+    #[inline]
+    fn row_weight(&self, row: &ResidualRow, weights: &Weights) -> f64 {
+        let heavy = self.heavy_tails && row.group.has_heavy_tails();
+        let tails = if heavy { (TAILS + 1.0) / (TAILS + row.residual * row.residual) } else { 1.0 };
+        weights.of(row.group) * tails
+    }
+
+    /// Derivative of a weighted residual by the residual, relative to its weight: below one where the tails are heavy.
+    pub(crate) fn relative_slope(&self, group: NoiseGroup, residual: f64) -> f64 {
+        let squared = residual * residual;
+        if self.heavy_tails && group.has_heavy_tails() { (TAILS - squared) / (TAILS + squared) } else { 1.0 }
+    }
+
+    /// Squared norm of each view's whitened residuals, as if there were four of them in each.
+    pub(crate) fn view_costs(&self, body: &impl BodyModel) -> Vec<f64> {
+        let mut rows = Vec::with_capacity(16);
+        (0..self.measurements.views.len())
+            .map(|view| {
+                view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+                usual_cost(rows.iter().map(|row| row.residual * row.residual).sum(), rows.len())
+            })
+            .collect()
+    }
+
+    /// Every residual with the index of its view and its weight; views are taken as independent.
+    pub(crate) fn each_row(&self, body: &impl BodyModel, mut take: impl FnMut(usize, &ResidualRow, f64)) {
+        let mut rows = Vec::with_capacity(16);
+        for view in 0..self.measurements.views.len() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (_, view_weight) = self.view_loss(&rows, &Weights::INDEPENDENT);
+            for row in &rows {
+                take(view, row, view_weight * self.row_weight(row, &Weights::INDEPENDENT));
+            }
+        }
+    }
+
+    /// Logarithm of the evidence for the noise levels at a fit (Laplace's approximation), up to what does not depend on
+    /// them; `None` when the normal equations are singular.
+    pub(crate) fn evidence(&self, body: &impl BodyModel, equations: &NormalEquations) -> Option<f64> {
+        let covariance = invert_spd(&equations.hessian())?;
+        let weights = self.weights();
+        let mut rows = Vec::with_capacity(16);
+        let mut normaliser = 0.0;
+        for view in 0..self.measurements.views.len() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (_, view_weight) = self.view_loss(&rows, &weights);
+            for row in rows.iter().filter(|row| row.counts) {
+                let weight = view_weight * weights.of(row.group);
+                normaliser += weight * self.noise.of(row.group).ln();
+            }
+        }
+        Some(0.5 * (covariance.determinant().ln() - equations.cost) - normaliser)
+    }
+
+    /// Residual statistics for the noise levels; nothing when the normal equations are singular.
+    pub(crate) fn statistics(
+        &self,
+        body: &impl BodyModel,
+        equations: &NormalEquations,
+        correlated_views: bool,
+    ) -> NoiseStatistics {
+        let mut statistics = NoiseStatistics::default();
+        let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
+        let weights = self.weights();
+        // Of edges, of ellipses.
+        let mut neighbours = [(0.0, 0.0, 0); 2];
+        let mut determined = 0.0;
+        let views = self.measurements.views.len();
+        let (mut rows, mut before) = (Vec::with_capacity(16), Vec::<ResidualRow>::with_capacity(16));
+        for view in 0..views {
+            std::mem::swap(&mut rows, &mut before);
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let (_, view_weight) = self.view_loss(&rows, &weights);
+            for row in rows.iter().filter(|row| row.counts) {
+                let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
+                let weight = view_weight * self.row_weight(row, &Weights::INDEPENDENT);
+                let shared = weights.of(row.group);
+                let leverage = weight * shared * gradient.dot(&(covariance * gradient));
+                determined += leverage;
+                // The scale of Student's t distribution by maximum likelihood: weighted squares over the number.
+                statistics.add(row.group, row.residual, weight, view_weight - leverage);
+            }
+            if correlated_views && rows.len() == before.len() {
+                for (a, b) in before.iter().zip(&rows) {
+                    let (products, squares, pairs) = &mut neighbours[usize::from(!a.group.is_edge())];
+                    // Edges that do not count are zero; wild ones would drown the others.
+                    if a.counts && b.counts && a.residual.abs().max(b.residual.abs()) < WILD {
+                        *products += a.residual * b.residual;
+                        *squares += 0.5 * (a.residual * a.residual + b.residual * b.residual);
+                        *pairs += 1;
+                    }
+                }
+            }
+        }
+        for (k, (products, squares, pairs)) in neighbours.into_iter().enumerate() {
+            if squares > 0.0 {
+                statistics.add_neighbours(k == 0, products / squares, pairs);
+            }
+        }
+        statistics.add_object(determined, PARAMETERS, views);
+        statistics
+    }
+
+    /// How far the measurements are from a fitted body, in standard deviations of the noise; `None` when the normal
+    /// equations are singular. Rejected views do not count. In many views wild residuals
+    /// count in the deviations as in the fit, little: one wrong edge is no contradiction. In few nothing tells which.
+    pub(crate) fn misfit(&self, body: &impl BodyModel, equations: &NormalEquations) -> Option<Misfit> {
+        let covariance = invert_spd(&equations.hessian())?;
+        let weights = self.weights();
+        let mut rows = Vec::with_capacity(16);
+        let (mut squares, mut relative, mut freedom) = (0.0, 0.0, 0.0);
+        let few = self.measurements.views.len() < FEWEST_VIEWS;
+        for (view, measured) in self.measurements.views.iter().enumerate() {
+            view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+            let cost: f64 = rows.iter().map(|row| row.residual * row.residual).sum();
+            if self.squared_scale(rows.len()).is_some_and(|limit| cost > limit) {
+                continue;
+            }
+            let (_, view_weight) = self.view_loss(&rows, &weights);
+            for row in rows.iter().filter(|row| row.counts) {
+                let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
+                let weight = view_weight * self.row_weight(row, &Weights::INDEPENDENT);
+                let leverage = weight * weights.of(row.group) * gradient.dot(&(covariance * gradient));
+                let size_factor = if row.group.is_edge() { self.noise.size_factor(measured.half_size) } else { 1.0 };
+                squares += if few { 1.0 } else { weight } * row.residual * row.residual;
+                relative += (row.residual * self.noise.of(row.group) * size_factor).powi(2);
+                freedom += view_weight - leverage;
+            }
+        }
+        (freedom > 0.0).then(|| Misfit {
+            deviations: (squares / freedom).sqrt(),
+            relative: (relative / freedom).sqrt(),
+            freedom,
+        })
+    }
+
+    /// The part of the cost that is that of the priors.
+    pub(crate) fn cost_of_priors(&self, body: &impl BodyModel) -> f64 {
+        let mut equations = NormalEquations::zero();
+        self.add_priors(body, &mut equations);
+        equations.cost
+    }
+
+    fn add_priors(&self, body: &impl BodyModel, equations: &mut NormalEquations) {
+        if self.prior.shape_weight > 0.0 {
+            body.add_shape_prior(self.prior.shape_weight, equations);
+        }
+        if let Some(up) = &self.prior.up
+            && self.prior.upright_weight > 0.0
+        {
+            body.add_upright_prior(up, self.prior.upright_weight, equations);
+        }
+        if let Some(log_size) = &self.prior.log_size {
+            let gradients = body.log_axes_gradient();
+            let semi_axes = body.semi_axes();
+            for (axis, named) in self.prior.named_axes(body).into_iter().enumerate() {
+                let (mean, weight) = log_size[named];
+                let row: Row = gradients[axis].map(|x| x * weight);
+                equations.add_quadratic(weight * (semi_axes[axis].ln() - mean), &row);
+            }
+        }
+        if let Some((plane, weight)) = &self.ground {
+            let (height, row) = lowest_point(plane, body);
+            equations.add_quadratic(weight * height, &row.map(|x| x * weight));
+        }
+    }
+}
+
+/// Height of a body's lowest point above a plane, with its derivatives.
+pub(crate) fn lowest_point(plane: &Plane, body: &impl BodyModel) -> (f64, Row) {
+    let (h, slope) = body.support_gradient(&plane.n);
+    let row = std::array::from_fn(|k| if k < 3 { plane.n[k] } else { -slope[k - 3] });
+    (plane.n.dot(body.center()) + plane.d - h, row)
+}

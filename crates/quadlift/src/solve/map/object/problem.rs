@@ -1,0 +1,119 @@
+//! One object before it is fitted: its measurements and priors in its own frame, and the first ellipsoid.
+
+use nalgebra::{Unit, Vector3};
+
+use super::objective::Objective;
+use super::prior::{ObjectPrior, TILT_SD, object_prior};
+use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::optimize::levenberg_marquardt::{Stop, minimise};
+use crate::scene::{ObjectViews, View};
+use crate::solve::closed_form::planes::planes_in_frame;
+use crate::solve::conditioning::ObjectFrame;
+use crate::solve::estimate::{Estimate, Status};
+use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::residuals::measurements::Measurements;
+use crate::solve::map::shared::poses::PoseCorrections;
+use crate::solve::options::BodyKind;
+
+/// From a start: many steps, no need to end exactly.
+pub(crate) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };
+
+/// An object's measurements and priors in its own frame.
+#[derive(Clone)]
+pub(crate) struct Prepared {
+    pub views: ObjectViews,
+    /// The kind of body that is fitted.
+    pub kind: BodyKind,
+    pub measurements: Measurements,
+    pub prior: ObjectPrior,
+    heavy_tails: bool,
+}
+
+impl Prepared {
+    /// Builds the object's frame and priors; an estimate that says why when there is none.
+    pub(crate) fn new(views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Self, Box<Estimate>> {
+        let failed = |status| Box::new(Estimate::failed(views.object_index, views.category_index, status));
+        if views.views.len() < 2 {
+            return Err(failed(Status::TooFewViews));
+        }
+        let frame = ObjectFrame::from_views(&views.views).ok_or_else(|| failed(Status::Degenerate))?;
+        Ok(Self::in_frame(views, frame, kind, context))
+    }
+
+    /// The same in a frame that is known.
+    pub(crate) fn in_frame(views: ObjectViews, frame: ObjectFrame, kind: BodyKind, context: &MapContext) -> Self {
+        let measurements = Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid);
+        let prior = object_prior(&views, &frame, kind, context);
+        Self { views, kind, measurements, prior, heavy_tails: context.options.heavy_tails }
+    }
+
+    /// The same object seen by cameras that have been moved.
+    pub(crate) fn with_poses(&self, corrections: &PoseCorrections) -> Self {
+        let mut views = self.views.clone();
+        corrections.apply(&mut views);
+        let measurements = Measurements::new(self.measurements.frame, &views.views, self.kind != BodyKind::Ellipsoid);
+        Self { views, measurements, prior: self.prior.clone(), ..*self }
+    }
+
+    /// Seed of what is drawn for this object: it comes from the directions in which its cameras look, so that it is the
+    /// same whatever the object's name is, whatever other objects there are, in which order the frames come, which way up
+    /// their images are, and where the origin of the world and what its unit is.
+    pub(crate) fn seed(&self, context: &MapContext) -> u64 {
+        let of_view = |view: &View| hash(view.projection.m().row(2).iter().copied());
+        context.seed ^ self.views.views.iter().map(of_view).fold(0, u64::wrapping_add)
+    }
+
+    /// The same object with some axis of it along `up`; as it is where its category says how upright it is.
+    pub(crate) fn standing(&self, up: &Unit<Vector3<f64>>) -> Self {
+        let mut standing = self.clone();
+        if standing.prior.upright_weight <= 0.0 {
+            standing.prior.up = Some(up.into_inner());
+            standing.prior.upright_weight = 1.0 / TILT_SD;
+        }
+        standing
+    }
+
+    /// The objective of the object, not on any ground plane.
+    pub(crate) fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
+        Objective {
+            measurements: &self.measurements,
+            prior: &self.prior,
+            ground: None,
+            noise,
+            heavy_tails: self.heavy_tails,
+            outlier_scale,
+            smooth: false,
+        }
+    }
+
+    /// The best ellipsoid over its starts, all views believed.
+    pub(crate) fn fit_ellipsoid(&self, noise: &NoiseLevels) -> Option<EllipsoidModel> {
+        let objective = Objective { smooth: true, ..self.objective(noise, None) };
+        let linear = planes_in_frame(&self.views.views, &self.measurements.frame)
+            .ok()
+            .and_then(|quadric| ellipsoid_from_quadric(&quadric));
+        let sphere = unit_sphere(Vector3::zeros());
+        let upright = upright_ellipsoids(
+            &sphere,
+            &self.prior,
+            &centers_from_size(&self.views, &self.measurements.frame, &self.prior),
+        );
+        [Some(sphere), linear]
+            .into_iter()
+            .flatten()
+            .chain(upright)
+            .filter_map(|start| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
+            .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+            .map(|(body, _)| body)
+    }
+}
+
+/// A hash of numbers in the manner of FNV-1a, by 64 bits; it will not change, so that the same seed goes on to give the
+/// same results.
+fn hash(numbers: impl Iterator<Item = f64>) -> u64 {
+    let mixed = |hash: u64| hash.wrapping_mul(0x100_0000_01B3) ^ (hash >> 29);
+    numbers.fold(0xCBF2_9CE4_8422_2325, |hash, number| mixed(hash ^ number.to_bits()))
+}

@@ -1,0 +1,229 @@
+//! Where the refinement starts: one sphere, the linear solution, and for oriented bodies several rotations.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::prior::ObjectPrior;
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::body_model::oriented::{Form, OrientedModel};
+use crate::geometry::linalg::symmetric_eigen3;
+use crate::geometry::rotation::horizontal_basis;
+use crate::geometry::{DualQuadric, random_rotation};
+use crate::scene::{ObjectViews, View};
+use crate::solve::closed_form::planes::{BORDER_TOLERANCE_PX, edges_at_border};
+use crate::solve::conditioning::ObjectFrame;
+
+/// A start's shortest semi-axis is at least this share of its longest one.
+const ROUNDEST_START: f64 = 0.2;
+
+/// A start further away than this (object sizes) from the triangulated centre is not believed.
+const FARTHEST_START: f64 = 20.0;
+
+/// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
+const RANDOM_ROTATIONS: usize = 16;
+
+/// Directions about the vertical from which a body of unknown size that stands starts, over a quarter of a circle.
+const YAW_STARTS: usize = 4;
+
+/// Semi-axes of an upright start whose size is not known, relative to their mean.
+const LONGISH: Vector3<f64> = Vector3::new(1.3, 0.8, 0.96);
+
+/// A sphere of unit radius, in the object's frame.
+pub(crate) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
+    EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(1.0))
+}
+
+/// An ellipsoid to start from, near a quadric that may be none: only a start, no result.
+pub(crate) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidModel> {
+    let (center, shape) = quadric.center_and_shape()?;
+    if center.coords.norm() > FARTHEST_START {
+        return None;
+    }
+    let (values, axes) = symmetric_eigen3(&shape)?;
+    let largest = values.amax();
+    let clamped = values.map(|v| v.abs().max(ROUNDEST_START * ROUNDEST_START * largest).sqrt());
+    (largest > 1e-6 && largest < 1e6).then(|| EllipsoidModel::from_axes(center.coords, axes, clamped))
+}
+
+/// Starts of a body of a form, from a fitted ellipsoid.
+///
+/// With a category size they are upright boxes of that size in four directions at `centers`; otherwise the ellipsoid's
+/// own axes, those turned by 45 degrees ([`turned_axes`]) and random rotations (upright ones where `up` is known and asked
+/// for).
+pub(crate) fn oriented_starts(
+    ellipsoid: &EllipsoidModel,
+    form: Form,
+    prior: &ObjectPrior,
+    centers: &[Vector3<f64>],
+    seed: u64,
+) -> Vec<OrientedModel> {
+    let semi_axes = ellipsoid.semi_axes() * form.relative_size();
+    let upright = prior.up.filter(|_| prior.upright_weight > 0.0);
+    let mut starts = Vec::new();
+    match (upright, prior.log_size) {
+        (Some(up), None) => {
+            let Some((axes, sizes)) = set_upright(ellipsoid, &up) else { return starts };
+            let sizes = sizes * form.relative_size();
+            let side = (sizes.x * sizes.y).sqrt();
+            for turn in 0..YAW_STARTS {
+                // With equal sides a body is the same after a quarter of a circle.
+                let angle = std::f64::consts::FRAC_PI_2 / YAW_STARTS as f64 * turn as f64;
+                let turned = axes * Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
+                let sizes = if turn == 0 { sizes } else { Vector3::new(side, side, sizes.z) };
+                starts.push(OrientedModel::new(*ellipsoid.center(), turned, sizes, form));
+            }
+        }
+        (Some(up), Some(size)) => {
+            let semi_axes = Vector3::from(size.map(|(mean, _)| mean.exp()));
+            let mut all = vec![*ellipsoid.center()];
+            all.extend_from_slice(centers);
+            for center in all {
+                for axes in upright_axes(&up) {
+                    starts.push(OrientedModel::new(center, right_handed(axes), semi_axes, form));
+                }
+            }
+        }
+        (None, Some(size)) => {
+            let sizes = Vector3::from(size.map(|(mean, _)| mean.exp()));
+            let own = right_handed(*ellipsoid.axes());
+            for rotation in std::iter::once(own).chain(random_rotations(seed)) {
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, form));
+            }
+        }
+        (None, None) => {
+            let mean = Vector3::repeat(semi_axes.product().cbrt());
+            for (axes, semi_axes) in turned_axes(ellipsoid, prior) {
+                let semi_axes = semi_axes * form.relative_size();
+                starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, form));
+            }
+            for rotation in random_rotations(seed) {
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, form));
+            }
+        }
+    }
+    match form {
+        Form::Cuboid | Form::Exponent(_) => starts,
+        Form::Cylinder if prior.log_size.is_some() => starts,
+        Form::Cylinder => starts.iter().flat_map(along_each_axis).collect(),
+    }
+}
+
+/// A start of a cylinder with its axis along each of the three axes.
+pub(crate) fn along_each_axis(start: &OrientedModel) -> [OrientedModel; 3] {
+    [[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|order| {
+        let axes = Matrix3::from_columns(&order.map(|k| start.axes().column(k).into_owned()));
+        let sizes = Vector3::from(order.map(|k| start.semi_axes()[k]));
+        OrientedModel::new(*start.center(), axes, sizes, start.form())
+    })
+}
+
+/// The axes of an ellipsoid set upright and its semi-axes along them, the vertical one last: its shape matrix without the
+/// entries between `up` and the horizontal.
+pub(crate) fn set_upright(ellipsoid: &EllipsoidModel, up: &Vector3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
+    let [first, second] = horizontal_basis(up);
+    let basis = Matrix3::from_columns(&[first, second, *up]);
+    let root = basis.transpose() * ellipsoid.root();
+    let mut shape = root * root.transpose();
+    let height = shape[(2, 2)].sqrt();
+    // Zero is below both horizontal eigenvalues, so that the vertical one comes last.
+    shape.fill_row(2, 0.0);
+    shape.fill_column(2, 0.0);
+    let (values, axes) = symmetric_eigen3(&shape)?;
+    let sizes = Vector3::new(values[0].sqrt(), values[1].sqrt(), height);
+    let mut axes = basis * axes;
+    axes.set_column(2, up);
+    (sizes.min() > 0.0 && sizes.iter().all(|x| x.is_finite())).then(|| (right_handed(axes), sizes))
+}
+
+/// Upright ellipsoids in four directions, where it is known that the object stands upright: in few views the direction
+/// has several minima. About the centre of `ellipsoid` and at `centers`.
+pub(crate) fn upright_ellipsoids(
+    ellipsoid: &EllipsoidModel,
+    prior: &ObjectPrior,
+    centers: &[Vector3<f64>],
+) -> Vec<EllipsoidModel> {
+    let Some(up) = prior.up.filter(|_| prior.upright_weight > 0.0) else { return Vec::new() };
+    let size = ellipsoid.semi_axes().product().cbrt();
+    let semi_axes = prior.log_size.map_or(LONGISH * size, |s| Vector3::from(s.map(|(mean, _)| mean.exp())));
+    let at = std::iter::once(ellipsoid.center()).chain(centers);
+    at.flat_map(|center| {
+        upright_axes(&up).map(|axes| EllipsoidModel::from_axes(*center, right_handed(axes), semi_axes))
+    })
+    .collect()
+}
+
+/// Rotations of an oriented body that has the shape of a fitted ellipsoid: the ellipsoid's axes, and turned by 45 degrees
+/// about each of them, because an ellipsoid of nearly equal axes does not tell where edges are. With the semi-axes along
+/// them, in the order of the category's size where there is one.
+pub(crate) fn turned_axes(ellipsoid: &EllipsoidModel, prior: &ObjectPrior) -> Vec<(Matrix3<f64>, Vector3<f64>)> {
+    let (mut axes, mut semi_axes) = (*ellipsoid.axes(), ellipsoid.semi_axes());
+    if prior.log_size.is_some() {
+        for (axis, name) in prior.named_axes(ellipsoid).into_iter().enumerate() {
+            axes.set_column(name, &ellipsoid.axes().column(axis));
+            semi_axes[name] = ellipsoid.semi_axes()[axis];
+        }
+    }
+    let axes = right_handed(axes);
+    let turns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| axis * std::f64::consts::FRAC_PI_4);
+    std::iter::once(Vector3::zeros())
+        .chain(turns)
+        .map(|turn| {
+            let turned = axes * Rotation3::new(turn).matrix();
+            // The axes that turn into each other are compromises.
+            let mean = |i: usize, j: usize| (semi_axes[i] * semi_axes[j]).sqrt();
+            let sizes = match turn.iamax() {
+                _ if turn == Vector3::zeros() => semi_axes,
+                0 => Vector3::new(semi_axes.x, mean(1, 2), mean(1, 2)),
+                1 => Vector3::new(mean(0, 2), semi_axes.y, mean(0, 2)),
+                _ => Vector3::new(mean(0, 1), mean(0, 1), semi_axes.z),
+            };
+            (turned, sizes)
+        })
+        .collect()
+}
+
+/// Axes in four directions: length, width, `up`.
+fn upright_axes(up: &Vector3<f64>) -> [Matrix3<f64>; 4] {
+    let [first, second] = horizontal_basis(up);
+    std::array::from_fn(|k| {
+        let (sin, cos) = (k as f64 * std::f64::consts::FRAC_PI_4).sin_cos();
+        Matrix3::from_columns(&[first * cos + second * sin, second * cos - first * sin, *up])
+    })
+}
+
+fn random_rotations(seed: u64) -> impl Iterator<Item = Matrix3<f64>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (0..RANDOM_ROTATIONS).map(move |_| *random_rotation(&mut rng).matrix())
+}
+
+fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
+    if axes.determinant() < 0.0 {
+        axes.column_mut(1).neg_mut();
+    }
+    *Rotation3::from_matrix_unchecked(axes).matrix()
+}
+
+/// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
+/// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
+pub(crate) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior: &ObjectPrior) -> Vec<Vector3<f64>> {
+    let Some([_, _, (log_half_height, _)]) = prior.log_size else { return Vec::new() };
+    let whole = |view: &&View| {
+        let b = view.bounding_box;
+        b.is_some_and(|b| !edges_at_border(&view.in_image(&b), view.image_size, BORDER_TOLERANCE_PX).contains(&true))
+    };
+    let height = |view: &View| view.bounding_box.map_or(0.0, |b| b.size().y);
+    let tallest = views.views.iter().filter(whole).max_by(|a, b| height(a).total_cmp(&height(b)));
+    let Some(view) = tallest else { return Vec::new() };
+    let (Some(bounding_box), Some(camera)) = (view.bounding_box, view.projection.center_in_world()) else {
+        return Vec::new();
+    };
+    let Some(ray) = view.projection.ray_in_world(&bounding_box.center()) else { return Vec::new() };
+    let depth = view.projection.focal_length() * 2.0 * log_half_height.exp() * frame.unit / bounding_box.size().y;
+    let along = view.projection.depth(&(camera + ray));
+    [0.85, 1.0, 1.2]
+        .into_iter()
+        .map(|factor| (camera + ray * (depth * factor / along) - frame.origin) / frame.unit)
+        .collect()
+}

@@ -1,0 +1,124 @@
+//! One object's detections, prepared for the solver: tangent planes and ellipses in the object's frame.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use nalgebra::{Matrix3x4, Vector3, Vector4};
+
+use super::ellipse::EllipseMeasurement;
+use crate::geometry::{SUPPORT_DIRECTIONS, SupportLines};
+use crate::scene::View;
+use crate::solve::closed_form::planes::{edge_plane, support_plane};
+use crate::solve::conditioning::ObjectFrame;
+use crate::solve::map::noise::levels::NoiseGroup;
+
+/// A tangent plane `n.x + d = 0`, positive on the side of the body, divided by the detection's half size in pixels:
+/// `(n.t + d - h(n)) / depth` is then the edge's error in half sizes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Plane {
+    pub n: Vector3<f64>,
+    pub d: f64,
+}
+
+impl Plane {
+    fn new(plane: Vector4<f64>) -> Self {
+        Self { n: plane.xyz(), d: plane.w }
+    }
+}
+
+/// A measured tangent plane.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Edge {
+    pub plane: Plane,
+    /// At the image border the object is cut off: the edge tells only that the body reaches at least so far.
+    pub one_sided: bool,
+    /// Whether another box probably hides it.
+    pub group: NoiseGroup,
+}
+
+/// What one view measured.
+#[derive(Debug, Clone)]
+pub(crate) struct MeasuredView {
+    /// Unit viewing axis: the depth of a point is `axis.x + offset`.
+    pub axis: Vector3<f64>,
+    pub offset: f64,
+    /// Mean half size of the box or mean semi-axis of the ellipse, in pixels.
+    pub half_size: f64,
+    /// Its edges in [`Measurements::edges`]: opposite ones follow each other.
+    pub edges: Range<usize>,
+    pub ellipse: Option<EllipseMeasurement>,
+}
+
+/// All measurements of an object.
+#[derive(Debug, Clone)]
+pub(crate) struct Measurements {
+    pub frame: ObjectFrame,
+    pub views: Vec<MeasuredView>,
+    pub edges: Vec<Edge>,
+}
+
+impl Measurements {
+    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by its supporting lines.
+    pub(crate) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool) -> Self {
+        let mut all =
+            Self { frame, views: Vec::with_capacity(views.len()), edges: Vec::with_capacity(4 * views.len()) };
+        for view in views {
+            all.push(view, ellipses_as_planes);
+        }
+        all
+    }
+
+    /// The same views as tangent planes only.
+    pub(crate) fn with_ellipses_as_planes(&self, views: &[View]) -> Cow<'_, Self> {
+        if self.views.iter().all(|view| view.ellipse.is_none()) {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(Self::new(self.frame, views, true))
+    }
+
+    fn push(&mut self, view: &View, ellipses_as_planes: bool) {
+        let p = self.frame.local_projection(&view.projection);
+        let first = self.edges.len();
+        let mut ellipse = None;
+        if let Some(observed) = &view.ellipse {
+            match view.bounding_box {
+                // The box's edges stand for it.
+                Some(_) if ellipses_as_planes => {}
+                None if ellipses_as_planes => {
+                    self.push_support_lines(&p, &SupportLines::of_ellipse(observed), observed.semi_axes.mean());
+                }
+                beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some(), view.partial)),
+            }
+        }
+        if let (Some(lines), Some(bounding_box)) = (&view.support_lines, &view.bounding_box) {
+            self.push_support_lines(&p, lines, bounding_box.mean_half_size());
+        } else if let Some(bounding_box) = &view.bounding_box {
+            let half_size = bounding_box.mean_half_size();
+            for edge in [0, 2, 1, 3] {
+                let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
+                let hidden = view.hidden_edges[edge];
+                let group = if hidden { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
+                self.edges.push(Edge { plane, one_sided: view.cut_off[edge], group });
+            }
+        }
+        self.views.push(MeasuredView {
+            axis: Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]),
+            offset: p[(2, 3)],
+            half_size: match (&view.bounding_box, &view.ellipse) {
+                (Some(bounding_box), _) => bounding_box.mean_half_size(),
+                (None, Some(ellipse)) => ellipse.semi_axes.mean(),
+                (None, None) => 1.0,
+            },
+            edges: first..self.edges.len(),
+            ellipse,
+        });
+    }
+
+    fn push_support_lines(&mut self, p: &Matrix3x4<f64>, lines: &SupportLines, half_size: f64) {
+        for k in (0..SUPPORT_DIRECTIONS / 2).flat_map(|k| [k, k + SUPPORT_DIRECTIONS / 2]) {
+            let plane = Plane::new(support_plane(p, lines, k) / half_size);
+            let group = if lines.hidden[k] { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
+            self.edges.push(Edge { plane, one_sided: lines.cut_off[k], group });
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! One whitened residual with its derivatives.
+
+use crate::optimize::normal_equations::Row;
+use crate::solve::map::noise::levels::NoiseGroup;
+
+/// One whitened residual: divided by the noise of its group.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ResidualRow {
+    pub residual: f64,
+    pub row: Row,
+    pub group: NoiseGroup,
+    /// Whether it is a measurement here: not where an edge is cut off and the body reaches beyond it.
+    pub counts: bool,
+}

@@ -1,0 +1,242 @@
+//! What the boxes of an object tell about the kind of its body (E9, ours).
+//!
+//! For each kind the evidence in Laplace's approximation: how well the boxes are fitted, less what the freedom of the body
+//! is worth.
+
+use nalgebra::{SVector, Vector3};
+
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::body_model::oriented::{Form, OrientedModel};
+use crate::geometry::linalg::solve_spd;
+use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
+use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::object::covariance::{log_determinant_of, regularised};
+use crate::solve::map::object::first_fit::{TURNED_STARTS, best_of, descended};
+use crate::solve::map::object::fit::Fit;
+use crate::solve::map::object::model::Model;
+use crate::solve::map::object::objective::Objective;
+use crate::solve::map::object::problem::Prepared;
+use crate::solve::map::object::starts::{along_each_axis, oriented_starts, turned_axes};
+use crate::solve::options::BodyKind;
+
+/// The exponents of superellipsoids that are tried.
+pub(crate) const EXPONENTS: [f64; 3] = [1.75, 1.5, 1.25];
+
+/// The kinds, the roundest first: ellipsoid, superellipsoids, cuboid; and the cylinder.
+pub(crate) const KINDS: usize = EXPONENTS.len() + 3;
+pub(crate) const ELLIPSOID: usize = 0;
+pub(crate) const CUBOID: usize = KINDS - 2;
+pub(crate) const CYLINDER: usize = KINDS - 1;
+
+/// The kind with which it is tried whether an object may be no ellipsoid: the boxes of any body with edges are fitted
+/// better by this one as well.
+pub(crate) const TRIED: usize = 2;
+
+/// Starts of a superellipsoid that are turned.
+const TURNED: usize = 2;
+
+/// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
+const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
+
+/// Standard deviation of the logarithm of the ratio of a cylinder's radii, and that of two semi-axes of any body (the
+/// shape prior's 0.4, twice).
+const ROUND_SD: f64 = 0.1;
+const ANY_SD: f64 = 0.566;
+
+/// Degrees of freedom with which the noise of the scene is believed to be that of an object.
+const FREEDOM_OF_SCENE: f64 = 8.0;
+
+/// The kind with this index.
+pub(crate) fn kind_of(index: usize) -> BodyKind {
+    match index {
+        ELLIPSOID => BodyKind::Ellipsoid,
+        CUBOID => BodyKind::Cuboid,
+        CYLINDER => BodyKind::Cylinder,
+        k => BodyKind::Superellipsoid(EXPONENTS[k - 1]),
+    }
+}
+
+fn form_of(index: usize) -> Form {
+    match index {
+        ELLIPSOID => Form::Exponent(2.0),
+        CUBOID => Form::Cuboid,
+        CYLINDER => Form::Cylinder,
+        k => Form::Exponent(EXPONENTS[k - 1]),
+    }
+}
+
+/// What the boxes of an object tell about its kind.
+#[derive(Debug, Clone)]
+pub(crate) struct Evidence {
+    /// The category of the object.
+    pub(crate) category: Option<usize>,
+    /// Number of edges less that of the parameters; positive.
+    pub(crate) freedom: f64,
+    /// For each kind what the measurements cost with the best fit, and what the freedom of the body and the priors do: the
+    /// logarithm of the determinant of the normal equations and the cost of the priors. `None` where it was not tried.
+    pub(crate) fits: [Option<(f64, f64)>; KINDS],
+    /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
+    /// that number.
+    pub(crate) neighbours: [[f64; 2]; KINDS],
+}
+
+impl Evidence {
+    /// Of an ellipsoid and of the kind that is tried first, from the fit of an ellipsoid; `None` where nothing can be told.
+    pub(crate) fn first(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
+        let views = &fit.prepared.views;
+        // Ellipses are outlines of ellipsoids only.
+        if views.views.iter().any(|view| view.ellipse.is_some()) {
+            return None;
+        }
+        let search = Search::new(fit, noise, context)?;
+        let object = &search.object;
+        let freedom = object.measurements.edges.len() as f64 - PARAMETERS as f64;
+        if freedom <= 0.0 {
+            return None;
+        }
+        let (fits, neighbours) = ([None; KINDS], [[0.0; 2]; KINDS]);
+        let mut evidence = Self { category: views.category_index, freedom, fits, neighbours };
+        let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
+        evidence.take(ELLIPSOID, &search, round, 1);
+        evidence.fits[ELLIPSOID]?;
+        evidence.take(TRIED, &search, search.starts(form_of(TRIED)), 1);
+        Some(evidence)
+    }
+
+    /// The same with that of all other kinds.
+    pub(crate) fn with_others(mut self, fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Self {
+        let Some(search) = Search::new(fit, noise, context) else { return self };
+        for kind in 1..CUBOID {
+            self.take(kind, &search, search.starts(form_of(kind)), TURNED);
+        }
+        let object = &search.object;
+        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &object.prior, &[], object.seed(context));
+        self.take(CUBOID, &search, any_way, TURNED_STARTS);
+        let lying = search.starts(Form::Cylinder).iter().flat_map(along_each_axis).collect();
+        self.take(CYLINDER, &search, lying, TURNED_STARTS);
+        self
+    }
+
+    /// The evidence of a kind, from these starts, of which so many are turned. Nothing where none can be evaluated.
+    fn take(&mut self, kind: usize, search: &Search, starts: Vec<OrientedModel>, turned: usize) {
+        let objective = search.objective();
+        let found = best_of(&objective, descended(&objective, starts, turned));
+        let Some((body, equations)) = found else { return };
+        let Some(mut freedom) = log_determinant_of(&equations) else { return };
+        let priors = objective.cost_of_priors(&body);
+        freedom += priors;
+        if kind == CYLINDER {
+            freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
+        }
+        self.neighbours[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbours_of_edges();
+        self.fits[kind] = Some((equations.cost - priors, freedom));
+    }
+
+    /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
+    /// about that of the scene: its variance has an inverse gamma distribution around `variance`. Only this share of the residuals counts.
+    pub(crate) fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
+        let known = FREEDOM_OF_SCENE * variance;
+        let log = |(cost, freedom): (f64, f64)| {
+            -0.5 * (independent * (self.freedom + FREEDOM_OF_SCENE) * (cost + known).ln() + freedom)
+        };
+        let ellipsoid = self.fits[ELLIPSOID].map_or(0.0, log);
+        self.fits.map(|fit| fit.map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
+    }
+
+    /// The kind with the largest evidence by itself.
+    pub(crate) fn best(&self) -> usize {
+        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, freedom)| self.freedom * cost.ln() + freedom);
+        (0..KINDS).min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap_or(ELLIPSOID)
+    }
+
+    /// The smallest cost of all kinds.
+    pub(crate) fn best_cost(&self) -> f64 {
+        self.fits.iter().flatten().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Minus twice the logarithm of the evidence that a cylinder's section is about round over that of any ellipse: the boxes
+/// of cuboids are fitted well by elliptic cylinders, which hardly occur.
+fn elongation(body: &Model, equations: &NormalEquations) -> f64 {
+    let sizes = body.semi_axes();
+    let ratio = (sizes.x / sizes.y).ln();
+    let mut gradient = SVector::<f64, PARAMETERS>::zeros();
+    (gradient[6], gradient[7]) = (1.0, -1.0);
+    // Where the measurements leave it open both are as probable.
+    let Some(direction) = solve_spd(&regularised(equations), &gradient) else { return 0.0 };
+    let variance = gradient.dot(&direction);
+    let log = |prior_sd: f64| {
+        let total = variance + prior_sd * prior_sd;
+        ratio * ratio / total + total.ln()
+    };
+    log(ROUND_SD) - log(ANY_SD)
+}
+
+/// An object whose kind is looked for.
+struct Search<'a> {
+    fit: &'a Fit,
+    ellipsoid: &'a EllipsoidModel,
+    noise: &'a NoiseLevels,
+    object: Prepared,
+    /// Whether views that follow each other may err alike.
+    correlated_views: bool,
+}
+
+impl<'a> Search<'a> {
+    /// `None` where the fit is none of an ellipsoid.
+    fn new(fit: &'a Fit, noise: &'a NoiseLevels, context: &MapContext) -> Option<Self> {
+        let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
+        let (views, frame) = (fit.prepared.views.clone(), fit.prepared.measurements.frame);
+        let object = Prepared::in_frame(views, frame, BodyKind::Superellipsoid(2.0), context);
+        Some(Self { fit, ellipsoid, noise, object, correlated_views: context.options.correlated_views })
+    }
+
+    fn objective(&self) -> Objective<'_> {
+        Objective { ground: self.fit.ground, ..self.object.objective(self.noise, self.fit.outlier_scale) }
+    }
+
+    /// From the axes of the ellipsoid and from those turned by 45 degrees.
+    fn starts(&self, form: Form) -> Vec<OrientedModel> {
+        let (center, size) = (*self.fit.body.center(), form.relative_size());
+        let start = |(axes, sizes): (_, Vector3<f64>)| OrientedModel::new(center, axes, sizes * size, form);
+        turned_axes(self.ellipsoid, &self.object.prior).into_iter().map(start).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+
+    use super::*;
+
+    /// A cylinder whose radii differ by a factor, and measurements that tell every parameter with this deviation.
+    fn of_radii(factor: f64, sd: f64) -> f64 {
+        let sizes = Vector3::new(factor, 1.0, 2.0);
+        let body = OrientedModel::new(Vector3::zeros(), Matrix3::identity(), sizes, Form::Cylinder);
+        let mut equations = NormalEquations::zero();
+        for k in 0..PARAMETERS {
+            let row = std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
+            equations.add_row(0.0, &row, 1.0 / (sd * sd));
+        }
+        elongation(&Model::Oriented(body), &equations)
+    }
+
+    /// Against the densities of the two priors at what was measured.
+    #[test]
+    fn cylinders_are_round() {
+        for (factor, sd) in [(1.0, 0.01), (1.3, 0.05), (2.0, 0.2)] {
+            // The difference of two parameters has twice the variance.
+            let density = |prior_sd: f64| {
+                let variance = prior_sd * prior_sd + 2.0 * sd * sd;
+                (-0.5 * f64::ln(factor).powi(2) / variance).exp() / variance.sqrt()
+            };
+            let expected = -2.0 * (density(ROUND_SD) / density(ANY_SD)).ln();
+            assert!((of_radii(factor, sd) - expected).abs() < 1e-9, "{factor} {sd}");
+        }
+        assert!(of_radii(1.0, 0.01) < -3.0, "round ones are more probable than any");
+        assert!(of_radii(1.5, 0.01) > 10.0, "elliptic ones less");
+        assert!(of_radii(1.5, 10.0).abs() < 0.1, "measurements that tell nothing decide nothing");
+    }
+}

@@ -1,0 +1,342 @@
+//! All objects of a scene together: rounds of noise levels, ground plane and refits, until they agree.
+
+use std::sync::Arc;
+
+use super::body_selection::Kinds;
+use super::upright::{UPRIGHT_SHARE, share_of_upright, stands, was_upright};
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::geometry::Body;
+use crate::parallel::map_indices;
+use crate::scene::ObjectViews;
+use crate::solve::estimate::{Estimate, Misfit};
+use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::common_errors::{CommonStatistics, Spread};
+use crate::solve::map::noise::levels::{CovarianceLevels, NoiseLevels, NoiseStatistics};
+use crate::solve::map::object::agreement::{Reference, is_inconsistent, median_level};
+use crate::solve::map::object::fit::Fit;
+use crate::solve::map::object::model::Model;
+use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
+use crate::solve::map::object::problem::Prepared;
+use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
+use crate::solve::map::shared::poses::PoseCorrections;
+use crate::solve::options::BodyKind;
+
+/// Rounds of noise estimation, at most.
+const ROUNDS: usize = 8;
+
+/// Rounds in which fits that do not agree with the scene's noise are looked at again for outliers.
+const RECONSIDERED: usize = 4;
+
+/// Rounds that what the objects share (ground plane, poses) and the objects take to agree.
+const SHARED_ROUNDS: usize = 4;
+
+/// Relative change of every noise level below which they stand.
+const SETTLED: f64 = 0.02;
+
+/// Share of an object's parameters that its measurements determine, on average, below which the noise levels may have
+/// settled where the priors speak for the data: then they are sought from small noise as well.
+const WELL_DETERMINED: f64 = 0.9;
+
+/// Change (of the logarithm) of a noise level after which poorly determined objects are fitted from their starts again.
+const FAR_OFF: f64 = 0.7;
+
+/// Difference of the logarithms of two evidences from which the larger one wins.
+const CLEARLY: f64 = 5.0;
+
+/// Share of the noise levels below which exact data are taken to lie.
+const SMALLEST_LEVEL: f64 = 1e-2;
+
+/// The small noise, relative to the default.
+const LITTLE_NOISE: f64 = 0.05;
+
+/// Pairs of views, over all objects, from which errors that they have in common are estimated; with at least
+/// [`COMMON_SAMPLE`] objects.
+const COMMON_PAIRS: usize = 5000;
+const COMMON_SAMPLE: usize = 24;
+
+/// The objects of a scene, fitted, with what they share.
+pub(crate) struct SceneFit {
+    fits: Vec<Result<Fit, Box<Estimate>>>,
+    noise: NoiseLevels,
+    statistics: NoiseStatistics,
+    /// What the misfits of objects are compared with.
+    reference: Reference,
+    ground: Option<GroundPlane>,
+    poses: PoseCorrections,
+    /// Share of the objects that stand upright.
+    upright_share: f64,
+    /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
+    /// views the levels are drawn towards the default.
+    upright_noise: NoiseLevels,
+}
+
+impl SceneFit {
+    /// The same with those objects upright that stand.
+    pub(crate) fn with_upright(mut self, context: &MapContext) -> Self {
+        if !context.options.upright {
+            return self;
+        }
+        let level = median_level(self.fits().filter_map(|fit| fit.misfit(&self.noise)));
+        self.upright_noise = self.noise.scaled(level.clamp(SMALLEST_LEVEL, 1.0));
+        let standing = |k: usize| self.fits[k].as_ref().ok()?.standing(&self.upright_noise, context);
+        let standing = map_indices(self.fits.len(), standing);
+        let log_odds: Vec<f64> = standing.iter().flatten().map(|(_, log_odds)| *log_odds).collect();
+        self.upright_share = share_of_upright(&log_odds);
+        let mut changed = false;
+        for (fit, standing) in self.fits.iter_mut().zip(standing) {
+            if let Some((upright, _)) = standing.filter(|(_, log_odds)| stands(*log_odds, self.upright_share)) {
+                *fit = Ok(upright);
+                changed = true;
+            }
+        }
+        if changed { self.again(context) } else { self }
+    }
+
+    /// Fits one object for each of these kinds, that nothing makes upright but priors of categories.
+    ///
+    /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
+    /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
+    pub(crate) fn lying_anyhow(
+        kinds: &[BodyKind],
+        views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+        context: &MapContext,
+    ) -> Self {
+        let pixel_size = context.options.pixel_noise_size;
+        if let Some(sigmas) = &context.options.sigmas {
+            return Self::settled(kinds, views_of, NoiseLevels::given(sigmas, pixel_size), context);
+        }
+        let default = NoiseLevels::new(pixel_size);
+        let scene = Self::settled(kinds, views_of, default, context);
+        if scene.statistics.determined() > WELL_DETERMINED {
+            return scene;
+        }
+        let other = Self::settled(kinds, views_of, default.scaled(LITTLE_NOISE), context);
+        if other.evidence_over(&scene) > CLEARLY { other } else { scene }
+    }
+
+    /// Fits from these noise levels until levels and fits agree; with levels that are given, until the fits stand.
+    fn settled(
+        kinds: &[BodyKind],
+        views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+        noise: NoiseLevels,
+        context: &MapContext,
+    ) -> Self {
+        let fits =
+            map_indices(kinds.len(), |k| Fit::first(Prepared::new(views_of(k), kinds[k], context)?, &noise, context));
+        let statistics = NoiseStatistics::default();
+        let reference = Reference::among(&noise, std::iter::empty(), context.options);
+        let poses = PoseCorrections::default();
+        let (upright_share, upright_noise) = (UPRIGHT_SHARE, noise);
+        Self { fits, noise, statistics, reference, ground: None, poses, upright_share, upright_noise }.again(context)
+    }
+
+    /// Rounds of noise levels and refits, from these fits and levels.
+    fn again(self, context: &MapContext) -> Self {
+        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, upright_share, upright_noise, .. } =
+            self;
+        let mut started = noise;
+        for round in 0..ROUNDS {
+            statistics = NoiseStatistics::default();
+            // Summed in the order of the objects, so that the result does not depend on the number of threads.
+            let misfits: Vec<Option<Misfit>> = fits.iter().flatten().map(|fit| fit.misfit(&noise)).collect();
+            let reference = Reference::among(&noise, misfits.iter().copied().flatten(), context.options);
+            for (fit, misfit) in fits.iter().flatten().zip(misfits) {
+                // A false box among few views cannot be left out, and does not tell how noisy the others are.
+                let few = fit.prepared.views.views.len() < FEWEST_VIEWS;
+                if !few || misfit.is_none_or(|misfit| !is_inconsistent(&reference.against(misfit))) {
+                    statistics.merge(&fit.statistics(&noise, context));
+                }
+            }
+            let updated = if context.options.sigmas.is_some() { noise } else { noise.updated(&statistics) };
+            let settled = updated.change(&noise, &statistics) < SETTLED;
+            noise = updated;
+            ground = ground_plane(&fits, context);
+            if let (Some(ground), Some(up)) = (&ground, &context.up) {
+                fits.iter_mut().flatten().for_each(|fit| fit.stand_on(ground, up));
+            }
+            if let Some(prior) = context.options.pose_noise {
+                let step = poses
+                    .update(|take| fits.iter().flatten().for_each(|fit| fit.each_pose_row(&noise, &mut *take)), prior);
+                for fit in fits.iter_mut().flatten() {
+                    fit.prepared = Arc::new(fit.prepared.with_poses(&step));
+                }
+            }
+            let restart = statistics.determined() < WELL_DETERMINED && noise.change(&started, &statistics) > FAR_OFF;
+            if restart {
+                started = noise;
+            }
+            fits = map_indices(fits.len(), |k| {
+                let fit = fits[k].as_ref().map_err(Clone::clone)?;
+                // Now that the noise of the scene is known, a fit with much larger residuals stands out.
+                let fit = if round < RECONSIDERED {
+                    fit.reconsidered(&noise, round, context)
+                } else {
+                    fit.refined(&noise, false)
+                };
+                Ok(if restart { fit.restarted(&noise, context) } else { fit })
+            });
+            let shared = ground.is_some() || context.options.pose_noise.is_some();
+            if settled && (!shared || round >= SHARED_ROUNDS) {
+                break;
+            }
+        }
+        let misfits = fits.iter().flatten().filter_map(|fit| fit.misfit(&noise));
+        let reference = Reference::among(&noise, misfits, context.options).at_most_the_noise(&noise);
+        if context.options.sigmas.is_none() && context.options.common_errors {
+            noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
+        }
+        Self { fits, noise, statistics, reference, ground, poses, upright_share, upright_noise }
+    }
+
+    /// Number of the objects.
+    pub(crate) fn len(&self) -> usize {
+        self.fits.len()
+    }
+
+    /// Logarithm of the evidence for the noise levels against those of another fit to the same objects, over the objects
+    /// whose normal equations are regular in both.
+    fn evidence_over(&self, other: &Self) -> f64 {
+        let evidence = |scene: &Self, index: usize| scene.fits[index].as_ref().ok()?.evidence(&scene.noise);
+        (0..self.fits.len()).filter_map(|k| Some(evidence(self, k)? - evidence(other, k)?)).sum()
+    }
+
+    /// The fitted objects.
+    pub(crate) fn fits(&self) -> impl Iterator<Item = &Fit> {
+        self.fits.iter().flatten()
+    }
+
+    /// The fit of each object, where it has one.
+    pub(crate) fn fit_of_each(&self) -> Vec<Option<&Fit>> {
+        self.fits.iter().map(|fit| fit.as_ref().ok()).collect()
+    }
+
+    /// The noise levels that the same residuals show when views are taken as independent; those that were given.
+    pub(crate) fn noise_of_independent_views(&self, context: &MapContext) -> NoiseLevels {
+        let noise = self.noise.uncorrelated();
+        if context.options.sigmas.is_some() { noise } else { noise.updated(&self.statistics).uncorrelated() }
+    }
+
+    /// The estimate of a fitted object.
+    pub(crate) fn estimate(&self, index: usize, context: &MapContext) -> Estimate {
+        match &self.fits[index] {
+            Ok(fit) => self.finished(fit, context).estimate(&self.noise, self.reference, context),
+            Err(failed) => (**failed).clone(),
+        }
+    }
+
+    /// The estimate of another object of the scene.
+    pub(crate) fn estimate_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Estimate {
+        self.fit_other(views, kind, context)
+            .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, context))
+    }
+
+    /// The body of another object of the scene, in the world.
+    pub(crate) fn body_of_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Option<Body> {
+        let fit = self.fit_other(views, kind, context).ok()?;
+        Some(fit.body.body_in_world(&fit.prepared.measurements.frame))
+    }
+
+    /// The body, in the world, that an object's views give from where an earlier fit to more views ended. `outliers` says
+    /// whether some of them may be wrong.
+    pub(crate) fn body_from(
+        &self,
+        mut views: ObjectViews,
+        start: &Body,
+        outliers: bool,
+        context: &MapContext,
+    ) -> Option<Body> {
+        self.poses.apply(&mut views);
+        let mut prepared = Prepared::new(views, BodyKind::of(start), context).ok()?;
+        let frame = prepared.measurements.frame;
+        let body = Model::of_body(start, &frame);
+        if let Some(up) = context
+            .up
+            .filter(|up| context.options.upright && prepared.prior.log_size.is_none() && was_upright(&body, up))
+        {
+            prepared = prepared.standing(&up);
+        }
+        let outlier_scale = outliers.then_some(OUTLIER_SCALE);
+        let equations = prepared.objective(&self.noise, outlier_scale).linearise(&body)?;
+        let ellipsoid = EllipsoidModel::from_axes(*body.center(), *body.axes(), body.semi_axes());
+        let mut fit = Fit {
+            prepared: Arc::new(prepared),
+            ellipsoid,
+            body,
+            equations,
+            outlier_scale,
+            ground: None,
+            converged: false,
+        };
+        if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+            fit.stand_on(ground, up);
+        }
+        Some(fit.refined(&self.noise, true).body.body_in_world(&frame))
+    }
+
+    /// The kind of body of another object of the scene.
+    pub(crate) fn kind_of_other(&self, views: ObjectViews, kinds: &Kinds, context: &MapContext) -> BodyKind {
+        self.fit_other(views, BodyKind::Ellipsoid, context)
+            .map_or(BodyKind::Ellipsoid, |fit| kinds.of_other(&fit, context))
+    }
+
+    /// Another object of the scene, fitted from its starts under what the scene shares.
+    fn fit_other(&self, mut views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Fit, Box<Estimate>> {
+        self.poses.apply(&mut views);
+        let mut fit = Fit::first(Prepared::new(views, kind, context)?, &self.noise, context)?;
+        if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+            fit.stand_on(ground, up);
+        }
+        let rounds = if fit.prepared.has_several_starts() { RECONSIDERED } else { 1 };
+        let reconsidered = |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
+        let fit = reconsidered(fit);
+        let upright =
+            fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
+        let fit = upright.map_or(fit, |(upright, _)| reconsidered(upright));
+        Ok(self.finished(&fit, context))
+    }
+
+    /// A fit that has been through the rounds, to the end: without the views that contradict the others.
+    fn finished(&self, fit: &Fit, context: &MapContext) -> Fit {
+        let mut fit = fit.refined(&self.noise, true);
+        if let Some(mut without) = fit.without_one_view(&self.noise, self.reference, context) {
+            if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+                without.stand_on(ground, up);
+            }
+            fit = without.refined(&self.noise, true);
+        }
+        fit.without_far_views(&self.noise, self.reference, context)
+    }
+
+    /// Noise levels by name: those that were given, or those of what has data.
+    pub(crate) fn noise_report(&self, context: &MapContext) -> Vec<(&'static str, f64)> {
+        let given = context.options.sigmas.as_ref().map(|sigmas| sigmas.levels().collect());
+        let mut report: Vec<_> = given.unwrap_or_else(|| self.noise.report(&self.statistics));
+        if let Some((turn, shift)) = self.poses.size() {
+            report.extend([("pose_rotation", turn), ("pose_translation", shift)]);
+        }
+        report
+    }
+}
+
+/// What enters covariances only: errors that views have in common, from an evenly spread sample of the objects, and how
+/// much the objects differ.
+fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -> CovarianceLevels {
+    let fits: Vec<&Fit> = fits.iter().flatten().collect();
+    let pairs: usize = fits.iter().map(|fit| fit.prepared.views.views.len().pow(2) / 2).sum();
+    let stride = pairs.div_ceil(COMMON_PAIRS).min(fits.len() / COMMON_SAMPLE).max(1);
+    let count = fits.len().div_ceil(stride);
+    // Summed in the order of the objects, so that the result does not depend on the number of threads.
+    let all = map_indices(count, |k| fits[k * stride].common_statistics(noise));
+    let mut sums = CommonStatistics::default();
+    all.iter().for_each(|(statistics, _)| sums.merge(statistics));
+    let agreements: Vec<_> = all.into_iter().map(|(_, agreement)| agreement).collect();
+    CovarianceLevels { common: sums.deviations(), spread: Spread::of(&agreements) }
+}
+
+/// The ground plane under the objects that stand on it.
+fn ground_plane(fits: &[Result<Fit, Box<Estimate>>], context: &MapContext) -> Option<GroundPlane> {
+    let up = context.up?;
+    let lowest: Vec<LowestPoint> = fits.iter().flatten().filter_map(|fit| fit.lowest_point(&up)).collect();
+    GroundPlane::fit(&up, &lowest, &context.cameras, context.options.camera_height)
+}

@@ -1,0 +1,86 @@
+//! Errors of the cameras' poses: every frame is moved a little, as all objects in it together ask for (E9, ours).
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix6, Rotation3, Vector6};
+
+use crate::geometry::linalg::solve_spd;
+use crate::scene::ObjectViews;
+use crate::solve::options::PoseNoise;
+
+/// How far the camera of a frame is moved: a turn about its centre (rotation vector, radians) and a shift (world
+/// units), both in world axes.
+type Motion = Vector6<f64>;
+
+/// How far the cameras of the frames have been moved, by index of the frame.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct PoseCorrections {
+    frames: BTreeMap<usize, Motion>,
+}
+
+#[cfg(test)]
+impl PoseCorrections {
+    /// Frames that have been moved so far.
+    pub(crate) fn of_frames(frames: BTreeMap<usize, Motion>) -> Self {
+        Self { frames }
+    }
+
+    /// How far a frame has been moved.
+    pub(crate) fn of_frame(&self, frame: usize) -> Option<Motion> {
+        self.frames.get(&frame).copied()
+    }
+}
+
+impl PoseCorrections {
+    /// Moves the frames to where the fitted objects want them and the prior allows. Returns by how much they were moved
+    /// now, for the objects to follow.
+    ///
+    /// `each_row` gives every residual of the objects: index of its frame, residual, its derivatives by a motion of the
+    /// camera, weight.
+    pub(crate) fn update(
+        &mut self,
+        each_row: impl FnOnce(&mut dyn FnMut(usize, f64, Motion, f64)),
+        prior: PoseNoise,
+    ) -> Self {
+        let precision = Matrix6::from_diagonal(&Motion::from_fn(|k, _| {
+            if k < 3 { prior.rotation_sd.powi(-2) } else { prior.translation_sd.powi(-2) }
+        }));
+        // One step of Gauss and Newton for each frame; the objects stay where they are.
+        let mut systems: BTreeMap<usize, (Matrix6<f64>, Motion)> = BTreeMap::new();
+        each_row(&mut |frame, residual, row, weight| {
+            let (normal, right) = systems.entry(frame).or_insert_with(|| {
+                (precision, self.frames.get(&frame).map_or_else(Motion::zeros, |moved| precision * moved))
+            });
+            *normal += row * row.transpose() * weight;
+            *right += row * (residual * weight);
+        });
+        let mut step = Self::default();
+        for (frame, (normal, right)) in systems {
+            if let Some(more) = solve_spd(&normal, &-right).filter(|more| more.iter().all(|x| x.is_finite())) {
+                *self.frames.entry(frame).or_insert_with(Motion::zeros) += more;
+                step.frames.insert(frame, more);
+            }
+        }
+        step
+    }
+
+    /// Moves the cameras of an object's views.
+    pub(crate) fn apply(&self, views: &mut ObjectViews) {
+        for view in &mut views.views {
+            let Some(motion) = self.frames.get(&view.frame_index) else { continue };
+            // Small turns: in which order they are made does not matter.
+            let turn = Rotation3::new(motion.fixed_rows::<3>(0).into_owned());
+            let shift = motion.fixed_rows::<3>(3).into_owned();
+            if let Some(moved) = view.projection.with_moved_camera(&turn, &shift) {
+                view.projection = moved;
+            }
+        }
+    }
+
+    /// Root mean square turn (radians) and shift (world units) of the moved frames.
+    pub(crate) fn size(&self) -> Option<(f64, f64)> {
+        let count = self.frames.len() as f64;
+        let squares = |first: usize| self.frames.values().map(|m| m.fixed_rows::<3>(first).norm_squared()).sum::<f64>();
+        (count > 0.0).then(|| ((squares(0) / count).sqrt(), (squares(3) / count).sqrt()))
+    }
+}
