@@ -1,6 +1,6 @@
 // Names beside the detections of a frame, placed so that they do not cover each other.
 
-import type { Region } from "./draw_frame.ts";
+import type { Region } from "./frame_region.ts";
 import { placeLabels } from "./place_labels.ts";
 
 /** A name and the box it belongs to, in pixels of the frame. */

@@ -2,11 +2,10 @@
 
 import { REJECTED, type Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
-import {
-  detectedRegion, detectionAt, drawFrame, objectRegion, wholeFrame, type FrameImages, type Region,
-} from "./draw_frame.ts";
+import { detectionAt, drawFrame, type FrameImages } from "./draw_frame.ts";
 import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.ts";
 import type { Filter } from "./filter.ts";
+import { detectedRegion, objectRegion, wholeFrame, type Region } from "./frame_region.ts";
 import type { Selection } from "./selection.ts";
 import { count, objectName, short, viewState } from "./words.ts";
 

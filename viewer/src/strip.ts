@@ -2,9 +2,10 @@
 
 import { REJECTED, type Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
-import { detectedRegion, drawFrame, wholeFrame, type FrameImages } from "./draw_frame.ts";
+import { drawFrame, type FrameImages } from "./draw_frame.ts";
 import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.ts";
 import type { Filter } from "./filter.ts";
+import { detectedRegion, wholeFrame } from "./frame_region.ts";
 import type { Selection } from "./selection.ts";
 
 /** Size of a small picture and of the place it takes, CSS pixels. */

@@ -10,10 +10,11 @@ use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::methods::MethodRow;
+use crate::noise_curves::true_scene;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
 use crate::scores::{Figure, Measure, pooled};
-use crate::synthetic::true_scene;
+
 use crate::table::{Cell, Table};
 
 /// Views of each object.

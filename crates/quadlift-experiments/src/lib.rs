@@ -19,6 +19,7 @@ mod kinds;
 mod kitti;
 pub mod methods;
 mod minimal;
+mod noise_curves;
 pub mod paper;
 pub mod plot;
 mod progress;

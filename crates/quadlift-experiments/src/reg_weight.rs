@@ -9,10 +9,10 @@ use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::methods::REG_LAMBDA;
+use crate::noise_curves::PAPER_CURVES;
 use crate::paper;
 use crate::progress::Steps;
 use crate::scores::{Measure, mean};
-use crate::synthetic::PAPER_CURVES;
 use crate::table::{Cell, Table};
 
 /// The decades, as exponents of ten.

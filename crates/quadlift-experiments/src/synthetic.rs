@@ -2,16 +2,16 @@
 //! of ellipses, and two curves of ours, over the noise and the outliers of boxes.
 
 use quadlift::geometry::Ellipse;
-use quadlift::metrics::TruthObject;
 use quadlift::scene::Scene;
 use quadlift::solve::{MapOptions, Method};
-use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
+use quadlift::synthetic::{Noise, SyntheticOptions};
 use rayon::prelude::*;
 
 use crate::data::TrueScene;
 use crate::error::Error;
 use crate::false_boxes;
 use crate::methods::{MethodRow, REG_LAMBDA, closed_forms};
+use crate::noise_curves::{NoiseCurve, OUR_CURVES, PAPER_CURVES, of_ellipses, true_scene};
 use crate::paper::{self, CurveEnds};
 use crate::plot::{Curve, Mark, Plot};
 use crate::progress::{Progress, Steps};
@@ -23,9 +23,6 @@ use crate::table::{Cell, Table};
 /// Scenes over which each point of a curve is a mean; each has 50 objects and 20 views.
 const SCENES: u64 = 6;
 
-/// Noise of the boxes that are no outliers, in the curve over the outlier share.
-const NOISE_OF_INLIERS: f64 = 0.02;
-
 /// The rows: all settings of this experiment.
 fn rows() -> Vec<MethodRow> {
     let mut rows = closed_forms();
@@ -33,120 +30,11 @@ fn rows() -> Vec<MethodRow> {
     rows
 }
 
-/// A kind of noise and the amounts of a curve.
-pub(crate) struct NoiseCurve {
-    /// Name of the files.
-    name: &'static str,
-    title: &'static str,
-    x_label: &'static str,
-    /// Amounts: `step`, times 0 to `steps`.
-    step: f64,
-    steps: u32,
-    make: fn(f64) -> SyntheticOptions,
-    /// The paper's figure at the largest amount.
-    paper: Option<fn(&CurveEnds) -> f64>,
-}
-
-impl NoiseCurve {
-    /// The amounts of noise.
-    pub(crate) fn amounts(&self) -> Vec<f64> {
-        (0..=self.steps).map(|k| f64::from(k) * self.step).collect()
-    }
-
-    /// The largest amount.
-    pub(crate) fn largest(&self) -> f64 {
-        f64::from(self.steps) * self.step
-    }
-
-    /// Decimals that show the amounts.
-    fn decimals(&self) -> usize {
-        if self.step < 1.0 { 2 } else { 0 }
-    }
-
-    /// The scene with an amount of noise and a seed.
-    pub(crate) fn scene(&self, amount: f64, seed: u64) -> Result<TrueScene, Error> {
-        true_scene(&SyntheticOptions { seed, ..(self.make)(amount) })
-    }
-}
-
-/// The paper's three curves.
-pub(crate) const PAPER_CURVES: [NoiseCurve; 3] = [
-    NoiseCurve {
-        name: "rotation",
-        title: "Rotation error of the ellipses (RE)",
-        x_label: "largest rotation error, degrees",
-        step: 5.0,
-        steps: 9,
-        make: |x| of_ellipses(Noise::Rotation(x)),
-        paper: Some(|ends| ends.rotation),
-    },
-    NoiseCurve {
-        name: "size",
-        title: "Size error of the ellipses (SE)",
-        x_label: "largest relative size error",
-        step: 0.05,
-        steps: 6,
-        make: |x| of_ellipses(Noise::Size(x)),
-        paper: Some(|ends| ends.size),
-    },
-    NoiseCurve {
-        name: "translation",
-        title: "Translation error of the ellipses (TE)",
-        x_label: "largest translation error, mean semi-axes",
-        step: 0.05,
-        steps: 6,
-        make: |x| of_ellipses(Noise::Translation(x)),
-        paper: Some(|ends| ends.translation),
-    },
-];
-
-/// Our two curves.
-const OUR_CURVES: [NoiseCurve; 2] = [
-    NoiseCurve {
-        name: "boxes",
-        title: "Noise of the box edges (ours)",
-        x_label: "standard deviation, mean half sizes",
-        step: 0.05,
-        steps: 6,
-        make: of_boxes,
-        paper: None,
-    },
-    NoiseCurve {
-        name: "outliers",
-        title: "Share of wrong boxes (ours)",
-        x_label: "share of outliers",
-        step: 0.1,
-        steps: 5,
-        make: |x| SyntheticOptions { outlier_share: x, ..of_boxes(NOISE_OF_INLIERS) },
-        paper: None,
-    },
-];
-
 /// Harder readings of the paper's noises, at the largest amount only.
 const HARDER_READINGS: [(&str, Noise); 2] = [
     ("SE2: a size error for each axis, 0.3", Noise::SizePerAxis(0.3)),
     ("TE2: translation error in mean full axes, 0.3", Noise::TranslationFullAxis(0.3)),
 ];
-
-fn of_ellipses(noise: Noise) -> SyntheticOptions {
-    SyntheticOptions { noise: vec![noise], ..Default::default() }
-}
-
-fn of_boxes(sigma: f64) -> SyntheticOptions {
-    let noise = vec![Noise::BoxEdges(sigma)];
-    SyntheticOptions { observations: Observations::Boxes, noise, ..Default::default() }
-}
-
-pub(crate) fn true_scene(options: &SyntheticOptions) -> Result<TrueScene, Error> {
-    let synthetic = generate(options)?;
-    let object = |(id, body): (String, quadlift::geometry::Body)| TruthObject {
-        id,
-        ellipsoid: Some(body.ellipsoid()),
-        cuboid: None,
-    };
-    let truth = synthetic.truth.into_iter().map(object).collect();
-    Ok(TrueScene { sequence: "synthetic".to_owned(), scene: synthetic.scene, truth })
-}
 
 /// The same scene with the boxes around its ellipses instead of these: what `planes` needs.
 fn with_boxes_of_ellipses(scene: &Scene) -> Scene {

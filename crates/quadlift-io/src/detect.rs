@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::de::IgnoredAny;
 
-use crate::error::{ReadError, as_utf8, read_bytes};
-use crate::read::detections::paths_below;
+use crate::error::ReadError;
+use crate::input::paths_below;
+use crate::input::{as_utf8, read_bytes};
 
 /// A format of cameras and poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,7 +9,8 @@ use image::{EncodableLayout, ImageBuffer, ImageError, ImageFormat, ImageReader, 
 use quadlift_segment::LabelImage;
 
 use crate::atomic::write_file;
-use crate::error::{ReadError, WriteError, read_bytes};
+use crate::error::{ReadError, WriteError};
+use crate::input::read_bytes;
 
 /// Images with more pixels are refused unless [`set_max_pixels`] says otherwise: those of the largest cameras in use have
 /// 151 million.

@@ -19,6 +19,7 @@ pub mod evaluation;
 pub mod file_names;
 pub mod guard;
 pub mod images;
+mod input;
 mod numbers;
 pub mod priors;
 pub mod problems;

@@ -14,7 +14,8 @@ use std::path::Path;
 use quadlift::solve::{CategoryPrior, CategoryPriors, SizePrior};
 use serde::Deserialize;
 
-use crate::error::{ReadError, as_utf8, line_and_column, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, line_and_column, read_bytes};
 use crate::numbers;
 use crate::wording::plain_words;
 

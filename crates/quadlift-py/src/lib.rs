@@ -12,6 +12,7 @@ mod options;
 mod recording;
 mod run;
 mod scene;
+mod scene_methods;
 mod segmentation;
 
 use pyo3::prelude::*;
@@ -21,8 +22,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("QuadliftError", module.py().get_type::<error::QuadliftError>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(segmentation::set_max_pixels, module)?)?;
-    module.add_function(wrap_pyfunction!(scene::write_text, module)?)?;
-    module.add_function(wrap_pyfunction!(scene::frame_problems, module)?)?;
+    module.add_function(wrap_pyfunction!(scene_methods::write_text, module)?)?;
+    module.add_function(wrap_pyfunction!(scene_methods::frame_problems, module)?)?;
     module.add_function(wrap_pyfunction!(detections::hidden_edges, module)?)?;
     module.add_class::<scene::PyScene>()?;
     module.add_class::<localized::PyLocalized>()?;

@@ -3,44 +3,16 @@
 use std::collections::HashMap;
 
 use quadlift::scene::{Detection, Scene};
-use quadlift_io::scene_file::{SceneImages, ViewRecord};
+use quadlift_io::scene_file::ViewRecord;
 use quadlift_io::{EntryError, SceneFile};
 
+use crate::content::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS};
 use crate::data::{Report, ReportDetections, ReportFrame};
 use crate::masks::add_masks;
 use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
 use crate::run::{run_banner, run_notes, run_overview, run_region, run_settings, run_source};
-use crate::scores::Scores;
 use crate::thumbnails::{evenly_spread, thumbnails};
-
-/// Bytes that a page should not exceed: images fill what the rest leaves.
-pub const MOST_BYTES: usize = 30_000_000;
-/// Frames in a report; of more an evenly spread choice is shown.
-pub const MOST_FRAMES: usize = 10_000;
-/// Objects in a report; of more the first are shown.
-pub const MOST_OBJECTS: usize = 10_000;
-/// Detections in a report; with more, only every second frame keeps its own, or every third, and so on.
-pub const MOST_DETECTIONS: usize = 500_000;
-
-/// What a report is made of.
-#[derive(Debug, Clone, Copy)]
-pub struct Content<'a> {
-    /// Title of the page.
-    pub title: &'a str,
-    /// Frames and detections.
-    pub scene: &'a Scene,
-    /// The images of the scene's frames.
-    pub images: Option<&'a SceneImages>,
-    /// A result: the objects with a `status` are estimates.
-    pub estimate: Option<&'a SceneFile>,
-    /// A scene whose objects are the truth.
-    pub truth: Option<&'a SceneFile>,
-    /// The only source whose detections are shown; where it is not given, the one that the estimate was made of.
-    pub source: Option<&'a str>,
-    /// Scores of the estimates against the truth.
-    pub scores: Option<&'a Scores>,
-}
 
 /// Gathers the data of a report and reads its images. An image that cannot be read is told in the notes.
 ///
@@ -222,7 +194,7 @@ fn thin_out(detections: &mut [ReportDetections], frames: &[usize]) -> Option<Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ReportObject, TrueObjectScores};
+    use crate::{ReportObject, Scores, TrueObjectScores};
     use nalgebra::Matrix3x4;
     use quadlift::geometry::{BoundingBox, Projection};
     use quadlift::scene::{DetectionInput, SceneBuilder};

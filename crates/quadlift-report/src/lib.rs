@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod colors;
+mod content;
 mod data;
 mod document;
 mod frame_image;
@@ -19,8 +20,9 @@ mod run;
 mod scores;
 mod thumbnails;
 
+pub use content::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS};
 pub use data::{Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow};
-pub use document::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS, report, report_of_frames};
+pub use document::{report, report_of_frames};
 pub use frame_image::{FrameImage, frame_image, frame_jpeg};
 pub use page::page;
 pub use picture::{Label, Picture, write_labels};

@@ -8,8 +8,8 @@ use quadlift::scene::Detection;
 use quadlift_io::EntryError;
 use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
 
+use crate::content::{Content, MOST_OBJECTS};
 use crate::data::{ReportAlternative, ReportBody, ReportObject, ReportScores, ScoreRow};
-use crate::document::{Content, MOST_OBJECTS};
 use crate::run::center_limit;
 use crate::scores::{Scores, TrueObjectScores};
 

@@ -10,8 +10,9 @@ use quadlift_io::EntryError;
 use serde::Serialize;
 
 use crate::colors::{Color, UNKNOWN};
+use crate::content::Content;
 use crate::data::{Report, ReportBody, ReportFrame};
-use crate::document::{Content, report_of_frames};
+use crate::document::report_of_frames;
 use crate::outline::{ellipse_points, outline};
 use crate::thumbnails::evenly_spread;
 use crate::{MOST_FRAMES, ReportObject};

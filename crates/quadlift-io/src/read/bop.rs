@@ -13,8 +13,9 @@ use super::json::{Node, parse_json};
 use super::poses::{check_rigid, inverse, matrix4, rows};
 use super::static_objects::LabelledObjects;
 use super::{Import, camera_id};
-use crate::error::{ReadError, read_bytes};
+use crate::error::ReadError;
 use crate::images::read_image_size;
+use crate::input::read_bytes;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, MaskRecord, ObjectRecord, SceneFile};
 use crate::wording::count;
 

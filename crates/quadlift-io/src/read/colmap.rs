@@ -13,7 +13,8 @@ use super::Import;
 use super::bytes::Bytes;
 use super::poses::{matrix4, rotation_of, rows};
 use super::text::{Fields, Line, lines};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 
 /// Where a model may lie in the folder that is named.

@@ -5,7 +5,8 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use crate::error::{ReadError, as_utf8};
+use crate::error::ReadError;
+use crate::input::as_utf8;
 use crate::wording::plain_words;
 
 /// The document in the bytes of a file.

@@ -15,7 +15,8 @@ use super::poses::inverse;
 use super::static_objects::LabelledObjects;
 use super::text::lines;
 use super::{Import, PixelCenters};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile};
 
 /// What is taken of a sequence.

@@ -11,7 +11,8 @@ use quadlift::geometry::Intrinsics;
 use super::PixelCenters;
 use super::poses::{check_rigid, inverse, matrix4, rows};
 use super::text::{Line, lines};
-use crate::error::{ReadError, as_utf8};
+use crate::error::ReadError;
+use crate::input::as_utf8;
 use crate::scene_file::CameraRecord;
 
 /// Radius of the earth in the Mercator projection, in metres.

@@ -6,7 +6,8 @@ use nalgebra::{Matrix4, Rotation3, Vector3};
 
 use super::poses::matrix4;
 use super::text::{Line, lines};
-use crate::error::{ReadError, as_utf8};
+use crate::error::ReadError;
+use crate::input::as_utf8;
 
 /// One line.
 #[derive(Debug, Clone, PartialEq)]

@@ -16,7 +16,8 @@ use super::poses::{inverse, matrix4};
 use super::static_objects::LabelledObjects;
 use super::text::lines;
 use super::{Import, PixelCenters};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
 
 /// What is taken of a drive.

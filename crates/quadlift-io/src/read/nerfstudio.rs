@@ -13,8 +13,9 @@ use quadlift::geometry::{Camera, CameraModel};
 use super::json::{Node, parse_json};
 use super::poses::{check_rigid, from_rows, inverse, rows};
 use super::{Import, PixelCenters, camera_id};
-use crate::error::{ReadError, read_bytes};
+use crate::error::ReadError;
 use crate::images::read_image_size;
+use crate::input::read_bytes;
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 
 /// Names that images get when the file leaves them out, as in Blender's synthetic scenes.

@@ -12,7 +12,8 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 
 use super::json::{Node, parse_json};
 use super::{Import, PixelCenters};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
 
 /// Reads a file of projections: JSON where it begins with a bracket, CSV otherwise. `image_size` is width and height

@@ -10,7 +10,8 @@ use super::colmap::camera_fields;
 use super::poses::{inverse, matrix4, rotation_of, rows};
 use super::text::{Line, lines};
 use super::{Import, PixelCenters};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 
 /// What a trajectory does not say itself.

@@ -10,8 +10,9 @@ use serde_path_to_error::Segment;
 use super::expected::expected;
 use super::records::{FORMAT, SceneFile, VERSION};
 use super::unknown::{MOST_VALUES, check_unknown};
-use crate::error::{ReadError, as_utf8, line_and_column, read_bytes};
+use crate::error::ReadError;
 use crate::guard::note_named;
+use crate::input::{as_utf8, line_and_column, read_bytes};
 use crate::wording::plain_words;
 
 /// Reads a scene file. References between its parts and the ranges of numbers are checked by

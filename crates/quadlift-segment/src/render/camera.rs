@@ -8,7 +8,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::RenderOptions;
-use super::world::World;
 
 /// Focal length in widths of the image.
 const FOCAL_LENGTH: f64 = 1.25;
@@ -63,10 +62,10 @@ impl Path {
     }
 }
 
-/// The cameras of all views.
+/// The cameras of all views along a path.
 pub(super) fn frames(
     options: &RenderOptions,
-    world: &World,
+    path: &Path,
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<SyntheticFrame>, CameraError> {
     let [width, height] = [options.width, options.height].map(f64::from);
@@ -74,8 +73,8 @@ pub(super) fn frames(
     let last = options.views.saturating_sub(1).max(1) as f64;
     (0..options.views)
         .map(|view| {
-            let position = world.path.position(view as f64 / last, AZIMUTH_NOISE * normal(rng));
-            let target = world.path.middle + Vector3::from_fn(|_, _| TARGET_NOISE * normal(rng));
+            let position = path.position(view as f64 / last, AZIMUTH_NOISE * normal(rng));
+            let target = path.middle + Vector3::from_fn(|_, _| TARGET_NOISE * normal(rng));
             let cam_from_world = look(&position, &target, ROLL_NOISE * normal(rng))?;
             let id = format!("{view:06}");
             Ok(SyntheticFrame { id, intrinsics, cam_from_world, width: options.width, height: options.height })
@@ -119,12 +118,12 @@ mod tests {
     #[test]
     fn the_arc_is_gone_around_in_small_steps() {
         let options = RenderOptions { views: 20, ..Default::default() };
-        let world = World::draw(&options, &mut stream(3, 0));
-        let frames = frames(&options, &world, &mut stream(3, 1)).unwrap();
+        let path = Path::draw(&mut stream(3, 0), &Point3::new(0.0, 0.0, 0.5), 1.0, options.arc.to_radians());
+        let frames = frames(&options, &path, &mut stream(3, 1)).unwrap();
         let azimuth = |frame: &SyntheticFrame| {
             let projection = Projection::from_camera(&frame.intrinsics, &frame.cam_from_world);
-            let offset = projection.center_in_world().unwrap() - world.path.middle;
-            assert!((offset.norm() - world.path.distance).abs() < 1e-9);
+            let offset = projection.center_in_world().unwrap() - path.middle;
+            assert!((offset.norm() - path.distance).abs() < 1e-9);
             offset.y.atan2(offset.x)
         };
         let turned = |a: f64, b: f64| (b - a).rem_euclid(std::f64::consts::TAU).to_degrees();

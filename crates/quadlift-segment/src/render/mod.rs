@@ -66,7 +66,7 @@ pub struct RenderedScene {
 pub fn render(options: &RenderOptions) -> Result<RenderedScene, SyntheticError> {
     options.check()?;
     let world = World::draw(options, &mut stream(options.seed, WORLD_STREAM));
-    let frames = camera::frames(options, &world, &mut stream(options.seed, CAMERA_STREAM))?;
+    let frames = camera::frames(options, &world.path, &mut stream(options.seed, CAMERA_STREAM))?;
     let rendered: Vec<Rendering> = map_indices(frames.len(), |index| {
         frame::render(&world, &frames[index], options, &mut stream(options.seed, FIRST_FRAME_STREAM + index as u64))
     });

@@ -4,8 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::expectation::Row;
-use super::maximization::normalized;
-use super::model::Model;
+use super::model::{Model, normalized};
 use super::stels::Stels;
 use crate::blur::Blur;
 use crate::palette::draw_indices;

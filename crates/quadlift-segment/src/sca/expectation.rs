@@ -48,6 +48,11 @@ impl Row {
 }
 
 impl Model<'_> {
+    /// Memory for the E step of one row.
+    pub(super) fn row(&self) -> Row {
+        Row::new(self.frames.grid, self.options.stels, self.options.gaussians)
+    }
+
     /// Visits the rows of a frame with their posteriors; returns the frame's part of F.
     pub(super) fn expect(&self, t: usize, row: &mut Row, mut visit: impl FnMut(&mut Row)) -> f64 {
         let densities: Vec<LogDensity> = self.palettes[t].iter().flatten().map(LogDensity::new).collect();

@@ -1,7 +1,7 @@
 //! The M step: palettes, components and mixing weights, given which stel each pixel belongs to.
 
 use super::expectation::Row;
-use super::model::Model;
+use super::model::{Model, normalized};
 use super::stels::Stels;
 use crate::palette::{ColorSums, color_products, palette_of, part};
 use crate::vector_math::dot;
@@ -151,10 +151,4 @@ impl Model<'_> {
                 normalized(own.iter().zip(&pooled).map(|(own, pooled)| own + self.options.tying * pooled).collect());
         }
     }
-}
-
-/// The numbers divided by their sum.
-pub(super) fn normalized(values: Vec<f64>) -> Vec<f32> {
-    let total: f64 = values.iter().sum();
-    values.iter().map(|x| (x / total) as f32).collect()
 }

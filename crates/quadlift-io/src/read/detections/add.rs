@@ -7,8 +7,8 @@ use quadlift::diagnose::Correction;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift_segment::Rle;
 
+use super::files::{Detected, DetectionFiles, ImageKey, Outline, extent};
 use super::matching::{MatchBy, MatchOptions, match_frames, stem};
-use super::{Detected, DetectionFiles, ImageKey, Outline, extent};
 use crate::error::ReadError;
 use crate::read::PixelCenters;
 use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};

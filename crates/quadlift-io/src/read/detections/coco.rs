@@ -8,8 +8,9 @@ use std::path::Path;
 
 use quadlift_segment::{Polygons, Rle};
 
-use super::{ByImage, Detected, DetectionFiles, File, ImageKey, Numbering, Outline, edges_of_size};
-use crate::error::{ReadError, read_bytes};
+use super::files::{ByImage, Detected, DetectionFiles, File, ImageKey, Numbering, Outline, edges_of_size};
+use crate::error::ReadError;
+use crate::input::read_bytes;
 use crate::read::json::{Node, parse_json};
 use crate::scene_file::{RleCounts, RleRecord};
 

@@ -6,10 +6,11 @@
 
 use std::path::Path;
 
-use super::DetectionFiles;
+use super::files::DetectionFiles;
 pub use super::table::TableOptions;
 use super::table::{Row, Table};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 
 /// The columns of a table that does not name them.
 const COLUMNS: [&str; 6] = ["frame", "x0", "y0", "x1", "y1", "score"];

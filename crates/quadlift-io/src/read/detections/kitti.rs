@@ -5,8 +5,9 @@
 
 use std::path::Path;
 
-use super::{ByImage, Detected, DetectionFiles, ImageKey, LabelFile, Numbering, checked_edges, label_files};
-use crate::error::{ReadError, as_utf8};
+use super::files::{ByImage, Detected, DetectionFiles, ImageKey, LabelFile, Numbering, checked_edges, label_files};
+use crate::error::ReadError;
+use crate::input::as_utf8;
 use crate::read::kitti_labels::{Benchmark, KittiLabel, parse_labels_of};
 use crate::read::text::lines;
 

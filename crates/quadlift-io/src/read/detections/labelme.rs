@@ -6,7 +6,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
+use super::files::{
+    Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, extent, label_files,
+};
 use crate::error::ReadError;
 use crate::read::json::{Node, parse_json};
 
@@ -113,7 +115,7 @@ fn add_part(object: &mut Detected, part: Detected) {
 fn box_of(detected: &Detected) -> Option<[f64; 4]> {
     match &detected.outline {
         Outline::Circle([x, y, radius]) => Some([x - radius, y - radius, x + radius, y + radius]),
-        Outline::Polygons(polygons) => Some(super::extent(polygons.iter().flatten().copied())),
+        Outline::Polygons(polygons) => Some(extent(polygons.iter().flatten().copied())),
         _ => detected.bounding_box,
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::{DetectedImage, ImageKey, Numbering};
+use super::files::{DetectedImage, ImageKey, Numbering};
 use crate::scene_file::{FrameRecord, SceneFile};
 
 /// How the images of a file are matched with the frames of a scene.

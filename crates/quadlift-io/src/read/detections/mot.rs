@@ -6,9 +6,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::files::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, edges_of_size};
 use super::names::ClassNames;
-use super::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, edges_of_size};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 use crate::read::text::{Line, lines};
 
 /// Where the files of a sequence lie.

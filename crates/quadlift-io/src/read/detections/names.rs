@@ -6,7 +6,8 @@ use std::path::Path;
 
 use saphyr_parser::{Event, Parser, ScanError, Span};
 
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 
 /// Names of classes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -9,10 +9,11 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::DetectionFiles;
 use super::csv::table;
+use super::files::DetectionFiles;
 use super::table::{Row, Table, TableOptions, is_column};
-use crate::error::{ReadError, as_utf8, read_bytes};
+use crate::error::ReadError;
+use crate::input::{as_utf8, read_bytes};
 use crate::read::json::{Node, parse_json};
 
 /// Reads the file of a sink: JSON where it begins with a bracket, CSV otherwise.

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::files::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, Outline, checked_edges, edges_of_size};
 use super::names::ClassNames;
-use super::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, Outline, checked_edges, edges_of_size};
 use crate::error::ReadError;
 
 /// Names of the columns of a box by its edges.

@@ -1,6 +1,6 @@
 //! Files written by pycocotools and supervision against what these packages make of them; small files by hand.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use quadlift_segment::Rle;
 use serde_json::Value;

@@ -9,10 +9,11 @@ use std::path::Path;
 
 pub use super::yolo_columns::{ExtraColumns, YoloKind};
 
+use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
 use super::names::{ClassNames, read_names};
 use super::yolo_columns::{Fields, LabelLine, columns};
-use super::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
-use crate::error::{ReadError, as_utf8};
+use crate::error::ReadError;
+use crate::input::as_utf8;
 use crate::read::text::lines;
 
 /// Files with the names of the classes, which lie beside the labels or in one of two folders above.

@@ -1,0 +1,313 @@
+//! What Python calls on a scene: files and arrays in, and files, localisation, association, scores and pages out.
+
+use std::path::{Path, PathBuf, absolute};
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use quadlift::diagnose::diagnose;
+use quadlift::scene::Detection;
+use quadlift_io::association::write_objects;
+use quadlift_io::correct::{RecordCorrection, correct};
+use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
+use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
+use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::detections::csv::TableOptions;
+use quadlift_io::read::detections::names::read_names;
+use quadlift_io::read::detections::{AddOptions, add_detections, read_detections};
+use quadlift_io::scene_file::{parse_scene_file, write_scene};
+use quadlift_io::{read_scene_file, write_file, write_scene_file};
+use quadlift_report::{Content, page, report};
+
+use crate::association::{AssociateKeywords, associated};
+use crate::detections::DetectionArrays;
+use crate::error::refuse;
+use crate::evaluation::{MATCHING, scores};
+use crate::frames::FrameArrays;
+use crate::loaded::Loaded;
+use crate::localized::{PyLocalized, localized};
+use crate::options::{LocalizeKeywords, choice};
+use crate::recording::{jpeg, recorded};
+use crate::run::{Ticker, in_background, on_threads};
+use crate::scene::PyScene;
+use crate::segmentation::SegmentKeywords;
+
+/// An associated object: its id, its evidence, and why it is doubtful.
+type Found = (String, Option<f64>, Option<&'static str>);
+
+#[pymethods]
+impl PyScene {
+    /// Reads a scene file.
+    #[staticmethod]
+    fn read(path: PathBuf) -> PyResult<Self> {
+        Self::new(read_scene_file(&path).map_err(refuse)?, path)
+    }
+
+    /// The scene in the bytes of a scene file.
+    #[staticmethod]
+    fn parse(bytes: &[u8], path: PathBuf) -> PyResult<Self> {
+        Self::new(parse_scene_file("the document".as_ref(), bytes).map_err(refuse)?, path)
+    }
+
+    /// What paths of images and masks are relative to: the file that was read, or nothing.
+    #[getter]
+    fn path(&self) -> PyResult<PathBuf> {
+        let path = &self.loaded.path;
+        if path.as_os_str().is_empty() { Ok(PathBuf::new()) } else { absolute(path).map_err(refuse) }
+    }
+
+    /// Posed frames without detections.
+    #[staticmethod]
+    fn from_frames(frames: FrameArrays) -> PyResult<Self> {
+        Self::new(frames.to_file()?, PathBuf::new())
+    }
+
+    /// The cameras of the folder of a COLMAP model.
+    #[staticmethod]
+    fn read_colmap(path: PathBuf) -> PyResult<Self> {
+        match detect_cameras(&path).map_err(refuse)? {
+            (CameraFormat::Colmap, path) => {
+                let import = read_colmap(&path).map_err(refuse)?;
+                // A name beside the images, to whose folder theirs are relative.
+                let place = import.image_folder.map_or_else(PathBuf::new, |folder| folder.join("scene.json"));
+                Self::new(import.scene, place)
+            }
+            (_, path) => Err(refuse(format!(
+                "{}: this is no COLMAP model; expected the folder of cameras and images (.bin or .txt)",
+                path.display()
+            ))),
+        }
+    }
+
+    /// The scene with these detections too.
+    fn with_detections(&self, detections: DetectionArrays) -> PyResult<Self> {
+        Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, detections)?) })
+    }
+
+    /// All rows that `with_detections` would refuse, and why.
+    fn detection_problems(&self, detections: DetectionArrays) -> Vec<(usize, String)> {
+        detections.problems(&self.loaded.scene)
+    }
+
+    /// The scene with the detections of another program's file too, whose format is recognised.
+    #[pyo3(signature = (path, *, names, frame_column, source, min_score, image_size))]
+    fn with_detections_of(
+        &self,
+        path: PathBuf,
+        names: Option<PathBuf>,
+        frame_column: Option<&str>,
+        source: Option<&str>,
+        min_score: Option<f64>,
+        image_size: Option<[f64; 2]>,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let class_names = names.as_deref().map(read_names).transpose().map_err(refuse)?;
+        let table = TableOptions { frame_column, names: class_names.as_ref() };
+        let format = detect_detections(&path).map_err(refuse)?;
+        let found = read_detections(format, &path, None, &table).map_err(refuse)?;
+        let mut file = self.loaded.file().clone();
+        let source = source.unwrap_or(format.name());
+        let options = AddOptions { source, min_score, image_size, ..Default::default() };
+        let added = add_detections(&mut file, found, &options).map_err(refuse)?;
+        let mut lost = Vec::new();
+        if added.in_no_frame > 0 {
+            let (images, count) = (added.images_without_frame.len(), added.in_no_frame);
+            let first = added.images_without_frame.first().map_or("", String::as_str);
+            lost.push(format!("{count} detections are left out: {images} images have no frame, such as \"{first}\""));
+        }
+        if added.empty > 0 {
+            lost.push(format!("{} detections are left out: their boxes have no width or no height", added.empty));
+        }
+        Ok((Self::new(file, self.loaded.path.clone())?, lost))
+    }
+
+    /// Writes a scene file. Paths of images and masks become absolute where the file goes to another folder.
+    fn write(&self, path: PathBuf) -> PyResult<()> {
+        self.loaded.check_scene_output(&path)?;
+        let here = folder(&self.loaded.path);
+        let is_same = matches!((absolute(here), absolute(folder(&path))), (Ok(a), Ok(b)) if a == b);
+        if is_same {
+            return write_scene_file(&path, self.loaded.file()).map_err(refuse);
+        }
+        let mut file = self.loaded.file().clone();
+        for place in file.paths_mut() {
+            *place = absolute(here.join(&*place)).map_err(refuse)?.display().to_string();
+        }
+        write_scene_file(&path, &file).map_err(refuse)
+    }
+
+    /// Refuses to write a page or a recording over what the scene was read from.
+    fn check_output(&self, path: PathBuf) -> PyResult<()> {
+        self.loaded.check_output(&path)
+    }
+
+    /// The scene file as JSON.
+    fn to_json(&self) -> PyResult<String> {
+        let mut bytes = Vec::new();
+        write_scene(self.loaded.file(), &mut bytes).map_err(refuse)?;
+        String::from_utf8(bytes).map_err(refuse)
+    }
+
+    /// The scene with corrections, by the names and values of the program's options; and what was done, in words.
+    fn corrected(&self, corrections: Vec<(String, String)>) -> PyResult<(Self, Vec<String>)> {
+        let correction = |(name, value): &(String, String)| {
+            let argument = name.replace('-', "_");
+            RecordCorrection::from_option(name, value).map_err(|e| refuse(format!("{argument} is \"{value}\"; {e}")))
+        };
+        let corrections = corrections.iter().map(correction).collect::<PyResult<Vec<_>>>()?;
+        let corrections: Vec<RecordCorrection> = corrections.into_iter().flatten().collect();
+        let mut file = self.loaded.file().clone();
+        let notes = correct(&mut file, &corrections).map_err(refuse)?;
+        Ok((Self::new(file, self.loaded.path.clone())?, notes))
+    }
+
+    /// Whether the scene agrees with itself, as JSON; and what is wrong, in words.
+    fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<(String, Option<String>)> {
+        let scene = &self.loaded.scene;
+        let source = scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;
+        let of_source = |d: &Detection| source.is_none() || d.source_index == source;
+        let diagnosis = py.detach(|| on_threads(|| diagnose(scene, of_source)))?;
+        let context = Context::of(self.loaded.file(), 0);
+        Ok((diagnosis_record(&diagnosis, &context).to_string(), diagnosis_in_words(&diagnosis, &context)))
+    }
+
+    /// Localises the objects.
+    fn localize(
+        &self,
+        py: Python,
+        keywords: LocalizeKeywords,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyLocalized> {
+        let choices = keywords.for_scene(&self.loaded.scene)?;
+        let loaded = Arc::clone(&self.loaded);
+        in_background(py, threads, progress, move |ticker| localized(loaded, &choices, ticker))
+    }
+
+    /// Finds masks and ellipses in the images; the scene with them, and what went wrong.
+    fn segment(
+        &self,
+        py: Python,
+        keywords: SegmentKeywords,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let method = keywords.method()?;
+        let loaded = Arc::clone(&self.loaded);
+        let work = move |ticker: &Ticker| keywords.segmented(method, &loaded, ticker);
+        let (file, problems) = in_background(py, threads, progress, work)?;
+        Ok((Self::new(file, self.loaded.path.clone())?, problems))
+    }
+
+    /// Finds out which detections show the same object; the scene with these objects, and them.
+    fn associate(
+        &self,
+        py: Python,
+        keywords: AssociateKeywords,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Self, Vec<Found>)> {
+        let options = keywords.for_scene(&self.loaded.scene)?;
+        let loaded = Arc::clone(&self.loaded);
+        let (scene, association) = in_background(py, threads, progress, move |ticker| {
+            let association = associated(&loaded.scene, &options, ticker)?;
+            let source = loaded.scene.source_index(options.source.as_deref()).map_err(|e| e.to_string())?;
+            Ok((association.applied_to(&loaded.scene, source), association))
+        })?;
+        let mut file = self.loaded.file().clone();
+        write_objects(&mut file.detections, &scene);
+        // The true objects, if the scene has any, have other ids.
+        file.objects = Vec::new();
+        let objects = association.objects.into_iter();
+        let objects = objects.map(|o| (o.id, o.evidence, o.doubtful.map(|doubt| doubt.text()))).collect();
+        Ok((Self::new(file, self.loaded.path.clone())?, objects))
+    }
+
+    /// Scores of the objects and of the identities against the truth, as JSON.
+    #[pyo3(signature = (truth, matching, source))]
+    fn evaluate(&self, py: Python, truth: &Self, matching: &str, source: Option<&str>) -> PyResult<String> {
+        let (estimate, truth) = (&self.loaded, &truth.loaded);
+        let matching = choice("match", matching, &MATCHING)?;
+        py.detach(|| on_threads(|| scores(estimate.file(), truth.file(), matching, source)))?
+            .map(|scores| scores.to_string())
+            .map_err(refuse)
+    }
+
+    /// The page that shows the scene.
+    fn report(&self, title: &str) -> PyResult<String> {
+        let Loaded { scene, path, .. } = &*self.loaded;
+        let file = self.loaded.file();
+        let images = file.to_images(path).map_err(refuse)?;
+        let content = Content {
+            title,
+            scene,
+            images: Some(&images),
+            estimate: Some(file),
+            truth: None,
+            source: None,
+            scores: None,
+        };
+        on_threads(|| report(&content))?.map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    /// What a recording holds, as JSON, and the indices of its frames.
+    fn recording(&self, title: &str) -> PyResult<(String, Vec<usize>)> {
+        recorded(title, &self.loaded, &self.loaded.scene, self.loaded.file(), None)
+    }
+
+    /// The image of a frame as JPEG, and its width and height.
+    fn jpeg<'py>(&self, py: Python<'py>, frame_index: usize) -> PyResult<Option<(Bound<'py, PyBytes>, [u32; 2])>> {
+        let image = py.detach(|| jpeg(&self.loaded, frame_index))?;
+        Ok(image.map(|(bytes, size)| (PyBytes::new(py, &bytes), size)))
+    }
+
+    #[getter]
+    fn name(&self) -> Option<&str> {
+        self.loaded.file().name.as_deref()
+    }
+
+    #[getter]
+    fn length_unit(&self) -> Option<&str> {
+        self.loaded.file().length_unit.as_deref()
+    }
+
+    #[getter]
+    fn frame_ids(&self) -> Vec<&str> {
+        self.loaded.scene.frames.iter().map(|frame| frame.id.as_str()).collect()
+    }
+
+    /// Ids of the objects that the detections name.
+    #[getter]
+    fn object_ids(&self) -> Vec<&str> {
+        self.loaded.scene.object_ids.iter().map(String::as_str).collect()
+    }
+
+    /// Number of detections.
+    fn __len__(&self) -> usize {
+        self.loaded.scene.detections.len()
+    }
+
+    /// Number of objects in the file: true ones or estimates.
+    #[getter]
+    fn objects(&self) -> usize {
+        self.loaded.file().objects.len()
+    }
+}
+
+/// The cameras that `from_frames` would refuse, and why.
+#[pyfunction]
+pub fn frame_problems(frames: FrameArrays) -> Vec<(usize, String)> {
+    frames.problems().collect()
+}
+
+/// Writes a text.
+#[pyfunction]
+pub fn write_text(path: PathBuf, text: &str) -> PyResult<()> {
+    write_file(&path, |file| file.write_all(text.as_bytes())).map_err(refuse)
+}
+
+fn folder(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}

@@ -1,0 +1,35 @@
+//! What a report is made of, and how much of it a page shows.
+
+use quadlift::scene::Scene;
+use quadlift_io::SceneFile;
+use quadlift_io::scene_file::SceneImages;
+
+use crate::scores::Scores;
+
+/// Bytes that a page should not exceed: images fill what the rest leaves.
+pub const MOST_BYTES: usize = 30_000_000;
+/// Frames in a report; of more an evenly spread choice is shown.
+pub const MOST_FRAMES: usize = 10_000;
+/// Objects in a report; of more the first are shown.
+pub const MOST_OBJECTS: usize = 10_000;
+/// Detections in a report; with more, only every second frame keeps its own, or every third, and so on.
+pub const MOST_DETECTIONS: usize = 500_000;
+
+/// What a report is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Content<'a> {
+    /// Title of the page.
+    pub title: &'a str,
+    /// Frames and detections.
+    pub scene: &'a Scene,
+    /// The images of the scene's frames.
+    pub images: Option<&'a SceneImages>,
+    /// A result: the objects with a `status` are estimates.
+    pub estimate: Option<&'a SceneFile>,
+    /// A scene whose objects are the truth.
+    pub truth: Option<&'a SceneFile>,
+    /// The only source whose detections are shown; where it is not given, the one that the estimate was made of.
+    pub source: Option<&'a str>,
+    /// Scores of the estimates against the truth.
+    pub scores: Option<&'a Scores>,
+}
