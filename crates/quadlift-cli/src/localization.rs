@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use quadlift::scene::{Scene, SourceError};
 use quadlift::solve::{BodyKind, CategoryPriors, Method};
-use quadlift::{Localization, LocalizeError, Options, UsedMeasurements, localize};
+use quadlift::{Localization, LocalizeError, MeasurementKind, Options, localize};
 use quadlift_io::problems::Problems;
 use quadlift_io::scene_file::{body_name, fitted_body_name, method_name, settings_record};
 use quadlift_io::{SceneFile, builtin_priors, read_priors};
@@ -91,7 +91,7 @@ pub fn read_masks(
     options: &Options,
     out: &Output,
 ) -> anyhow::Result<Vec<String>> {
-    if options.measurements != UsedMeasurements::Mask {
+    if options.measurements != MeasurementKind::Mask {
         return Ok(Vec::new());
     }
     // An unclear source is for `localize` to tell.

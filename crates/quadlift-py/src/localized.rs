@@ -13,7 +13,7 @@ use quadlift::diagnose::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::{Detection, Scene};
 use quadlift::solve::{Alternative, BodyKind, Estimate, Rejection};
-use quadlift::{LeftOut, Localization, UsedMeasurements, localize};
+use quadlift::{LeftOut, Localization, MeasurementKind, localize};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
@@ -62,7 +62,7 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
         loaded.scene.source_index(options.source.as_deref()).map_err(|error| format!("{error} (source=...)"))?;
     let mut problems = Vec::new();
     let mut changed = None;
-    if options.measurements == UsedMeasurements::Mask {
+    if options.measurements == MeasurementKind::Mask {
         if loaded.file().detections.iter().all(|detection| detection.mask.is_none()) {
             return Err("no detection has a mask".to_owned());
         }

@@ -8,7 +8,7 @@ use quadlift::associate::{AssociateOptions, IdUse};
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
-use quadlift::{Options, UsedMeasurements, localize};
+use quadlift::{MeasurementKind, Options, localize};
 use quadlift_io::builtin_priors;
 use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::priors::{check_metres, parse_priors, plausible_sizes};
@@ -207,12 +207,12 @@ const METHODS: [(&str, Method); 5] = [
     ("reg", Method::Reg),
 ];
 
-const OBSERVATIONS: [(&str, UsedMeasurements); 5] = [
-    ("auto", UsedMeasurements::Auto),
-    ("box", UsedMeasurements::Box),
-    ("ellipse", UsedMeasurements::Ellipse),
-    ("box+ellipse", UsedMeasurements::BoxAndEllipse),
-    ("mask", UsedMeasurements::Mask),
+const OBSERVATIONS: [(&str, MeasurementKind); 5] = [
+    ("auto", MeasurementKind::Auto),
+    ("box", MeasurementKind::Box),
+    ("ellipse", MeasurementKind::Ellipse),
+    ("box+ellipse", MeasurementKind::BoxAndEllipse),
+    ("mask", MeasurementKind::Mask),
 ];
 
 /// Names of `ids`: what ids are worth.

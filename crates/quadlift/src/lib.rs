@@ -44,4 +44,4 @@ pub mod solve;
 pub mod synthetic;
 
 pub use associate::associate;
-pub use localize::{LeftOut, Localization, LocalizeError, Options, Progress, UsedMeasurements, localize};
+pub use localize::{LeftOut, Localization, LocalizeError, MeasurementKind, Options, Progress, localize};

@@ -10,7 +10,7 @@ use clap::builder::RangedU64ValueParser;
 use quadlift::associate::AssociateOptions;
 use quadlift::cross_validation::Extent;
 use quadlift::solve::{Estimate, Method, PoseNoise, Rejection, Sigmas, Status};
-use quadlift::{Options, UsedMeasurements};
+use quadlift::{MeasurementKind, Options};
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::correct::RecordCorrection;
@@ -251,11 +251,11 @@ impl Args {
             max_occluded: self.max_occluded,
             max_truncated: self.max_truncated,
             measurements: match self.observations {
-                ObservationName::Auto => UsedMeasurements::Auto,
-                ObservationName::Box => UsedMeasurements::Box,
-                ObservationName::Ellipse => UsedMeasurements::Ellipse,
-                ObservationName::BoxAndEllipse => UsedMeasurements::BoxAndEllipse,
-                ObservationName::Mask => UsedMeasurements::Mask,
+                ObservationName::Auto => MeasurementKind::Auto,
+                ObservationName::Box => MeasurementKind::Box,
+                ObservationName::Ellipse => MeasurementKind::Ellipse,
+                ObservationName::BoxAndEllipse => MeasurementKind::BoxAndEllipse,
+                ObservationName::Mask => MeasurementKind::Mask,
             },
             seed: self.seed,
             accept_inconsistent: self.check.accept_inconsistent,

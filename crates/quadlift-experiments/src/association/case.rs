@@ -2,7 +2,7 @@
 
 use quadlift::associate::{AssociateOptions, Association, associate};
 use quadlift::geometry::Ellipsoid;
-use quadlift::metrics::{DivisionScore, FoundScore, score_division, score_found};
+use quadlift::metrics::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, MapOptions};
 use quadlift::{Options, localize};
@@ -86,7 +86,7 @@ impl Case {
     pub fn division(&self, options: &AssociateOptions) -> Result<Division, Error> {
         let association = associate(&self.scene, options, &|_, _| {})?;
         let (standing, false_objects) = self.marked(&association);
-        let score = score_division(&self.true_objects, &association.object_of_detection);
+        let score = pairwise_clustering_scores(&self.true_objects, &association.object_of_detection);
         Ok(Division { score, standing, false_objects })
     }
 
@@ -99,7 +99,7 @@ impl Case {
         let (standing, false_objects) = self.marked(&association);
         let bodies: Vec<Option<Ellipsoid>> = association.objects.iter().map(|object| object.ellipsoid).collect();
         Ok(CaseScore {
-            division: score_division(&self.true_objects, &association.object_of_detection),
+            division: pairwise_clustering_scores(&self.true_objects, &association.object_of_detection),
             found: score_found(&bodies, &self.detected_bodies(), LEAST_IOU),
             centers_found: self.centers_found(&bodies),
             o3d: self.o3d(&association.applied_to(&self.scene, None))?,

@@ -9,7 +9,7 @@ mod scenes;
 use std::path::Path;
 
 use quadlift::solve::{MapOptions, Method};
-use quadlift::{Options, UsedMeasurements};
+use quadlift::{MeasurementKind, Options};
 use quadlift_segment::{SegmentMethod, SegmentOptions};
 use rayon::prelude::*;
 
@@ -215,29 +215,29 @@ fn rows(measured: Measured) -> Vec<MethodRow> {
         MethodRow { options: Options { measurements, ..row.options }, ..row }
     };
     let masks =
-        |row: MethodRow| MethodRow { options: Options { measurements: UsedMeasurements::Mask, ..row.options }, ..row };
+        |row: MethodRow| MethodRow { options: Options { measurements: MeasurementKind::Mask, ..row.options }, ..row };
     match measured {
         Measured::Boxes => vec![
             closed(Method::Pfd, "boxes (the paper's PfD)"),
             closed(Method::Reg, "boxes (the paper's PfD+REG)"),
             closed(Method::Lfd, "boxes"),
             closed(Method::Planes, "boxes"),
-            map("boxes", UsedMeasurements::Box),
+            map("boxes", MeasurementKind::Box),
         ],
         Measured::Found => vec![
             closed(Method::Pfd, "ellipses (the paper's PfD+ES)"),
             closed(Method::Reg, "ellipses (the paper's PfD+ES+REG)"),
             closed(Method::Lfd, "ellipses"),
-            map("ellipses", UsedMeasurements::Ellipse),
-            map("boxes and ellipses", UsedMeasurements::Auto),
+            map("ellipses", MeasurementKind::Ellipse),
+            map("boxes and ellipses", MeasurementKind::Auto),
             masks(closed(Method::Planes, "masks")),
-            map("masks", UsedMeasurements::Mask),
+            map("masks", MeasurementKind::Mask),
         ],
         Measured::True => vec![
-            map("ellipses of the true masks", UsedMeasurements::Ellipse),
-            map("boxes and ellipses of the true masks", UsedMeasurements::Auto),
+            map("ellipses of the true masks", MeasurementKind::Ellipse),
+            map("boxes and ellipses of the true masks", MeasurementKind::Auto),
             masks(closed(Method::Planes, "true masks")),
-            map("true masks", UsedMeasurements::Mask),
+            map("true masks", MeasurementKind::Mask),
         ],
     }
 }

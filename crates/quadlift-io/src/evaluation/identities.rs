@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
-use quadlift::metrics::{DivisionScore, score_division};
+use quadlift::metrics::{DivisionScore, pairwise_clustering_scores};
 use serde_json::{Value, json};
 
 use super::EvaluateError;
@@ -104,7 +104,7 @@ pub fn score(
     let compared = pairs.len();
     let (truth, division): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
     Ok(DivisionOutcome::Scored(Division {
-        score: score_division(&truth, &division),
+        score: pairwise_clustering_scores(&truth, &division),
         compared,
         only_in_estimate: found.len() - compared,
         only_in_truth: all_true.len() - compared,

@@ -3,7 +3,7 @@
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, Estimate, Method, Sigmas, Status};
-use quadlift::{Localization, Options, UsedMeasurements};
+use quadlift::{Localization, MeasurementKind, Options};
 use serde_json::{Map, Value, json};
 
 use super::records::SceneFile;
@@ -12,13 +12,13 @@ use crate::diagnosis::{Context, diagnosis_record};
 use crate::error::EntryError;
 
 /// The name of the used measurements on the command line and in files.
-pub fn observations_name(measurements: UsedMeasurements) -> &'static str {
+pub fn observations_name(measurements: MeasurementKind) -> &'static str {
     match measurements {
-        UsedMeasurements::Auto => "auto",
-        UsedMeasurements::Box => "box",
-        UsedMeasurements::Ellipse => "ellipse",
-        UsedMeasurements::BoxAndEllipse => "box+ellipse",
-        UsedMeasurements::Mask => "mask",
+        MeasurementKind::Auto => "auto",
+        MeasurementKind::Box => "box",
+        MeasurementKind::Ellipse => "ellipse",
+        MeasurementKind::BoxAndEllipse => "box+ellipse",
+        MeasurementKind::Mask => "mask",
     }
 }
 

@@ -1,6 +1,6 @@
 //! Objects that may not be one standing thing.
 
-use super::input::context::Problem;
+use super::input::context::AssociationContext;
 use super::options::Part;
 use super::score::evidence::{evidence, score_log_odds};
 use super::score::object::Object;
@@ -15,7 +15,7 @@ const LARGEST_ASPECT: f64 = 8.0;
 const LARGEST_DEVIATION: f64 = 3.0;
 
 /// Objects that must be there to tell what is usual.
-const TELLING_OBJECTS: usize = 6;
+const MIN_INFORMATIVE_OBJECTS: usize = 6;
 
 /// Standard deviations are not taken for smaller than these: of the log radius and of the log aspect of a category.
 const LEAST_SIZE_SD: f64 = 0.12;
@@ -28,11 +28,11 @@ const LOG_EVIDENCE_SD: f64 = 0.35;
 const LEAST_SCORE_LOG_ODDS: f64 = -1.1;
 
 /// For each object, why it is doubtful, if it is.
-pub(crate) fn doubts(problem: &Problem, state: &State) -> Vec<Option<AssociationWarning>> {
+pub(crate) fn doubts(context: &AssociationContext, state: &State) -> Vec<Option<AssociationWarning>> {
     let objects = &state.objects;
     let per_view: Vec<f64> = objects
         .iter()
-        .map(|o| evidence(problem, &state.observations, &state.model, o) / o.boxes.len().max(1) as f64)
+        .map(|o| evidence(context, &state.observations, &state.statistics, o) / o.boxes.len().max(1) as f64)
         .collect();
     let usual_evidence = median(&mut per_view.clone()).unwrap_or(0.0);
     let of_category = |category: usize, feature: fn(&Object) -> f64, least_sd: f64| {
@@ -42,7 +42,7 @@ pub(crate) fn doubts(problem: &Problem, state: &State) -> Vec<Option<Association
     let usual_of: Vec<_> = (0..state.observations.categories.len())
         .map(|c| (of_category(c, log_radius, LEAST_SIZE_SD), of_category(c, log_aspect, LEAST_ASPECT_SD)))
         .collect();
-    let looks_at = |reason| f64::from(u8::from(problem.options.uses(Part::Warning(reason))));
+    let looks_at = |reason| f64::from(u8::from(context.options.uses(Part::Warning(reason))));
     let doubt = |(object, own): (&Object, &f64)| {
         let (usual_radius, usual_aspect) = usual_of[object.category];
         let deviation = |value: f64, usual: Option<(f64, f64)>| usual.map_or(0.0, |(middle, sd)| (value - middle) / sd);
@@ -59,7 +59,7 @@ pub(crate) fn doubts(problem: &Problem, state: &State) -> Vec<Option<Association
         }
         if size.hypot(length).hypot(weakness) <= LARGEST_DEVIATION {
             let low = score_log_odds(&state.observations, object) < LEAST_SCORE_LOG_ODDS;
-            return (low && problem.options.uses(Part::Warning(AssociationWarning::LowScores)))
+            return (low && context.options.uses(Part::Warning(AssociationWarning::LowScores)))
                 .then_some(AssociationWarning::LowScores);
         }
         Some(if length >= size.max(weakness) {
@@ -86,7 +86,7 @@ fn log_aspect(object: &Object) -> f64 {
 
 /// Median and robust standard deviation, where there are enough values.
 fn usual(mut values: Vec<f64>, least_sd: f64) -> Option<(f64, f64)> {
-    if values.len() < TELLING_OBJECTS {
+    if values.len() < MIN_INFORMATIVE_OBJECTS {
         return None;
     }
     let middle = median(&mut values)?;
@@ -106,10 +106,10 @@ mod tests {
 
     /// The doubt about the last of some objects: all but this one are alike, up to the noise of sizes and shapes.
     fn doubt_about(count: usize, change: impl Fn(&mut Object)) -> Option<AssociationWarning> {
-        let (observations, mut model) = seen_by(10, &ellipsoid());
-        model.volume = 1e5;
+        let (observations, mut statistics) = seen_by(10, &ellipsoid());
+        statistics.volume = 1e5;
         let start = Start::sphere(ellipsoid().center.coords - observations.origin, 2.0);
-        let object = fit(&observations, &model, (0..10).collect(), &[start]).unwrap();
+        let object = fit(&observations, &statistics, (0..10).collect(), &[start]).unwrap();
         let object = Object { visible: 10, ..object };
         let mut objects = vec![object; count];
         for (index, object) in objects.iter_mut().enumerate() {
@@ -118,11 +118,11 @@ mod tests {
             stretched(object, 1.0 + 0.05 * wave, 1.0 + 0.1 * wave);
         }
         let last = objects.last_mut().unwrap();
-        stretched(last, 1.0 / (last.radius / objects_radius(&observations, &model)), 1.0);
+        stretched(last, 1.0 / (last.radius / objects_radius(&observations, &statistics)), 1.0);
         change(last);
         let options = AssociateOptions::default();
-        let problem = Problem::new(&Scene::default(), &observations, &options);
-        let all = doubts(&problem, &State { observations: observations.clone(), model, objects });
+        let context = AssociationContext::new(&Scene::default(), &observations, &options);
+        let all = doubts(&context, &State { observations: observations.clone(), statistics, objects });
         assert!(all[..count - 1].iter().all(Option::is_none), "{all:?}");
         all[count - 1]
     }
@@ -130,10 +130,10 @@ mod tests {
     /// Radius of the unchanged object.
     fn objects_radius(
         observations: &super::super::input::observations::Observations,
-        model: &super::super::score::scene_statistics::Model,
+        statistics: &super::super::score::scene_statistics::SceneStatistics,
     ) -> f64 {
         let start = Start::sphere(ellipsoid().center.coords - observations.origin, 2.0);
-        fit(observations, model, (0..10).collect(), &[start]).unwrap().radius
+        fit(observations, statistics, (0..10).collect(), &[start]).unwrap().radius
     }
 
     /// Makes a body larger, and its longest axis longer against the others at the same volume.

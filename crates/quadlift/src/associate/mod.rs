@@ -4,15 +4,15 @@
 //! objects' bodies are estimated at the same time, because a body tells where its boxes should be. Everything is counted
 //! in one currency, the logarithm of a probability:
 //!
-//! 1. `observations`, `clutter`, `frame_order`, `problem`: what is known at first. How dense boxes are that belong to no
+//! 1. `observations`, `clutter`, `frame_order`, `context`: what is known at first. How dense boxes are that belong to no
 //!    object; which frames are near each other.
 //! 2. `growth`: along a chain of near frames each box goes to the object that predicts it (`candidates`, `gain`, `matching`); boxes
 //!    that are left pair up to new objects (`rays`).
-//! 3. `rounds`: boxes are assigned anew (`assignment`), bodies fitted (`fit`), the scene's noise learnt (`model`,
+//! 3. `rounds`: boxes are assigned anew (`assignment`), bodies fitted (`fit`), the scene's noise learnt (`statistics`,
 //!    `frame_shift`), objects given up (`evidence`) and merged (`merge`), new ones born of what is left (`births`,
 //!    `sphere_score`).
 //! 4. `search`: all of that twice, the second time with the noise and the shifts that the first time has learnt; the
-//!    result with more evidence stays. A thorough search tries more starts and dissolves weak objects (`dissolve`).
+//!    result with more evidence stays. A thorough search tries more starts and dissolves weak objects (`reseed`).
 //!
 //! Scores of detections count once for an object, where they speak against it (`evidence`): taken as evidence for each box (a
 //! likelihood ratio learnt from what is assigned and what is not) they changed F1 on driving videos by less than 0.01, up as
@@ -40,7 +40,7 @@ pub use result::{AssociatedObject, Association, NotUsed, Outcome};
 pub use warning::AssociationWarning;
 
 use crate::scene::Scene;
-use input::context::Problem;
+use input::context::AssociationContext;
 use input::observations::Observations;
 use input::preselect;
 use search::passes;
@@ -60,10 +60,10 @@ pub fn associate(
     options.check()?;
     let (detections, not_used) = preselect::select(scene, options)?;
     let observations = Observations::new(scene, &detections);
-    let problem = Problem::new(scene, &observations, options);
+    let context = AssociationContext::new(scene, &observations, options);
     let frames = observations.cameras.iter().filter(|c| !c.boxes.is_empty()).count();
-    let state = passes::search(&problem, observations, progress);
-    let mut association = result::collect(scene, &detections, &problem, &state);
+    let state = passes::search(&context, observations, progress);
+    let mut association = result::collect(scene, &detections, &context, &state);
     association.not_used = not_used;
     if association.objects.is_empty() {
         association.outcome = match frames {

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::implausible::doubts;
-use super::input::context::Problem;
+use super::input::context::AssociationContext;
 use super::options::IdUse;
 use super::score::evidence::evidence;
 use super::score::object::Object;
@@ -130,15 +130,15 @@ struct Found<'a> {
 }
 
 /// Collects the result of a search.
-pub(crate) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, state: &State) -> Association {
+pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &AssociationContext, state: &State) -> Association {
     let observations = &state.observations;
     let mut found: Vec<Found> = Vec::new();
-    for (object, doubt) in state.objects.iter().zip(doubts(problem, state)) {
+    for (object, doubt) in state.objects.iter().zip(doubts(context, state)) {
         let mut members: Vec<usize> = object.boxes.iter().map(|&i| observations.boxes[i as usize].detection).collect();
         members.sort_unstable();
         found.push(Found { members, object: Some(object), doubt, trusted_id: object.trusted_id });
     }
-    if problem.options.ids == IdUse::Trust {
+    if context.options.ids == IdUse::Trust {
         // Ids whose boxes no ellipsoid explains stay all the same.
         let explained: HashSet<u32> = state.objects.iter().filter_map(|o| o.trusted_id).collect();
         let mut others: HashMap<u32, Vec<usize>> = HashMap::new();
@@ -153,13 +153,13 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, st
     found.sort_by(|a, b| a.members.first().cmp(&b.members.first()));
     let mut association = Association {
         object_of_detection: vec![None; scene.detections.len()],
-        edge_sd: state.model.edge_sd,
-        pixel_sd: state.model.pixel_sd,
-        frame_shift_sd: state.model.shift_sd,
+        edge_sd: state.statistics.edge_sd,
+        pixel_sd: state.statistics.pixel_sd,
+        frame_shift_sd: state.statistics.shift_sd,
         clutter: detections.len().saturating_sub(found.iter().map(|f| f.members.len()).sum()),
         ..Default::default()
     };
-    let names = names(scene, &found, problem.options.ids);
+    let names = names(scene, &found, context.options.ids);
     for (index, (Found { members, object, doubt, .. }, id)) in found.into_iter().zip(names).enumerate() {
         for &member in &members {
             association.object_of_detection[member] = Some(index as u32);
@@ -176,7 +176,7 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], problem: &Problem, st
             category_index,
             views: members.len(),
             expected_views: object.map_or(0, |o| o.visible).max(members.len()),
-            evidence: object.map(|o| evidence(problem, observations, &state.model, o)),
+            evidence: object.map(|o| evidence(context, observations, &state.statistics, o)),
             ellipsoid,
             doubtful: doubt,
         });

@@ -3,7 +3,7 @@
 use crate::geometry::gamma::ln_gamma;
 
 /// Degrees of freedom of Student's t distribution, the likelihood of an edge.
-pub(super) const TAILS: f64 = 5.0;
+pub(super) const STUDENT_T_DOF: f64 = 5.0;
 
 /// `ln 2 pi`.
 pub(super) const LN_2PI: f64 = 1.8378770664093453;
@@ -48,7 +48,9 @@ impl DetectionRate {
 /// Logarithm of the constant of the multivariate t distribution in `dimensions` dimensions.
 pub(super) fn t_constant(dimensions: usize) -> f64 {
     let d = dimensions as f64;
-    ln_gamma(0.5 * (TAILS + d)) - ln_gamma(0.5 * TAILS) - 0.5 * d * (TAILS * std::f64::consts::PI).ln()
+    ln_gamma(0.5 * (STUDENT_T_DOF + d))
+        - ln_gamma(0.5 * STUDENT_T_DOF)
+        - 0.5 * d * (STUDENT_T_DOF * std::f64::consts::PI).ln()
 }
 
 #[cfg(test)]
@@ -73,7 +75,8 @@ mod tests {
         // The t density with 5 degrees of freedom at zero.
         assert!((t_constant(1).exp() - 0.3796066898224944).abs() < 1e-9);
         // The integral over the plane of the bivariate density: 2 pi times the radial one.
-        let radial = |r: f64| (t_constant(2) - 0.5 * (TAILS + 2.0) * (1.0 + r * r / TAILS).ln()).exp() * r;
+        let radial =
+            |r: f64| (t_constant(2) - 0.5 * (STUDENT_T_DOF + 2.0) * (1.0 + r * r / STUDENT_T_DOF).ln()).exp() * r;
         let integral: f64 = (0..400_000).map(|i| radial((i as f64 + 0.5) * 1e-3) * 1e-3).sum();
         assert!((integral * std::f64::consts::TAU - 1.0).abs() < 1e-5, "{integral}");
     }

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Rotation3, Vector3};
 
 use super::input::observations::Observations;
-use super::score::scene_statistics::Model;
+use super::score::scene_statistics::SceneStatistics;
 use crate::geometry::{Ellipsoid, project_ellipsoid};
 use crate::scene::{DetectionInput, Scene, SceneBuilder};
 use crate::synthetic::{SyntheticOptions, Trajectory, generate};
@@ -18,16 +18,16 @@ pub(super) fn ellipsoid() -> Ellipsoid {
 }
 
 /// The exact boxes of a body in so many views around it, and a model with the first noise.
-pub(super) fn seen_by(views: usize, body: &Ellipsoid) -> (Observations, Model) {
-    let (_, observations, model) = of_frames(views, |_| vec![(*body, None)]);
-    (observations, model)
+pub(super) fn seen_by(views: usize, body: &Ellipsoid) -> (Observations, SceneStatistics) {
+    let (_, observations, statistics) = of_frames(views, |_| vec![(*body, None)]);
+    (observations, statistics)
 }
 
 /// Exact boxes of the bodies, with their categories, that each frame has; with the scene.
 pub(super) fn of_frames(
     views: usize,
     shown: impl Fn(usize) -> Vec<(Ellipsoid, Option<&'static str>)>,
-) -> (Scene, Observations, Model) {
+) -> (Scene, Observations, SceneStatistics) {
     let make = SyntheticOptions { objects: 0, views, trajectory: Trajectory::Orbit, ..Default::default() };
     let mut builder = SceneBuilder::new("exact boxes");
     for (index, frame) in generate(&make).unwrap().scene.frames.iter().enumerate() {
@@ -41,6 +41,6 @@ pub(super) fn of_frames(
     let scene = builder.build();
     let observations = Observations::new(&scene, &(0..scene.detections.len()).collect::<Vec<_>>());
     let unknown_sizes = vec![None; observations.categories.len()];
-    let model = Model::new(&observations, unknown_sizes, 2.0);
-    (scene, observations, model)
+    let statistics = SceneStatistics::new(&observations, unknown_sizes, 2.0);
+    (scene, observations, statistics)
 }

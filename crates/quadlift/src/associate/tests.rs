@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::geometry::{BoundingBox, Ellipsoid, Projection};
-use crate::metrics::{DivisionScore, score_division, score_found};
+use crate::metrics::{DivisionScore, pairwise_clustering_scores, score_found};
 use crate::scene::{DetectionInput, SceneBuilder};
 use crate::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
@@ -37,7 +37,7 @@ fn true_objects(synthetic: &SyntheticScene) -> Vec<Option<u32>> {
 fn score(make: &SyntheticOptions, options: &AssociateOptions) -> (DivisionScore, SyntheticScene, Association) {
     let synthetic = generate(make).unwrap();
     let association = run(&synthetic.scene, options);
-    (score_division(&true_objects(&synthetic), &association.object_of_detection), synthetic, association)
+    (pairwise_clustering_scores(&true_objects(&synthetic), &association.object_of_detection), synthetic, association)
 }
 
 #[track_caller]
@@ -108,7 +108,7 @@ fn f1_of_categories(make: &SyntheticOptions, known: bool) -> f64 {
     }
     let association = run(&synthetic.scene, &AssociateOptions::default());
     assert!(association.objects.iter().all(|object| object.category_index.is_some() == known));
-    score_division(&true_objects(&synthetic), &association.object_of_detection).f1
+    pairwise_clustering_scores(&true_objects(&synthetic), &association.object_of_detection).f1
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn the_answer_moves_with_the_world_and_does_not_depend_on_the_order_of_the_input
     reversed.detections.reverse();
     let mut found = run(&reversed, &AssociateOptions::default()).object_of_detection;
     found.reverse();
-    let division = score_division(&plain.object_of_detection, &found);
+    let division = pairwise_clustering_scores(&plain.object_of_detection, &found);
     assert_eq!((division.f1, division.adjusted_rand_index), (1.0, 1.0));
 }
 
@@ -210,7 +210,7 @@ fn trusted_ids_keep_theirs_and_draw_what_has_none() {
             assert_eq!(found, &synthetic.scene.object_ids[id as usize]);
         }
     }
-    let division = score_division(&true_objects(&synthetic), &association.object_of_detection);
+    let division = pairwise_clustering_scores(&true_objects(&synthetic), &association.object_of_detection);
     assert!(division.precision > 0.99 && division.recall > 0.95, "{division:?}");
 }
 
@@ -440,7 +440,7 @@ fn what_moves_is_doubtful_or_no_object() {
     }
     assert!(moving.len() > 60, "{}", moving.len());
     let association = run(&synthetic.scene, &AssociateOptions::default());
-    let division = score_division(&standing, &association.object_of_detection[..standing.len()]);
+    let division = pairwise_clustering_scores(&standing, &association.object_of_detection[..standing.len()]);
     assert!(division.f1 > 0.98, "{division:?}");
     let mut trusted = 0;
     for &index in &moving {

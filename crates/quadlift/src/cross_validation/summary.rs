@@ -125,11 +125,11 @@ pub(crate) fn summarise(
 /// Error of a prediction over the noise that the fit to the other views shows; 0 where it is small, or where the fit has
 /// too few views to show any.
 fn oddness_of(prediction: &Prediction, fold: &FoldPrediction) -> f64 {
-    let freedom = 1.0 - PARAMETERS / (4.0 * fold.fitted_views as f64);
+    let dof = 1.0 - PARAMETERS / (4.0 * fold.fitted_views as f64);
     match (prediction.error(), fold.fitted_error) {
-        (Some(error), Some(fitted)) if error > LARGE_ERROR && freedom > 0.0 => {
+        (Some(error), Some(fitted)) if error > LARGE_ERROR && dof > 0.0 => {
             // What a fit leaves in its views is less than their noise, because it follows them.
-            error / (fitted / freedom.sqrt()).max(EXACT)
+            error / (fitted / dof.sqrt()).max(EXACT)
         }
         _ => 0.0,
     }

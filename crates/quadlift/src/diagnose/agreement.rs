@@ -38,7 +38,7 @@ pub struct Agreement {
 
 /// How much better a hypothesis explains the boxes of a sample.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Gain {
+pub(super) struct Improvement {
     pub after: Agreement,
     /// The mean decrease of half the negative log likelihood of a box, which is about that of the logarithm of its miss.
     pub gain: f64,
@@ -48,7 +48,7 @@ pub(super) struct Gain {
     pub unanimity: f64,
 }
 
-impl Gain {
+impl Improvement {
     /// Whether the hypothesis is right, as far as so many boxes of so many objects tell.
     pub(super) fn explains(&self, boxes: usize, objects: usize) -> bool {
         if self.after.miss > AGREES || boxes < FEWEST_BOXES {

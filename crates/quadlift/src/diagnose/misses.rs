@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::agreement::{Agreement, Gain};
+use super::agreement::{Agreement, Improvement};
 use super::correction::Correction;
 use super::rays::{LARGEST_MISS, Ray, median, meeting_point, misses_of};
 use super::sample::{Sample, Seen};
@@ -48,7 +48,7 @@ impl Misses {
     }
 
     /// How much better others explain the boxes.
-    pub(super) fn gain_of(&self, after: &Self) -> Gain {
+    pub(super) fn gain_of(&self, after: &Self) -> Improvement {
         let total = self.values.len() as f64;
         let (mut start, mut sums) = (0, Vec::with_capacity(self.ends.len()));
         for &end in &self.ends {
@@ -64,7 +64,7 @@ impl Misses {
             if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
         let better: f64 = sums.iter().map(|(sum, _)| sum.max(0.0)).sum();
         let all: f64 = sums.iter().map(|(sum, _)| sum.abs()).sum();
-        Gain { after: after.agreement(), gain, sd, unanimity: if all > 0.0 { better / all } else { 0.0 } }
+        Improvement { after: after.agreement(), gain, sd, unanimity: if all > 0.0 { better / all } else { 0.0 } }
     }
 }
 

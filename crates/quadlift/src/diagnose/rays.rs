@@ -89,8 +89,8 @@ impl Ray {
 pub(super) fn misses_of(rays: &[Ray]) -> Vec<f64> {
     let Some(point) = meeting_point(rays) else { return vec![LARGEST_MISS; rays.len()] };
     let count = 2.0 * rays.len() as f64;
-    let freedom = (count / (count - 3.0).max(1.0)).sqrt();
-    rays.iter().map(|ray| (ray.miss(&point) * freedom).min(LARGEST_MISS)).collect()
+    let dof = (count / (count - 3.0).max(1.0)).sqrt();
+    rays.iter().map(|ray| (ray.miss(&point) * dof).min(LARGEST_MISS)).collect()
 }
 
 /// The point where most of the rays meet; `None` where they do not.

@@ -1,6 +1,6 @@
 //! The search for the mistake that explains a scene whose objects are known.
 
-use super::agreement::Gain;
+use super::agreement::Improvement;
 use super::correction::Correction;
 use super::hypotheses::{FAMILIES, Family, discrete};
 use super::misses::{Misses, misses};
@@ -21,7 +21,7 @@ const AS_GOOD: f64 = 0.03;
 #[derive(Debug, Clone)]
 pub(super) struct Explanation {
     pub correction: Correction,
-    pub gain: Gain,
+    pub gain: Improvement,
 }
 
 /// How well a sample agrees as it is, and corrections that make it agree better, the best ones first.

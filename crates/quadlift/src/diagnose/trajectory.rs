@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 
-use super::agreement::Gain;
+use super::agreement::Improvement;
 use super::misses::{Misses, corrected_ray, misses};
 use super::rays::{Ray, median, meeting_point};
 use super::sample::{Sample, Seen};
@@ -72,7 +72,7 @@ pub(super) fn repeated_poses(sample: &Sample) -> Option<f64> {
 pub(super) struct ScaleJump {
     /// The trajectory from that frame on is to be multiplied by this.
     pub factor: f64,
-    pub gain: Gain,
+    pub gain: Improvement,
 }
 
 /// The jump of the scale that explains a sample best, where one does.

@@ -1,6 +1,6 @@
 //! Options outside of their ranges are refused before anything is calculated.
 
-use super::{LocalizeError, Options, UsedMeasurements};
+use super::{LocalizeError, MeasurementKind, Options};
 use crate::scene::Scene;
 use crate::solve::{BodyKind, CategoryPrior, MapOptions, Method, PoseNoise};
 
@@ -24,7 +24,7 @@ fn check_method(options: &Options) -> Result<(), String> {
     if options.method != Method::Map && map.sigmas.is_some() {
         return Err("only the method map takes sigmas".to_owned());
     }
-    if options.measurements == UsedMeasurements::Mask && !matches!(options.method, Method::Map | Method::Planes) {
+    if options.measurements == MeasurementKind::Mask && !matches!(options.method, Method::Map | Method::Planes) {
         return Err("only the methods map and planes take masks; the others take their ellipses".to_owned());
     }
     Ok(())

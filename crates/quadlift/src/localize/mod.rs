@@ -17,7 +17,7 @@ use crate::solve::{
 
 /// Which of a detection's measurements are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum UsedMeasurements {
+pub enum MeasurementKind {
     /// What the detection has. Of one with box and ellipse `map` takes place and size from the box's edges and the shape
     /// from the ellipse; `planes` takes the box, `lfd`, `pfd` and `reg` take the ellipse.
     #[default]
@@ -33,7 +33,7 @@ pub enum UsedMeasurements {
     Mask,
 }
 
-impl UsedMeasurements {
+impl MeasurementKind {
     /// Whether a detection has what is used.
     fn are_in(self, detection: &Detection) -> bool {
         match self {
@@ -76,7 +76,7 @@ pub struct Options {
     /// Leave out detections with a higher truncation level.
     pub max_truncated: Option<f64>,
     /// Which of a detection's measurements are used.
-    pub measurements: UsedMeasurements,
+    pub measurements: MeasurementKind,
     /// Report objects of a scene that does not agree with itself (see [`crate::diagnose`]) as if it did; otherwise
     /// none of them is [`Status::Ok`].
     pub accept_inconsistent: bool,

@@ -26,7 +26,7 @@ pub struct DivisionScore {
 /// lists have the same detections in the same order; any numbers serve as names of objects.
 ///
 /// Detections of no true object only count for the adjusted Rand index.
-pub fn score_division(truth: &[Option<u32>], found: &[Option<u32>]) -> DivisionScore {
+pub fn pairwise_clustering_scores(truth: &[Option<u32>], found: &[Option<u32>]) -> DivisionScore {
     let both = || truth.iter().copied().zip(found.iter().copied());
     let of_true_objects = || both().filter_map(|(t, f)| Some((t?, f)));
     let together = pairs_in_groups(of_true_objects().filter_map(|(t, f)| Some((t, f?))));
@@ -125,7 +125,7 @@ mod tests {
         // Objects 1 (four detections) and 2 (two); the last detection is false.
         let truth = [Some(1), Some(1), Some(1), Some(1), Some(2), Some(2), None];
         let found = [Some(7), Some(7), Some(7), Some(8), Some(8), None, Some(8)];
-        let score = score_division(&truth, &found);
+        let score = pairwise_clustering_scores(&truth, &found);
         // Found together: 3 pairs of 1 and the wrong one (1, 2); true pairs: 6 and 1.
         assert_eq!((score.precision, score.recall), (0.75, 3.0 / 7.0));
         assert!((score.f1 - 2.0 * 0.75 * (3.0 / 7.0) / (0.75 + 3.0 / 7.0)).abs() < 1e-15);
@@ -135,14 +135,14 @@ mod tests {
         // 8 has one detection of each of three; the tie goes to no object.
         assert_eq!(score.duplicates, 0);
         let split = [Some(1), Some(1), Some(3), Some(3), Some(2), Some(2), None];
-        assert_eq!(score_division(&truth, &split).duplicates, 1);
+        assert_eq!(pairwise_clustering_scores(&truth, &split).duplicates, 1);
     }
 
     #[test]
     fn nothing_to_divide_is_divided_well() {
-        let score = score_division(&[], &[]);
+        let score = pairwise_clustering_scores(&[], &[]);
         assert_eq!((score.precision, score.recall, score.adjusted_rand_index), (1.0, 1.0, 1.0));
-        let score = score_division(&[Some(0), Some(0)], &[None, None]);
+        let score = pairwise_clustering_scores(&[Some(0), Some(0)], &[None, None]);
         assert_eq!((score.recall, score.f1), (0.0, 0.0));
     }
 
@@ -150,7 +150,7 @@ mod tests {
         #[test]
         fn names_do_not_matter(truth in prop::collection::vec(prop::option::of(0..4u32), 2..30), shift in 1..9u32) {
             let renamed: Vec<_> = truth.iter().map(|t| t.map(|t| (t * 7 + shift) % 11)).collect();
-            let score = score_division(&truth, &renamed);
+            let score = pairwise_clustering_scores(&truth, &renamed);
             prop_assert_eq!((score.precision, score.recall, score.duplicates), (1.0, 1.0, 0));
             prop_assert!((score.adjusted_rand_index - 1.0).abs() < 1e-12);
         }

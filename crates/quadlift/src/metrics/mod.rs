@@ -1,6 +1,6 @@
 //! How good an estimate is, against the truth (E7).
 //!
-//! [`evaluate`] scores a whole list of objects, [`score_division`] how detections were divided into objects; the measures that it reports, and some more, are functions of their
+//! [`evaluate`] scores a whole list of objects, [`pairwise_clustering_scores`] how detections were divided into objects; the measures that it reports, and some more, are functions of their
 //! own. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
 
 mod association;
@@ -18,7 +18,7 @@ mod overlap;
 mod reprojection;
 mod squared_errors;
 
-pub use association::{DivisionScore, FoundScore, score_division, score_found};
+pub use association::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 pub use axes::{center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
 pub use calibration::{Calibration, RegionPart};
 pub use distance::{hausdorff_distance, squared_wasserstein};

@@ -2,8 +2,8 @@
 
 /// Quantile of the chi-square distribution over its degrees of freedom, `z` standard deviations of a Gaussian above the
 /// median.
-pub(crate) fn over_freedom(freedom: f64, z: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom);
+pub(crate) fn per_dof(dof: f64, z: f64) -> f64 {
+    let spread = 2.0 / (9.0 * dof);
     (1.0 - spread + z * spread.sqrt()).max(0.1).powi(3)
 }
 
@@ -17,13 +17,13 @@ pub(crate) fn as_of(sum: f64, from: usize, to: usize) -> f64 {
         return 0.0;
     }
     let (from, to) = (from as f64, to as f64);
-    let median = from * over_freedom(from, 0.0);
+    let median = from * per_dof(from, 0.0);
     if sum <= median {
-        return sum * to * over_freedom(to, 0.0) / median;
+        return sum * to * per_dof(to, 0.0) / median;
     }
     let spread = 2.0 / (9.0 * from);
     let z = ((sum / from).cbrt() - (1.0 - spread)) / spread.sqrt();
-    to * over_freedom(to, z)
+    to * per_dof(to, z)
 }
 
 #[cfg(test)]
@@ -31,11 +31,11 @@ mod tests {
     use super::*;
 
     /// Probability that the sum of an even number of squared residuals is larger (a finite sum, exact).
-    fn tail(sum: f64, freedom: usize) -> f64 {
+    fn tail(sum: f64, dof: usize) -> f64 {
         let half = 0.5 * sum;
         let mut term = 1.0;
         let mut total = 0.0;
-        for k in 0..freedom / 2 {
+        for k in 0..dof / 2 {
             if k > 0 {
                 term *= half / k as f64;
             }

@@ -177,7 +177,7 @@ pub struct Misfit {
     /// Root of the mean squared residual per degree of freedom, relative to the half size of the measured boxes.
     pub relative: f64,
     /// Degrees of freedom: residuals less what the fit took of them.
-    pub freedom: f64,
+    pub dof: f64,
 }
 
 /// Coordinates of a covariance.

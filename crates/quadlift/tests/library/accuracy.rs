@@ -316,16 +316,16 @@ fn uncertainties_have_the_unit_of_the_world() {
 
 #[test]
 fn detections_without_what_is_used_are_counted_and_their_objects_have_used_no_view() {
-    use quadlift::UsedMeasurements;
+    use quadlift::MeasurementKind;
     let made = generate(&SyntheticOptions { objects: 3, views: 6, ..boxes(0.01)(1) }).unwrap();
     let run =
         |measurements| localize(&made.scene, &Options { measurements, ..Default::default() }, &|_, _| {}).unwrap();
-    let found = run(UsedMeasurements::Ellipse);
+    let found = run(MeasurementKind::Ellipse);
     assert_eq!(found.left_out.without_measurement, 18);
     for estimate in &found.estimates {
         assert_eq!((estimate.status, estimate.views_used()), (Status::TooFewViews, 0));
     }
-    let found = run(UsedMeasurements::Box);
+    let found = run(MeasurementKind::Box);
     assert_eq!(found.left_out.without_measurement, 0);
     assert!(found.estimates.iter().all(|estimate| estimate.views_used() == 6));
     // Two views of three that are asked for: listed, and not used.

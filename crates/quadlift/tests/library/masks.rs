@@ -6,7 +6,7 @@ use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, Method};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, generate};
-use quadlift::{LocalizeError, Options, UsedMeasurements, localize};
+use quadlift::{LocalizeError, MeasurementKind, Options, localize};
 
 fn synthetic(observations: Observations, noise: Vec<Noise>) -> SyntheticScene {
     generate(&SyntheticOptions { objects: 20, views: 8, observations, noise, ..Default::default() }).unwrap()
@@ -33,7 +33,7 @@ fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &Options) -> f64
 }
 
 fn with_masks(method: Method) -> Options {
-    let mut options = Options { method, measurements: UsedMeasurements::Mask, ..Default::default() };
+    let mut options = Options { method, measurements: MeasurementKind::Mask, ..Default::default() };
     options.map.body = Some(BodyKind::Ellipsoid);
     options
 }
@@ -86,7 +86,7 @@ fn ellipses_of_parts_do_less_harm_when_they_are_known_as_such() {
         ellipse.semi_axes.y *= 0.5;
     }
     let mut options = with_masks(Method::Map);
-    options.measurements = UsedMeasurements::Ellipse;
+    options.measurements = MeasurementKind::Ellipse;
     options.map.robust = false;
     let not_told = mean_iou(&synthetic, &scene, &options);
     scene.detections.iter_mut().step_by(4).for_each(|detection| detection.partial = true);

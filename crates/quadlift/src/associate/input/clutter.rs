@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::observations::{Observations, Sighting};
+use super::observations::{BoxObservation, Observations};
 use crate::associate::statistics::LN_2PI;
 
 /// Other boxes of a frame that are looked at for the density at one; more are sampled evenly.
@@ -26,7 +26,7 @@ impl Clutter {
         let boxes = &observations.boxes;
         let count = (2 * boxes.len()).max(1) as f64;
         let mean = boxes.iter().flat_map(|b| b.log_half).sum::<f64>() / count;
-        let square = |b: &Sighting| b.log_half.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+        let square = |b: &BoxObservation| b.log_half.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
         let sd = (boxes.iter().map(square).sum::<f64>() / count).sqrt().max(0.3);
         let constant = -LN_2PI - 2.0 * sd.ln();
         // Cut at three standard deviations.
@@ -35,9 +35,9 @@ impl Clutter {
         let mut edges = size.clone();
         for (frame, camera) in observations.cameras.iter().enumerate() {
             let places = places(observations, frame);
-            for (value, sighting) in edges[camera.boxes.clone()].iter_mut().zip(observations.in_frame(frame)) {
-                let wh = sighting.log_half[0] + sighting.log_half[1] + 4.0f64.ln();
-                *value += place_density(&places, sighting, camera.size) - wh;
+            for (value, observation) in edges[camera.boxes.clone()].iter_mut().zip(observations.in_frame(frame)) {
+                let wh = observation.log_half[0] + observation.log_half[1] + 4.0f64.ln();
+                *value += place_density(&places, observation, camera.size) - wh;
             }
         }
         Self { edges, size }
@@ -57,13 +57,15 @@ impl Clutter {
             let step = all.len().div_ceil(MOST_NEIGHBOURS).max(1);
             let uniform = log_rate.exp() / camera.size.product();
             for &index in &all {
-                let sighting = &observations.boxes[index];
-                let width = 2.0 * sighting.half_size;
+                let observation = &observations.boxes[index];
+                let width = 2.0 * observation.half_size;
                 let neighbours = all.iter().step_by(step).filter(|&&i| i != index);
                 let near: f64 = neighbours
                     .map(|&i| &observations.boxes[i])
-                    .filter(|other| other.category == sighting.category)
-                    .map(|other| (-0.5 * (other.center() - sighting.center()).norm_squared() / (width * width)).exp())
+                    .filter(|other| other.category == observation.category)
+                    .map(|other| {
+                        (-0.5 * (other.center() - observation.center()).norm_squared() / (width * width)).exp()
+                    })
                     .sum();
                 let near = near * step as f64 / (std::f64::consts::TAU * width * width);
                 densities[index] += (near + uniform).ln();
@@ -83,22 +85,22 @@ struct Places {
 fn places(observations: &Observations, frame: usize) -> Places {
     let boxes = observations.in_frame(frame);
     let count = boxes.len() as f64;
-    let mean = boxes.iter().map(Sighting::center).sum::<Vector2<f64>>() / count;
-    let square = |b: &Sighting| (b.center() - mean).map(|x| x * x);
+    let mean = boxes.iter().map(BoxObservation::center).sum::<Vector2<f64>>() / count;
+    let square = |b: &BoxObservation| (b.center() - mean).map(|x| x * x);
     let sd = (boxes.iter().map(square).sum::<Vector2<f64>>() / count).map(f64::sqrt);
     let half_size = boxes.iter().map(|b| b.half_size).sum::<f64>() / count;
     let step = boxes.len().div_ceil(MOST_NEIGHBOURS).max(1);
-    let middles = boxes.iter().step_by(step).map(Sighting::center).collect();
+    let middles = boxes.iter().step_by(step).map(BoxObservation::center).collect();
     Places { middles, bandwidth: (0.7 * sd).add_scalar(half_size), count }
 }
 
 /// Log density of the place of a clutter box, per square pixel: where the frame's other boxes are, or anywhere.
-fn place_density(places: &Places, sighting: &Sighting, image: Vector2<f64>) -> f64 {
+fn place_density(places: &Places, observation: &BoxObservation, image: Vector2<f64>) -> f64 {
     let uniform = 1.0 / image.product();
     let kernel = |d: Vector2<f64>| (-0.5 * d.component_div(&places.bandwidth).norm_squared()).exp();
     // The box itself is among the places (as a whole number of samples, when sampled): its own kernel is taken off.
     let share = (places.middles.len() as f64 / places.count).min(1.0);
-    let others: f64 = places.middles.iter().map(|m| kernel(m - sighting.center())).sum::<f64>() - share;
+    let others: f64 = places.middles.iter().map(|m| kernel(m - observation.center())).sum::<f64>() - share;
     let others = others.max(0.0) / (std::f64::consts::TAU * places.bandwidth.product());
     let density = if places.count > 1.0 { others / (share * (places.count - 1.0)) } else { uniform };
     let weight = places.count / (places.count + UNIFORM_WEIGHT);

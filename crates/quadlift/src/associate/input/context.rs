@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::clutter::Clutter;
 use super::frame_order::FrameOrder;
-use super::observations::{Observations, Sighting};
+use super::observations::{BoxObservation, Observations};
 use super::point_tree::PointTree;
 use super::sizes::LogSize;
 use crate::associate::options::{AssociateOptions, IdUse};
@@ -20,7 +20,7 @@ const LEAST_SIZE_SD: f64 = 0.25;
 
 /// The part of the input that stays.
 #[derive(Debug)]
-pub(crate) struct Problem<'a> {
+pub(crate) struct AssociationContext<'a> {
     pub options: &'a AssociateOptions,
     /// Centres of the cameras.
     pub camera_tree: PointTree,
@@ -36,7 +36,7 @@ pub(crate) struct Problem<'a> {
     pub weighs_ids: bool,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> AssociationContext<'a> {
     /// Prepares a scene's boxes.
     pub fn new(scene: &Scene, observations: &Observations, options: &'a AssociateOptions) -> Self {
         let cameras = &observations.cameras;
@@ -64,8 +64,8 @@ impl<'a> Problem<'a> {
     }
 
     /// Whether a box belongs to the object that it names without question.
-    pub fn is_trusted(&self, sighting: &Sighting) -> bool {
-        self.options.ids == IdUse::Trust && sighting.id.is_some()
+    pub fn is_trusted(&self, observation: &BoxObservation) -> bool {
+        self.options.ids == IdUse::Trust && observation.id.is_some()
     }
 
     /// Frames whose cameras are so near that an object of this size may be seen as large as boxes are, ascending.

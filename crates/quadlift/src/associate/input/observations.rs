@@ -38,7 +38,7 @@ pub(crate) struct Camera {
 
 /// One box.
 #[derive(Debug, Clone)]
-pub(crate) struct Sighting {
+pub(crate) struct BoxObservation {
     /// Index of the detection in the scene.
     pub detection: usize,
     /// Index of the frame.
@@ -63,7 +63,7 @@ pub(crate) struct Sighting {
     pub radius_per_depth: f64,
 }
 
-impl Sighting {
+impl BoxObservation {
     /// The middle of the box, pixels.
     pub fn center(&self) -> Vector2<f64> {
         Vector2::new(0.5 * (self.edges[0] + self.edges[2]), 0.5 * (self.edges[1] + self.edges[3]))
@@ -81,7 +81,7 @@ pub(crate) struct Observations {
     /// The frames of the scene.
     pub cameras: Vec<Camera>,
     /// The boxes by frame, in a frame by their left edges.
-    pub boxes: Vec<Sighting>,
+    pub boxes: Vec<BoxObservation>,
     /// Index into [`Scene::categories`] for each category.
     pub categories: Vec<Option<u32>>,
     /// Predicted boxes of a smaller half size are not expected to be detected.
@@ -111,7 +111,7 @@ impl Observations {
         let count = centers.iter().flatten().count().max(1) as f64;
         let origin = centers.iter().flatten().fold(Vector3::zeros(), |sum, c| sum + c / count);
         let mut categories: Vec<Option<u32>> = Vec::new();
-        let mut boxes: Vec<Sighting> = Vec::with_capacity(detections.len());
+        let mut boxes: Vec<BoxObservation> = Vec::with_capacity(detections.len());
         let mut extent = Vector2::new(1.0, 1.0);
         for &index in detections {
             let detection = &scene.detections[index];
@@ -130,7 +130,7 @@ impl Observations {
                 extent = extent.sup(&Vector2::new(measured.x1, measured.y1));
             }
             let half = measured.size().map(|x| 0.5 * x.max(1e-3));
-            boxes.push(Sighting {
+            boxes.push(BoxObservation {
                 detection: index,
                 frame,
                 category,
@@ -169,8 +169,8 @@ impl Observations {
         }
         let mut half_sizes: Vec<f64> = boxes.iter().map(|b| b.half_size).collect();
         let mut category_share = vec![1e-9; categories.len()];
-        for sighting in &boxes {
-            category_share[sighting.category] += 1.0 / boxes.len() as f64;
+        for observation in &boxes {
+            category_share[observation.category] += 1.0 / boxes.len() as f64;
         }
         let least_half_size =
             SMALLEST_SIZE * crate::associate::statistics::quantile(&mut half_sizes, 0.02).unwrap_or(0.0);
@@ -182,7 +182,7 @@ impl Observations {
     }
 
     /// The boxes of a frame.
-    pub fn in_frame(&self, frame: usize) -> &[Sighting] {
+    pub fn in_frame(&self, frame: usize) -> &[BoxObservation] {
         &self.boxes[self.cameras[frame].boxes.clone()]
     }
 
@@ -190,13 +190,14 @@ impl Observations {
     pub fn move_boxes(&mut self, frame: usize, by: &Vector2<f64>) {
         let camera = &self.cameras[frame];
         let inverse = camera.matrix.fixed_columns::<3>(0).try_inverse().unwrap_or_default();
-        for sighting in &mut self.boxes[camera.boxes.clone()] {
-            for (edge, value) in sighting.edges.iter_mut().enumerate() {
+        for observation in &mut self.boxes[camera.boxes.clone()] {
+            for (edge, value) in observation.edges.iter_mut().enumerate() {
                 *value += by[edge % 2];
             }
-            let center = sighting.center();
-            sighting.ray = inverse * Vector3::new(center.x, center.y, 1.0);
-            sighting.radius_per_depth = (0.5 * (sighting.log_half[0] + sighting.log_half[1])).exp() / camera.focal;
+            let center = observation.center();
+            observation.ray = inverse * Vector3::new(center.x, center.y, 1.0);
+            observation.radius_per_depth =
+                (0.5 * (observation.log_half[0] + observation.log_half[1])).exp() / camera.focal;
         }
     }
 

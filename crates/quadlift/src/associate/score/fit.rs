@@ -6,9 +6,9 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::object::{Object, edge_planes};
-use super::scene_statistics::Model;
+use super::scene_statistics::SceneStatistics;
 use crate::associate::input::observations::Observations;
-use crate::associate::statistics::TAILS;
+use crate::associate::statistics::STUDENT_T_DOF;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::{cholesky, invert_spd};
@@ -59,11 +59,16 @@ struct Measured {
 
 /// Fits an ellipsoid to boxes (ascending indices, one per frame) from the best of some starts; `visible` and the
 /// trusted id of the object are left to the caller. `None` when no start can be followed.
-pub(crate) fn fit(observations: &Observations, model: &Model, boxes: Vec<u32>, starts: &[Start]) -> Option<Object> {
+pub(crate) fn fit(
+    observations: &Observations,
+    statistics: &SceneStatistics,
+    boxes: Vec<u32>,
+    starts: &[Start],
+) -> Option<Object> {
     let category = majority_category(observations, &boxes);
     let best = starts
         .iter()
-        .filter_map(|start| follow(observations, model, &boxes, category, start))
+        .filter_map(|start| follow(observations, statistics, &boxes, category, start))
         .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     Some(Object { visible: boxes.len(), boxes, ..best })
 }
@@ -83,14 +88,20 @@ fn majority_category(observations: &Observations, boxes: &[u32]) -> usize {
 }
 
 /// Follows one start to its minimum, in coordinates in which the start is about a unit sphere at the origin.
-fn follow(observations: &Observations, model: &Model, boxes: &[u32], category: usize, start: &Start) -> Option<Object> {
+fn follow(
+    observations: &Observations,
+    statistics: &SceneStatistics,
+    boxes: &[u32],
+    category: usize,
+    start: &Start,
+) -> Option<Object> {
     let unit = start.root.determinant().abs().cbrt();
     if !(unit.is_finite() && unit > 0.0) {
         return None;
     }
     let measured: Vec<Measured> =
-        boxes.iter().map(|&index| measure(observations, model, index as usize, start, unit)).collect();
-    let log_size = model.log_sizes[category].map(|size| (size.mean - unit.ln(), 1.0 / size.sd));
+        boxes.iter().map(|&index| measure(observations, statistics, index as usize, start, unit)).collect();
+    let log_size = statistics.log_sizes[category].map(|size| (size.mean - unit.ln(), 1.0 / size.sd));
     let root = start.root / unit;
     let body = EllipsoidModel::new(Vector3::zeros(), &(root * root.transpose()))?;
     let (body, equations) =
@@ -124,12 +135,18 @@ fn follow(observations: &Observations, model: &Model, boxes: &[u32], category: u
     })
 }
 
-fn measure(observations: &Observations, model: &Model, index: usize, start: &Start, unit: f64) -> Measured {
-    let sighting = &observations.boxes[index];
-    let camera = &observations.cameras[sighting.frame];
-    let one_sided = model.one_sided(index, sighting);
+fn measure(
+    observations: &Observations,
+    statistics: &SceneStatistics,
+    index: usize,
+    start: &Start,
+    unit: f64,
+) -> Measured {
+    let observation = &observations.boxes[index];
+    let camera = &observations.cameras[observation.frame];
+    let one_sided = statistics.one_sided(index, observation);
     let mut edge = 0;
-    let edges = edge_planes(camera, sighting).map(|(n, d)| {
+    let edges = edge_planes(camera, observation).map(|(n, d)| {
         let planes = Edge { normal: n * unit, offset: n.dot(&start.center) + d, one_sided: one_sided[edge] };
         edge += 1;
         planes
@@ -139,7 +156,7 @@ fn measure(observations: &Observations, model: &Model, index: usize, start: &Sta
         edges,
         depth_normal: camera.axis * unit,
         depth_offset: camera.axis.dot(&start.center) + third[3],
-        inverse_sd: 1.0 / model.sd(sighting),
+        inverse_sd: 1.0 / statistics.sd(observation),
     }
 }
 
@@ -162,12 +179,12 @@ fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &Ellipso
             if edge.one_sided && residual < 0.0 {
                 continue;
             }
-            let ratio = residual * residual / TAILS;
+            let ratio = residual * residual / STUDENT_T_DOF;
             product *= 1.0 + ratio;
             let row = std::array::from_fn(|k| scale * if k < 3 { edge.normal[k] } else { -slope[k - 3] });
-            equations.add_row(residual, &row, (TAILS + 1.0) / TAILS / (1.0 + ratio));
+            equations.add_row(residual, &row, (STUDENT_T_DOF + 1.0) / STUDENT_T_DOF / (1.0 + ratio));
         }
-        equations.cost += (TAILS + 1.0) * product.ln();
+        equations.cost += (STUDENT_T_DOF + 1.0) * product.ln();
     }
     body.add_shape_prior(1.0 / SHAPE_SD, &mut equations);
     if let Some((mean, weight)) = log_size {
@@ -188,21 +205,21 @@ mod tests {
     fn exact_boxes_give_the_body_back() {
         let truth = ellipsoid();
         let (observations, _) = seen_by(12, &truth);
-        let mut model = Model::new(&observations, vec![None], 1e-3);
-        model.edge_sd = 1e-4;
+        let mut statistics = SceneStatistics::new(&observations, vec![None], 1e-3);
+        statistics.edge_sd = 1e-4;
         let center = truth.center.coords - observations.origin;
         let start = Start::sphere(center + Vector3::new(0.5, -0.4, 0.3), 2.0);
-        let object = fit(&observations, &model, (0..12).collect(), &[start]).unwrap();
+        let object = fit(&observations, &statistics, (0..12).collect(), &[start]).unwrap();
         assert!((object.center - center).norm() < 1e-3, "{}", object.center - center);
         assert!((object.root * object.root.transpose() - truth.shape()).amax() < 1e-2);
         let volume = 4.0 / 3.0 * std::f64::consts::PI * object.radius.powi(3);
         assert!((volume / truth.volume() - 1.0).abs() < 1e-2);
         for index in 0..12 {
-            let sighting = &observations.boxes[index];
-            let camera = &observations.cameras[sighting.frame];
-            assert!(object.residuals_px(camera, sighting).iter().all(|r| r.abs() < 0.05));
+            let observation = &observations.boxes[index];
+            let camera = &observations.cameras[observation.frame];
+            assert!(object.residuals_px(camera, observation).iter().all(|r| r.abs() < 0.05));
             let predicted = object.predict(camera).unwrap();
-            assert!((0..4).all(|e| (predicted.edges[e] - sighting.edges[e]).abs() < 0.05));
+            assert!((0..4).all(|e| (predicted.edges[e] - observation.edges[e]).abs() < 0.05));
         }
     }
 
@@ -213,14 +230,14 @@ mod tests {
         let error = |cut: bool| {
             let (mut observations, _) = seen_by(12, &truth);
             // In half of the views the image ends before the object does.
-            for sighting in observations.boxes.iter_mut().step_by(2) {
-                sighting.edges[2] -= 0.3 * sighting.half_size;
-                sighting.cut[2] = cut;
+            for observation in observations.boxes.iter_mut().step_by(2) {
+                observation.edges[2] -= 0.3 * observation.half_size;
+                observation.cut[2] = cut;
             }
-            let mut model = Model::new(&observations, vec![None], 0.1);
-            model.edge_sd = 0.05;
+            let mut statistics = SceneStatistics::new(&observations, vec![None], 0.1);
+            statistics.edge_sd = 0.05;
             let start = Start::sphere(center(&observations), 2.0);
-            let object = fit(&observations, &model, (0..12).collect(), &[start]).unwrap();
+            let object = fit(&observations, &statistics, (0..12).collect(), &[start]).unwrap();
             (object.root * object.root.transpose() - truth.shape()).amax()
         };
         assert!(error(true) < 0.3 * error(false), "{} {}", error(true), error(false));
@@ -229,16 +246,16 @@ mod tests {
     #[test]
     fn the_covariance_is_the_curvature_of_the_cost() {
         let truth = ellipsoid();
-        let (observations, model) = seen_by(8, &truth);
+        let (observations, statistics) = seen_by(8, &truth);
         let boxes: Vec<u32> = (0..8).collect();
         let center = truth.center.coords - observations.origin;
-        let object = fit(&observations, &model, boxes.clone(), &[Start::sphere(center, 2.0)]).unwrap();
+        let object = fit(&observations, &statistics, boxes.clone(), &[Start::sphere(center, 2.0)]).unwrap();
         // The cost of a body that is moved, minimised over nothing: the likelihood and the priors once more.
         let cost = |step: &nalgebra::SVector<f64, 9>| {
             let start = Start::body(&object);
             let measured: Vec<Measured> = boxes
                 .iter()
-                .map(|&index| measure(&observations, &model, index as usize, &start, object.radius))
+                .map(|&index| measure(&observations, &statistics, index as usize, &start, object.radius))
                 .collect();
             let root = object.root / object.radius;
             let body = EllipsoidModel::new(Vector3::zeros(), &(root * root.transpose())).unwrap();

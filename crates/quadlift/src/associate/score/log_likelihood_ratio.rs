@@ -3,10 +3,10 @@
 use nalgebra::{SMatrix, Vector3};
 
 use super::object::{Object, Prediction, edge_planes};
-use super::scene_statistics::Model;
-use crate::associate::input::context::Problem;
+use super::scene_statistics::SceneStatistics;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::observations::Observations;
-use crate::associate::statistics::{TAILS, t_constant};
+use crate::associate::statistics::{STUDENT_T_DOF, t_constant};
 
 /// Probability that an edge of a detection is hidden by another object.
 pub(crate) const HIDDEN_SHARE: f64 = 0.05;
@@ -19,7 +19,7 @@ const MOST_HIDDEN: usize = 2;
 
 /// The gain of taking a box for a detection of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Gain {
+pub(crate) struct LogLikelihoodRatio {
     /// Logarithm of the ratio of the likelihoods, without the evidence of ids.
     pub value: f64,
     /// The edges that are hidden if it is one.
@@ -28,33 +28,37 @@ pub(crate) struct Gain {
 
 /// Calculates gains.
 #[derive(Debug)]
-pub(crate) struct Gains<'a> {
-    pub problem: &'a Problem<'a>,
+pub(crate) struct LogLikelihoodRatios<'a> {
+    pub context: &'a AssociationContext<'a>,
     pub observations: &'a Observations,
-    pub model: &'a Model,
+    pub statistics: &'a SceneStatistics,
     /// Constants of the t distribution in 0 to 4 dimensions.
     constants: [f64; 5],
 }
 
-impl<'a> Gains<'a> {
-    pub fn new(problem: &'a Problem<'a>, observations: &'a Observations, model: &'a Model) -> Self {
-        Self { problem, observations, model, constants: std::array::from_fn(t_constant) }
+impl<'a> LogLikelihoodRatios<'a> {
+    pub fn new(
+        context: &'a AssociationContext<'a>,
+        observations: &'a Observations,
+        statistics: &'a SceneStatistics,
+    ) -> Self {
+        Self { context, observations, statistics, constants: std::array::from_fn(t_constant) }
     }
 
     /// The gain of a box (by index) for an object whose outline in the box's frame is predicted; `None` when they do
     /// not overlap or too few edges tell anything.
-    pub fn gain(&self, object: &Object, prediction: &Prediction, index: usize) -> Option<Gain> {
-        let sighting = &self.observations.boxes[index];
-        let (own, other) = (&prediction.edges, &sighting.edges);
+    pub fn gain(&self, object: &Object, prediction: &Prediction, index: usize) -> Option<LogLikelihoodRatio> {
+        let observation = &self.observations.boxes[index];
+        let (own, other) = (&prediction.edges, &observation.edges);
         if own[0] > other[2] || own[2] < other[0] || own[1] > other[3] || own[3] < other[1] {
             return None;
         }
         let (residuals, covariance, edges, count) = self.residuals(object, prediction, index);
-        let log_clutter = self.model.log_clutter(&self.problem.clutter, index);
-        let log_sd = self.model.sd(sighting).ln();
+        let log_clutter = self.statistics.log_clutter(&self.context.clutter, index);
+        let log_sd = self.statistics.sd(observation).ln();
         let predicted = prediction.size();
         let mut hidden = [false; 4];
-        let mut best: Option<Gain> = None;
+        let mut best: Option<LogLikelihoodRatio> = None;
         for attempt in 0..=MOST_HIDDEN {
             if attempt > 0 {
                 // One edge more is given up: the one that lies farthest inside of the prediction.
@@ -73,19 +77,20 @@ impl<'a> Gains<'a> {
             }
             let Some((log_det, square)) = whiten(&residuals, &covariance, &kept) else { break };
             let m = kept.len;
-            let mut value = self.constants[m] - 0.5 * (TAILS + m as f64) * (square / TAILS).ln_1p() - 0.5 * log_det;
+            let mut value =
+                self.constants[m] - 0.5 * (STUDENT_T_DOF + m as f64) * (square / STUDENT_T_DOF).ln_1p() - 0.5 * log_det;
             for a in 0..count {
                 let edge = edges[a];
                 let density = if hidden[edge] { HIDDEN_SHARE.ln() - predicted[edge % 2].ln() } else { -log_sd };
                 value += density - log_clutter;
             }
             if best.is_none_or(|b| value > b.value) {
-                best = Some(Gain { value, hidden });
+                best = Some(LogLikelihoodRatio { value, hidden });
             }
         }
         let mut gain = best?;
         gain.value += log_rate_odds(object);
-        gain.value += self.observations.category_log_odds(object.category, sighting.category);
+        gain.value += self.observations.category_log_odds(object.category, observation.category);
         Some(gain)
     }
 
@@ -97,15 +102,15 @@ impl<'a> Gains<'a> {
         prediction: &Prediction,
         index: usize,
     ) -> ([f64; 4], SMatrix<f64, 4, 4>, [usize; 4], usize) {
-        let sighting = &self.observations.boxes[index];
-        let scale = 1.0 / (self.model.sd(sighting) * prediction.depth);
+        let observation = &self.observations.boxes[index];
+        let scale = 1.0 / (self.statistics.sd(observation) * prediction.depth);
         let mut jacobian = SMatrix::<f64, 4, 9>::zeros();
         let (mut residuals, mut edges, mut count) = ([0.0; 4], [0; 4], 0);
-        let planes = edge_planes(&self.observations.cameras[sighting.frame], sighting);
+        let planes = edge_planes(&self.observations.cameras[observation.frame], observation);
         for (edge, (normal, offset)) in planes.iter().enumerate() {
             let h = object.root.tr_mul(normal).norm();
             let residual = (normal.dot(&object.center) + offset - h) * scale;
-            if sighting.cut[edge] && residual < 0.0 {
+            if observation.cut[edge] && residual < 0.0 {
                 continue;
             }
             for (k, value) in derivatives(object, normal, scale).into_iter().enumerate() {
@@ -204,17 +209,20 @@ mod tests {
 
     /// An object fitted to all boxes but the first, its certainty beyond doubt, and the gain of the first box moved by
     /// some pixels at each edge.
-    fn gain_of_first(moved: [f64; 4], view: impl Fn(&Gains, &Object, &Prediction, Option<Gain>)) {
-        let (mut observations, model) = seen_by(10, &ellipsoid());
+    fn gain_of_first(
+        moved: [f64; 4],
+        view: impl Fn(&LogLikelihoodRatios, &Object, &Prediction, Option<LogLikelihoodRatio>),
+    ) {
+        let (mut observations, statistics) = seen_by(10, &ellipsoid());
         let options = AssociateOptions::default();
         let center = ellipsoid().center.coords - observations.origin;
-        let mut object = fit(&observations, &model, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        let mut object = fit(&observations, &statistics, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
         object.covariance *= 1e-12;
         for (edge, by) in observations.boxes[0].edges.iter_mut().zip(moved) {
             *edge += by;
         }
-        let problem = Problem::new(&Scene::default(), &observations, &options);
-        let gains = Gains::new(&problem, &observations, &model);
+        let context = AssociationContext::new(&Scene::default(), &observations, &options);
+        let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
         let prediction = object.predict(&observations.cameras[0]).unwrap();
         let gain = gains.gain(&object, &prediction, 0);
         view(&gains, &object, &prediction, gain);
@@ -223,11 +231,11 @@ mod tests {
     #[test]
     fn a_certain_object_gains_by_the_t_density_of_its_residuals() {
         gain_of_first([1.0, -2.0, 0.5, 1.0], |gains, object, prediction, gain| {
-            let sighting = &gains.observations.boxes[0];
-            let sd = gains.model.sd(sighting);
-            let square: f64 = (0..4).map(|e| ((prediction.edges[e] - sighting.edges[e]) / sd).powi(2)).sum();
+            let observation = &gains.observations.boxes[0];
+            let sd = gains.statistics.sd(observation);
+            let square: f64 = (0..4).map(|e| ((prediction.edges[e] - observation.edges[e]) / sd).powi(2)).sum();
             let constant = ln_gamma(4.5) - ln_gamma(2.5) - 2.0 * (5.0 * std::f64::consts::PI).ln();
-            let clutter = gains.model.log_clutter(&gains.problem.clutter, 0);
+            let clutter = gains.statistics.log_clutter(&gains.context.clutter, 0);
             let rate = (object.boxes.len() as f64 + 1.0).ln();
             let expected = constant - 4.5 * (1.0 + square / 5.0).ln() - 4.0 * (sd.ln() + clutter) + rate;
             let gain = gain.unwrap();
@@ -251,15 +259,15 @@ mod tests {
     #[test]
     fn an_uncertain_object_bears_what_its_covariance_lets_its_edges_move() {
         // The covariance of the residuals, from differences of predicted edges instead of derivatives of planes.
-        let (observations, model) = seen_by(10, &ellipsoid());
+        let (observations, statistics) = seen_by(10, &ellipsoid());
         let options = AssociateOptions::default();
         let center = ellipsoid().center.coords - observations.origin;
-        let object = fit(&observations, &model, (1..4).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-        let problem = Problem::new(&Scene::default(), &observations, &options);
-        let gains = Gains::new(&problem, &observations, &model);
+        let object = fit(&observations, &statistics, (1..4).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        let context = AssociationContext::new(&Scene::default(), &observations, &options);
+        let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
         let prediction = object.predict(&observations.cameras[0]).unwrap();
         let (_, covariance, ..) = gains.residuals(&object, &prediction, 0);
-        let sd = model.sd(&observations.boxes[0]);
+        let sd = statistics.sd(&observations.boxes[0]);
         let edges = |k: usize, step: f64| {
             let mut moved = object.clone();
             if k < 3 {
@@ -286,14 +294,14 @@ mod tests {
     #[test]
     fn an_edge_that_the_border_cuts_off_does_not_hold_the_object_back() {
         let gain = |cut: bool, by: f64| {
-            let (mut observations, model) = seen_by(10, &ellipsoid());
+            let (mut observations, statistics) = seen_by(10, &ellipsoid());
             let options = AssociateOptions::default();
             let center = ellipsoid().center.coords - observations.origin;
-            let object = fit(&observations, &model, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-            let problem = Problem::new(&Scene::default(), &observations, &options);
+            let object = fit(&observations, &statistics, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+            let context = AssociationContext::new(&Scene::default(), &observations, &options);
             observations.boxes[0].cut[2] = cut;
             observations.boxes[0].edges[2] += by;
-            let gains = Gains::new(&problem, &observations, &model);
+            let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
             let prediction = object.predict(&observations.cameras[0]).unwrap();
             gains.gain(&object, &prediction, 0).unwrap()
         };
@@ -309,18 +317,18 @@ mod tests {
     fn a_category_is_worth_what_its_share_and_that_of_wrong_ones_say() {
         // Seven cups and three plates.
         let category = |frame: usize| if frame < 7 { "cup" } else { "plate" };
-        let (scene, mut observations, model) = of_frames(10, |frame| vec![(ellipsoid(), Some(category(frame)))]);
+        let (scene, mut observations, statistics) = of_frames(10, |frame| vec![(ellipsoid(), Some(category(frame)))]);
         let options = AssociateOptions::default();
         let center = ellipsoid().center.coords - observations.origin;
-        let object = fit(&observations, &model, (0..7).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-        let problem = Problem::new(&scene, &observations, &options);
+        let object = fit(&observations, &statistics, (0..7).collect(), &[Start::sphere(center, 2.0)]).unwrap();
+        let context = AssociationContext::new(&scene, &observations, &options);
         let cup = observations.boxes[0].category;
         let plate = observations.boxes[9].category;
         assert_eq!(object.category, cup);
         let mut gain = |category: usize| {
             observations.boxes[8].category = category;
             let prediction = object.predict(&observations.cameras[8]).unwrap();
-            Gains::new(&problem, &observations, &model).gain(&object, &prediction, 8).unwrap().value
+            LogLikelihoodRatios::new(&context, &observations, &statistics).gain(&object, &prediction, 8).unwrap().value
         };
         // Of detections of cups 97 % are cups and 3 % plates; of clutter 70 % and 30 %.
         let expected = (0.97f64 / 0.7).ln() - (0.03f64 / 0.3).ln();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use crate::associate::input::observations::{Camera, Observations, Sighting};
+use crate::associate::input::observations::{BoxObservation, Camera, Observations};
 
 /// The body in a camera's image.
 #[derive(Debug, Clone, Copy)]
@@ -75,10 +75,10 @@ impl Object {
     }
 
     /// Distance of each edge of a box from the edge of the body's outline, pixels; negative where the body sticks out.
-    pub fn residuals_px(&self, camera: &Camera, sighting: &Sighting) -> [f64; 4] {
+    pub fn residuals_px(&self, camera: &Camera, observation: &BoxObservation) -> [f64; 4] {
         let third = camera.matrix.row(2);
         let depth = third.columns(0, 3).transpose().dot(&self.center) + third[3];
-        edge_planes(camera, sighting).map(|(n, d)| (n.dot(&self.center) + d - self.root.tr_mul(&n).norm()) / depth)
+        edge_planes(camera, observation).map(|(n, d)| (n.dot(&self.center) + d - self.root.tr_mul(&n).norm()) / depth)
     }
 
     /// Length of the longest column of the root: the longest semi-axis.
@@ -101,8 +101,8 @@ pub(crate) fn is_visible(prediction: &Prediction, camera: &Camera, least_half_si
 }
 
 /// The planes through the edges of a box, `n.X + d` positive inside and in pixels times depth.
-pub(crate) fn edge_planes(camera: &Camera, sighting: &Sighting) -> [(Vector3<f64>, f64); 4] {
-    std::array::from_fn(|edge| edge_plane(camera, edge, sighting.edges[edge]))
+pub(crate) fn edge_planes(camera: &Camera, observation: &BoxObservation) -> [(Vector3<f64>, f64); 4] {
+    std::array::from_fn(|edge| edge_plane(camera, edge, observation.edges[edge]))
 }
 
 /// The plane through the left, top, right or bottom edge of a box that is at some pixel.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::associate::input::observations::{Camera, Observations, Sighting};
+use crate::associate::input::observations::{BoxObservation, Camera, Observations};
 use crate::geometry::linalg::{invert_spd, solve_spd};
 
 /// Standard deviation of a ray across its direction, in radii of the sphere that fills the box.
@@ -35,7 +35,7 @@ pub(crate) struct PairSphere {
 
 /// The sphere that two boxes of different cameras may show; `None` when their rays pass too far from each other, meet
 /// behind a camera, or say nothing about depth, or when the sizes do not agree.
-pub(crate) fn pair_sphere(a: (&Camera, &Sighting), b: (&Camera, &Sighting)) -> Option<PairSphere> {
+pub(crate) fn pair_sphere(a: (&Camera, &BoxObservation), b: (&Camera, &BoxObservation)) -> Option<PairSphere> {
     let ((camera_a, box_a), (camera_b, box_b)) = (a, b);
     let (da, db) = (&box_a.ray, &box_b.ray);
     let between = camera_b.center - camera_a.center;
@@ -72,12 +72,12 @@ pub(crate) fn pair_sphere(a: (&Camera, &Sighting), b: (&Camera, &Sighting)) -> O
 fn information(observations: &Observations, boxes: &[u32], center: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
     let (mut sum, mut toward) = (Matrix3::zeros(), Vector3::zeros());
     for &index in boxes {
-        let sighting = &observations.boxes[index as usize];
-        let camera = &observations.cameras[sighting.frame];
-        let squared = sighting.ray.norm_squared();
-        let depth = ((center - camera.center).dot(&sighting.ray) / squared).abs().max(1e-9);
-        let weight = (RAY_SD * sighting.radius_per_depth * depth).powi(-2);
-        let across = (Matrix3::identity() - sighting.ray * sighting.ray.transpose() / squared) * weight;
+        let observation = &observations.boxes[index as usize];
+        let camera = &observations.cameras[observation.frame];
+        let squared = observation.ray.norm_squared();
+        let depth = ((center - camera.center).dot(&observation.ray) / squared).abs().max(1e-9);
+        let weight = (RAY_SD * observation.radius_per_depth * depth).powi(-2);
+        let across = (Matrix3::identity() - observation.ray * observation.ray.transpose() / squared) * weight;
         sum += across;
         toward += across * camera.center;
     }
@@ -104,13 +104,13 @@ pub(crate) fn triangulate(observations: &Observations, boxes: &[u32], guess: &Ve
     }
     let mut log_radius = 0.0;
     for &index in boxes {
-        let sighting = &observations.boxes[index as usize];
-        let camera = &observations.cameras[sighting.frame];
-        let depth = (center - camera.center).dot(&sighting.ray) / sighting.ray.norm_squared();
+        let observation = &observations.boxes[index as usize];
+        let camera = &observations.cameras[observation.frame];
+        let depth = (center - camera.center).dot(&observation.ray) / observation.ray.norm_squared();
         if depth.is_nan() || depth <= 0.0 {
             return None;
         }
-        log_radius += (sighting.radius_per_depth * depth).ln() / boxes.len() as f64;
+        log_radius += (observation.radius_per_depth * depth).ln() / boxes.len() as f64;
     }
     (log_radius.is_finite() && center.iter().all(|x| x.is_finite())).then_some(Sphere { center, log_radius })
 }

@@ -4,8 +4,8 @@ use nalgebra::Vector2;
 
 use super::object::Object;
 use crate::associate::input::clutter::Clutter;
-use crate::associate::input::context::Problem;
-use crate::associate::input::observations::{Observations, Sighting};
+use crate::associate::input::context::AssociationContext;
+use crate::associate::input::observations::{BoxObservation, Observations};
 use crate::associate::input::sizes::LogSize;
 use crate::associate::statistics::{median, quantile};
 
@@ -17,14 +17,14 @@ const EDGE_SD_RANGE: [f64; 2] = [0.015, 0.3];
 const FIRST_CLUTTER_SHARE: f64 = 0.2;
 
 /// Views that an object needs to count for noise and sizes.
-const TELLING_VIEWS: usize = 4;
+const MIN_INFORMATIVE_VIEWS: usize = 4;
 
 /// Largest standard deviation of a frame's shift, pixels.
 pub(crate) const LARGEST_SHIFT_SD: f64 = 10.0;
 
 /// What is learnt.
 #[derive(Debug, Clone)]
-pub(crate) struct Model {
+pub(crate) struct SceneStatistics {
     /// Standard deviation of an edge relative to the half size of its box.
     pub edge_sd: f64,
     /// The part that does not depend on the size, pixels.
@@ -46,7 +46,7 @@ pub(crate) struct Model {
     pub shift_sd: f64,
 }
 
-impl Model {
+impl SceneStatistics {
     /// Before anything is learnt.
     pub fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
         let per_frame = observations.boxes.len() as f64 / observations.cameras.len().max(1) as f64;
@@ -64,13 +64,13 @@ impl Model {
     }
 
     /// Standard deviation of the edges of a box, pixels.
-    pub fn sd(&self, sighting: &Sighting) -> f64 {
-        (self.edge_sd * sighting.half_size).hypot(self.pixel_sd)
+    pub fn sd(&self, observation: &BoxObservation) -> f64 {
+        (self.edge_sd * observation.half_size).hypot(self.pixel_sd)
     }
 
     /// Edges of a box that only tell how far the object reaches at least.
-    pub fn one_sided(&self, index: usize, sighting: &Sighting) -> [bool; 4] {
-        std::array::from_fn(|e| sighting.cut[e] || self.hidden[index][e])
+    pub fn one_sided(&self, index: usize, observation: &BoxObservation) -> [bool; 4] {
+        std::array::from_fn(|e| observation.cut[e] || self.hidden[index][e])
     }
 
     /// Log density of clutter per edge of a box.
@@ -79,12 +79,12 @@ impl Model {
     }
 
     /// Learns everything but the shifts from the objects found so far.
-    pub fn learn(&mut self, problem: &Problem, observations: &Observations, objects: &[Object]) {
+    pub fn learn(&mut self, context: &AssociationContext, observations: &Observations, objects: &[Object]) {
         self.learn_edge_sd(observations, objects);
         let (frames, all) = (observations.cameras.len() as f64, observations.boxes.len() as f64);
         let assigned: usize = objects.iter().map(|o| o.boxes.len()).sum();
         self.log_clutter_rate = ((all - assigned as f64) / frames).max(0.02 * all / frames).max(0.02).ln();
-        self.learn_sizes(&problem.given_sizes, objects);
+        self.learn_sizes(&context.given_sizes, objects);
         if let Some(volume) = volume_of(observations, objects) {
             self.volume = volume;
         }
@@ -93,16 +93,16 @@ impl Model {
 
     fn learn_edge_sd(&mut self, observations: &Observations, objects: &[Object]) {
         let mut errors = Vec::new();
-        for object in objects.iter().filter(|o| o.boxes.len() >= TELLING_VIEWS) {
+        for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
             // Nine parameters have been fitted to four edges of each view.
             let edges = 4.0 * object.boxes.len() as f64;
-            let freedom = (edges / (edges - 9.0)).sqrt();
+            let dof = (edges / (edges - 9.0)).sqrt();
             for &index in &object.boxes {
-                let sighting = &observations.boxes[index as usize];
-                let one_sided = self.one_sided(index as usize, sighting);
-                let residuals = object.residuals_px(&observations.cameras[sighting.frame], sighting);
+                let observation = &observations.boxes[index as usize];
+                let one_sided = self.one_sided(index as usize, observation);
+                let residuals = object.residuals_px(&observations.cameras[observation.frame], observation);
                 let two_sided = (0..4).filter(|&e| !one_sided[e]);
-                errors.extend(two_sided.map(|e| residuals[e].abs() / sighting.half_size * freedom));
+                errors.extend(two_sided.map(|e| residuals[e].abs() / observation.half_size * dof));
             }
         }
         if errors.len() > 10
@@ -115,7 +115,7 @@ impl Model {
     fn learn_sizes(&mut self, given: &[Option<LogSize>], objects: &[Object]) {
         let categories = given.len();
         let mut sizes = vec![Vec::new(); categories];
-        for object in objects.iter().filter(|o| o.boxes.len() >= TELLING_VIEWS) {
+        for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
             sizes[object.category].push(object.radius.ln());
         }
         let medians: Vec<Option<f64>> = sizes.iter_mut().map(|s| median(s)).collect();

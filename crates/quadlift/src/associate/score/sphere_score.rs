@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2};
 
-use super::free_boxes::{Expected, Free, FreeBoxes, GATE};
+use super::free_boxes::{Expected, Free, FreeBoxes, GATE_SD};
 use super::rays::{LOG_RADIUS_SD, RAY_SD, Sphere};
-use super::scene_statistics::Model;
-use crate::associate::input::context::Problem;
+use super::scene_statistics::SceneStatistics;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::observations::{Camera, Observations};
 use crate::associate::statistics::LN_2PI;
 
@@ -28,9 +28,9 @@ pub(crate) struct Score {
 
 /// Scores spheres over the boxes that belong to no object.
 pub(crate) struct SphereScorer<'a> {
-    pub problem: &'a Problem<'a>,
+    pub context: &'a AssociationContext<'a>,
     pub observations: &'a Observations,
-    model: &'a Model,
+    statistics: &'a SceneStatistics,
     /// The free boxes of each frame.
     free: Vec<FreeBoxes>,
 }
@@ -38,24 +38,24 @@ pub(crate) struct SphereScorer<'a> {
 impl<'a> SphereScorer<'a> {
     /// For the boxes that are not used.
     pub fn new(
-        problem: &'a Problem<'a>,
+        context: &'a AssociationContext<'a>,
         observations: &'a Observations,
-        model: &'a Model,
+        statistics: &'a SceneStatistics,
         used: &[bool],
     ) -> SphereScorer<'a> {
-        let density = problem.clutter.among_neighbours(observations, model.log_clutter_rate, used);
+        let density = context.clutter.among_neighbours(observations, statistics.log_clutter_rate, used);
         let in_frame = |camera: &Camera| {
-            let is_free = |&i: &usize| !used[i] && !problem.is_trusted(&observations.boxes[i]);
+            let is_free = |&i: &usize| !used[i] && !context.is_trusted(&observations.boxes[i]);
             let free = |i: usize| {
-                let sighting = &observations.boxes[i];
-                let (center, log_half) = (sighting.center(), sighting.log_half);
-                let (category, index) = (sighting.category as u32, i as u32);
+                let observation = &observations.boxes[i];
+                let (center, log_half) = (observation.center(), observation.log_half);
+                let (category, index) = (observation.category as u32, i as u32);
                 Free { center, log_half, density: density[i], category, index }
             };
             FreeBoxes::new(camera.boxes.clone().filter(is_free).map(free).collect())
         };
         let free = observations.cameras.iter().map(in_frame).collect();
-        Self { problem, observations, model, free }
+        Self { context, observations, statistics, free }
     }
 
     /// The free boxes of a frame in a category.
@@ -77,7 +77,7 @@ impl<'a> SphereScorer<'a> {
 
     /// The penalty of a size that the category's objects do not have; `None` when it is out of the question.
     pub fn size_penalty(&self, log_radius: f64, category: usize) -> Option<f64> {
-        let Some(size) = self.model.log_sizes[category] else { return Some(0.0) };
+        let Some(size) = self.statistics.log_sizes[category] else { return Some(0.0) };
         let deviation = (log_radius - size.mean) / size.sd;
         (deviation.abs() <= 3.5).then_some(0.5 * deviation * deviation)
     }
@@ -111,7 +111,7 @@ impl<'a> SphereScorer<'a> {
         }
         let limit = threshold(rate);
         let boxes = best_of_frame.iter().filter(|&&(_, gain)| gain > limit).map(|&(index, _)| index).collect();
-        let value = sum + self.problem.rate.log_probability(detected, visible);
+        let value = sum + self.context.rate.log_probability(detected, visible);
         Score { value, detected, boxes }
     }
 
@@ -145,7 +145,7 @@ impl<'a> SphereScorer<'a> {
         let own = (RAY_SD * half_size).powi(2);
         // Most frames have no free box there: one look before anything else is calculated.
         let across = own + (du * covariance).dot(&du);
-        let reach = (GATE * across).sqrt();
+        let reach = (GATE_SD * across).sqrt();
         let free = &self.free[frame];
         let Some(first) = free.first_near(place.x, reach, category as u32) else { return Some(None) };
         let dv = slope(1);

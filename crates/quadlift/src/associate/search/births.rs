@@ -3,10 +3,10 @@
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashSet};
 
-use crate::associate::input::context::Problem;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::observations::Observations;
 use crate::associate::score::rays::{Sphere, center_covariance, pair_sphere, triangulate};
-use crate::associate::score::scene_statistics::Model;
+use crate::associate::score::scene_statistics::SceneStatistics;
 use crate::associate::score::sphere_score::{Score, SphereScorer};
 use crate::parallel::map_indices;
 
@@ -45,20 +45,20 @@ pub(crate) struct Birth {
 /// Finds births among the boxes that are not used, starting from those for which `is_seed` holds. No two share a box;
 /// the best comes first.
 pub(crate) fn births(
-    problem: &Problem,
+    context: &AssociationContext,
     observations: &Observations,
-    model: &Model,
+    statistics: &SceneStatistics,
     used: &[bool],
     is_seed: &(impl Fn(usize) -> bool + Sync),
 ) -> Vec<Birth> {
     let least_score = if used.contains(&true) { 0.0 } else { FIRST_LEAST_SCORE };
-    let mut scorer = SphereScorer::new(problem, observations, model, used);
+    let mut scorer = SphereScorer::new(context, observations, statistics, used);
     let candidates = distinct(observations, pairs(&scorer, is_seed));
     let grown = map_indices(candidates.len(), |k| {
         let (birth, category) = &candidates[k];
         (improve(&scorer, birth, *category, 3), *category)
     });
-    let least_views = problem.options.min_views;
+    let least_views = context.options.min_views;
     let mut queue: BinaryHeap<Queued> = BinaryHeap::new();
     for (place, (birth, category)) in grown.into_iter().enumerate() {
         if let Some(birth) = birth
@@ -137,19 +137,19 @@ fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Ve
     let most_tested = (TESTED_IN_ALL / seeds.len().max(1)).clamp(TESTED[0], TESTED[1]);
     let found = map_indices(seeds.len(), |k| {
         let index = seeds[k];
-        let sighting = &observations.boxes[index];
-        let camera = &observations.cameras[sighting.frame];
-        let partners = if all_pairs { &frames } else { &scorer.problem.order.partners[sighting.frame] };
+        let observation = &observations.boxes[index];
+        let camera = &observations.cameras[observation.frame];
+        let partners = if all_pairs { &frames } else { &scorer.context.order.partners[observation.frame] };
         let (mut spheres, mut looked_at) = (Vec::new(), 0);
-        for &frame in partners.iter().filter(|&&f| f as usize != sighting.frame) {
+        for &frame in partners.iter().filter(|&&f| f as usize != observation.frame) {
             if looked_at >= MOST_PARTNERS {
                 break;
             }
             let partner_camera = &observations.cameras[frame as usize];
-            for partner in scorer.free_in(frame as usize, sighting.category) {
+            for partner in scorer.free_in(frame as usize, observation.category) {
                 looked_at += 1;
                 let other = (partner_camera, &observations.boxes[partner as usize]);
-                if let Some(pair) = pair_sphere((camera, sighting), other) {
+                if let Some(pair) = pair_sphere((camera, observation), other) {
                     spheres.push((pair.disagreement, partner, pair.sphere));
                 }
             }
@@ -167,14 +167,14 @@ fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Ve
 
 /// The best of the spheres of one box.
 fn best_spheres(scorer: &SphereScorer, index: usize, spheres: &[(f64, u32, Sphere)]) -> Vec<Birth> {
-    let sighting = &scorer.observations.boxes[index];
-    let witnesses = &scorer.problem.order.witnesses[sighting.frame];
+    let observation = &scorer.observations.boxes[index];
+    let witnesses = &scorer.context.order.witnesses[observation.frame];
     let mut best: Vec<Birth> = Vec::with_capacity(KEPT);
     for &(_, partner, sphere) in spheres {
-        let Some(penalty) = scorer.size_penalty(sphere.log_radius, sighting.category) else { continue };
+        let Some(penalty) = scorer.size_penalty(sphere.log_radius, observation.category) else { continue };
         let boxes = [index as u32, partner];
         let covariance = center_covariance(scorer.observations, &boxes, &sphere);
-        let found = scorer.score(&sphere, &covariance, 2, witnesses, sighting.category);
+        let found = scorer.score(&sphere, &covariance, 2, witnesses, observation.category);
         let score = found.value - penalty;
         if found.detected < 2 || score <= 0.0 {
             continue;
@@ -210,12 +210,12 @@ fn distinct(observations: &Observations, mut births: Vec<Birth>) -> Vec<(Birth, 
 
 /// Scores a sphere in all frames that may see it, then triangulates it from what it claims, a few times; the best of all.
 fn improve(scorer: &SphereScorer, birth: &Birth, category: usize, rounds: usize) -> Option<Birth> {
-    let (observations, problem) = (scorer.observations, scorer.problem);
+    let (observations, context) = (scorer.observations, scorer.context);
     let (mut sphere, mut boxes) = (birth.sphere, birth.boxes.clone());
     let mut best: Option<Birth> = None;
     for round in 0..rounds {
         let covariance = center_covariance(observations, &boxes, &sphere);
-        let frames = problem.frames_near(&sphere.center, sphere.log_radius.exp(), observations.least_half_size);
+        let frames = context.frames_near(&sphere.center, sphere.log_radius.exp(), observations.least_half_size);
         let Score { value, detected, boxes: claimed } =
             scorer.score(&sphere, &covariance, boxes.len(), &frames, category);
         let Some(penalty) = scorer.size_penalty(sphere.log_radius, category) else { break };

@@ -12,13 +12,15 @@
 
 use nalgebra::SVector;
 
-use crate::associate::input::context::Problem;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::observations::{Camera, Observations};
-use crate::associate::score::log_likelihood_ratio::{Gain, Gains, HIDDEN_SHARE, derivatives, log_rate_odds};
+use crate::associate::score::log_likelihood_ratio::{
+    HIDDEN_SHARE, LogLikelihoodRatio, LogLikelihoodRatios, derivatives, log_rate_odds,
+};
 use crate::associate::score::object::{Object, Prediction, edge_plane};
 use crate::associate::score::range_tree::{Part, RangeTree};
-use crate::associate::score::scene_statistics::Model;
-use crate::associate::statistics::{TAILS, t_constant};
+use crate::associate::score::scene_statistics::SceneStatistics;
+use crate::associate::statistics::{STUDENT_T_DOF, t_constant};
 
 /// Fewer boxes than this are all asked: a tree does not pay off.
 const LEAST_INDEXED: usize = 64;
@@ -37,7 +39,7 @@ const SEEN: [usize; 3] = [4, 3, 2];
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Candidate {
     pub index: u32,
-    pub gain: Gain,
+    pub gain: LogLikelihoodRatio,
 }
 
 /// Boxes of one frame that may be assigned.
@@ -59,7 +61,7 @@ struct Indexed {
     edges: [f64; 4],
     /// Variance of an edge, squared pixels.
     variance: f64,
-    /// A factor on what `1 + square / TAILS` may be, in the order of [`SEEN`].
+    /// A factor on what `1 + square / STUDENT_T_DOF` may be, in the order of [`SEEN`].
     limits: [f64; 3],
 }
 
@@ -74,23 +76,28 @@ struct Bounds {
 
 impl Candidates {
     /// Of some boxes of a frame (ascending).
-    pub fn new(problem: &Problem, observations: &Observations, model: &Model, boxes: &[u32]) -> Self {
+    pub fn new(
+        context: &AssociationContext,
+        observations: &Observations,
+        statistics: &SceneStatistics,
+        boxes: &[u32],
+    ) -> Self {
         let (mut listed, mut indexed) = (Vec::new(), Vec::new());
         let constants = SEEN.map(t_constant);
         for &index in boxes {
-            let sighting = &observations.boxes[index as usize];
-            if boxes.len() < LEAST_INDEXED || sighting.cut.contains(&true) {
+            let observation = &observations.boxes[index as usize];
+            if boxes.len() < LEAST_INDEXED || observation.cut.contains(&true) {
                 listed.push(index);
                 continue;
             }
-            let sd = model.sd(sighting);
+            let sd = statistics.sd(observation);
             // The category of the object is not known here; its own is worth the most.
-            let category = sighting.category;
+            let category = observation.category;
             let gain = observations.category_log_odds(category, category)
-                - 4.0 * model.log_clutter(&problem.clutter, index as usize);
+                - 4.0 * statistics.log_clutter(&context.clutter, index as usize);
             let limit = |k: usize| limit(k, constants[k] - SEEN[k] as f64 * sd.ln() + gain);
             let limits = std::array::from_fn(limit);
-            indexed.push(Indexed { index, edges: sighting.edges, variance: sd * sd, limits });
+            indexed.push(Indexed { index, edges: observation.edges, variance: sd * sd, limits });
         }
         let tree = RangeTree::new(&indexed.iter().map(|b| b.edges).collect::<Vec<_>>());
         let bounds = |part: &Part| {
@@ -109,7 +116,7 @@ impl Candidates {
     /// ascending by index. `bonus` is added to the gain of a box, and is `largest_bonus` at most.
     pub fn best(
         &self,
-        gains: &Gains,
+        gains: &LogLikelihoodRatios,
         object: &Object,
         (camera, prediction): (&Camera, &Prediction),
         bonus: impl Fn(u32) -> f64,
@@ -262,7 +269,7 @@ impl Query {
         let mut promise = 0.0f64;
         for k in 0..=hideable.min(2) {
             let square = alone.max(hideable_alone[k]).max(sum / total_variance);
-            promise = promise.max(limits[k] * self.demanded_limits[k] / (1.0 + square / TAILS));
+            promise = promise.max(limits[k] * self.demanded_limits[k] / (1.0 + square / STUDENT_T_DOF));
             if k < 2 {
                 sum -= hideable_sum[k];
             }
@@ -271,10 +278,10 @@ impl Query {
     }
 }
 
-/// What `1 + square / TAILS` must be below for a positive gain, where everything else of the gain is given; `k` counts in
+/// What `1 + square / STUDENT_T_DOF` must be below for a positive gain, where everything else of the gain is given; `k` counts in
 /// [`SEEN`].
 fn limit(k: usize, gain: f64) -> f64 {
-    (2.0 / (TAILS + SEEN[k] as f64) * gain).exp()
+    (2.0 / (STUDENT_T_DOF + SEEN[k] as f64) * gain).exp()
 }
 
 /// Puts a value into a list that is sorted from the largest down.
@@ -317,11 +324,11 @@ mod tests {
     /// boxes were asked, of how many that overlap, and how many gains were positive.
     fn compare(views: u32, bonus: f64) -> [usize; 3] {
         let bodies = crowd(200);
-        let (scene, observations, mut model) = of_frames(8, |_| bodies.iter().map(|b| (*b, None)).collect());
-        model.edge_sd = 0.03;
+        let (scene, observations, mut statistics) = of_frames(8, |_| bodies.iter().map(|b| (*b, None)).collect());
+        statistics.edge_sd = 0.03;
         let options = AssociateOptions::default();
-        let problem = Problem::new(&scene, &observations, &options);
-        let gains = Gains::new(&problem, &observations, &model);
+        let context = AssociationContext::new(&scene, &observations, &options);
+        let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
         let own_bonus = |index: u32| if index.is_multiple_of(3) { bonus } else { 0.0 };
         let mut totals = [0; 3];
         for body in bodies.iter().step_by(10) {
@@ -333,7 +340,7 @@ mod tests {
             };
             let boxes: Vec<u32> = (0..views as usize).filter_map(shows).collect();
             let start = Start::sphere(body.center.coords - observations.origin, 2.0);
-            let object = fit(&observations, &model, boxes, &[start]).unwrap();
+            let object = fit(&observations, &statistics, boxes, &[start]).unwrap();
             for (frame, camera) in observations.cameras.iter().enumerate().skip(views as usize) {
                 let Some(prediction) = object.predict(camera) else { continue };
                 let all: Vec<u32> = camera.boxes.clone().map(|i| i as u32).collect();
@@ -354,7 +361,7 @@ mod tests {
                     asked.set(asked.get() + 1);
                     own_bonus(index)
                 };
-                let candidates = Candidates::new(&problem, &observations, &model, &all);
+                let candidates = Candidates::new(&context, &observations, &statistics, &all);
                 let found = candidates.best(&gains, &object, (camera, &prediction), counted, bonus);
                 let found: Vec<(u32, f64)> = found.iter().map(|c| (c.index, c.gain.value)).collect();
                 assert_eq!(found, expected, "frame {frame}");

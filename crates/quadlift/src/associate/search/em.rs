@@ -3,9 +3,9 @@
 
 use super::frame_shift::learn_shifts;
 use super::merge::drop_nested;
-use super::reseed::dissolve_weak;
+use super::reseed::reseed_weak;
 use super::state::State;
-use crate::associate::input::context::Problem;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::options::Part;
 
 /// Rounds, at most.
@@ -19,7 +19,7 @@ const SPHERE_ROUNDS: usize = 1;
 
 impl State {
     /// All rounds; ends early when nothing changes any more. A thorough run dissolves weak objects and tries again.
-    pub fn run(&mut self, problem: &Problem, report: &impl Fn(), thorough: bool) {
+    pub fn run(&mut self, context: &AssociationContext, report: &impl Fn(), thorough: bool) {
         let (mut before, mut tried) = (None, Vec::new());
         for round in 0..ROUNDS {
             let last_births = ROUNDS - 3;
@@ -29,30 +29,30 @@ impl State {
                     // The first round has learnt the shifts of the frames: everything is worth another try.
                     tried.clear();
                 }
-                self.add_births(problem, &mut tried);
-                self.model.objects = self.objects.len() as f64;
+                self.add_births(context, &mut tried);
+                self.statistics.objects = self.objects.len() as f64;
                 if round == 0 {
-                    self.learn(problem);
+                    self.learn(context);
                 }
                 if self.objects.len() > count {
-                    self.merge(problem);
+                    self.merge(context);
                 }
             }
             if self.objects.is_empty() {
                 return;
             }
-            self.assign_and_fit(problem, round < SPHERE_ROUNDS);
-            self.learn(problem);
-            learn_shifts(&mut self.observations, &mut self.model, &self.objects);
-            self.give_up_weak(problem);
-            self.merge(problem);
-            if round >= last_births && problem.options.uses(Part::Nested) {
+            self.assign_and_fit(context, round < SPHERE_ROUNDS);
+            self.learn(context);
+            learn_shifts(&mut self.observations, &mut self.statistics, &self.objects);
+            self.give_up_weak(context);
+            self.merge(context);
+            if round >= last_births && context.options.uses(Part::Nested) {
                 let objects = std::mem::take(&mut self.objects);
-                self.objects = drop_nested(problem, &self.observations, &self.model, objects);
+                self.objects = drop_nested(context, &self.observations, &self.statistics, objects);
             }
-            let dissolves = thorough && problem.options.uses(Part::Dissolve);
-            if dissolves && (round + 1 == last_births || round == last_births) {
-                dissolve_weak(problem, self);
+            let reseeds = thorough && context.options.uses(Part::Dissolve);
+            if reseeds && (round + 1 == last_births || round == last_births) {
+                reseed_weak(context, self);
             }
             report();
             let now = Some(self.owners());

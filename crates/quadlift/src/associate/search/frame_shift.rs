@@ -4,36 +4,36 @@ use nalgebra::Vector2;
 
 use crate::associate::input::observations::Observations;
 use crate::associate::score::object::Object;
-use crate::associate::score::scene_statistics::{LARGEST_SHIFT_SD, Model};
-use crate::associate::statistics::TAILS;
+use crate::associate::score::scene_statistics::{LARGEST_SHIFT_SD, SceneStatistics};
+use crate::associate::statistics::STUDENT_T_DOF;
 
 /// Smallest standard deviation of the shifts, pixels.
 const LEAST_SHIFT_SD: f64 = 0.2;
 
 /// Views that an object needs to say where a frame's boxes should be.
-const TELLING_VIEWS: usize = 4;
+const MIN_INFORMATIVE_VIEWS: usize = 4;
 
 /// Frames that must tell something before the spread of the shifts is learnt.
-const TELLING_FRAMES: usize = 5;
+const MIN_INFORMATIVE_FRAMES: usize = 5;
 
 /// Estimates the shifts from all objects (their most probable values, with a Gaussian prior whose spread is learnt) and
 /// moves the boxes.
-pub(crate) fn learn_shifts(observations: &mut Observations, model: &mut Model, objects: &[Object]) {
+pub(crate) fn learn_shifts(observations: &mut Observations, statistics: &mut SceneStatistics, objects: &[Object]) {
     let frames = observations.cameras.len();
-    let prior = 1.0 / (model.shift_sd * model.shift_sd);
+    let prior = 1.0 / (statistics.shift_sd * statistics.shift_sd);
     let (mut sums, mut weights) = (vec![Vector2::zeros(); frames], vec![Vector2::repeat(prior); frames]);
-    for object in objects.iter().filter(|o| o.boxes.len() >= TELLING_VIEWS) {
+    for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
         for &index in &object.boxes {
-            let sighting = &observations.boxes[index as usize];
-            let frame = sighting.frame;
-            let one_sided = model.one_sided(index as usize, sighting);
-            let residuals = object.residuals_px(&observations.cameras[frame], sighting);
-            let information = model.sd(sighting).powi(-2);
+            let observation = &observations.boxes[index as usize];
+            let frame = observation.frame;
+            let one_sided = statistics.one_sided(index as usize, observation);
+            let residuals = object.residuals_px(&observations.cameras[frame], observation);
+            let information = statistics.sd(observation).powi(-2);
             for edge in (0..4).filter(|&e| !one_sided[e]) {
                 // Measured less predicted place of the edge.
                 let error = if edge < 2 { -residuals[edge] } else { residuals[edge] };
-                let weight = information * (TAILS + 1.0) / (TAILS + error * error * information);
-                sums[frame][edge % 2] += weight * (error + model.shifts[frame][edge % 2]);
+                let weight = information * (STUDENT_T_DOF + 1.0) / (STUDENT_T_DOF + error * error * information);
+                sums[frame][edge % 2] += weight * (error + statistics.shifts[frame][edge % 2]);
                 weights[frame][edge % 2] += weight;
             }
         }
@@ -41,13 +41,13 @@ pub(crate) fn learn_shifts(observations: &mut Observations, model: &mut Model, o
     let shifts: Vec<Vector2<f64>> = sums.iter().zip(&weights).map(|(s, w)| s.component_div(w)).collect();
     let telling = |w: &Vector2<f64>| w.x > 1.5 * prior;
     let count = weights.iter().filter(|w| telling(w)).count();
-    if count >= TELLING_FRAMES {
+    if count >= MIN_INFORMATIVE_FRAMES {
         let told = shifts.iter().zip(&weights).filter(|(_, w)| telling(w));
         let squares: f64 = told.map(|(s, w)| s.norm_squared() + 1.0 / w.x + 1.0 / w.y).sum();
-        model.shift_sd = (0.5 * squares / count as f64).sqrt().clamp(LEAST_SHIFT_SD, LARGEST_SHIFT_SD);
+        statistics.shift_sd = (0.5 * squares / count as f64).sqrt().clamp(LEAST_SHIFT_SD, LARGEST_SHIFT_SD);
     }
     for (frame, shift) in shifts.iter().enumerate() {
-        observations.move_boxes(frame, &(model.shifts[frame] - shift));
+        observations.move_boxes(frame, &(statistics.shifts[frame] - shift));
     }
-    model.shifts = shifts;
+    statistics.shifts = shifts;
 }

@@ -7,14 +7,14 @@ use nalgebra::Vector3;
 
 use super::assignment::{count_visible, overlaps_image};
 use super::candidates::Candidates;
-use crate::associate::input::context::Problem;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::observations::Observations;
 use crate::associate::score::fit::{Start, fit};
 use crate::associate::score::input_ids::IdTally;
-use crate::associate::score::log_likelihood_ratio::{Gain, Gains};
+use crate::associate::score::log_likelihood_ratio::{LogLikelihoodRatio, LogLikelihoodRatios};
 use crate::associate::score::object::{Object, is_visible};
 use crate::associate::score::rays::{Sphere, pair_sphere};
-use crate::associate::score::scene_statistics::Model;
+use crate::associate::score::scene_statistics::SceneStatistics;
 use crate::optimize::matching::{Pair, best_pairs};
 
 /// Frames back in which an unassigned box looks for a partner.
@@ -52,9 +52,9 @@ struct Growing {
 
 /// The state of the growth.
 struct Growth<'a> {
-    problem: &'a Problem<'a>,
+    context: &'a AssociationContext<'a>,
     observations: &'a Observations,
-    model: &'a mut Model,
+    statistics: &'a mut SceneStatistics,
     slots: Vec<Growing>,
     /// For each frame, objects that it may see; with repetitions.
     near: Vec<Vec<u32>>,
@@ -67,9 +67,9 @@ struct Growth<'a> {
 /// Grows objects over the frames of `order` from the boxes for which `free` holds, with some objects to begin with.
 /// Returns those with enough views.
 pub(crate) fn grow(
-    problem: &Problem,
+    context: &AssociationContext,
     observations: &Observations,
-    model: &mut Model,
+    statistics: &mut SceneStatistics,
     order: &[u32],
     free: &impl Fn(usize) -> bool,
     initial: Vec<Object>,
@@ -80,13 +80,13 @@ pub(crate) fn grow(
         step_of[frame as usize] = step;
     }
     let mut growth = Growth {
-        problem,
+        context,
         observations,
-        model,
+        statistics,
         slots: Vec::new(),
         near: vec![Vec::new(); observations.cameras.len()],
         step_of,
-        tally: problem.weighs_ids.then(|| IdTally::new(problem.options.wrong_id_share)),
+        tally: context.weighs_ids.then(|| IdTally::new(context.options.wrong_id_share)),
         alive: 0,
     };
     for object in initial {
@@ -132,7 +132,7 @@ impl Growth<'_> {
             return;
         }
         growing.noted = (center, size);
-        for frame in self.problem.frames_near(&center, size, self.observations.least_half_size) {
+        for frame in self.context.frames_near(&center, size, self.observations.least_half_size) {
             let comes = self.step_of[frame as usize];
             if comes != usize::MAX && comes >= from {
                 self.near[frame as usize].push(slot);
@@ -146,7 +146,7 @@ impl Growth<'_> {
         let mut slots = std::mem::take(&mut self.near[frame]);
         slots.sort_unstable();
         slots.dedup();
-        let parks = self.problem.order.is_video && observations.cameras.len() > LONG_VIDEO;
+        let parks = self.context.order.is_video && observations.cameras.len() > LONG_VIDEO;
         slots.retain(|&slot| {
             let growing = &self.slots[slot as usize];
             growing.alive && !(parks && step > growing.last_seen + PARKED_AFTER)
@@ -181,11 +181,11 @@ impl Growth<'_> {
     }
 
     /// The possible pairs of objects and free boxes of a frame, their gains, and the objects that should be seen.
-    fn gains(&self, frame: usize, slots: &[u32], left: &[u32]) -> (Vec<Pair>, Vec<Gain>, Vec<u32>) {
+    fn gains(&self, frame: usize, slots: &[u32], left: &[u32]) -> (Vec<Pair>, Vec<LogLikelihoodRatio>, Vec<u32>) {
         let observations = self.observations;
         let camera = &observations.cameras[frame];
-        let calculator = Gains::new(self.problem, observations, self.model);
-        let candidates = Candidates::new(self.problem, observations, self.model, left);
+        let calculator = LogLikelihoodRatios::new(self.context, observations, self.statistics);
+        let candidates = Candidates::new(self.context, observations, self.statistics, left);
         let largest_bonus = self.tally.as_ref().map_or(0.0, IdTally::largest_bonus);
         let (mut pairs, mut gains, mut seen) = (Vec::new(), Vec::new(), Vec::new());
         for &slot in slots {
@@ -214,15 +214,15 @@ impl Growth<'_> {
     /// Gives a box to an object, which is fitted anew where it has few views; `false` when that fails.
     fn take(&mut self, slot: u32, index: u32, hidden: [bool; 4], step: usize) -> bool {
         let growing = &mut self.slots[slot as usize];
-        let before = self.model.hidden[index as usize];
-        self.model.hidden[index as usize] = hidden;
+        let before = self.statistics.hidden[index as usize];
+        self.statistics.hidden[index as usize] = hidden;
         let place = growing.object.boxes.partition_point(|&b| b < index);
         let views = growing.object.boxes.len() + 1;
         if views < ALWAYS_FITTED || views as f64 >= REFIT_GROWTH * growing.fitted_views as f64 {
             let mut boxes = growing.object.boxes.clone();
             boxes.insert(place, index);
-            let Some(fitted) = fit(self.observations, self.model, boxes, &[Start::body(&growing.object)]) else {
-                self.model.hidden[index as usize] = before;
+            let Some(fitted) = fit(self.observations, self.statistics, boxes, &[Start::body(&growing.object)]) else {
+                self.statistics.hidden[index as usize] = before;
                 return false;
             };
             let (visible, trusted_id) = (growing.object.visible, growing.object.trusted_id);
@@ -243,24 +243,24 @@ impl Growth<'_> {
     fn begin(&mut self, step: usize, left: &[u32], pool: &VecDeque<(usize, u32)>) -> HashSet<u32> {
         let observations = self.observations;
         let sides = |index: u32| {
-            let sighting = &observations.boxes[index as usize];
-            (&observations.cameras[sighting.frame], sighting)
+            let observation = &observations.boxes[index as usize];
+            (&observations.cameras[observation.frame], observation)
         };
         let mut pairs: Vec<(f64, u32, u32, Sphere)> = Vec::new();
         for &new in left {
-            let (camera, sighting) = sides(new);
+            let (camera, observation) = sides(new);
             for &(_, old) in pool.iter().rev().take(MOST_PAIRS) {
                 let other = sides(old);
-                if other.1.category != sighting.category {
+                if other.1.category != observation.category {
                     continue;
                 }
-                let Some(pair) = pair_sphere((camera, sighting), other) else { continue };
+                let Some(pair) = pair_sphere((camera, observation), other) else { continue };
                 let mut disagreement = pair.disagreement;
-                if let Some(size) = self.model.log_sizes[sighting.category] {
+                if let Some(size) = self.statistics.log_sizes[observation.category] {
                     disagreement += 0.5 * ((pair.sphere.log_radius - size.mean) / size.sd).powi(2);
                 }
                 if disagreement < LARGEST_DISAGREEMENT {
-                    let bonus = self.tally.as_ref().map_or(0.0, |t| t.pair_bonus(sighting.id, other.1.id));
+                    let bonus = self.tally.as_ref().map_or(0.0, |t| t.pair_bonus(observation.id, other.1.id));
                     pairs.push((disagreement - bonus, new, old, pair.sphere));
                 }
             }
@@ -273,7 +273,7 @@ impl Growth<'_> {
             }
             let start = Start::sphere(sphere.center, sphere.log_radius.exp());
             let boxes = vec![new.min(old), new.max(old)];
-            if let Some(object) = fit(observations, self.model, boxes, &[start]) {
+            if let Some(object) = fit(observations, self.statistics, boxes, &[start]) {
                 self.add(object, step, step + 1);
                 used.extend([new, old]);
             }
@@ -283,23 +283,23 @@ impl Growth<'_> {
 
     /// The objects with enough views, fitted to all of them.
     fn finish(self) -> Vec<Object> {
-        let least = self.problem.options.min_views;
+        let least = self.context.options.min_views;
         let grown: Vec<Growing> = self
             .slots
             .into_iter()
             .filter(|g| g.alive && (g.object.boxes.len() >= least || g.object.trusted_id.is_some()))
             .collect();
-        let (problem, observations, model) = (self.problem, self.observations, &*self.model);
+        let (context, observations, statistics) = (self.context, self.observations, &*self.statistics);
         crate::parallel::map_indices(grown.len(), |k| {
             let growing = &grown[k];
             let mut object = growing.object.clone();
             if object.boxes.len() > growing.fitted_views {
                 let boxes = object.boxes.clone();
-                if let Some(fitted) = fit(observations, model, boxes, &[Start::body(&object)]) {
+                if let Some(fitted) = fit(observations, statistics, boxes, &[Start::body(&object)]) {
                     object = Object { trusted_id: object.trusted_id, ..fitted };
                 }
             }
-            object.visible = count_visible(problem, observations, &object);
+            object.visible = count_visible(context, observations, &object);
             object
         })
     }

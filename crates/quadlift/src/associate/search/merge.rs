@@ -3,13 +3,13 @@
 use nalgebra::Vector3;
 
 use super::assignment::count_visible;
-use crate::associate::input::context::Problem;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::observations::Observations;
 use crate::associate::input::point_tree::PointTree;
 use crate::associate::score::evidence::evidence;
 use crate::associate::score::fit::{Start, fit};
 use crate::associate::score::object::Object;
-use crate::associate::score::scene_statistics::Model;
+use crate::associate::score::scene_statistics::SceneStatistics;
 use crate::associate::statistics::quantile;
 
 /// Objects are tried as one when their centres are nearer than this many times the sum of their radii.
@@ -27,9 +27,9 @@ const FEWER_VIEWS: f64 = 0.6;
 
 /// Merges objects whose union has more evidence than they have apart, the nearest first.
 pub(crate) fn merge(
-    problem: &Problem,
+    context: &AssociationContext,
     observations: &Observations,
-    model: &Model,
+    statistics: &SceneStatistics,
     objects: Vec<Object>,
 ) -> Vec<Object> {
     // Two objects that both have more than two thirds of all frames share too many of them to be one, and remain so.
@@ -39,14 +39,14 @@ pub(crate) fn merge(
     let mut pairs = near_pairs(&objects, is_open, apart, NEAR);
     pairs.sort_by(|a, b| a.2.total_cmp(&b.2).then((a.0, a.1).cmp(&(b.0, b.1))));
     let mut objects: Vec<Option<Object>> = objects.into_iter().map(Some).collect();
-    let own_evidence = |object: &Object| evidence(problem, observations, model, object);
+    let own_evidence = |object: &Object| evidence(context, observations, statistics, object);
     for (first, second, _) in pairs {
         let (Some(a), Some(b)) = (&objects[first], &objects[second]) else { continue };
         // Two trusted ids are two objects.
         if a.trusted_id.is_some() && b.trusted_id.is_some() {
             continue;
         }
-        let Some(union) = union(problem, observations, model, a, b) else { continue };
+        let Some(union) = union(context, observations, statistics, a, b) else { continue };
         if own_evidence(&union) > own_evidence(a) + own_evidence(b) {
             objects[first] = Some(union);
             objects[second] = None;
@@ -56,7 +56,13 @@ pub(crate) fn merge(
 }
 
 /// Both objects as one, where it is fit to be one.
-fn union(problem: &Problem, observations: &Observations, model: &Model, a: &Object, b: &Object) -> Option<Object> {
+fn union(
+    context: &AssociationContext,
+    observations: &Observations,
+    statistics: &SceneStatistics,
+    a: &Object,
+    b: &Object,
+) -> Option<Object> {
     // Boxes of the one with more stay (or of the one whose boxes are trusted), the other adds those of other frames.
     let first_stays = a.trusted_id.is_some() || b.trusted_id.is_none() && a.boxes.len() >= b.boxes.len();
     let (major, minor) = if first_stays { (a, b) } else { (b, a) };
@@ -69,21 +75,21 @@ fn union(problem: &Problem, observations: &Observations, model: &Model, a: &Obje
     }
     boxes.extend(&major.boxes);
     boxes.sort_unstable();
-    let mut union = fit(observations, model, boxes, &[Start::body(major), Start::body(minor)])?;
+    let mut union = fit(observations, statistics, boxes, &[Start::body(major), Start::body(minor)])?;
     union.trusted_id = major.trusted_id;
-    union.visible = count_visible(problem, observations, &union);
+    union.visible = count_visible(context, observations, &union);
     Some(union)
 }
 
 /// Drops the weaker of two objects that fill the same place and are about as large: bodies do not nest, but detectors
 /// report one object twice.
 pub(crate) fn drop_nested(
-    problem: &Problem,
+    context: &AssociationContext,
     observations: &Observations,
-    model: &Model,
+    statistics: &SceneStatistics,
     objects: Vec<Object>,
 ) -> Vec<Object> {
-    let own_evidence: Vec<f64> = objects.iter().map(|o| evidence(problem, observations, model, o)).collect();
+    let own_evidence: Vec<f64> = objects.iter().map(|o| evidence(context, observations, statistics, o)).collect();
     // The centre of one in semi-axes of the other.
     let inside = |a: &Object, b: &Object| {
         let within = |body: &Object, d: Vector3<f64>| body.root.lu().solve(&d).map_or(f64::INFINITY, |x| x.norm());
@@ -147,9 +153,9 @@ mod tests {
     }
 
     /// An object of some of the views, from a start near the body.
-    fn object_of(observations: &Observations, model: &Model, body: &Ellipsoid, views: &[u32]) -> Object {
+    fn object_of(observations: &Observations, statistics: &SceneStatistics, body: &Ellipsoid, views: &[u32]) -> Object {
         let start = Start::sphere(body.center.coords - observations.origin, 2.0);
-        let object = fit(observations, model, views.to_vec(), &[start]).unwrap();
+        let object = fit(observations, statistics, views.to_vec(), &[start]).unwrap();
         Object { visible: 12, ..object }
     }
 
@@ -157,14 +163,15 @@ mod tests {
     /// in the last six, after `change`.
     fn of_halves(by: f64, change: impl Fn(&mut [Object; 2])) -> Vec<usize> {
         let body_of = |frame: usize| vec![(if frame < 6 { ellipsoid() } else { moved(by) }, None)];
-        let (scene, observations, mut model) = of_frames(12, body_of);
-        (model.volume, model.edge_sd) = (1e5, 0.02);
+        let (scene, observations, mut statistics) = of_frames(12, body_of);
+        (statistics.volume, statistics.edge_sd) = (1e5, 0.02);
         let options = AssociateOptions::default();
-        let problem = Problem::new(&scene, &observations, &options);
-        let mut halves = [(0, 0.0), (6, by)]
-            .map(|(first, by)| object_of(&observations, &model, &moved(by), &(first..first + 6).collect::<Vec<_>>()));
+        let context = AssociationContext::new(&scene, &observations, &options);
+        let mut halves = [(0, 0.0), (6, by)].map(|(first, by)| {
+            object_of(&observations, &statistics, &moved(by), &(first..first + 6).collect::<Vec<_>>())
+        });
         change(&mut halves);
-        merge(&problem, &observations, &model, halves.into()).iter().map(|object| object.boxes.len()).collect()
+        merge(&context, &observations, &statistics, halves.into()).iter().map(|object| object.boxes.len()).collect()
     }
 
     #[test]
@@ -189,16 +196,16 @@ mod tests {
     /// Which of two objects are left by [`drop_nested`]: one of eight views, and one of so many other views of the same
     /// body, its size times a factor.
     fn nested(views: u32, size: f64, trusted: bool) -> Vec<usize> {
-        let (scene, observations, mut model) = of_frames(16, |_| vec![(ellipsoid(), None)]);
-        model.volume = 1e5;
+        let (scene, observations, mut statistics) = of_frames(16, |_| vec![(ellipsoid(), None)]);
+        statistics.volume = 1e5;
         let options = AssociateOptions::default();
-        let problem = Problem::new(&scene, &observations, &options);
-        let large = object_of(&observations, &model, &ellipsoid(), &(0..8).collect::<Vec<_>>());
-        let mut small = object_of(&observations, &model, &ellipsoid(), &(8..8 + views).collect::<Vec<_>>());
+        let context = AssociationContext::new(&scene, &observations, &options);
+        let large = object_of(&observations, &statistics, &ellipsoid(), &(0..8).collect::<Vec<_>>());
+        let mut small = object_of(&observations, &statistics, &ellipsoid(), &(8..8 + views).collect::<Vec<_>>());
         small.root *= size;
         small.radius *= size;
         small.trusted_id = trusted.then_some(0);
-        let left = drop_nested(&problem, &observations, &model, vec![small, large]);
+        let left = drop_nested(&context, &observations, &statistics, vec![small, large]);
         left.iter().map(|object| object.boxes.len()).collect()
     }
 

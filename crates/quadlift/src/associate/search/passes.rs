@@ -7,13 +7,13 @@ use super::assignment::count_visible;
 use super::em::ROUNDS;
 use super::growth::grow;
 use super::state::State;
-use crate::associate::input::context::Problem;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::observations::Observations;
 use crate::associate::options::{IdUse, Part};
 use crate::associate::score::fit::{Start, fit};
 use crate::associate::score::object::Object;
 use crate::associate::score::rays::triangulate;
-use crate::associate::score::scene_statistics::Model;
+use crate::associate::score::scene_statistics::SceneStatistics;
 use crate::parallel::map_indices;
 
 /// Rounds after growth, before anything is born of what is left.
@@ -29,42 +29,46 @@ const PIXEL_SDS: [f64; 3] = [2.0, 4.0, 8.0];
 /// on all real scenes without ids and four drives of KITTI: mean F1 .982 with 2 pixels, .994 with this rule (.993 with .9;
 /// S22 with GPS poses .832 and 1), and on 26 kinds of synthetic scenes, also of 3, 4 and 6 views: only objects that hide each
 /// other by more than .001 worse (.994 and .990).
-const WORTH_ITS_SLACK: f64 = 0.88;
+const MIN_EVIDENCE_SHARE: f64 = 0.88;
 
 /// Rounds in which it is tried whether more slack is worth a search of its own.
 const TRIAL_ROUNDS: usize = 2;
 
 /// Finds the objects.
-pub(crate) fn search(problem: &Problem, observations: Observations, progress: &(dyn Fn(usize, usize) + Sync)) -> State {
-    let slack = problem.options.pixel_sd.unwrap_or(PIXEL_SDS[0]);
-    let model = Model::new(&observations, problem.given_sizes.clone(), slack);
-    let mut state = State { observations, model, objects: Vec::new() };
-    state.objects = trusted_objects(problem, &state);
-    if state.observations.boxes.iter().all(|b| problem.is_trusted(b)) {
+pub(crate) fn search(
+    context: &AssociationContext,
+    observations: Observations,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> State {
+    let slack = context.options.pixel_sd.unwrap_or(PIXEL_SDS[0]);
+    let statistics = SceneStatistics::new(&observations, context.given_sizes.clone(), slack);
+    let mut state = State { observations, statistics, objects: Vec::new() };
+    state.objects = trusted_objects(context, &state);
+    if state.observations.boxes.iter().all(|b| context.is_trusted(b)) {
         // Nothing is left to associate.
         if !state.objects.is_empty() {
-            state.learn(problem);
+            state.learn(context);
         }
         return state;
     }
-    let steps = Steps::new(problem, &state, progress);
-    let mut best = passes(problem, &state, &steps);
-    if problem.options.pixel_sd.is_none() {
+    let steps = Steps::new(context, &state, progress);
+    let mut best = passes(context, &state, &steps);
+    if context.options.pixel_sd.is_none() {
         for slack in &PIXEL_SDS[1..] {
             if best.objects.is_empty() {
                 break;
             }
             let mut trial = best.clone();
-            trial.model.pixel_sd = *slack;
-            trial.settle(problem, TRIAL_ROUNDS);
-            let least = WORTH_ITS_SLACK * best.evidence(problem);
-            if trial.evidence(problem) < least {
+            trial.statistics.pixel_sd = *slack;
+            trial.settle(context, TRIAL_ROUNDS);
+            let least = MIN_EVIDENCE_SHARE * best.evidence(context);
+            if trial.evidence(context) < least {
                 break;
             }
-            state.model.pixel_sd = *slack;
+            state.statistics.pixel_sd = *slack;
             steps.another();
-            let other = passes(problem, &state, &steps);
-            if other.evidence(problem) < least {
+            let other = passes(context, &state, &steps);
+            if other.evidence(context) < least {
                 break;
             }
             best = other;
@@ -75,28 +79,28 @@ pub(crate) fn search(problem: &Problem, observations: Observations, progress: &(
 }
 
 /// All passes from the objects of trusted ids on, the best of them.
-fn passes(problem: &Problem, state: &State, steps: &Steps) -> State {
-    let thorough = problem.options.thorough;
+fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
+    let thorough = context.options.thorough;
     let pass = |mut from: State, order: Option<&[u32]>| {
         from.objects = state.objects.clone();
         if let Some(order) = order {
-            from.grow(problem, order, &|| steps.advance(1));
+            from.grow(context, order, &|| steps.advance(1));
         }
-        from.run(problem, &|| steps.advance(steps.per_round), thorough);
+        from.run(context, &|| steps.advance(steps.per_round), thorough);
         from
     };
-    let mut best = pass(state.clone(), Some(&problem.order.frames));
+    let mut best = pass(state.clone(), Some(&context.order.frames));
     if thorough {
         let cameras = &best.observations.cameras;
-        let other_order = problem.order.starting_at(cameras, cameras.len() / 2);
+        let other_order = context.order.starting_at(cameras, cameras.len() / 2);
         for order in [Some(other_order.as_slice()), None] {
-            best = better(problem, best, pass(state.clone(), order));
+            best = better(context, best, pass(state.clone(), order));
         }
     }
     // Once more with what has been learnt: noise, sizes, and above all the shifts of the frames.
-    if problem.options.uses(Part::SecondPass) {
-        let again = pass(best.clone(), Some(&problem.order.frames));
-        best = better(problem, best, again);
+    if context.options.uses(Part::SecondPass) {
+        let again = pass(best.clone(), Some(&context.order.frames));
+        best = better(context, best, again);
     }
     best
 }
@@ -112,10 +116,10 @@ struct Steps<'a> {
 }
 
 impl<'a> Steps<'a> {
-    fn new(problem: &Problem, state: &State, progress: &'a (dyn Fn(usize, usize) + Sync)) -> Self {
+    fn new(context: &AssociationContext, state: &State, progress: &'a (dyn Fn(usize, usize) + Sync)) -> Self {
         let frames = state.observations.cameras.len();
         let per_round = frames / ROUNDS + 1;
-        let of_passes = if problem.options.thorough { 4 } else { 2 } * (frames + ROUNDS * per_round);
+        let of_passes = if context.options.thorough { 4 } else { 2 } * (frames + ROUNDS * per_round);
         Self { progress, per_round, of_passes, done: AtomicUsize::new(0), total: AtomicUsize::new(of_passes) }
     }
 
@@ -138,40 +142,40 @@ impl<'a> Steps<'a> {
 }
 
 /// The state with more evidence, the first of equals.
-fn better(problem: &Problem, first: State, second: State) -> State {
-    if second.evidence(problem) > first.evidence(problem) { second } else { first }
+fn better(context: &AssociationContext, first: State, second: State) -> State {
+    if second.evidence(context) > first.evidence(context) { second } else { first }
 }
 
 impl State {
     /// Grows objects over all frames and settles them.
-    fn grow(&mut self, problem: &Problem, order: &[u32], report: &impl Fn()) {
+    fn grow(&mut self, context: &AssociationContext, order: &[u32], report: &impl Fn()) {
         let initial = std::mem::take(&mut self.objects);
         let observations = &self.observations;
-        let free = |index: usize| !problem.is_trusted(&observations.boxes[index]);
-        self.objects = grow(problem, observations, &mut self.model, order, &free, initial, report);
+        let free = |index: usize| !context.is_trusted(&observations.boxes[index]);
+        self.objects = grow(context, observations, &mut self.statistics, order, &free, initial, report);
         if self.objects.is_empty() {
             return;
         }
-        self.learn(problem);
-        self.give_up_weak(problem);
+        self.learn(context);
+        self.give_up_weak(context);
         if self.objects.is_empty() {
             return;
         }
-        self.learn(problem);
-        self.merge(problem);
-        self.settle(problem, FIRST_ROUNDS);
+        self.learn(context);
+        self.merge(context);
+        self.settle(context, FIRST_ROUNDS);
     }
 }
 
 /// Objects of the ids, where those are trusted.
-fn trusted_objects(problem: &Problem, state: &State) -> Vec<Object> {
-    if problem.options.ids != IdUse::Trust {
+fn trusted_objects(context: &AssociationContext, state: &State) -> Vec<Object> {
+    if context.options.ids != IdUse::Trust {
         return Vec::new();
     }
     let observations = &state.observations;
     let mut by_id: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for (index, sighting) in observations.boxes.iter().enumerate() {
-        if let Some(id) = sighting.id {
+    for (index, observation) in observations.boxes.iter().enumerate() {
+        if let Some(id) = observation.id {
             by_id.entry(id).or_default().push(index as u32);
         }
     }
@@ -183,9 +187,9 @@ fn trusted_objects(problem: &Problem, state: &State) -> Vec<Object> {
         let sphere = triangulate(observations, boxes, &guess)?;
         let sphere = triangulate(observations, boxes, &sphere.center)?;
         let start = Start::sphere(sphere.center, sphere.log_radius.exp());
-        let mut object = fit(observations, &state.model, boxes.clone(), &[start])?;
+        let mut object = fit(observations, &state.statistics, boxes.clone(), &[start])?;
         object.trusted_id = Some(*id);
-        object.visible = count_visible(problem, observations, &object);
+        object.visible = count_visible(context, observations, &object);
         Some(object)
     });
     objects.into_iter().flatten().collect()

@@ -3,44 +3,44 @@
 use super::assignment::assign;
 use super::growth::grow;
 use super::state::{State, born, refit};
-use crate::associate::input::context::Problem;
+use crate::associate::input::context::AssociationContext;
 use crate::associate::input::point_tree::PointTree;
-use crate::associate::score::evidence::{LEAST_EVIDENCE, evidence};
+use crate::associate::score::evidence::{MIN_EVIDENCE, evidence};
 use crate::associate::score::object::Object;
 
 /// Share of the objects, those with the least evidence per view, that are dissolved.
-const SUSPECTS: f64 = 0.3;
+const SUSPECT_SHARE: f64 = 0.3;
 
 /// Objects that are dissolved together, at most.
-const TOGETHER: usize = 3;
+const MAX_RESEEDED: usize = 3;
 
 /// Neighbours are nearer than this many times the sum of the radii.
 const NEAR: f64 = 1.2;
 
 /// Evidence that the new objects must have more than the old ones.
-const LEAST_IMPROVEMENT: f64 = 1.0;
+const MIN_IMPROVEMENT: f64 = 1.0;
 
 /// Rounds in which the new objects settle.
 const ROUNDS: usize = 3;
 
 /// Dissolves the weakest objects, one after the other, and keeps what is better.
-pub(crate) fn dissolve_weak(problem: &Problem, state: &mut State) {
-    let per_view = |o: &Object| evidence(problem, &state.observations, &state.model, o) / o.boxes.len() as f64;
+pub(crate) fn reseed_weak(context: &AssociationContext, state: &mut State) {
+    let per_view = |o: &Object| evidence(context, &state.observations, &state.statistics, o) / o.boxes.len() as f64;
     let mut ranked: Vec<(f64, u32)> =
         state.objects.iter().filter(|o| o.trusted_id.is_none()).map(|o| (per_view(o), o.boxes[0])).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    ranked.truncate((SUSPECTS * ranked.len() as f64).ceil() as usize);
+    ranked.truncate((SUSPECT_SHARE * ranked.len() as f64).ceil() as usize);
     for (_, first_box) in ranked {
         // By a box of theirs, because the list of objects changes.
         let suspect = state.objects.iter().position(|o| o.trusted_id.is_none() && o.boxes.contains(&first_box));
         if let Some(suspect) = suspect {
-            dissolve(problem, state, suspect);
+            reseed(context, state, suspect);
         }
     }
 }
 
 /// Dissolves one object with its neighbours.
-fn dissolve(problem: &Problem, state: &mut State, suspect: usize) {
+fn reseed(context: &AssociationContext, state: &mut State, suspect: usize) {
     let group = neighbours(&state.objects, suspect);
     let mut freed = vec![false; state.observations.boxes.len()];
     let mut used = freed.clone();
@@ -51,24 +51,24 @@ fn dissolve(problem: &Problem, state: &mut State, suspect: usize) {
         }
     }
     let own_evidence = |state: &State, objects: &[Object]| -> f64 {
-        objects.iter().map(|o| evidence(problem, &state.observations, &state.model, o).max(0.0)).sum()
+        objects.iter().map(|o| evidence(context, &state.observations, &state.statistics, o).max(0.0)).sum()
     };
     let old: Vec<Object> = group.iter().map(|&place| state.objects[place].clone()).collect();
     let old_evidence = own_evidence(state, &old);
-    let hidden = state.model.hidden.clone();
-    let reborn = born(problem, &state.observations, &state.model, &used, &|i| freed[i]);
+    let hidden = state.statistics.hidden.clone();
+    let reborn = born(context, &state.observations, &state.statistics, &used, &|i| freed[i]);
     let mut best: Option<(f64, Vec<Object>, Vec<[bool; 4]>)> = None;
-    let regrown = regrow(problem, state, &used, &freed);
+    let regrown = regrow(context, state, &used, &freed);
     for start in [reborn, regrown] {
-        let objects = settle(problem, state, start, &used);
+        let objects = settle(context, state, start, &used);
         let total = own_evidence(state, &objects);
         if !objects.is_empty() && best.as_ref().is_none_or(|(most, ..)| total > *most) {
-            best = Some((total, objects, state.model.hidden.clone()));
+            best = Some((total, objects, state.statistics.hidden.clone()));
         }
-        state.model.hidden.clone_from(&hidden);
+        state.statistics.hidden.clone_from(&hidden);
     }
     if let Some((total, objects, new_hidden)) = best
-        && total > old_evidence + LEAST_IMPROVEMENT
+        && total > old_evidence + MIN_IMPROVEMENT
     {
         let mut place = 0;
         state.objects.retain(|_| {
@@ -78,7 +78,7 @@ fn dissolve(problem: &Problem, state: &mut State, suspect: usize) {
         state.objects.extend(objects);
         for (index, value) in new_hidden.into_iter().enumerate() {
             if !used[index] {
-                state.model.hidden[index] = value;
+                state.statistics.hidden[index] = value;
             }
         }
     }
@@ -97,42 +97,42 @@ fn neighbours(objects: &[Object], suspect: usize) -> Vec<usize> {
         .filter(|&p| objects[p].category == own.category && objects[p].trusted_id.is_none() && apart(p) < NEAR)
         .collect();
     near.sort_by(|&a, &b| apart(a).total_cmp(&apart(b)).then(a.cmp(&b)));
-    near.truncate(TOGETHER);
+    near.truncate(MAX_RESEEDED);
     if !near.contains(&suspect) {
         // Several bodies at the very same place.
-        near.truncate(TOGETHER - 1);
+        near.truncate(MAX_RESEEDED - 1);
         near.push(suspect);
     }
     near
 }
 
 /// Grows objects from the boxes that are not used; those that take a freed one count.
-fn regrow(problem: &Problem, state: &mut State, used: &[bool], freed: &[bool]) -> Vec<Object> {
+fn regrow(context: &AssociationContext, state: &mut State, used: &[bool], freed: &[bool]) -> Vec<Object> {
     let observations = &state.observations;
-    let is_free = |i: usize| !used[i] && !problem.is_trusted(&observations.boxes[i]);
-    let order: Vec<u32> = problem
+    let is_free = |i: usize| !used[i] && !context.is_trusted(&observations.boxes[i]);
+    let order: Vec<u32> = context
         .order
         .frames
         .iter()
         .copied()
         .filter(|&frame| observations.cameras[frame as usize].boxes.clone().any(is_free))
         .collect();
-    let mut grown = grow(problem, observations, &mut state.model, &order, &is_free, Vec::new(), &|| ());
+    let mut grown = grow(context, observations, &mut state.statistics, &order, &is_free, Vec::new(), &|| ());
     grown.retain(|object| object.boxes.iter().any(|&index| freed[index as usize]));
     grown
 }
 
 /// Lets objects settle on the boxes that others do not use.
-fn settle(problem: &Problem, state: &mut State, mut objects: Vec<Object>, used: &[bool]) -> Vec<Object> {
+fn settle(context: &AssociationContext, state: &mut State, mut objects: Vec<Object>, used: &[bool]) -> Vec<Object> {
     let is_free = |i: usize| !used[i];
     for round in 0..ROUNDS {
         if objects.is_empty() {
             break;
         }
-        let shares = assign(problem, &state.observations, &mut state.model, &objects, &is_free);
-        objects = refit(problem, &state.observations, &state.model, &objects, &shares, false);
+        let assignments = assign(context, &state.observations, &mut state.statistics, &objects, &is_free);
+        objects = refit(context, &state.observations, &state.statistics, &objects, &assignments, false);
         if round + 1 == ROUNDS {
-            objects.retain(|o| evidence(problem, &state.observations, &state.model, o) > LEAST_EVIDENCE);
+            objects.retain(|o| evidence(context, &state.observations, &state.statistics, o) > MIN_EVIDENCE);
         }
     }
     objects
@@ -155,18 +155,18 @@ mod tests {
     /// frame are with the other's. Returns which detections each object has in the end.
     fn after_dissolving(swapped: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
         let above = Ellipsoid { center: ellipsoid().center + Vector3::new(0.0, 0.0, 4.5), ..ellipsoid() };
-        let (scene, observations, mut model) = of_frames(VIEWS, |_| vec![(ellipsoid(), None), (above, None)]);
-        (model.volume, model.edge_sd) = (1e5, 0.02);
+        let (scene, observations, mut statistics) = of_frames(VIEWS, |_| vec![(ellipsoid(), None), (above, None)]);
+        (statistics.volume, statistics.edge_sd) = (1e5, 0.02);
         let options = AssociateOptions::default();
-        let problem = Problem::new(&scene, &observations, &options);
+        let context = AssociationContext::new(&scene, &observations, &options);
         let start = Start::sphere(ellipsoid().center.coords - observations.origin, 2.0);
         let objects = [0, 1].map(|body| {
             let is_own = |detection: usize| (detection + usize::from(swapped(detection / 2))) % 2 == body;
             let own = (0..2 * VIEWS as u32).filter(|&index| is_own(observations.boxes[index as usize].detection));
-            Object { visible: VIEWS, ..fit(&observations, &model, own.collect(), &[start]).unwrap() }
+            Object { visible: VIEWS, ..fit(&observations, &statistics, own.collect(), &[start]).unwrap() }
         });
-        let mut state = State { observations, model, objects: objects.into() };
-        dissolve_weak(&problem, &mut state);
+        let mut state = State { observations, statistics, objects: objects.into() };
+        reseed_weak(&context, &mut state);
         let detections = |object: &Object| {
             let mut all: Vec<usize> =
                 object.boxes.iter().map(|&index| state.observations.boxes[index as usize].detection).collect();

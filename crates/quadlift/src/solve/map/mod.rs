@@ -16,7 +16,7 @@ mod scene;
 mod shared;
 
 pub use self::context::MapContext;
-use self::scene::body_selection::Kinds;
+use self::scene::body_selection::BodyKinds;
 use self::scene::scene_fit::SceneFit;
 use super::estimate::Estimate;
 use super::options::BodyKind;
@@ -61,25 +61,25 @@ pub fn map(
     let options = context.options;
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
-    let fitted = |kinds: &[BodyKind]| SceneFit::lying_anyhow(kinds, &|k| views_of(sample[k]), context);
+    let fitted = |body_kinds: &[BodyKind]| SceneFit::without_upright(body_kinds, &|k| views_of(sample[k]), context);
     // Where the objects share nothing that is unknown, each is fitted by itself.
     let apart = options.sigmas.is_some() && !context.has_shared_unknowns();
-    let together = |kinds: &[BodyKind]| fitted(if apart { &[] } else { kinds });
+    let together = |body_kinds: &[BodyKind]| fitted(if apart { &[] } else { body_kinds });
     let all = |kind| vec![kind; sample.len()];
-    let (scene, kinds) = match options.body {
-        Some(body) => (together(&all(body)), Kinds::given(body, sample.len())),
+    let (scene, body_kinds) = match options.body {
+        Some(body) => (together(&all(body)), BodyKinds::given(body, sample.len())),
         None => {
             let ellipsoids = fitted(&all(BodyKind::Ellipsoid));
             let noise = ellipsoids.noise_of_independent_views(context);
-            let kinds = Kinds::among(&ellipsoids.fit_of_each(), noise, context);
-            let as_they_are = !apart && kinds.of_all() == Some(BodyKind::Ellipsoid);
-            (if as_they_are { ellipsoids } else { together(kinds.of_each()) }, kinds)
+            let body_kinds = BodyKinds::among(&ellipsoids.fit_of_each(), noise, context);
+            let as_they_are = !apart && body_kinds.of_all() == Some(BodyKind::Ellipsoid);
+            (if as_they_are { ellipsoids } else { together(body_kinds.of_each()) }, body_kinds)
         }
     };
     let scene = scene.with_upright(context);
-    let kind_of = |index: usize| match kinds.of_each().get(index / stride) {
+    let kind_of = |index: usize| match body_kinds.of_each().get(index / stride) {
         Some(kind) if index.is_multiple_of(stride) => *kind,
-        _ => kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &kinds, context)),
+        _ => body_kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &body_kinds, context)),
     };
     let estimates = map_indices(count, |index| {
         let estimate = if index % stride == 0 && index / stride < scene.len() {
@@ -102,5 +102,5 @@ pub fn map(
         };
         predict_fold(&views_of(*object), views, options.border_margin, fit)
     });
-    MapSolution { estimates, noise: scene.noise_report(context), body: kinds.of_all(), folds, predicted }
+    MapSolution { estimates, noise: scene.noise_report(context), body: body_kinds.of_all(), folds, predicted }
 }

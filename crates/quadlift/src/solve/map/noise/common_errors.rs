@@ -234,7 +234,7 @@ pub(crate) fn added_covariance(
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct ObjectAgreement {
     squares: f64,
-    freedom: f64,
+    dof: f64,
 }
 
 impl ObjectAgreement {
@@ -248,21 +248,18 @@ impl ObjectAgreement {
         rows.iter().fold(Self::default(), |sum, row| {
             let j = SVector::from(row.row);
             let left = 1.0 - 2.0 * row.total_weight * j.dot(&(covariance * j)) + j.dot(&(noise_gain * j));
-            Self {
-                squares: sum.squares + row.weight * row.residual * row.residual,
-                freedom: sum.freedom + row.weight * left,
-            }
+            Self { squares: sum.squares + row.weight * row.residual * row.residual, dof: sum.dof + row.weight * left }
         })
     }
 
     /// The variance of the object's errors in units of the scene's: its own, drawn to 1 as far as objects are alike and
     /// its residuals are few.
     pub(crate) fn relative_variance(&self, spread: Spread) -> f64 {
-        if spread.variance <= 0.0 || self.freedom <= 0.0 || spread.level <= 0.0 {
+        if spread.variance <= 0.0 || self.dof <= 0.0 || spread.level <= 0.0 {
             return 1.0;
         }
-        let own = self.squares / (self.freedom * spread.level);
-        let evidence = 0.5 * spread.variance * self.freedom;
+        let own = self.squares / (self.dof * spread.level);
+        let evidence = 0.5 * spread.variance * self.dof;
         (1.0 + evidence * own) / (1.0 + evidence)
     }
 }
@@ -279,19 +276,19 @@ pub(crate) struct Spread {
 impl Spread {
     /// By the method of moments; zero where the objects do not clearly differ.
     pub(crate) fn of(objects: &[ObjectAgreement]) -> Self {
-        let counted = || objects.iter().filter(|object| object.freedom > 1.0);
-        let (squares, freedom) = counted().fold((0.0, 0.0), |(a, b), object| (a + object.squares, b + object.freedom));
-        if freedom <= 0.0 || squares <= 0.0 {
+        let counted = || objects.iter().filter(|object| object.dof > 1.0);
+        let (squares, dof) = counted().fold((0.0, 0.0), |(a, b), object| (a + object.squares, b + object.dof));
+        if dof <= 0.0 || squares <= 0.0 {
             return Self::default();
         }
-        let level = squares / freedom;
+        let level = squares / dof;
         // Each with the inverse variance that it has when all objects are alike: 2 / freedom.
         let excess = counted().map(|object| {
-            let off = object.squares / (object.freedom * level) - 1.0;
-            object.freedom * off * off - 2.0
+            let off = object.squares / (object.dof * level) - 1.0;
+            object.dof * off * off - 2.0
         });
-        let variance = excess.sum::<f64>() / freedom;
-        let deviation = (8.0 * counted().count() as f64).sqrt() / freedom;
+        let variance = excess.sum::<f64>() / dof;
+        let deviation = (8.0 * counted().count() as f64).sqrt() / dof;
         let threshold = SIGNIFICANT * deviation / variance;
         let clear = variance > 0.0 && threshold < 1.0;
         Self { level, variance: if clear { variance * (1.0 - threshold * threshold) } else { 0.0 } }
@@ -410,7 +407,7 @@ mod tests {
         let n = rows.len();
         let left = DMatrix::identity(n, n) - &jacobian * &covariance_dense * jacobian.transpose();
         let agreement = ObjectAgreement::new(&rows, &covariance);
-        assert!((agreement.freedom - (&left * left.transpose()).trace()).abs() < 1e-9);
+        assert!((agreement.dof - (&left * left.transpose()).trace()).abs() < 1e-9);
         let scaled = scaled_covariance(&rows, 3.0, &covariance);
         let expected =
             covariance_dense.clone() + &covariance_dense * jacobian.transpose() * &jacobian * &covariance_dense * 2.0;
@@ -419,7 +416,7 @@ mod tests {
 
     #[test]
     fn objects_that_are_alike_are_left_alone() {
-        let object = |squares: f64| ObjectAgreement { squares, freedom: 60.0 };
+        let object = |squares: f64| ObjectAgreement { squares, dof: 60.0 };
         let alike: Vec<_> = (0..40).map(|k| object(60.0 + 10.0 * f64::sin(f64::from(k)))).collect();
         assert_eq!(Spread::of(&alike).variance, 0.0);
         assert_eq!(alike[0].relative_variance(Spread::of(&alike)), 1.0);

@@ -88,7 +88,7 @@ const ENOUGH_PAIRS: f64 = 16.0;
 /// synthetic boxes in 2 to 20 views. From .015 to .05, with it from .1 to .5: TUW .820 to .822, KITTI .60 to .64
 /// with aligned poses and .46 to .51 with GPS poses (single cars that turn over make most of the difference); synthetic
 /// scenes of 50 objects differ by less than .005.
-const COUNTED: f64 = 0.015;
+const TEMPERING: f64 = 0.015;
 
 /// So many views of an object count twice: a body cannot follow many views as it follows a few. Tuned on scenes of one
 /// synthetic object with 5 % noise, where 10 views gave O3D .756 without it and .807 with it (.815 with the level given).
@@ -96,7 +96,7 @@ const MANY_VIEWS: f64 = 8.0;
 
 /// Correlation between neighbouring views from which many views count no more than few: there the body is wrong in a way
 /// that they share. Tuned on KITTI, whose correlations are .1 (S05) and .35 to .9 (the others).
-const ALIKE: f64 = 0.3;
+const CORRELATED_FROM: f64 = 0.3;
 
 /// How much noisier hidden edges usually are, and the degrees of freedom for which that counts.
 const HIDDEN_RATIO: f64 = 2.0;
@@ -222,33 +222,33 @@ impl NoiseLevels {
     pub(crate) fn updated(&self, statistics: &NoiseStatistics) -> Self {
         let told = |group: NoiseGroup| {
             let g = group as usize;
-            let freedom = statistics.freedom[g].max(0.0);
-            let level = if freedom > 0.0 { self.sd[g] * (statistics.squares[g] / freedom).sqrt() } else { DEFAULTS[g] };
-            (level.max(FLOOR), freedom)
+            let dof = statistics.dof[g].max(0.0);
+            let level = if dof > 0.0 { self.sd[g] * (statistics.squares[g] / dof).sqrt() } else { DEFAULTS[g] };
+            (level.max(FLOOR), dof)
         };
         // Neighbouring views that err alike tell less.
         let counted = |groups: &[NoiseGroup]| {
             let c = self.correlation[usize::from(!groups[0].is_edge())];
             let independent = (1.0 - c) / (1.0 + c);
-            let freedom: f64 = groups.iter().map(|group| statistics.freedom[*group as usize].max(0.0)).sum();
-            let many_views = (1.0 - c / ALIKE).max(0.0) * (statistics.usual_views() / MANY_VIEWS).powi(4);
-            COUNTED * independent * freedom * (1.0 + many_views)
+            let dof: f64 = groups.iter().map(|group| statistics.dof[*group as usize].max(0.0)).sum();
+            let many_views = (1.0 - c / CORRELATED_FROM).max(0.0) * (statistics.usual_views() / MANY_VIEWS).powi(4);
+            TEMPERING * independent * dof * (1.0 + many_views)
         };
         let mut sd = NoiseGroup::ALL.map(|group| {
-            let (level, freedom) = told(group);
-            most_probable(level, freedom, counted(&[group]), DEFAULTS[group as usize])
+            let (level, dof) = told(group);
+            most_probable(level, dof, counted(&[group]), DEFAULTS[group as usize])
         });
         // What hidden and other edges tell of the level goes together, once it is known how much noisier hidden ones are.
-        let ((level, freedom), (of_hidden, of_hidden_freedom)) = (told(NoiseGroup::Edge), told(NoiseGroup::HiddenEdge));
+        let ((level, dof), (of_hidden, of_hidden_freedom)) = (told(NoiseGroup::Edge), told(NoiseGroup::HiddenEdge));
         let mut ratio = HIDDEN_RATIO;
-        if freedom > 0.0 && of_hidden_freedom > 0.0 {
+        if dof > 0.0 && of_hidden_freedom > 0.0 {
             // The variance of the logarithm of a level is half of 1 / freedom.
-            let share = 1.0 / (1.0 + RATIO_FREEDOM * (1.0 / freedom + 1.0 / of_hidden_freedom));
+            let share = 1.0 / (1.0 + RATIO_FREEDOM * (1.0 / dof + 1.0 / of_hidden_freedom));
             ratio = (share * (of_hidden / level).ln() + (1.0 - share) * HIDDEN_RATIO.ln()).exp();
         }
-        let all = freedom + of_hidden_freedom;
+        let all = dof + of_hidden_freedom;
         if all > 0.0 {
-            let squares = freedom * level * level + of_hidden_freedom * (of_hidden / ratio).powi(2);
+            let squares = dof * level * level + of_hidden_freedom * (of_hidden / ratio).powi(2);
             let counted = counted(&[NoiseGroup::Edge, NoiseGroup::HiddenEdge]);
             let edge = most_probable((squares / all).sqrt(), all, counted, DEFAULTS[NoiseGroup::Edge as usize]);
             sd[NoiseGroup::Edge as usize] = edge.max(FLOOR);
@@ -266,7 +266,7 @@ impl NoiseLevels {
     /// Largest relative change against other levels, over the groups that have data.
     pub(crate) fn change(&self, other: &Self, statistics: &NoiseStatistics) -> f64 {
         (0..GROUPS)
-            .filter(|&g| statistics.freedom[g] > 0.0)
+            .filter(|&g| statistics.dof[g] > 0.0)
             .map(|g| (self.sd[g] / other.sd[g]).ln().abs())
             .chain((0..2).map(|k| (self.correlation[k] - other.correlation[k]).abs()))
             .fold(0.0, f64::max)
@@ -276,7 +276,7 @@ impl NoiseLevels {
     /// reported as both, relative to the half size and in pixels.
     pub(crate) fn report(&self, statistics: &NoiseStatistics) -> Vec<(&'static str, f64)> {
         let mut report = Vec::new();
-        let with_data = |group: &&NoiseGroup| statistics.freedom[**group as usize] > 0.0;
+        let with_data = |group: &&NoiseGroup| statistics.dof[**group as usize] > 0.0;
         for &group in NoiseGroup::ALL.iter().filter(with_data) {
             let part = reported_part(group);
             report.push((group.name(), self.of(group) * part));
@@ -304,7 +304,7 @@ fn reported_part(group: NoiseGroup) -> f64 {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct NoiseStatistics {
     squares: [f64; GROUPS],
-    freedom: [f64; GROUPS],
+    dof: [f64; GROUPS],
     /// Correlation of residuals in views that follow each other, times the number of pairs; that number. Of edges, of
     /// ellipses.
     neighbours: [[f64; 2]; 2],
@@ -317,9 +317,9 @@ pub(crate) struct NoiseStatistics {
 impl NoiseStatistics {
     /// Adds a whitened residual with its weight, and what it adds to the degrees of freedom (one without robust losses,
     /// less its leverage: what the fit itself took of it).
-    pub(crate) fn add(&mut self, group: NoiseGroup, residual: f64, weight: f64, freedom: f64) {
+    pub(crate) fn add(&mut self, group: NoiseGroup, residual: f64, weight: f64, dof: f64) {
         self.squares[group as usize] += weight * residual * residual;
-        self.freedom[group as usize] += freedom;
+        self.dof[group as usize] += dof;
     }
 
     /// Adds an object's correlation between its residuals in views that follow each other, of edges or of ellipses, over
@@ -358,7 +358,7 @@ impl NoiseStatistics {
     pub(crate) fn merge(&mut self, other: &Self) {
         for g in 0..GROUPS {
             self.squares[g] += other.squares[g];
-            self.freedom[g] += other.freedom[g];
+            self.dof[g] += other.dof[g];
         }
         for k in 0..2 {
             self.neighbours[0][k] += other.neighbours[0][k];

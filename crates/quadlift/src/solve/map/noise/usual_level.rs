@@ -1,10 +1,10 @@
 //! The noise level that few residuals and what is usual for detectors ask for together (ours).
 
 /// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
-/// come from elsewhere. See `COUNTED` (`noise`).
+/// come from elsewhere. See `TEMPERING` (`noise`).
 const ANY_LEVEL: f64 = 0.3;
 
-/// Standard deviation of the logarithm of the levels of detectors. Tuned on KITTI, with `COUNTED` (`noise`) .05:
+/// Standard deviation of the logarithm of the levels of detectors. Tuned on KITTI, with `TEMPERING` (`noise`) .05:
 /// with .5, .7 and 1 O3D is .62, .62 and .59 with aligned poses and .48, .46 and .46 with GPS poses.
 const USUAL_SPREAD: f64 = 0.7;
 
@@ -20,11 +20,11 @@ const GRID: usize = 48;
 
 /// The standard deviation that residuals and what is usual for detectors ask for together: the most probable one given
 /// `told`, the level that the residuals show, their degrees of freedom, how many of these count, and the usual level.
-pub(crate) fn most_probable(told: f64, freedom: f64, counted: f64, usual: f64) -> f64 {
+pub(crate) fn most_probable(told: f64, dof: f64, counted: f64, usual: f64) -> f64 {
     if counted <= 0.0 {
         return usual;
     }
-    if told < COMPUTED && freedom >= ENOUGH_TO_SEE {
+    if told < COMPUTED && dof >= ENOUGH_TO_SEE {
         return told;
     }
     // The negative logarithm of the posterior; `x` is the logarithm of the level.

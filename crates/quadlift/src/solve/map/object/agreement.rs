@@ -8,7 +8,7 @@
 //! compared with that of the median object ([`Reference`]) and not with one; never with more than the noise level
 //! itself, and never with less than what no detector reaches.
 
-use crate::optimize::chi_square::over_freedom;
+use crate::optimize::chi_square::per_dof;
 use crate::solve::estimate::Misfit;
 use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels};
 use crate::solve::options::MapOptions;
@@ -19,7 +19,7 @@ pub(crate) struct Reference(f64);
 
 /// Edge noise, relative to the half size of a box, below which residuals are not told apart: rounding of boxes to pixels
 /// and bodies that are not quite of the right kind leave more than exact data do.
-const FINEST_NOISE: f64 = 0.01;
+const MIN_EDGE_NOISE: f64 = 0.01;
 
 impl Reference {
     /// For a scene whose objects have these misfits under its noise levels. Levels that were given alone count, whatever
@@ -30,12 +30,12 @@ impl Reference {
 
     /// The noise levels themselves.
     fn of_noise(noise: &NoiseLevels) -> Self {
-        Self(1.0f64.max(FINEST_NOISE / noise.of(NoiseGroup::Edge)))
+        Self(1.0f64.max(MIN_EDGE_NOISE / noise.of(NoiseGroup::Edge)))
     }
 
     /// From the misfits of the scene's objects under its noise levels.
     fn of_scene(noise: &NoiseLevels, misfits: impl Iterator<Item = Misfit>) -> Self {
-        Self(median_level(misfits).max(FINEST_NOISE / noise.of(NoiseGroup::Edge)))
+        Self(median_level(misfits).max(MIN_EDGE_NOISE / noise.of(NoiseGroup::Edge)))
     }
 
     /// Not more than the noise levels themselves: a scene of a single object, or one in which most objects hold a false
@@ -60,14 +60,14 @@ impl Reference {
 pub(crate) fn median_level(misfits: impl Iterator<Item = Misfit>) -> f64 {
     // Of chi-square with few degrees of freedom the median lies below the mean (Wilson and Hilferty).
     let mut levels: Vec<(f64, f64)> = misfits
-        .filter(|misfit| misfit.freedom > 0.0)
-        .map(|misfit| (misfit.deviations.powi(2) / over_freedom(misfit.freedom, 0.0), misfit.freedom))
+        .filter(|misfit| misfit.dof > 0.0)
+        .map(|misfit| (misfit.deviations.powi(2) / per_dof(misfit.dof, 0.0), misfit.dof))
         .collect();
     levels.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = 0.5 * levels.iter().map(|(_, freedom)| freedom).sum::<f64>();
+    let half = 0.5 * levels.iter().map(|(_, dof)| dof).sum::<f64>();
     let mut sum = 0.0;
-    let median = levels.iter().find(|(_, freedom)| {
-        sum += freedom;
+    let median = levels.iter().find(|(_, dof)| {
+        sum += dof;
         sum >= half
     });
     median.map_or(1.0, |(level, _)| level.sqrt())
@@ -75,13 +75,13 @@ pub(crate) fn median_level(misfits: impl Iterator<Item = Misfit>) -> f64 {
 
 /// Whether a misfit (against the reference) is far beyond what noise does.
 pub(crate) fn is_inconsistent(misfit: &Misfit) -> bool {
-    let expected = over_freedom(misfit.freedom.max(1.0), ONE_IN_1000);
+    let expected = per_dof(misfit.dof.max(1.0), ONE_IN_1000);
     misfit.relative > SMALLEST_MISFIT && misfit.deviations.powi(2) > HETEROGENEITY * expected
 }
 
 /// Whether a misfit (against the reference) is one that noise makes.
 pub(crate) fn agrees(misfit: &Misfit) -> bool {
-    misfit.deviations.powi(2) < over_freedom(misfit.freedom.max(1.0), ONE_IN_100)
+    misfit.deviations.powi(2) < per_dof(misfit.dof.max(1.0), ONE_IN_100)
 }
 
 /// Standard deviations of a Gaussian that one of 1000 exceeds.

@@ -22,22 +22,22 @@ use crate::solve::options::BodyKind;
 
 /// Log odds below which another answer is not reported: 1 to 7.4. Of 400 synthetic cuboids in 8 views (boxes with 2 and
 /// 5 % noise) 42 have an IoU below 0.6; 37 of them have an alternative, and 131 of the others. With -3 it is 38 and 171.
-const LEAST_LOG_ODDS: f64 = -2.0;
+const MIN_LOG_ODDS: f64 = -2.0;
 
 /// Other answers that are followed to the end and reported, at most.
-const LARGEST_NUMBER: usize = 3;
+const MAX_ALTERNATIVES: usize = 3;
 
 /// Two bodies are different answers when their surfaces differ by this share of the mean semi-axis somewhere: less is
 /// what a few per cent of noise do to a single one.
-const DIFFERENT: f64 = 0.2;
+const MIN_SURFACE_DIFFERENCE: f64 = 0.2;
 
 /// A start whose cost is so much higher after its first steps is not followed: what is left of the way seldom lowers it
 /// by as much.
-const HOPELESS: f64 = 20.0;
+const MAX_COST_GAP: f64 = 20.0;
 
 /// Log odds from which on another answer takes the place of the fit: 150 to 1. Between that and even odds the fit stays,
 /// so that neighbouring scenes have the same answer.
-const DECISIVE: f64 = 5.0;
+const MIN_SWAP_LOG_ODDS: f64 = 5.0;
 
 /// The minimum of another answer, in the object's frame.
 struct Other {
@@ -55,9 +55,11 @@ impl Fit {
         reference: Reference,
         context: &MapContext,
     ) -> Estimate {
-        let Some(body) = estimate.body.filter(|_| self.prepared.kind == BodyKind::Cuboid) else { return estimate };
+        let Some(body) = estimate.body.filter(|_| self.problem.kind == BodyKind::Cuboid) else { return estimate };
         let found = self.alternatives(&body, noise, context);
-        if let Some((_, Other { model, equations })) = found.first().filter(|(found, _)| found.log_odds > DECISIVE) {
+        if let Some((_, Other { model, equations })) =
+            found.first().filter(|(found, _)| found.log_odds > MIN_SWAP_LOG_ODDS)
+        {
             // The rounds ended in a worse minimum. The odds grow with each step, so that this ends.
             let better = Self { body: model.clone(), equations: *equations, converged: true, ..self.clone() };
             return better.estimate(noise, reference, context);
@@ -77,14 +79,14 @@ impl Fit {
         let objective = self.objective(noise, self.outlier_scale);
         let descend = |start: Model, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
-        let frame = &self.prepared.measurements.frame;
-        let seed = self.prepared.seed(context);
+        let frame = &self.problem.measurements.frame;
+        let seed = self.problem.seed(context);
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
         let mut found: Vec<(Alternative, Other)> = Vec::new();
-        for (start, screened) in self.prepared.screened(&self.ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)
+        for (start, screened) in self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)
         {
-            if found.len() == LARGEST_NUMBER || screened.cost > best.cost + HOPELESS {
+            if found.len() == MAX_ALTERNATIVES || screened.cost > best.cost + MAX_COST_GAP {
                 break;
             }
             let known: Vec<Body> = std::iter::once(*body).chain(found.iter().map(|(other, _)| other.body)).collect();
@@ -97,7 +99,7 @@ impl Fit {
             }
             let Some((model, equations)) = descend(start, POLISH) else { continue };
             let Some(log_odds) = evidence(&equations).map(|other| other - own) else { continue };
-            if let Some(body) = is_new(&model).filter(|_| log_odds > LEAST_LOG_ODDS) {
+            if let Some(body) = is_new(&model).filter(|_| log_odds > MIN_LOG_ODDS) {
                 found.push((Alternative { body, log_odds }, Other { model, equations }));
             }
         }
@@ -106,7 +108,7 @@ impl Fit {
     }
 }
 
-/// Whether the surfaces of two bodies differ by more than [`DIFFERENT`], seen from 26 directions. Where the symmetry of a
+/// Whether the surfaces of two bodies differ by more than [`MIN_SURFACE_DIFFERENCE`], seen from 26 directions. Where the symmetry of a
 /// cuboid gives the same body other axes the surfaces are the same.
 fn are_different(a: &Body, b: &Body) -> bool {
     let size = a.half_extents().product().cbrt();
@@ -115,7 +117,7 @@ fn are_different(a: &Body, b: &Body) -> bool {
         let direction = Vector3::new(k % 3, k / 3 % 3, k / 9).map(|x| f64::from(x - 1));
         direction
             .try_normalize(0.0)
-            .is_some_and(|n| (n.dot(&shift) + b.support(&n) - a.support(&n)).abs() > DIFFERENT * size)
+            .is_some_and(|n| (n.dot(&shift) + b.support(&n) - a.support(&n)).abs() > MIN_SURFACE_DIFFERENCE * size)
     })
 }
 

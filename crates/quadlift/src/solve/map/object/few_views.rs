@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::agreement::{Reference, agrees, is_inconsistent};
 use super::fit::Fit;
 use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
-use super::problem::Prepared;
+use super::problem::ObjectProblem;
 use crate::scene::ObjectViews;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
@@ -16,7 +16,7 @@ const FEWEST_TO_LEAVE_OUT: usize = 3;
 
 /// By how much the squared whitened residuals of the second best choice must exceed those of the best one: odds of
 /// 90 to 1 (ours; with 20 a third of the false boxes stay, with 4 no more are found).
-const CLEARLY_WORSE: f64 = 9.0;
+const MIN_COST_GAP: f64 = 9.0;
 
 impl Fit {
     /// Where this fit to three or four views contradicts them: the fit that leaves one of them out, where the others
@@ -28,7 +28,7 @@ impl Fit {
         reference: Reference,
         context: &MapContext,
     ) -> Option<Self> {
-        let all = &self.prepared.views;
+        let all = &self.problem.views;
         let count = all.views.len();
         if !(FEWEST_TO_LEAVE_OUT..FEWEST_VIEWS).contains(&count) || !self.contradicts(noise, reference) {
             return None;
@@ -39,12 +39,12 @@ impl Fit {
         for left_out in 0..count {
             let mut views = ObjectViews { views: Vec::with_capacity(count - 1), ..*all };
             views.views.extend(all.views.iter().enumerate().filter(|(k, _)| *k != left_out).map(|(_, view)| *view));
-            let fitted = Prepared::new(views, self.prepared.kind, context)
+            let fitted = ObjectProblem::new(views, self.problem.kind, context)
                 .and_then(|object| Self::first(self.as_upright(object, context), &level, context));
             let Ok(fit) = fitted else { continue };
             let fit = Self { ground: None, ..fit.refined(&level, true) };
             let Some(misfit) = fit.misfit(&level) else { continue };
-            let squares = misfit.deviations.powi(2) * misfit.freedom;
+            let squares = misfit.deviations.powi(2) * misfit.dof;
             match &best {
                 Some((least, _)) if squares >= *least => second = second.min(squares),
                 _ => {
@@ -55,21 +55,21 @@ impl Fit {
             }
         }
         let (squares, fit) = best?;
-        if fit.misfit(&level).is_none_or(|misfit| !agrees(&misfit)) || second - squares < CLEARLY_WORSE {
+        if fit.misfit(&level).is_none_or(|misfit| !agrees(&misfit)) || second - squares < MIN_COST_GAP {
             return None;
         }
         // All views again, in the frame of those that agree: the loss keeps the other one out.
-        let prepared = Prepared::in_frame(all.clone(), fit.prepared.measurements.frame, self.prepared.kind, context);
-        let prepared = Arc::new(self.as_upright(prepared, context));
-        let all_views = Self { prepared, outlier_scale: Some(OUTLIER_SCALE), ground: None, ..fit };
+        let problem = ObjectProblem::in_frame(all.clone(), fit.problem.measurements.frame, self.problem.kind, context);
+        let problem = Arc::new(self.as_upright(problem, context));
+        let all_views = Self { problem, outlier_scale: Some(OUTLIER_SCALE), ground: None, ..fit };
         Some(all_views.refined(&level, false))
     }
 
     /// Other views of the object, standing where this fit has it that it stands.
-    pub(crate) fn as_upright(&self, prepared: Prepared, context: &MapContext) -> Prepared {
+    pub(crate) fn as_upright(&self, problem: ObjectProblem, context: &MapContext) -> ObjectProblem {
         match &context.up {
-            Some(up) if self.is_upright() => prepared.standing(up),
-            _ => prepared,
+            Some(up) if self.is_upright() => problem.standing(up),
+            _ => problem,
         }
     }
 

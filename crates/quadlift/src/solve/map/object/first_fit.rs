@@ -2,7 +2,7 @@
 
 use super::model::Model;
 use super::objective::Objective;
-use super::problem::{FROM_START, Prepared};
+use super::problem::{FROM_START, ObjectProblem};
 use super::starts::{centers_from_size, oriented_starts};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -29,7 +29,7 @@ const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
 /// Oriented starts that are followed to the end. With 10 of them the same 300 come out within 0.001, and slower.
 const FOLLOWED_STARTS: usize = 3;
 
-impl Prepared {
+impl ObjectProblem {
     /// Whether the first fit chooses between several starts, which is worth repeating under other noise levels.
     pub(crate) fn has_several_starts(&self) -> bool {
         self.kind != BodyKind::Ellipsoid

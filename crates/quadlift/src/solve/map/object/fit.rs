@@ -10,7 +10,7 @@ use super::first_fit::{ALL, TURNED_STARTS};
 use super::model::Model;
 use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
 use super::outliers::fit_without_outliers;
-use super::problem::{FROM_START, Prepared};
+use super::problem::{FROM_START, ObjectProblem};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::invert_spd;
@@ -51,7 +51,7 @@ const RESTARTED: usize = 2;
 /// A fitted object.
 #[derive(Clone)]
 pub(crate) struct Fit {
-    pub prepared: Arc<Prepared>,
+    pub problem: Arc<ObjectProblem>,
     /// The ellipsoid from whose starts the body came.
     pub ellipsoid: EllipsoidModel,
     pub body: Model,
@@ -66,14 +66,18 @@ pub(crate) struct Fit {
 
 impl Fit {
     /// The first fit: from the starts, and again without the outliers where its residuals show some.
-    pub(crate) fn first(object: Prepared, noise: &NoiseLevels, context: &MapContext) -> Result<Self, Box<Estimate>> {
+    pub(crate) fn first(
+        object: ObjectProblem,
+        noise: &NoiseLevels,
+        context: &MapContext,
+    ) -> Result<Self, Box<Estimate>> {
         let failed =
             Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
         let seed = object.seed(context);
         let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
         let (body, equations) = object.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
         let fit = Self {
-            prepared: Arc::new(object),
+            problem: Arc::new(object),
             ellipsoid,
             body,
             equations,
@@ -85,12 +89,12 @@ impl Fit {
     }
 
     pub(crate) fn objective<'a>(&'a self, noise: &'a NoiseLevels, outlier_scale: Option<f64>) -> Objective<'a> {
-        Objective { ground: self.ground, ..self.prepared.objective(noise, outlier_scale) }
+        Objective { ground: self.ground, ..self.problem.objective(noise, outlier_scale) }
     }
 
     /// The lowest point of the body against `up`, for the ground plane; `None` where it does not stand on it.
     pub(crate) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
-        let Prepared { views, measurements, prior, .. } = &*self.prepared;
+        let ObjectProblem { views, measurements, prior, .. } = &*self.problem;
         if !prior.on_ground {
             return None;
         }
@@ -123,7 +127,7 @@ impl Fit {
     /// Puts the body on the ground plane.
     pub(crate) fn stand_on(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
         self.ground = self.lowest_point(up).map(|lowest| {
-            let frame = &self.prepared.measurements.frame;
+            let frame = &self.problem.measurements.frame;
             let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
             (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / (ground.unevenness * lowest.unevenness()))
         });
@@ -131,14 +135,14 @@ impl Fit {
 
     /// Whether the prior has it that the object stands.
     pub(crate) fn is_upright(&self) -> bool {
-        self.prepared.prior.upright_weight > 0.0
+        self.problem.prior.upright_weight > 0.0
     }
 
     /// For every residual of the last fit: index of the frame, residual, its derivatives by a motion of the camera
     /// (rotation vector about its centre, shift; world axes and units) and its weight. That the body is seen from
     /// another side when the camera turns is left out: it is small against where the body appears.
     pub(crate) fn each_pose_row(&self, noise: &NoiseLevels, mut take: impl FnMut(usize, f64, Vector6<f64>, f64)) {
-        let Prepared { views, measurements, .. } = &*self.prepared;
+        let ObjectProblem { views, measurements, .. } = &*self.problem;
         let center = measurements.frame.point_in_world(self.body.center());
         let cameras: Vec<_> = views.views.iter().map(|view| view.projection.center_in_world()).collect();
         self.objective(noise, self.outlier_scale).each_row(&self.body, |view, row, weight| {
@@ -165,13 +169,13 @@ impl Fit {
 
     /// A fit that leaves outliers out, where this plain one shows some.
     pub(crate) fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
-        let prepared = &self.prepared;
-        let objective = Objective { smooth: true, ..prepared.objective(noise, None) };
-        let seed = prepared.seed(context);
-        let ellipsoid = fit_without_outliers(&objective, &self.body, &prepared.views.views, seed)?;
-        let (body, equations) = prepared.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
+        let problem = &self.problem;
+        let objective = Objective { smooth: true, ..problem.objective(noise, None) };
+        let seed = problem.seed(context);
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, seed)?;
+        let (body, equations) = problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
         Some(Self {
-            prepared: prepared.clone(),
+            problem: problem.clone(),
             ellipsoid,
             body,
             equations,
@@ -188,9 +192,9 @@ impl Fit {
             return self;
         }
         let again = || {
-            let ellipsoid = self.prepared.fit_ellipsoid(noise)?;
-            let seed = self.prepared.seed(context);
-            let (body, _) = self.prepared.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
+            let ellipsoid = self.problem.fit_ellipsoid(noise)?;
+            let seed = self.problem.seed(context);
+            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -200,17 +204,17 @@ impl Fit {
 
     /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and
     /// for outliers where the residuals are much larger than the noise.
-    pub(crate) fn reconsidered(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
+    pub(crate) fn retry_starts_and_outliers(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
         let mut fit = self.refined(noise, false);
-        if self.prepared.has_several_starts() {
+        if self.problem.has_several_starts() {
             // Other random rotations than before.
-            let seed = self.prepared.seed(context).wrapping_add(1 + round as u64);
+            let seed = self.problem.seed(context).wrapping_add(1 + round as u64);
             let again = |scale| {
-                let (body, _) = self.prepared.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
+                let (body, _) = self.problem.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
                 let objective = self.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };
-            let restart = round < RESTARTED || self.prepared.prior.log_size.is_some();
+            let restart = round < RESTARTED || self.problem.prior.log_size.is_some();
             if restart
                 && let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost)
             {
@@ -218,7 +222,7 @@ impl Fit {
             }
             // A wrong start can look like outliers: where all views agree with another one there are none.
             if let Some((body, equations)) = fit.outlier_scale.and_then(|_| again(None)) {
-                let costs = fit.prepared.objective(noise, None).view_costs(&body);
+                let costs = fit.problem.objective(noise, None).view_costs(&body);
                 if costs.iter().all(|cost| *cost <= OUTLIER_SCALE * OUTLIER_SCALE) {
                     (fit.body, fit.equations, fit.outlier_scale) = (body, equations, None);
                 }
@@ -227,7 +231,7 @@ impl Fit {
         if fit.outlier_scale.is_some() || !context.options.robust {
             return fit;
         }
-        let costs = fit.prepared.objective(noise, None).view_costs(&fit.body);
+        let costs = fit.problem.objective(noise, None).view_costs(&fit.body);
         let mean = costs.iter().sum::<f64>() / costs.len().max(1) as f64;
         (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
     }
@@ -250,7 +254,7 @@ impl Fit {
 
     /// Root mean square of each view's whitened residuals, over those that count.
     fn view_deviations(&self, noise: &NoiseLevels) -> Vec<Option<f64>> {
-        let mut sums = vec![(0.0, 0usize); self.prepared.views.views.len()];
+        let mut sums = vec![(0.0, 0usize); self.problem.views.views.len()];
         self.objective(noise, None).each_row(&self.body, |view, row, _| {
             sums[view].0 += row.residual * row.residual;
             sums[view].1 += usize::from(row.counts);
@@ -266,7 +270,7 @@ impl Fit {
     /// The fit without views that are far beyond the noise, where it is a plain one to enough views: it has followed them
     /// a little, and they do not count as used.
     pub(crate) fn without_far_views(self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Self {
-        let enough = self.prepared.views.views.len() >= FEWEST_VIEWS;
+        let enough = self.problem.views.views.len() >= FEWEST_VIEWS;
         let limit = self.largest_cost(reference);
         if self.outlier_scale.is_some() || !context.options.robust || !enough {
             return self;
@@ -277,7 +281,7 @@ impl Fit {
 
     /// Squared norm of each view's whitened residuals, as if there were four of them.
     fn view_costs(&self, noise: &NoiseLevels) -> Vec<f64> {
-        self.prepared.objective(noise, None).view_costs(&self.body)
+        self.problem.objective(noise, None).view_costs(&self.body)
     }
 
     /// The squared norm of a view's whitened residuals beyond which it is rejected.
@@ -288,7 +292,7 @@ impl Fit {
 
     /// The measurements that count, for what their errors have in common.
     fn common_rows(&self, noise: &NoiseLevels) -> Vec<CommonRow> {
-        let measured = &self.prepared.measurements.views;
+        let measured = &self.problem.measurements.views;
         let objective = self.objective(noise, self.outlier_scale);
         let weights = noise.weights(measured.len());
         let mut rows = Vec::with_capacity(4 * measured.len());
@@ -339,7 +343,7 @@ impl Fit {
     fn covariance(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Covariance> {
         let of_noise = invert_spd(&self.equations.hessian())?;
         let local = if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
-        covariance::in_world(&local, &self.body.world_map(&self.prepared.measurements.frame), self.body.coordinates())
+        covariance::in_world(&local, &self.body.world_map(&self.problem.measurements.frame), self.body.coordinates())
     }
 
     /// A covariance of noise with what its inverse normal equations do not know.
@@ -358,7 +362,7 @@ impl Fit {
 
     /// The estimate in the world.
     pub(crate) fn estimate(&self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Estimate {
-        let Prepared { views, measurements, .. } = &*self.prepared;
+        let ObjectProblem { views, measurements, .. } = &*self.problem;
         let blank = Estimate::failed(views.object_index, views.category_index, Status::Ok);
         let body = self.body.body_in_world(&measurements.frame);
         let behind = |view: &View| view.projection.depth(&measurements.frame.point_in_world(self.body.center())) <= 0.0;

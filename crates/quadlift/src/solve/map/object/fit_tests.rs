@@ -9,7 +9,7 @@ use super::agreement::Reference;
 use super::fit::Fit;
 use super::model::Model;
 use super::objective::lowest_point;
-use super::problem::Prepared;
+use super::problem::ObjectProblem;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::localize::Options;
@@ -36,22 +36,22 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
     let views: ObjectViews = scene.object_views(0, &detections);
     let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Options::default().map };
     let context = MapContext::new(&scene.categories, up, Vec::new(), 0, &options);
-    let prepared = Prepared::new(views, BodyKind::Ellipsoid, &context).unwrap();
+    let problem = ObjectProblem::new(views, BodyKind::Ellipsoid, &context).unwrap();
     let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
     let noise = NoiseLevels::new(67.0);
-    let equations = prepared.objective(&noise, None).linearise(&body).unwrap();
+    let equations = problem.objective(&noise, None).linearise(&body).unwrap();
     let ellipsoid = body.clone();
-    let (prepared, body) = (Arc::new(prepared), Model::Ellipsoid(body));
-    let fit = Fit { prepared, ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true };
+    let (problem, body) = (Arc::new(problem), Model::Ellipsoid(body));
+    let fit = Fit { problem, ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true };
     test(&fit, &noise, &context);
 }
 
 /// Residuals of all views after the camera of a frame has been moved.
 fn residuals(fit: &Fit, noise: &NoiseLevels, by: Vector6<f64>) -> Vec<f64> {
     let moved = PoseCorrections::of_frames(BTreeMap::from([(2, by)]));
-    let prepared = fit.prepared.with_poses(&moved);
+    let problem = fit.problem.with_poses(&moved);
     let mut all = Vec::new();
-    prepared.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
+    problem.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
     all
 }
 
@@ -99,7 +99,7 @@ fn bodies_that_have_run_away_have_diverged() {
         };
         assert_eq!(ends(fit.body.clone(), fit.equations).status, Status::Ok);
         // Behind the cameras, a point, nowhere.
-        let away = *fit.body.center() - fit.prepared.measurements.views[0].axis * 1e4;
+        let away = *fit.body.center() - fit.problem.measurements.views[0].axis * 1e4;
         for (center, radius) in [(away, 0.9), (*fit.body.center(), 1e-4), (*fit.body.center(), 1e4)] {
             let body = EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(radius));
             let estimate = ends(Model::Ellipsoid(body), fit.equations);
@@ -123,7 +123,7 @@ fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
     ball_on_ground(Some(up), |fit, _, _| {
         let through = Point3::new(1.0, -2.0, -3.0);
         let plane = ground(through, &up);
-        let frame = &fit.prepared.measurements.frame;
+        let frame = &fit.problem.measurements.frame;
         let center = frame.point_in_world(fit.body.center());
         let radius = 0.9 * frame.unit;
         let lowest = fit.lowest_point(&up).unwrap();
@@ -161,7 +161,7 @@ fn the_grounds_own_pull_is_taken_out_of_what_an_object_tells_of_it() {
         standing.stand_on(&plane, &up);
         let standing = standing.refined(&noise, true);
         let bottom = |fit: &Fit| {
-            let frame = &fit.prepared.measurements.frame;
+            let frame = &fit.problem.measurements.frame;
             up.dot(&frame.point_in_world(fit.body.center()).coords)
                 - fit.body.support_gradient(&up.into_inner()).0 * frame.unit
         };

@@ -36,7 +36,7 @@ pub(crate) const CHI2_MEDIAN: f64 = 3.357;
 
 /// Degrees of freedom of Student's t distribution, the likelihood of an edge: near zero it is a Gaussian, beyond three
 /// standard deviations it gives way.
-const TAILS: f64 = 9.0;
+const STUDENT_T_DOF: f64 = 9.0;
 
 /// Fewest views of which one can be told to be an outlier.
 pub(crate) const FEWEST_VIEWS: usize = 5;
@@ -45,7 +45,7 @@ pub(crate) const FEWEST_VIEWS: usize = 5;
 const SMALL_ENOUGH: f64 = 1e20;
 
 /// Whitened residuals beyond this take no part in the correlation between views.
-const WILD: f64 = 4.0;
+const MAX_CORRELATION_RESIDUAL: f64 = 4.0;
 
 /// The objective of one object.
 #[derive(Debug)]
@@ -111,16 +111,16 @@ impl Objective<'_> {
             let squared = row.residual * row.residual;
             if !row.group.is_edge() {
                 let heavy = self.heavy_tails && row.group.has_heavy_tails();
-                others += if heavy { (TAILS + 1.0) * (squared / TAILS).ln_1p() } else { squared };
+                others += if heavy { (STUDENT_T_DOF + 1.0) * (squared / STUDENT_T_DOF).ln_1p() } else { squared };
             } else if self.heavy_tails && squared < SMALL_ENOUGH {
-                tails *= 1.0 + squared / TAILS;
+                tails *= 1.0 + squared / STUDENT_T_DOF;
             } else if self.heavy_tails {
-                edges += (TAILS + 1.0) * (squared / TAILS).ln_1p();
+                edges += (STUDENT_T_DOF + 1.0) * (squared / STUDENT_T_DOF).ln_1p();
             } else {
                 edges += squared;
             }
         }
-        (edges + if tails > 1.0 { (TAILS + 1.0) * f64::ln(tails) } else { 0.0 }, others)
+        (edges + if tails > 1.0 { (STUDENT_T_DOF + 1.0) * f64::ln(tails) } else { 0.0 }, others)
     }
 
     fn weights(&self) -> Weights {
@@ -130,14 +130,18 @@ impl Objective<'_> {
     #[inline]
     fn row_weight(&self, row: &ResidualRow, weights: &Weights) -> f64 {
         let heavy = self.heavy_tails && row.group.has_heavy_tails();
-        let tails = if heavy { (TAILS + 1.0) / (TAILS + row.residual * row.residual) } else { 1.0 };
+        let tails = if heavy { (STUDENT_T_DOF + 1.0) / (STUDENT_T_DOF + row.residual * row.residual) } else { 1.0 };
         weights.of(row.group) * tails
     }
 
     /// Derivative of a weighted residual by the residual, relative to its weight: below one where the tails are heavy.
     pub(crate) fn relative_slope(&self, group: NoiseGroup, residual: f64) -> f64 {
         let squared = residual * residual;
-        if self.heavy_tails && group.has_heavy_tails() { (TAILS - squared) / (TAILS + squared) } else { 1.0 }
+        if self.heavy_tails && group.has_heavy_tails() {
+            (STUDENT_T_DOF - squared) / (STUDENT_T_DOF + squared)
+        } else {
+            1.0
+        }
     }
 
     /// Squared norm of each view's whitened residuals, as if there were four of them in each.
@@ -213,7 +217,7 @@ impl Objective<'_> {
                 for (a, b) in before.iter().zip(&rows) {
                     let (products, squares, pairs) = &mut neighbours[usize::from(!a.group.is_edge())];
                     // Edges that do not count are zero; wild ones would drown the others.
-                    if a.counts && b.counts && a.residual.abs().max(b.residual.abs()) < WILD {
+                    if a.counts && b.counts && a.residual.abs().max(b.residual.abs()) < MAX_CORRELATION_RESIDUAL {
                         *products += a.residual * b.residual;
                         *squares += 0.5 * (a.residual * a.residual + b.residual * b.residual);
                         *pairs += 1;
@@ -237,7 +241,7 @@ impl Objective<'_> {
         let covariance = invert_spd(&equations.hessian())?;
         let weights = self.weights();
         let mut rows = Vec::with_capacity(16);
-        let (mut squares, mut relative, mut freedom) = (0.0, 0.0, 0.0);
+        let (mut squares, mut relative, mut dof) = (0.0, 0.0, 0.0);
         let few = self.measurements.views.len() < FEWEST_VIEWS;
         for (view, measured) in self.measurements.views.iter().enumerate() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
@@ -253,14 +257,10 @@ impl Objective<'_> {
                 let size_factor = if row.group.is_edge() { self.noise.size_factor(measured.half_size) } else { 1.0 };
                 squares += if few { 1.0 } else { weight } * row.residual * row.residual;
                 relative += (row.residual * self.noise.of(row.group) * size_factor).powi(2);
-                freedom += view_weight - leverage;
+                dof += view_weight - leverage;
             }
         }
-        (freedom > 0.0).then(|| Misfit {
-            deviations: (squares / freedom).sqrt(),
-            relative: (relative / freedom).sqrt(),
-            freedom,
-        })
+        (dof > 0.0).then(|| Misfit { deviations: (squares / dof).sqrt(), relative: (relative / dof).sqrt(), dof })
     }
 
     /// The part of the cost that is that of the priors.

@@ -17,7 +17,7 @@ use crate::solve::map::residuals::view_rows::SMALLEST_DEPTH;
 
 /// A view whose squared residual is this many times the median view's makes a plain fit suspect. Gaussian residuals of
 /// four edges and 20 views exceed it now and then, so it only asks for a closer look.
-const CLOSER_LOOK: f64 = 4.0;
+const SUSPECT_RATIO: f64 = 4.0;
 
 /// With this ratio the view is an outlier: Gaussian residuals of four edges reach it once in 100,000 views.
 const OUTLIER: f64 = 10.0;
@@ -55,7 +55,7 @@ pub(crate) fn fit_without_outliers(
     views: &[View],
     seed: u64,
 ) -> Option<EllipsoidModel> {
-    if largest_to_median(&objective.view_costs(plain)) < CLOSER_LOOK {
+    if largest_to_median(&objective.view_costs(plain)) < SUSPECT_RATIO {
         return None;
     }
     // Hypotheses are judged by tangent planes, ellipses too: many of them are tried, and planes are quick.
@@ -212,10 +212,10 @@ mod tests {
     #[test]
     fn one_bad_view_among_many_stands_out() {
         let mut costs = vec![3.0; 20];
-        assert!(largest_to_median(&costs) < CLOSER_LOOK);
+        assert!(largest_to_median(&costs) < SUSPECT_RATIO);
         costs[7] = 100.0;
         assert!(largest_to_median(&costs) > OUTLIER);
         assert_eq!(largest_to_median(&costs[5..9]), 1.0, "four views are too few to tell");
-        assert!(largest_to_median(&[0.0; 8]) < CLOSER_LOOK, "exact data hold no outliers");
+        assert!(largest_to_median(&[0.0; 8]) < SUSPECT_RATIO, "exact data hold no outliers");
     }
 }

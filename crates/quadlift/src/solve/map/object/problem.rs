@@ -23,7 +23,7 @@ pub(crate) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1
 
 /// An object's measurements and priors in its own frame.
 #[derive(Clone)]
-pub(crate) struct Prepared {
+pub(crate) struct ObjectProblem {
     pub views: ObjectViews,
     /// The kind of body that is fitted.
     pub kind: BodyKind,
@@ -32,7 +32,7 @@ pub(crate) struct Prepared {
     heavy_tails: bool,
 }
 
-impl Prepared {
+impl ObjectProblem {
     /// Builds the object's frame and priors; an estimate that says why when there is none.
     pub(crate) fn new(views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Self, Box<Estimate>> {
         let failed = |status| Box::new(Estimate::failed(views.object_index, views.category_index, status));

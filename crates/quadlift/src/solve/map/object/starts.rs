@@ -16,7 +16,7 @@ use crate::solve::closed_form::planes::{BORDER_TOLERANCE_PX, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 
 /// A start's shortest semi-axis is at least this share of its longest one.
-const ROUNDEST_START: f64 = 0.2;
+const MIN_START_AXIS_RATIO: f64 = 0.2;
 
 /// A start further away than this (object sizes) from the triangulated centre is not believed.
 const FARTHEST_START: f64 = 20.0;
@@ -28,7 +28,7 @@ const RANDOM_ROTATIONS: usize = 16;
 const YAW_STARTS: usize = 4;
 
 /// Semi-axes of an upright start whose size is not known, relative to their mean.
-const LONGISH: Vector3<f64> = Vector3::new(1.3, 0.8, 0.96);
+const UPRIGHT_START_ASPECT: Vector3<f64> = Vector3::new(1.3, 0.8, 0.96);
 
 /// A sphere of unit radius, in the object's frame.
 pub(crate) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
@@ -43,7 +43,7 @@ pub(crate) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidM
     }
     let (values, axes) = symmetric_eigen3(&shape)?;
     let largest = values.amax();
-    let clamped = values.map(|v| v.abs().max(ROUNDEST_START * ROUNDEST_START * largest).sqrt());
+    let clamped = values.map(|v| v.abs().max(MIN_START_AXIS_RATIO * MIN_START_AXIS_RATIO * largest).sqrt());
     (largest > 1e-6 && largest < 1e6).then(|| EllipsoidModel::from_axes(center.coords, axes, clamped))
 }
 
@@ -146,7 +146,8 @@ pub(crate) fn upright_ellipsoids(
 ) -> Vec<EllipsoidModel> {
     let Some(up) = prior.up.filter(|_| prior.upright_weight > 0.0) else { return Vec::new() };
     let size = ellipsoid.semi_axes().product().cbrt();
-    let semi_axes = prior.log_size.map_or(LONGISH * size, |s| Vector3::from(s.map(|(mean, _)| mean.exp())));
+    let semi_axes =
+        prior.log_size.map_or(UPRIGHT_START_ASPECT * size, |s| Vector3::from(s.map(|(mean, _)| mean.exp())));
     let at = std::iter::once(ellipsoid.center()).chain(centers);
     at.flat_map(|center| {
         upright_axes(&up).map(|axes| EllipsoidModel::from_axes(*center, right_handed(axes), semi_axes))

@@ -17,7 +17,7 @@ use crate::solve::map::object::first_fit::{TURNED_STARTS, best_of, descended};
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::Objective;
-use crate::solve::map::object::problem::Prepared;
+use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::object::starts::{along_each_axis, oriented_starts, turned_axes};
 use crate::solve::options::BodyKind;
 
@@ -46,7 +46,7 @@ const ROUND_SD: f64 = 0.1;
 const ANY_SD: f64 = 0.566;
 
 /// Degrees of freedom with which the noise of the scene is believed to be that of an object.
-const FREEDOM_OF_SCENE: f64 = 8.0;
+const DOF_OF_SCENE: f64 = 8.0;
 
 /// The kind with this index.
 pub(crate) fn kind_of(index: usize) -> BodyKind {
@@ -69,11 +69,11 @@ fn form_of(index: usize) -> Form {
 
 /// What the boxes of an object tell about its kind.
 #[derive(Debug, Clone)]
-pub(crate) struct Evidence {
+pub(crate) struct BodyEvidence {
     /// The category of the object.
     pub(crate) category: Option<usize>,
     /// Number of edges less that of the parameters; positive.
-    pub(crate) freedom: f64,
+    pub(crate) dof: f64,
     /// For each kind what the measurements cost with the best fit, and what the freedom of the body and the priors do: the
     /// logarithm of the determinant of the normal equations and the cost of the priors. `None` where it was not tried.
     pub(crate) fits: [Option<(f64, f64)>; KINDS],
@@ -82,22 +82,22 @@ pub(crate) struct Evidence {
     pub(crate) neighbours: [[f64; 2]; KINDS],
 }
 
-impl Evidence {
+impl BodyEvidence {
     /// Of an ellipsoid and of the kind that is tried first, from the fit of an ellipsoid; `None` where nothing can be told.
     pub(crate) fn first(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
-        let views = &fit.prepared.views;
+        let views = &fit.problem.views;
         // Ellipses are outlines of ellipsoids only.
         if views.views.iter().any(|view| view.ellipse.is_some()) {
             return None;
         }
-        let search = Search::new(fit, noise, context)?;
+        let search = BodySearch::new(fit, noise, context)?;
         let object = &search.object;
-        let freedom = object.measurements.edges.len() as f64 - PARAMETERS as f64;
-        if freedom <= 0.0 {
+        let dof = object.measurements.edges.len() as f64 - PARAMETERS as f64;
+        if dof <= 0.0 {
             return None;
         }
         let (fits, neighbours) = ([None; KINDS], [[0.0; 2]; KINDS]);
-        let mut evidence = Self { category: views.category_index, freedom, fits, neighbours };
+        let mut evidence = Self { category: views.category_index, dof, fits, neighbours };
         let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
         evidence.take(ELLIPSOID, &search, round, 1);
         evidence.fits[ELLIPSOID]?;
@@ -107,7 +107,7 @@ impl Evidence {
 
     /// The same with that of all other kinds.
     pub(crate) fn with_others(mut self, fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Self {
-        let Some(search) = Search::new(fit, noise, context) else { return self };
+        let Some(search) = BodySearch::new(fit, noise, context) else { return self };
         for kind in 1..CUBOID {
             self.take(kind, &search, search.starts(form_of(kind)), TURNED);
         }
@@ -120,34 +120,33 @@ impl Evidence {
     }
 
     /// The evidence of a kind, from these starts, of which so many are turned. Nothing where none can be evaluated.
-    fn take(&mut self, kind: usize, search: &Search, starts: Vec<OrientedModel>, turned: usize) {
+    fn take(&mut self, kind: usize, search: &BodySearch, starts: Vec<OrientedModel>, turned: usize) {
         let objective = search.objective();
         let found = best_of(&objective, descended(&objective, starts, turned));
         let Some((body, equations)) = found else { return };
-        let Some(mut freedom) = log_determinant_of(&equations) else { return };
+        let Some(mut dof) = log_determinant_of(&equations) else { return };
         let priors = objective.cost_of_priors(&body);
-        freedom += priors;
+        dof += priors;
         if kind == CYLINDER {
-            freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
+            dof += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
         self.neighbours[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbours_of_edges();
-        self.fits[kind] = Some((equations.cost - priors, freedom));
+        self.fits[kind] = Some((equations.cost - priors, dof));
     }
 
     /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
     /// about that of the scene: its variance has an inverse gamma distribution around `variance`. Only this share of the residuals counts.
     pub(crate) fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
-        let known = FREEDOM_OF_SCENE * variance;
-        let log = |(cost, freedom): (f64, f64)| {
-            -0.5 * (independent * (self.freedom + FREEDOM_OF_SCENE) * (cost + known).ln() + freedom)
-        };
+        let known = DOF_OF_SCENE * variance;
+        let log =
+            |(cost, dof): (f64, f64)| -0.5 * (independent * (self.dof + DOF_OF_SCENE) * (cost + known).ln() + dof);
         let ellipsoid = self.fits[ELLIPSOID].map_or(0.0, log);
         self.fits.map(|fit| fit.map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
     }
 
     /// The kind with the largest evidence by itself.
     pub(crate) fn best(&self) -> usize {
-        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, freedom)| self.freedom * cost.ln() + freedom);
+        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, dof)| self.dof * cost.ln() + dof);
         (0..KINDS).min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap_or(ELLIPSOID)
     }
 
@@ -175,21 +174,21 @@ fn elongation(body: &Model, equations: &NormalEquations) -> f64 {
 }
 
 /// An object whose kind is looked for.
-struct Search<'a> {
+struct BodySearch<'a> {
     fit: &'a Fit,
     ellipsoid: &'a EllipsoidModel,
     noise: &'a NoiseLevels,
-    object: Prepared,
+    object: ObjectProblem,
     /// Whether views that follow each other may err alike.
     correlated_views: bool,
 }
 
-impl<'a> Search<'a> {
+impl<'a> BodySearch<'a> {
     /// `None` where the fit is none of an ellipsoid.
     fn new(fit: &'a Fit, noise: &'a NoiseLevels, context: &MapContext) -> Option<Self> {
         let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
-        let (views, frame) = (fit.prepared.views.clone(), fit.prepared.measurements.frame);
-        let object = Prepared::in_frame(views, frame, BodyKind::Superellipsoid(2.0), context);
+        let (views, frame) = (fit.problem.views.clone(), fit.problem.measurements.frame);
+        let object = ObjectProblem::in_frame(views, frame, BodyKind::Superellipsoid(2.0), context);
         Some(Self { fit, ellipsoid, noise, object, correlated_views: context.options.correlated_views })
     }
 

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::body_evidence::{CUBOID, CYLINDER, ELLIPSOID, EXPONENTS, Evidence, KINDS, TRIED, kind_of};
+use super::body_evidence::{BodyEvidence, CUBOID, CYLINDER, ELLIPSOID, EXPONENTS, KINDS, TRIED, kind_of};
 use crate::parallel::map_indices;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::{LARGEST_CORRELATION, NoiseLevels};
@@ -25,7 +25,7 @@ const WEIGHT_OF_PRIOR: f64 = 1.0;
 const WORTH_TRYING: f64 = 0.05;
 
 /// Up to so many objects all kinds are tried for each, which takes some milliseconds an object: in few views of a biased
-/// detector one kind alone does not tell. With 8 views over 60 degrees and edges that are 4 % off (`reproduce kinds`) the
+/// detector one kind alone does not tell. With 8 views over 60 degrees and edges that are 4 % off (`reproduce body_kinds`) the
 /// IoU of cuboids is 0.67, and 0.46 where only what seems to be no ellipsoid is tried further.
 const FEW_OBJECTS: usize = 24;
 
@@ -41,7 +41,7 @@ const ROUNDS: usize = 50;
 
 /// The kinds of bodies of a scene's objects.
 #[derive(Debug, Clone)]
-pub(crate) struct Kinds {
+pub(crate) struct BodyKinds {
     of_each: Vec<BodyKind>,
     /// What the kind of another object is found from; `None` where it is given, or nothing can be told.
     found: Option<Found>,
@@ -57,7 +57,7 @@ struct Found {
     all: Pooled,
 }
 
-impl Kinds {
+impl BodyKinds {
     /// So many objects of one kind.
     pub(crate) fn given(kind: BodyKind, count: usize) -> Self {
         Self { of_each: vec![kind; count.max(1)], found: None }
@@ -70,7 +70,7 @@ impl Kinds {
     pub(crate) fn among(fits: &[Option<&Fit>], noise: NoiseLevels, context: &MapContext) -> Self {
         let ellipsoids = Self::given(BodyKind::Ellipsoid, fits.len());
         let told: Vec<(usize, &Fit)> = fits.iter().enumerate().filter_map(|(k, fit)| Some((k, (*fit)?))).collect();
-        let first = map_indices(told.len(), |k| Evidence::first(told[k].1, &noise, context));
+        let first = map_indices(told.len(), |k| BodyEvidence::first(told[k].1, &noise, context));
         let (told, evidence): (Vec<_>, Vec<_>) = told.into_iter().zip(first).filter_map(|(t, e)| Some((t, e?))).unzip();
         let Some((first, probabilities)) = Pooled::among(&evidence, EVEN) else { return ellipsoids };
         let evidence = map_indices(told.len(), |k| {
@@ -103,7 +103,7 @@ impl Kinds {
     /// The kind of another object of the scene, fitted as an ellipsoid.
     pub(crate) fn of_other(&self, fit: &Fit, context: &MapContext) -> BodyKind {
         let Some(Found { noise, first, all }) = &self.found else { return BodyKind::Ellipsoid };
-        let Some(mut evidence) = Evidence::first(fit, noise, context) else { return BodyKind::Ellipsoid };
+        let Some(mut evidence) = BodyEvidence::first(fit, noise, context) else { return BodyKind::Ellipsoid };
         if first.may_be_another(&evidence, &first.of_another(&evidence)) {
             evidence = evidence.with_others(fit, noise, context);
         }
@@ -137,10 +137,10 @@ struct Pooled {
 
 impl Pooled {
     /// With the probabilities of the kinds of each object, given the others; `None` where the objects tell nothing.
-    fn among(told: &[Evidence], before: fn(usize) -> f64) -> Option<(Self, Vec<OfEach>)> {
-        let freedom: f64 = told.iter().map(|evidence| evidence.freedom).sum();
-        let variance = told.iter().map(|evidence| evidence.best_cost()).sum::<f64>() / freedom;
-        if freedom <= 0.0 || !variance.is_finite() {
+    fn among(told: &[BodyEvidence], before: fn(usize) -> f64) -> Option<(Self, Vec<OfEach>)> {
+        let dof: f64 = told.iter().map(|evidence| evidence.dof).sum();
+        let variance = told.iter().map(|evidence| evidence.best_cost()).sum::<f64>() / dof;
+        if dof <= 0.0 || !variance.is_finite() {
             return None;
         }
         let independent = independent_share(told, variance);
@@ -182,12 +182,12 @@ impl Pooled {
     }
 
     /// Whether an object may be no ellipsoid: by its own probabilities, or because other objects of the category are none.
-    fn may_be_another(&self, evidence: &Evidence, probabilities: &OfEach) -> bool {
+    fn may_be_another(&self, evidence: &BodyEvidence, probabilities: &OfEach) -> bool {
         probabilities[TRIED].max(self.shares(evidence.category)[TRIED]) > WORTH_TRYING
     }
 
     /// Probabilities of the kinds of an object that was not counted.
-    fn of_another(&self, evidence: &Evidence) -> OfEach {
+    fn of_another(&self, evidence: &BodyEvidence) -> OfEach {
         posterior(&evidence.log_odds(self.variance, self.independent), &self.shares(evidence.category))
     }
 }
@@ -195,7 +195,7 @@ impl Pooled {
 /// Share of the residuals that count: those that remain with the best kind of each object are alike in neighbouring views
 /// where no kind is quite right, and then they say less about which one is. As of an autoregressive process with the
 /// correlation of neighbours.
-fn independent_share(told: &[Evidence], variance: f64) -> f64 {
+fn independent_share(told: &[BodyEvidence], variance: f64) -> f64 {
     let mut sums = [0.0; 2];
     for evidence in told {
         let [sum, pairs] = evidence.neighbours[evidence.best()];
@@ -229,14 +229,14 @@ mod tests {
     use super::*;
 
     /// An object of a category with these costs of an ellipsoid and a cuboid, all else equal.
-    fn object(category: usize, ellipsoid: f64, cuboid: f64) -> Evidence {
+    fn object(category: usize, ellipsoid: f64, cuboid: f64) -> BodyEvidence {
         let mut fits = [None; KINDS];
         fits[ELLIPSOID] = Some((ellipsoid, 10.0));
         fits[CUBOID] = Some((cuboid, 10.0));
-        Evidence { category: Some(category), freedom: 30.0, fits, neighbours: [[0.0; 2]; KINDS] }
+        BodyEvidence { category: Some(category), dof: 30.0, fits, neighbours: [[0.0; 2]; KINDS] }
     }
 
-    fn kinds(told: &[Evidence]) -> Vec<BodyKind> {
+    fn body_kinds(told: &[BodyEvidence]) -> Vec<BodyKind> {
         let (_, probabilities) = Pooled::among(told, MOSTLY_ELLIPSOIDS).unwrap();
         probabilities.iter().map(|probabilities| kind_of(most_probable(probabilities))).collect()
     }
@@ -245,10 +245,10 @@ mod tests {
     #[test]
     fn an_object_that_tells_little_is_what_the_others_are() {
         let unclear = object(0, 30.0, 29.0);
-        assert_eq!(kinds(std::slice::from_ref(&unclear)), [BodyKind::Ellipsoid]);
+        assert_eq!(body_kinds(std::slice::from_ref(&unclear)), [BodyKind::Ellipsoid]);
         let mut told = vec![object(0, 90.0, 30.0); 6];
         told.push(unclear);
-        assert_eq!(kinds(&told), [BodyKind::Cuboid; 7]);
+        assert_eq!(body_kinds(&told), [BodyKind::Cuboid; 7]);
     }
 
     #[test]
@@ -256,7 +256,7 @@ mod tests {
         let mut told = vec![object(0, 90.0, 30.0); 6];
         told.extend(vec![object(1, 30.0, 90.0); 6]);
         told.extend([object(0, 30.0, 29.5), object(1, 29.5, 30.0)]);
-        let found = kinds(&told);
+        let found = body_kinds(&told);
         assert_eq!(found[..6], [BodyKind::Cuboid; 6]);
         assert_eq!(found[6..12], [BodyKind::Ellipsoid; 6]);
         assert_eq!(found[12..], [BodyKind::Cuboid, BodyKind::Ellipsoid]);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::body_selection::Kinds;
+use super::body_selection::BodyKinds;
 use super::upright::{UPRIGHT_SHARE, share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -17,7 +17,7 @@ use crate::solve::map::object::agreement::{Reference, is_inconsistent, median_le
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
-use crate::solve::map::object::problem::Prepared;
+use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::options::BodyKind;
@@ -26,29 +26,29 @@ use crate::solve::options::BodyKind;
 const ROUNDS: usize = 8;
 
 /// Rounds in which fits that do not agree with the scene's noise are looked at again for outliers.
-const RECONSIDERED: usize = 4;
+const RETRY_ROUNDS: usize = 4;
 
 /// Rounds that what the objects share (ground plane, poses) and the objects take to agree.
 const SHARED_ROUNDS: usize = 4;
 
 /// Relative change of every noise level below which they stand.
-const SETTLED: f64 = 0.02;
+const SETTLED_CHANGE: f64 = 0.02;
 
 /// Share of an object's parameters that its measurements determine, on average, below which the noise levels may have
 /// settled where the priors speak for the data: then they are sought from small noise as well.
 const WELL_DETERMINED: f64 = 0.9;
 
 /// Change (of the logarithm) of a noise level after which poorly determined objects are fitted from their starts again.
-const FAR_OFF: f64 = 0.7;
+const RESTART_CHANGE: f64 = 0.7;
 
 /// Difference of the logarithms of two evidences from which the larger one wins.
-const CLEARLY: f64 = 5.0;
+const MIN_EVIDENCE_GAIN: f64 = 5.0;
 
 /// Share of the noise levels below which exact data are taken to lie.
 const SMALLEST_LEVEL: f64 = 1e-2;
 
 /// The small noise, relative to the default.
-const LITTLE_NOISE: f64 = 0.05;
+const SMALL_NOISE_FACTOR: f64 = 0.05;
 
 /// Pairs of views, over all objects, from which errors that they have in common are estimated; with at least
 /// [`COMMON_SAMPLE`] objects.
@@ -97,33 +97,34 @@ impl SceneFit {
     ///
     /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
     /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
-    pub(crate) fn lying_anyhow(
-        kinds: &[BodyKind],
+    pub(crate) fn without_upright(
+        body_kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
         context: &MapContext,
     ) -> Self {
         let pixel_size = context.options.pixel_noise_size;
         if let Some(sigmas) = &context.options.sigmas {
-            return Self::settled(kinds, views_of, NoiseLevels::given(sigmas, pixel_size), context);
+            return Self::settled(body_kinds, views_of, NoiseLevels::given(sigmas, pixel_size), context);
         }
         let default = NoiseLevels::new(pixel_size);
-        let scene = Self::settled(kinds, views_of, default, context);
+        let scene = Self::settled(body_kinds, views_of, default, context);
         if scene.statistics.determined() > WELL_DETERMINED {
             return scene;
         }
-        let other = Self::settled(kinds, views_of, default.scaled(LITTLE_NOISE), context);
-        if other.evidence_over(&scene) > CLEARLY { other } else { scene }
+        let other = Self::settled(body_kinds, views_of, default.scaled(SMALL_NOISE_FACTOR), context);
+        if other.evidence_over(&scene) > MIN_EVIDENCE_GAIN { other } else { scene }
     }
 
     /// Fits from these noise levels until levels and fits agree; with levels that are given, until the fits stand.
     fn settled(
-        kinds: &[BodyKind],
+        body_kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
         noise: NoiseLevels,
         context: &MapContext,
     ) -> Self {
-        let fits =
-            map_indices(kinds.len(), |k| Fit::first(Prepared::new(views_of(k), kinds[k], context)?, &noise, context));
+        let fits = map_indices(body_kinds.len(), |k| {
+            Fit::first(ObjectProblem::new(views_of(k), body_kinds[k], context)?, &noise, context)
+        });
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
@@ -143,13 +144,13 @@ impl SceneFit {
             let reference = Reference::among(&noise, misfits.iter().copied().flatten(), context.options);
             for (fit, misfit) in fits.iter().flatten().zip(misfits) {
                 // A false box among few views cannot be left out, and does not tell how noisy the others are.
-                let few = fit.prepared.views.views.len() < FEWEST_VIEWS;
+                let few = fit.problem.views.views.len() < FEWEST_VIEWS;
                 if !few || misfit.is_none_or(|misfit| !is_inconsistent(&reference.against(misfit))) {
                     statistics.merge(&fit.statistics(&noise, context));
                 }
             }
             let updated = if context.options.sigmas.is_some() { noise } else { noise.updated(&statistics) };
-            let settled = updated.change(&noise, &statistics) < SETTLED;
+            let settled = updated.change(&noise, &statistics) < SETTLED_CHANGE;
             noise = updated;
             ground = ground_plane(&fits, context);
             if let (Some(ground), Some(up)) = (&ground, &context.up) {
@@ -159,18 +160,19 @@ impl SceneFit {
                 let step = poses
                     .update(|take| fits.iter().flatten().for_each(|fit| fit.each_pose_row(&noise, &mut *take)), prior);
                 for fit in fits.iter_mut().flatten() {
-                    fit.prepared = Arc::new(fit.prepared.with_poses(&step));
+                    fit.problem = Arc::new(fit.problem.with_poses(&step));
                 }
             }
-            let restart = statistics.determined() < WELL_DETERMINED && noise.change(&started, &statistics) > FAR_OFF;
+            let restart =
+                statistics.determined() < WELL_DETERMINED && noise.change(&started, &statistics) > RESTART_CHANGE;
             if restart {
                 started = noise;
             }
             fits = map_indices(fits.len(), |k| {
                 let fit = fits[k].as_ref().map_err(Clone::clone)?;
                 // Now that the noise of the scene is known, a fit with much larger residuals stands out.
-                let fit = if round < RECONSIDERED {
-                    fit.reconsidered(&noise, round, context)
+                let fit = if round < RETRY_ROUNDS {
+                    fit.retry_starts_and_outliers(&noise, round, context)
                 } else {
                     fit.refined(&noise, false)
                 };
@@ -234,7 +236,7 @@ impl SceneFit {
     /// The body of another object of the scene, in the world.
     pub(crate) fn body_of_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Option<Body> {
         let fit = self.fit_other(views, kind, context).ok()?;
-        Some(fit.body.body_in_world(&fit.prepared.measurements.frame))
+        Some(fit.body.body_in_world(&fit.problem.measurements.frame))
     }
 
     /// The body, in the world, that an object's views give from where an earlier fit to more views ended. `outliers` says
@@ -247,20 +249,20 @@ impl SceneFit {
         context: &MapContext,
     ) -> Option<Body> {
         self.poses.apply(&mut views);
-        let mut prepared = Prepared::new(views, BodyKind::of(start), context).ok()?;
-        let frame = prepared.measurements.frame;
+        let mut problem = ObjectProblem::new(views, BodyKind::of(start), context).ok()?;
+        let frame = problem.measurements.frame;
         let body = Model::of_body(start, &frame);
         if let Some(up) = context
             .up
-            .filter(|up| context.options.upright && prepared.prior.log_size.is_none() && was_upright(&body, up))
+            .filter(|up| context.options.upright && problem.prior.log_size.is_none() && was_upright(&body, up))
         {
-            prepared = prepared.standing(&up);
+            problem = problem.standing(&up);
         }
         let outlier_scale = outliers.then_some(OUTLIER_SCALE);
-        let equations = prepared.objective(&self.noise, outlier_scale).linearise(&body)?;
+        let equations = problem.objective(&self.noise, outlier_scale).linearise(&body)?;
         let ellipsoid = EllipsoidModel::from_axes(*body.center(), *body.axes(), body.semi_axes());
         let mut fit = Fit {
-            prepared: Arc::new(prepared),
+            problem: Arc::new(problem),
             ellipsoid,
             body,
             equations,
@@ -275,24 +277,25 @@ impl SceneFit {
     }
 
     /// The kind of body of another object of the scene.
-    pub(crate) fn kind_of_other(&self, views: ObjectViews, kinds: &Kinds, context: &MapContext) -> BodyKind {
+    pub(crate) fn kind_of_other(&self, views: ObjectViews, body_kinds: &BodyKinds, context: &MapContext) -> BodyKind {
         self.fit_other(views, BodyKind::Ellipsoid, context)
-            .map_or(BodyKind::Ellipsoid, |fit| kinds.of_other(&fit, context))
+            .map_or(BodyKind::Ellipsoid, |fit| body_kinds.of_other(&fit, context))
     }
 
     /// Another object of the scene, fitted from its starts under what the scene shares.
     fn fit_other(&self, mut views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Fit, Box<Estimate>> {
         self.poses.apply(&mut views);
-        let mut fit = Fit::first(Prepared::new(views, kind, context)?, &self.noise, context)?;
+        let mut fit = Fit::first(ObjectProblem::new(views, kind, context)?, &self.noise, context)?;
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on(ground, up);
         }
-        let rounds = if fit.prepared.has_several_starts() { RECONSIDERED } else { 1 };
-        let reconsidered = |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.reconsidered(&self.noise, round, context));
-        let fit = reconsidered(fit);
+        let rounds = if fit.problem.has_several_starts() { RETRY_ROUNDS } else { 1 };
+        let retry_starts_and_outliers =
+            |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.retry_starts_and_outliers(&self.noise, round, context));
+        let fit = retry_starts_and_outliers(fit);
         let upright =
             fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
-        let fit = upright.map_or(fit, |(upright, _)| reconsidered(upright));
+        let fit = upright.map_or(fit, |(upright, _)| retry_starts_and_outliers(upright));
         Ok(self.finished(&fit, context))
     }
 
@@ -323,7 +326,7 @@ impl SceneFit {
 /// much the objects differ.
 fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -> CovarianceLevels {
     let fits: Vec<&Fit> = fits.iter().flatten().collect();
-    let pairs: usize = fits.iter().map(|fit| fit.prepared.views.views.len().pow(2) / 2).sum();
+    let pairs: usize = fits.iter().map(|fit| fit.problem.views.views.len().pow(2) / 2).sum();
     let stride = pairs.div_ceil(COMMON_PAIRS).min(fits.len() / COMMON_SAMPLE).max(1);
     let count = fits.len().div_ceil(stride);
     // Summed in the order of the objects, so that the result does not depend on the number of threads.

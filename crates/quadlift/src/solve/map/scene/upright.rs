@@ -22,12 +22,12 @@ use crate::solve::map::object::first_fit::TURNED_STARTS;
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::prior::TILT_SD;
-use crate::solve::map::object::problem::{FROM_START, Prepared};
+use crate::solve::map::object::problem::{FROM_START, ObjectProblem};
 use crate::solve::map::object::starts::set_upright;
 
 /// Share of the objects that stand before anything is known; where objects do not depend on each other, for good.
 ///
-/// Tuned with `reproduce kinds` and random bodies in 3 to 20 views: an object that stands and is seen well has odds of 30 to
+/// Tuned with `reproduce body_kinds` and random bodies in 3 to 20 views: an object that stands and is seen well has odds of 30 to
 /// 130 to 1, so that any share above 0.05 lets it; 0.2 keeps random bodies in three views from being set upright.
 pub(crate) const UPRIGHT_SHARE: f64 = 0.2;
 
@@ -74,14 +74,14 @@ impl Fit {
     /// place of the shape prior, without which the odds mean nothing (cars in two and three views of KITTI: O3D .60 and .68
     /// instead of .67 and .80).
     pub(crate) fn standing(&self, noise: &NoiseLevels, context: &MapContext) -> Option<(Self, f64)> {
-        let asked = context.options.upright && !self.is_upright() && self.prepared.prior.log_size.is_none();
+        let asked = context.options.upright && !self.is_upright() && self.problem.prior.log_size.is_none();
         let up = context.up.filter(|_| asked)?;
-        let prepared = Arc::new(self.prepared.standing(&up));
-        let near = self.put_upright(&prepared, &up, noise, context);
-        let few = prepared.views.views.len() < FEW_VIEWS;
+        let problem = Arc::new(self.problem.standing(&up));
+        let near = self.put_upright(&problem, &up, noise, context);
+        let few = problem.views.views.len() < FEW_VIEWS;
         let again = || {
-            let fit = Self::first(Prepared::clone(&prepared), noise, context).ok()?;
-            Some(Self { prepared: prepared.clone(), ground: self.ground, ..fit }.refined(noise, false))
+            let fit = Self::first(ObjectProblem::clone(&problem), noise, context).ok()?;
+            Some(Self { problem: problem.clone(), ground: self.ground, ..fit }.refined(noise, false))
         };
         let again = if few || self.outlier_scale.is_some() || near.is_none() { again() } else { None };
         let (standing, fit) = [near, again]
@@ -100,22 +100,22 @@ impl Fit {
     /// all of them.
     fn put_upright(
         &self,
-        prepared: &Arc<Prepared>,
+        problem: &Arc<ObjectProblem>,
         up: &Unit<Vector3<f64>>,
         noise: &NoiseLevels,
         context: &MapContext,
     ) -> Option<Self> {
-        if self.prepared.has_several_starts() {
+        if self.problem.has_several_starts() {
             return None;
         }
         let body = EllipsoidModel::from_axes(*self.body.center(), *self.body.axes(), self.body.semi_axes());
         let (axes, semi_axes) = set_upright(&body, up)?;
         let start = EllipsoidModel::from_axes(*body.center(), axes, semi_axes);
-        let objective = prepared.objective(noise, self.outlier_scale);
+        let objective = problem.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
-        let seed = prepared.seed(context);
-        let (body, equations) = prepared.started_at(&ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)?;
-        let fit = Self { prepared: prepared.clone(), ellipsoid, body, equations, ..self.clone() };
+        let seed = problem.seed(context);
+        let (body, equations) = problem.started_at(&ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)?;
+        let fit = Self { problem: problem.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }
 

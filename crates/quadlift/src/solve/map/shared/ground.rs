@@ -25,7 +25,7 @@ const UNEVENNESS_FAR: f64 = 0.01;
 const UNEVENNESS_PRIOR: f64 = 4.0;
 
 /// Residuals beyond this many standard deviations count less (an object that does not stand on the ground).
-const GIVES_WAY: f64 = 3.0;
+const CAUCHY_SCALE: f64 = 3.0;
 
 /// A plane; heights above it are `normal.(x - reference) + offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,7 +92,7 @@ impl GroundPlane {
                 let variance = variance + unevenness2 * uneven;
                 let d = point - reference;
                 let residual = up.dot(&d) - plane.dot(&Vector3::new(1.0, e1.dot(&d), e2.dot(&d)));
-                *weight = 1.0 / (1.0 + residual * residual / (variance * GIVES_WAY * GIVES_WAY));
+                *weight = 1.0 / (1.0 + residual * residual / (variance * CAUCHY_SCALE * CAUCHY_SCALE));
                 if *uneven > 0.0 {
                     ratio.0 += residual * residual / variance;
                     ratio.1 += 1.0;
