@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use quadlift::Options;
+use quadlift::LocalizeOptions;
 use quadlift::solve::{BodyKind, Method, Status};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
 use quadlift_io::read::detections::coco::parse_coco;
@@ -283,7 +283,7 @@ fn localized_scene() -> SceneFile {
         });
     }
     let scene = file.to_scene().unwrap();
-    let found = quadlift::localize(&scene, &Options::default(), &|_, _| {}).unwrap();
+    let found = quadlift::localize(&scene, &LocalizeOptions::default()).unwrap();
     SceneFile { detections: file.detections.clone(), ..file.localized(&scene, &found, serde_json::Value::Null) }
 }
 
@@ -334,14 +334,14 @@ pub fn localize(data: &[u8]) -> bool {
         });
     }
     let Ok(scene) = file.to_scene() else { return false };
-    let methods = [Method::Map, Method::Planes, Method::Lfd, Method::Pfd, Method::Reg];
-    let mut options = Options { method: methods[usize::from(*method) % methods.len()], ..Options::default() };
+    let mut options = LocalizeOptions::default();
+    options.method = Method::NAMES[usize::from(*method) % Method::NAMES.len()].parse().unwrap();
     options.accept_inconsistent = method & 64 != 0;
     let kinds = [None, Some(BodyKind::Ellipsoid), Some(BodyKind::Cuboid), Some(BodyKind::Cylinder)];
-    if options.method == Method::Map {
-        options.map.body = kinds[usize::from(*body) % kinds.len()];
+    if let Some(map) = options.method.map_options_mut() {
+        map.body = kinds[usize::from(*body) % kinds.len()];
     }
-    let Ok(found) = quadlift::localize(&scene, &options, &|_, _| {}) else { return false };
+    let Ok(found) = quadlift::localize(&scene, &options) else { return false };
     for estimate in &found.estimates {
         let center = estimate.center.iter().flat_map(|center| center.iter()).all(|x| x.is_finite());
         assert!(center, "{estimate:?}");

@@ -10,7 +10,7 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion};
 use quadlift::solve::{BodyKind, MapOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 
 fn main() {
     let mut criterion = Criterion::default().sample_size(20).configure_from_args();
@@ -31,9 +31,9 @@ fn main() {
         ("cuboids 0.05", SyntheticOptions { body: BodyKind::Cuboid, ..boxes(0.05) }, BodyKind::Cuboid),
     ] {
         let scene = generate(&scene).unwrap().scene;
-        let options = Options { map: MapOptions { body: Some(body), ..Default::default() }, ..Default::default() };
+        let options = LocalizeOptions::from(MapOptions { body: Some(body), ..Default::default() });
         group.bench_with_input(name, &scene, |b, scene| {
-            b.iter(|| localize(black_box(scene), &options, &|_, _| {}).unwrap())
+            b.iter(|| localize(black_box(scene), &options).unwrap())
         });
     }
     group.finish();
@@ -42,7 +42,7 @@ fn main() {
     for views in [10, 100, 1000, 10_000] {
         let scene = generate(&SyntheticOptions { objects: 1, views, ..boxes(0.05) }).unwrap().scene;
         group.bench_with_input(BenchmarkId::from_parameter(views), &scene, |b, scene| {
-            b.iter(|| localize(black_box(scene), &Options::default(), &|_, _| {}).unwrap())
+            b.iter(|| localize(black_box(scene), &LocalizeOptions::default()).unwrap())
         });
     }
     group.finish();

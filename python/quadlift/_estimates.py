@@ -163,7 +163,7 @@ class Estimates:
         `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared distance, in
         units of the covariance, that holds the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and
         ``"0.99"``; None where the objects are too few. The centre is that of the reported body.
-    left_out : dict
+    skipped : dict
         Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
         where the lens cannot be undistorted), `without_measurement` (they lack what `measurements` asks for).
     diagnosis : dict
@@ -174,7 +174,7 @@ class Estimates:
     association : dict or None
         What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
         nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
-        `not_used` (by reason), `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
+        `skipped` (by reason), `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
     problems : list of str
         Masks that could not be read.
     seconds : float
@@ -214,7 +214,7 @@ class Estimates:
     noise: dict[str, float]
     cross_validation: dict[str, Any] | None
     calibration: dict[str, Any] | None
-    left_out: dict[str, int]
+    skipped: dict[str, int]
     diagnosis: dict[str, Any]
     association: dict[str, Any] | None
     problems: list[str]
@@ -243,7 +243,7 @@ class Estimates:
 
         association, calibration = localized.association_json, localized.calibration_json
         reasons = ("without_object", "occluded_or_truncated", "beyond_lens", "without_measurement")
-        left_out = zip(reasons, localized.left_out, strict=True)
+        skipped = zip(reasons, localized.skipped, strict=True)
         return cls(
             object_ids=object_ids[order],
             categories=items("categories"),
@@ -278,7 +278,7 @@ class Estimates:
             noise=json.loads(localized.noise_json),
             cross_validation=json.loads(localized.cross_validation_json),
             calibration=None if calibration is None else json.loads(calibration),
-            left_out=dict(left_out),
+            skipped=dict(skipped),
             diagnosis=json.loads(localized.diagnosis[0]),
             association=None if association is None else json.loads(association),
             problems=localized.problems,

@@ -136,7 +136,7 @@ def test_without_objects_they_are_found(made: Arrays) -> None:
     assert sorted(kept.object_ids.tolist()) == ["0", "1", "2", "3"]
     never = quadlift.localize(**{**made.arguments(), "object": partly}, associate="never")
     assert never.object_ids.tolist() == [0, 1, 2, 3]
-    assert never.left_out["without_object"] == 5
+    assert never.skipped["without_object"] == 5
     assert (never.object_indices[::5] == -1).all()
 
 

@@ -3,21 +3,12 @@
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
+use quadlift::UnknownName;
 use quadlift::solve::{BodyKind, PoseNoise, Sigmas};
 
-/// Reads `ellipsoid`, `cuboid`, `cylinder` or `superellipsoid:Q`.
-pub fn body(text: &str) -> Result<BodyKind, String> {
-    let expected = "expected ellipsoid, cuboid, cylinder or superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)";
-    match text.split_once(':') {
-        None if text == "ellipsoid" => Ok(BodyKind::Ellipsoid),
-        None if text == "cuboid" => Ok(BodyKind::Cuboid),
-        None if text == "cylinder" => Ok(BodyKind::Cylinder),
-        Some(("superellipsoid", q)) => match q.parse::<f64>() {
-            Ok(q) if (1.0..=2.0).contains(&q) => Ok(BodyKind::Superellipsoid(q)),
-            _ => Err(format!("\"{q}\" is no exponent; {expected}")),
-        },
-        _ => Err(expected.to_owned()),
-    }
+/// Reads a kind of body.
+pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
+    text.parse()
 }
 
 /// The kind of body that is fitted; none where it is chosen.
@@ -28,9 +19,10 @@ pub struct BodyChoice(pub Option<BodyKind>);
 pub fn body_choice(text: &str) -> Result<BodyChoice, String> {
     match text {
         "auto" => Ok(BodyChoice(None)),
-        text => {
-            body(text).map(|body| BodyChoice(Some(body))).map_err(|error| error.replace("expected ", "expected auto, "))
-        }
+        text => text
+            .parse()
+            .map(|body| BodyChoice(Some(body)))
+            .map_err(|error: UnknownName| format!("expected one of auto, {}", error.expected)),
     }
 }
 
@@ -113,15 +105,14 @@ pub fn frame_range(text: &str) -> Result<RangeInclusive<usize>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadlift_io::scene_file::body_name;
 
     #[test]
     fn bodies_are_read_as_they_are_written() {
         for text in ["ellipsoid", "cuboid", "cylinder", "superellipsoid:1.5"] {
-            assert_eq!(body_name(body(text).unwrap()), text);
+            assert_eq!(body_choice(text).unwrap().0.unwrap().to_string(), text);
         }
         for text in ["", "ball", "superellipsoid", "superellipsoid:0.9", "superellipsoid:nan", "cuboid:1"] {
-            assert!(body(text).is_err(), "{text}");
+            assert!(body_choice(text).is_err(), "{text}");
         }
     }
 

@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use anyhow::bail;
-use quadlift::associate;
 use quadlift::associate::{AssociateError, AssociateOptions, Association, IdUse, Outcome};
+use quadlift::associate_observed;
 use quadlift::diagnose::diagnose_association;
 use quadlift::scene::{Detection, Scene, SourceError};
-use quadlift_io::association::not_used_in_words;
+use quadlift_io::association::skipped_in_words;
 
 use crate::corrections::CorrectedScene;
 use crate::diagnosis::Check;
 use crate::output::{Output, one_line};
-use crate::progress::counting_bar;
+use crate::progress::{counting_bar, shown_on};
 use crate::words::{count, some_of};
 
 /// What the ids of a scene's detections are worth, as on the command line.
@@ -113,10 +113,7 @@ pub fn associate_and_check(
 
 fn with_progress(title: &str, scene: &Scene, options: &AssociateOptions, out: &Output) -> anyhow::Result<Association> {
     let bar = counting_bar(title, "steps of association", out);
-    let result = associate(scene, options, &|done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    });
+    let result = associate_observed(scene, options, &shown_on(&bar));
     bar.finish_and_clear();
     match result {
         Err(error @ AssociateError::Source(SourceError::Several(_))) => bail!("{error} (--source NAME)"),
@@ -127,10 +124,10 @@ fn with_progress(title: &str, scene: &Scene, options: &AssociateOptions, out: &O
 /// An association that has found something; otherwise an error.
 fn judged(association: Association, check: &Check) -> anyhow::Result<Association> {
     if association.outcome == Outcome::NothingAgrees {
-        return Err(check.nothing_agrees(&not_used_in_words(association.not_used)).into());
+        return Err(check.nothing_agrees(&skipped_in_words(association.skipped)).into());
     }
     if association.outcome != Outcome::Found {
-        bail!("no object was found: {}{}", association.outcome.text(), not_used_in_words(association.not_used));
+        bail!("no object was found: {}{}", association.outcome.text(), skipped_in_words(association.skipped));
     }
     Ok(association)
 }
@@ -153,5 +150,5 @@ pub fn in_words(association: &Association) -> String {
     if doubtful > 0 {
         text.push_str(&format!("; {doubtful} doubtful"));
     }
-    text + &not_used_in_words(association.not_used)
+    text + &skipped_in_words(association.skipped)
 }

@@ -191,8 +191,8 @@ pub fn without_ids(scene: &Scene, source: Option<&str>) -> Diagnosis {
         return Diagnosis::default();
     }
     let options = AssociateOptions { source: source.map(str::to_owned), ids: IdUse::Trust, ..Default::default() };
-    let diagnosis = associate(scene, &options, &|_, _| {})
-        .and_then(|association| diagnose_association(scene, &association, &options));
+    let diagnosis =
+        associate(scene, &options).and_then(|association| diagnose_association(scene, &association, &options));
     // An unclear source is for what comes next to tell.
     diagnosis.unwrap_or_default()
 }

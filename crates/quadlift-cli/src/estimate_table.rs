@@ -8,7 +8,7 @@ use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Method, Status};
-use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object, method_name};
+use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object, noise_record};
 use serde::Serialize;
 
 use crate::localization::Settings;
@@ -82,28 +82,28 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     if !without.is_empty() {
         let _ = writeln!(text, "{WARNING}warning:{WARNING:#} no prior for: {}", one_line(&without.join(", ")));
     }
-    let left_out = localization.left_out;
-    if left_out.without_object > 0 {
+    let skipped = localization.skipped;
+    if skipped.without_object > 0 {
         let _ = writeln!(
             text,
             "{WARNING}warning:{WARNING:#} left out {} without an object id (--associate always finds out which \
              object they show)",
-            count(left_out.without_object, "detection")
+            count(skipped.without_object, "detection")
         );
     }
-    if left_out.occluded_or_truncated > 0 {
+    if skipped.occluded_or_truncated > 0 {
         let _ = writeln!(
             text,
             "left out {} as too occluded or truncated",
-            count(left_out.occluded_or_truncated, "detection")
+            count(skipped.occluded_or_truncated, "detection")
         );
     }
-    if left_out.beyond_lens > 0 {
-        let n = count(left_out.beyond_lens, "detection");
+    if skipped.beyond_lens > 0 {
+        let n = count(skipped.beyond_lens, "detection");
         let _ = writeln!(text, "left out {n} where the lens cannot be undistorted (80 degrees from the axis or more)");
     }
-    if left_out.without_measurement > 0 {
-        let n = count(left_out.without_measurement, "detection");
+    if skipped.without_measurement > 0 {
+        let n = count(skipped.without_measurement, "detection");
         let _ = writeln!(text, "left out {n} without what --measurements uses");
     }
     if let Some(noise) = typical_error(localization) {
@@ -118,7 +118,7 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
 /// How far measurements are off, in plain words: edges of boxes, or centres and sizes of ellipses where there are no boxes.
 /// The scene's full list is for `--verbose` ([`noise_levels`]).
 fn typical_error(localization: &Localization) -> Option<String> {
-    let level = |name: &str| localization.noise.iter().find(|(known, _)| *known == name).map(|(_, x)| *x);
+    let level = |name: &str| localization.noise.get(name);
     let percent = |x: f64| format!("{} %", number(Some(100.0 * x), decimals(100.0 * x, 2)));
     if let Some(relative) = level("edge_relative") {
         let pixels =
@@ -143,7 +143,9 @@ fn agreement(checked: &CrossValidation) -> Option<String> {
 
 /// The noise levels by the names that results and `--sigmas` have for them; `None` when there are none.
 pub fn noise_levels(localization: &Localization) -> Option<String> {
-    let levels: Vec<String> = localization.noise.iter().map(|(name, x)| format!("{name} {x:.4}")).collect();
+    let levels = noise_record(localization);
+    let levels: Vec<String> =
+        levels.iter().filter_map(|(name, x)| Some(format!("{name} {:.4}", x.as_f64()?))).collect();
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
 }
 
@@ -208,7 +210,7 @@ fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> 
     for (row, estimate) in rows.iter().zip(&localization.estimates) {
         let odd = row.cross_validation.as_ref().and_then(|checked| checked.odd_view.as_deref());
         let odd = odd.map(|view| format!("the view {view} contradicts the others"));
-        let reason = reason(estimate.status, settings.options.method, settings.options.min_views);
+        let reason = reason(estimate.status, &settings.options.method, settings.options.min_views);
         for text in reason.into_iter().chain(row.warnings.iter().cloned()).chain(odd) {
             match notes.iter_mut().find(|(known, _)| *known == text) {
                 Some((_, ids)) => ids.push(row.id),
@@ -220,13 +222,13 @@ fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> 
 }
 
 /// Why an object does not count as localised.
-fn reason(status: Status, method: Method, min_views: usize) -> Option<String> {
+fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
     let fewest = min_views.max(method.fewest_views());
     Some(match status {
         Status::Ok => return None,
         Status::Inconsistent => "no body agrees with the views; the one that is given does not count".to_owned(),
         Status::NotAnEllipsoid => "the quadric that fits best is not an ellipsoid; only its centre is known".to_owned(),
-        Status::TooFewViews => format!("too few views; {} needs {fewest} here", method_name(method)),
+        Status::TooFewViews => format!("too few views; {method} needs {fewest} here"),
         Status::Degenerate => {
             "the views do not determine the object, for example because all are from one point".to_owned()
         }

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use quadlift::scene::{Scene, SourceError};
 use quadlift::solve::{BodyKind, CategoryPriors, Method};
-use quadlift::{Localization, LocalizeError, MeasurementKind, Options, localize};
+use quadlift::{Localization, LocalizeError, LocalizeOptions, MeasurementKind, localize_observed};
 use quadlift_io::problems::Problems;
-use quadlift_io::scene_file::{body_name, fitted_body_name, method_name, settings_record};
+use quadlift_io::scene_file::{fitted_body_name, settings_record};
 use quadlift_io::{SceneFile, builtin_priors, read_priors};
 use serde_json::Value;
 
 use crate::error::usage;
 use crate::output::Output;
-use crate::progress::{counting_bar, object_bar};
+use crate::progress::{counting_bar, object_bar, shown_on};
 
 /// Where the priors on categories come from.
 #[derive(Debug, Clone, Default)]
@@ -30,25 +30,25 @@ pub enum PriorSource {
 /// The choices for a localisation.
 #[derive(Debug, Default)]
 pub struct Settings {
-    /// Options of the library.
-    pub options: Options,
+    /// LocalizeOptions of the library.
+    pub options: LocalizeOptions,
     /// Where the priors in the options come from.
     pub priors: PriorSource,
 }
 
 impl Settings {
     /// Checks the options and reads the priors.
-    pub fn new(mut options: Options, priors: PriorSource) -> anyhow::Result<Self> {
-        // An empty scene has nothing that the options could fail on, except for the source.
-        let without_source = Options { source: None, ..options.clone() };
-        if let Err(error) = localize(&Scene::default(), &without_source, &|_, _| {}) {
+    pub fn new(mut options: LocalizeOptions, priors: PriorSource) -> anyhow::Result<Self> {
+        if let Err(error) = options.validate() {
             return usage(error.to_string());
         }
-        options.map.priors = match &priors {
-            PriorSource::None => CategoryPriors::default(),
-            PriorSource::Builtin => builtin_priors(),
-            PriorSource::File(path) => read_priors(path)?,
-        };
+        if let Some(map) = options.method.map_options_mut() {
+            map.priors = match &priors {
+                PriorSource::None => CategoryPriors::default(),
+                PriorSource::Builtin => builtin_priors(),
+                PriorSource::File(path) => read_priors(path)?,
+            };
+        }
         Ok(Self { options, priors })
     }
 
@@ -64,20 +64,26 @@ impl Settings {
 
     /// The settings in a few words, with the kind of body that was fitted.
     pub fn in_words(&self, fitted: Option<BodyKind>) -> String {
-        match self.options.method {
-            Method::Map => match self.options.map.body {
-                Some(body) => format!("map, {}", body_name(body)),
+        match &self.options.method {
+            Method::Map(map) => match map.body {
+                Some(body) => format!("map, {body}"),
                 None => format!("map, {}, chosen", fitted_body_name(fitted)),
             },
-            Method::Reg => format!("reg, lambda {:e}", self.options.reg.lambda),
-            method => method_name(method).to_owned(),
+            Method::Reg(reg) => format!("reg, lambda {:e}", reg.lambda),
+            method => method.name().to_owned(),
         }
+    }
+
+    /// The priors on categories; none for methods that take none.
+    pub fn priors_on_categories(&self) -> CategoryPriors {
+        self.options.method.map_options().map(|map| map.priors.clone()).unwrap_or_default()
     }
 
     /// Categories of the scene that have no prior although priors are used.
     pub fn categories_without_prior<'a>(&self, scene: &'a Scene) -> Vec<&'a str> {
         let none = matches!(self.priors, PriorSource::None);
-        let unknown = |name: &&str| !none && self.options.map.priors.of(name).is_none();
+        let priors = self.priors_on_categories();
+        let unknown = |name: &&str| !none && priors.of(name).is_none();
         scene.categories.iter().map(String::as_str).filter(unknown).collect()
     }
 }
@@ -88,7 +94,7 @@ pub fn read_masks(
     title: &str,
     (path, file): (&Path, &SceneFile),
     scene: &mut Scene,
-    options: &Options,
+    options: &LocalizeOptions,
     out: &Output,
 ) -> anyhow::Result<Vec<String>> {
     if options.measurements != MeasurementKind::Mask {
@@ -100,10 +106,7 @@ pub fn read_masks(
         bail!("no detection has a \"mask\"; `quadlift segment` finds masks in the images");
     }
     let bar = counting_bar(title, "frames with masks", out);
-    let problems = file.add_support_lines(path, scene, source, &|done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    });
+    let problems = file.add_support_lines(path, scene, source, &shown_on(&bar));
     bar.finish_and_clear();
     // Detections of one label image share its problem.
     let mut told = Problems::default();
@@ -124,19 +127,16 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
         check_metres(scene)?;
     }
     let plausible_sizes = quadlift_io::priors::plausible_sizes(scene.length_unit.as_deref());
-    let options = Options { plausible_sizes, ..settings.options.clone() };
+    let options = LocalizeOptions { plausible_sizes, ..settings.options.clone() };
     let bar = object_bar(title, out);
-    let result = localize(scene, &options, &|done, total| {
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    });
+    let result = localize_observed(scene, &options, &shown_on(&bar));
     bar.finish_and_clear();
     let localization = match result {
         Err(error @ LocalizeError::Source(SourceError::Several(_))) => bail!("{error} (--source NAME)"),
         result => result?,
     };
     if localization.estimates.is_empty() {
-        match (scene.detections.len(), localization.left_out.without_object) {
+        match (scene.detections.len(), localization.skipped.without_object) {
             (0, _) => bail!("there is nothing to localise: the scene has no detections"),
             (_, n) => bail!(
                 "there is nothing to localise: {n} detections name no object (--associate always finds out which show \

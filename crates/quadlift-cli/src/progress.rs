@@ -1,12 +1,25 @@
 //! Progress bars, on the standard error stream and only when it is a terminal.
 
+use std::ops::ControlFlow;
+
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use quadlift::Observer;
 
 use crate::output::{Output, one_line};
 
 /// A bar that counts objects; hidden with `--quiet` and where there is no terminal.
 pub fn object_bar(message: &str, out: &Output) -> ProgressBar {
     counting_bar(message, "objects", out)
+}
+
+/// An observer that moves a bar.
+pub fn shown_on(bar: &ProgressBar) -> impl Observer + '_ {
+    |done: usize, total: usize| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+        ControlFlow::Continue(())
+    }
 }
 
 /// A bar that counts something else.

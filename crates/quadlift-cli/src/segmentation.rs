@@ -1,5 +1,7 @@
 //! Segmenting one scene with progress bars: what `segment` and `demo` share.
 
+use std::ops::ControlFlow;
+
 use anyhow::bail;
 use quadlift::scene::{Scene, SourceError};
 use quadlift_io::scene_file::SceneImages;
@@ -27,6 +29,7 @@ pub fn segment_scene(
         if done == total {
             bar.finish_and_clear();
         }
+        ControlFlow::Continue(())
     });
     of_images.finish_and_clear();
     match result {

@@ -46,7 +46,7 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     );
     let columns = Columns { averaged: &ACCV_SEQUENCES, pooled: None, beside: &[] };
     for (source, what) in SOURCES {
-        let protocol = |options: &mut quadlift::Options| {
+        let protocol = |options: &mut quadlift::LocalizeOptions| {
             options.source = Some(source.to_owned());
             options.seed = seed;
         };

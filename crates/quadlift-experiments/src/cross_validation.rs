@@ -5,8 +5,8 @@ use std::path::Path;
 use quadlift::cross_validation::Extent;
 use quadlift::metrics::{TruthObject, evaluate};
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, MapOptions};
-use quadlift::{Options, localize};
+use quadlift::solve::{BodyKind, MapOptions, Method};
+use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
 
@@ -32,7 +32,7 @@ struct Set {
     name: &'static str,
     scenes: Vec<TrueScene>,
     sources: &'static [&'static str],
-    options: Options,
+    options: LocalizeOptions,
     /// What the truth is compared with.
     measure: Measure,
 }
@@ -54,20 +54,20 @@ struct Pair {
 fn sets(data: &Path, seed: u64) -> Result<Vec<Set>, Error> {
     let read = |file: &str| TrueScene::read(data, file, file);
     let all = |files: Vec<String>| files.iter().map(|file| read(file)).collect::<Result<Vec<_>, _>>();
-    let mut options = Options { seed, ..Default::default() };
+    let mut options = LocalizeOptions { seed, ..Default::default() };
     options.cross_validation.extent = Extent::All;
     let mut cars = options.clone();
     (cars.max_occluded, cars.max_truncated) = (Some(1.0), Some(0.0));
-    cars.map = MapOptions {
+    cars.method = Method::Map(MapOptions {
         body: Some(BodyKind::Cuboid),
         priors: builtin_priors(),
         camera_height: Some(CAMERA_HEIGHT),
         ..Default::default()
-    };
+    });
     let kitti = |poses: &str| all(["S05", "S09", "S22", "S36"].map(|name| format!("kitti_{name}_{poses}")).to_vec());
     let accv = ACCV_SEQUENCES.map(|name| format!("accv_{name}")).to_vec();
     let (tangent, enclosing) = (Measure::O3d, Measure::EnclosingO3d);
-    let set = |name, scenes, sources, options: &Options, measure| Set {
+    let set = |name, scenes, sources, options: &LocalizeOptions, measure| Set {
         name,
         scenes,
         sources,
@@ -90,7 +90,7 @@ fn sets(data: &Path, seed: u64) -> Result<Vec<Set>, Error> {
 }
 
 /// The scene with at most so many of each object's detections of a source, evenly spread over its frames.
-fn thinned(scene: &Scene, source: &str, options: &Options, views: usize) -> Scene {
+fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize) -> Scene {
     let source = scene.sources.iter().position(|name| name == source).map(|index| index as u32);
     let hidden = scene.hidden_edges(|d| d.source_index == source);
     let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
@@ -119,12 +119,12 @@ fn thinned(scene: &Scene, source: &str, options: &Options, views: usize) -> Scen
 
 /// The objects of a scene of which views could be left out, paired by id with the truth.
 fn pairs(set: &Set, scene: &TrueScene, source: &str, views: Option<usize>) -> Result<Vec<Pair>, Error> {
-    let options = Options { source: Some(source.to_owned()), ..set.options.clone() };
+    let options = LocalizeOptions { source: Some(source.to_owned()), ..set.options.clone() };
     let scene = match views {
         Some(views) => TrueScene { scene: thinned(&scene.scene, source, &options, views), ..scene.clone() },
         None => scene.clone(),
     };
-    let localization = localize(&scene.scene, &options, &|_, _| {})?;
+    let localization = localize(&scene.scene, &options)?;
     let estimated = estimated_objects(&scene.scene, &localization);
     let mut pairs = Vec::new();
     for object in &localization.cross_validation.objects {

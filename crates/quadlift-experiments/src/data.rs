@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use quadlift::metrics::{EstimatedObject, ObjectScore, TruthObject, evaluate};
 use quadlift::scene::Scene;
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 use quadlift_io::{SceneFile, read_scene_file};
 
 use crate::error::Error;
@@ -65,8 +65,8 @@ impl TrueScene {
     ///
     /// # Errors
     /// [`Error::Localize`] when the options do not fit the scene.
-    pub fn scores(&self, options: &Options) -> Result<Vec<ObjectScore>, Error> {
-        let localization = localize(&self.scene, options, &|_, _| {})?;
+    pub fn scores(&self, options: &LocalizeOptions) -> Result<Vec<ObjectScore>, Error> {
+        let localization = localize(&self.scene, options)?;
         let seen = |id: &str| {
             let estimate = localization.estimates.iter().find(|e| self.scene.object_ids[e.object_index] == id);
             estimate.is_some_and(|estimate| estimate.views.len() >= FEWEST_VIEWS)

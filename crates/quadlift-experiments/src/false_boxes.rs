@@ -5,7 +5,7 @@
 use quadlift::geometry::ConvexBody;
 use quadlift::solve::{Estimate, Status, Warning};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -101,7 +101,7 @@ fn of_scene(views: usize, sigma: f64, seed: u64) -> Result<Counts, Error> {
         ..Default::default()
     };
     let scene = generate(&options)?;
-    let localization = localize(&scene.scene, &Options::default(), &|_, _| {})?;
+    let localization = localize(&scene.scene, &LocalizeOptions::default())?;
     let mut counts = Counts::default();
     for estimate in &localization.estimates {
         let (wrong, right) = verdict(&scene, estimate);

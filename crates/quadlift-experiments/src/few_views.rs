@@ -3,7 +3,7 @@
 //!
 //! `quadlift synth --objects 50 --views VIEWS --noise box:SIGMA --seed SEED`.
 
-use quadlift::Options;
+use quadlift::LocalizeOptions;
 use quadlift::solve::{MapOptions, Method, Sigmas};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions};
 use rayon::prelude::*;
@@ -59,7 +59,7 @@ fn figures(views: usize, noise: f64, seed: u64) -> Result<Vec<Option<Figure>>, E
         })?;
         let counts = |row: &&MethodRow| row.options.method.fewest_views() <= views;
         let score = |row: &MethodRow| -> Result<Vec<f64>, Error> {
-            let options = Options { seed, ..row.options.clone() };
+            let options = LocalizeOptions { seed, ..row.options.clone() };
             Ok(Measure::O3d.values(&scene.scores(&options)?))
         };
         rows.iter().map(|row| if counts(&row) { score(row) } else { Ok(Vec::new()) }).collect()

@@ -10,7 +10,7 @@ use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPrior, MapOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -133,8 +133,8 @@ fn ious(synthetic: &SyntheticScene, row: &Row, seed: u64) -> Result<Vec<f64>, Er
     let found: Vec<Option<Body>> = match row {
         Row::Median => (0..synthetic.truth.len()).map(|object| median_of_boxes(scene, object as u32)).collect(),
         Row::Map(map) => {
-            let options = Options { map: (**map).clone(), accept_inconsistent: true, seed, ..Default::default() };
-            let estimates = localize(scene, &options, &|_, _| {})?.estimates;
+            let options = LocalizeOptions { accept_inconsistent: true, seed, ..LocalizeOptions::from((**map).clone()) };
+            let estimates = localize(scene, &options)?.estimates;
             let of_object = |object| estimates.iter().find(|e| e.object_index == object).and_then(|e| e.body);
             (0..synthetic.truth.len()).map(of_object).collect()
         }

@@ -110,7 +110,7 @@ fn grid() -> Vec<MethodRow> {
 }
 
 /// The paper's protocol: no strong occlusion, nothing cut off.
-fn protocol(source: &str, seed: u64) -> impl Fn(&mut quadlift::Options) + Sync {
+fn protocol(source: &str, seed: u64) -> impl Fn(&mut quadlift::LocalizeOptions) + Sync {
     move |options| {
         options.source = Some(source.to_owned());
         options.max_occluded = Some(1.0);

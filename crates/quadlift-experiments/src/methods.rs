@@ -1,7 +1,7 @@
 //! The rows of every table: methods with their bodies and priors. All settings of an experiment stand in its own
 //! file, made with the functions here.
 
-use quadlift::Options;
+use quadlift::LocalizeOptions;
 use quadlift::metrics::ObjectScore;
 use quadlift::solve::{MapOptions, Method, RegOptions};
 use rayon::prelude::*;
@@ -22,31 +22,18 @@ pub struct MethodRow {
     /// Body, priors and other settings, in words.
     pub setting: String,
     /// The same for the program.
-    pub options: Options,
+    pub options: LocalizeOptions,
 }
 
 impl MethodRow {
     /// A method without settings.
     pub fn closed_form(method: Method) -> Self {
-        let (method_name, setting) = match method {
-            Method::Pfd => ("pfd", "ellipsoid"),
-            Method::Reg => ("reg", "ellipsoid"),
-            Method::Lfd => ("lfd", "ellipsoid"),
-            Method::Planes => ("planes", "ellipsoid"),
-            Method::Map => ("map", "ellipsoid"),
-        };
-        let reg = RegOptions { lambda: REG_LAMBDA };
-        Self {
-            method: method_name,
-            setting: setting.to_owned(),
-            options: Options { method, reg, ..Default::default() },
-        }
+        Self { method: method.name(), setting: "ellipsoid".to_owned(), options: LocalizeOptions::from(method) }
     }
 
     /// `map` with these options, which `setting` says in words.
     pub fn map(setting: &str, map: MapOptions) -> Self {
-        let options = Options { method: Method::Map, map, ..Default::default() };
-        Self { method: "map", setting: setting.to_owned(), options }
+        Self { method: "map", setting: setting.to_owned(), options: LocalizeOptions::from(map) }
     }
 
     /// The row's name in one line: "map, cuboid, car prior".
@@ -55,9 +42,14 @@ impl MethodRow {
     }
 }
 
+/// The paper's regularised estimator with the weight of its figures.
+pub fn reg() -> Method {
+    Method::Reg(RegOptions { lambda: REG_LAMBDA })
+}
+
 /// The methods without settings: `pfd`, `reg`, `lfd`, `planes`.
 pub fn closed_forms() -> Vec<MethodRow> {
-    [Method::Pfd, Method::Reg, Method::Lfd, Method::Planes].map(MethodRow::closed_form).to_vec()
+    [Method::Pfd, reg(), Method::Lfd, Method::Planes].map(MethodRow::closed_form).to_vec()
 }
 
 /// The scores of one row on several sequences.
@@ -76,7 +68,7 @@ pub struct RowScores {
 pub fn run_rows(
     rows: &[MethodRow],
     scenes: &[TrueScene],
-    protocol: &(dyn Fn(&mut Options) + Sync),
+    protocol: &(dyn Fn(&mut LocalizeOptions) + Sync),
     steps: &Steps,
 ) -> Result<Vec<RowScores>, Error> {
     let run = |row: &MethodRow, scene: &TrueScene| {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Unit, Vector3};
-use quadlift::Options;
+use quadlift::LocalizeOptions;
 use quadlift::metrics::ObjectScore;
 use quadlift::scene::Detection;
 use quadlift::solve::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method};
@@ -142,8 +142,10 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
         }
         if views == 2 {
             let headline = |id, set: usize, setting: &str| {
-                let row =
-                    sets[set].rows.iter().find(|row| row.options.method == Method::Map && row.setting == setting)?;
+                let row = sets[set]
+                    .rows
+                    .iter()
+                    .find(|row| matches!(row.options.method, Method::Map(_)) && row.setting == setting)?;
                 Some(Headline {
                     id,
                     what: format!("O3D, two views, {}", sets[set].name),
@@ -197,7 +199,7 @@ fn sequence_scores(
 ) -> Result<SequenceScores, Error> {
     let draws = drawn_scenes(set, scene, views, seed, sequence);
     let of_row = |row: &MethodRow| -> Result<Vec<Vec<ObjectScore>>, Error> {
-        let options = Options { source: Some(set.source.to_owned()), seed, ..row.options.clone() };
+        let options = LocalizeOptions { source: Some(set.source.to_owned()), seed, ..row.options.clone() };
         let mut by_object: BTreeMap<String, Vec<ObjectScore>> = BTreeMap::new();
         for draw in &draws {
             for score in draw.scores(&options)? {

@@ -3,7 +3,7 @@
 //! The rule: the decade whose figures come nearest to the four that the paper prints (no noise, and the ends of its
 //! three curves), by the sum of squared differences, on scenes that are not among those whose figures are reported.
 
-use quadlift::Options;
+use quadlift::LocalizeOptions;
 use quadlift::solve::{Method, RegOptions};
 use rayon::prelude::*;
 
@@ -60,8 +60,7 @@ fn measure(seed: u64, scene_done: &(dyn Fn() + Sync)) -> Result<Vec<ScanPoint>, 
             let curve = &PAPER_CURVES[curve];
             let scene = curve.scene(share * curve.largest(), seed)?;
             for (lambda, o3d) in lambdas.iter().zip(&mut o3d) {
-                let reg = RegOptions { lambda: *lambda };
-                let options = Options { method: Method::Reg, reg, ..Default::default() };
+                let options = LocalizeOptions::from(Method::Reg(RegOptions { lambda: *lambda }));
                 o3d[condition] = mean(&Measure::O3d.values(&scene.scores(&options)?)).unwrap_or_default();
             }
         }

@@ -58,7 +58,7 @@ fn points(
         let scene = true_scene(&SyntheticOptions { seed, ..options.clone() })?;
         let boxes = TrueScene { scene: with_boxes_of_ellipses(&scene.scene), ..scene.clone() };
         let values = |row: &MethodRow| {
-            let scene = if row.options.method == Method::Planes { &boxes } else { &scene };
+            let scene = if matches!(row.options.method, Method::Planes) { &boxes } else { &scene };
             Ok(Measure::O3d.values(&scene.scores(&row.options)?))
         };
         let values = rows.iter().map(values).collect::<Result<_, Error>>();
@@ -165,7 +165,7 @@ fn plot(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure>>])
 
 /// The last figure of `map`.
 fn headline(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure>>]) -> Option<Headline> {
-    let index = rows.iter().position(|row| row.options.method == Method::Map)?;
+    let index = rows.iter().position(|row| matches!(row.options.method, Method::Map(_)))?;
     let id = match curve.name {
         "rotation" => "synthetic_rotation",
         "size" => "synthetic_size",

@@ -33,7 +33,7 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     let scenes = [TrueScene::read(data, "tuw_demo", DEMO)?];
     let rows = rows();
     let steps = Steps::new("tuw", rows.len(), progress);
-    let protocol = |options: &mut quadlift::Options| {
+    let protocol = |options: &mut quadlift::LocalizeOptions| {
         options.source = Some("authors".to_owned());
         options.seed = seed;
     };

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use quadlift::associate::{AssociatedObject, Association, NotUsed};
-use quadlift::scene::Scene;
+use quadlift::associate::{AssociatedObject, Association};
+use quadlift::scene::{Scene, SkippedDetections};
 use serde_json::{Map, Value, json};
 
 use crate::scene_file::{DetectionRecord, SceneFile};
@@ -44,15 +44,15 @@ pub fn add_to_result(
 
 /// The association as JSON: counts, and the objects with their evidence.
 pub fn association_record(scene: &Scene, association: &Association) -> Value {
-    let not_used = association.not_used;
+    let skipped = association.skipped;
     json!({
         "objects": association.objects.iter().map(|object| object_json(scene, object)).collect::<Vec<_>>(),
         "associated": association.object_of_detection.iter().flatten().count(),
         "clutter": association.clutter,
-        "not_used": {
-            "other_source": not_used.other_source,
-            "low_score": not_used.low_score,
-            "duplicate": not_used.duplicate,
+        "skipped": {
+            "other_source": skipped.other_source,
+            "low_score": skipped.low_score,
+            "duplicate": skipped.duplicate,
         },
         "edge_sd": association.edge_sd,
         "pixel_sd": association.pixel_sd,
@@ -76,8 +76,8 @@ fn object_json(scene: &Scene, object: &AssociatedObject) -> Value {
 }
 
 /// The detections that took no part, to be added to a sentence.
-pub fn not_used_in_words(not_used: NotUsed) -> String {
-    let reasons = [(not_used.low_score, "with a low score"), (not_used.duplicate, "that overlap a better one")];
-    let left_out = reasons.iter().filter(|(number, _)| *number > 0);
-    left_out.map(|(number, why)| format!("; {} {why} left out", count(*number, "detection"))).collect()
+pub fn skipped_in_words(skipped: SkippedDetections) -> String {
+    let reasons = [(skipped.low_score, "with a low score"), (skipped.duplicate, "that overlap a better one")];
+    let given = reasons.iter().filter(|(number, _)| *number > 0);
+    given.map(|(number, why)| format!("; {} {why} skipped", count(*number, "detection"))).collect()
 }

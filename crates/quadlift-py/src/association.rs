@@ -1,10 +1,11 @@
 //! Association with Python's keywords.
 
 use pyo3::prelude::*;
-use quadlift::associate::{AssociateOptions, Association, Outcome, associate};
+use quadlift::associate::{AssociateOptions, Association, Outcome};
+use quadlift::associate_observed;
 use quadlift::diagnose::diagnose_association;
 use quadlift::scene::Scene;
-use quadlift_io::association::not_used_in_words;
+use quadlift_io::association::skipped_in_words;
 use quadlift_io::diagnosis::{Context, diagnosis_in_words};
 
 use crate::error::refuse;
@@ -40,25 +41,23 @@ impl AssociateKeywords {
             priors,
             ..Default::default()
         };
-        // An empty scene has nothing that the options could fail on, except for the source.
-        associate(&Scene::default(), &options, &|_, _| {}).map_err(refuse)?;
+        options.validate().map_err(refuse)?;
         Ok(AssociateOptions { source: self.source, ..options })
     }
 }
 
 /// Associates; that nothing is found is an error that says why.
 pub fn associated(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) -> Result<Association, String> {
-    let association =
-        associate(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
+    let association = associate_observed(scene, options, ticker).map_err(|error| error.to_string())?;
     match association.outcome {
         Outcome::Found => Ok(association),
         Outcome::NothingAgrees => {
             let diagnosis = diagnose_association(scene, &association, options).unwrap_or_default();
             let why = diagnosis_in_words(&diagnosis, &Context::default());
             let why = why.map_or(String::new(), |why| format!(": {why}"));
-            let left_out = not_used_in_words(association.not_used);
-            Err(format!("no object was found: {}{left_out}{why}", Outcome::NothingAgrees.text()))
+            let skipped = skipped_in_words(association.skipped);
+            Err(format!("no object was found: {}{skipped}{why}", Outcome::NothingAgrees.text()))
         }
-        outcome => Err(format!("no object was found: {}{}", outcome.text(), not_used_in_words(association.not_used))),
+        outcome => Err(format!("no object was found: {}{}", outcome.text(), skipped_in_words(association.skipped))),
     }
 }

@@ -11,15 +11,15 @@ use quadlift::associate::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::diagnose::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
-use quadlift::scene::{Detection, Scene};
+use quadlift::scene::{Detection, Scene, SkippedDetections};
 use quadlift::solve::{Alternative, BodyKind, Estimate, Rejection};
-use quadlift::{LeftOut, Localization, MeasurementKind, localize};
+use quadlift::{Localization, MeasurementKind, localize_observed};
 use quadlift_io::SceneFile;
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::{
-    body_name, coordinates_name, cross_validation_record, fitted_body_name, noise_record, settings_record,
+    coordinates_name, cross_validation_record, fitted_body_name, noise_record, settings_record,
 };
 use quadlift_report::{Content, Scores, page, report};
 
@@ -67,8 +67,7 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
             return Err("no detection has a mask".to_owned());
         }
         let mut scene = loaded.scene.clone();
-        let unread =
-            loaded.file().add_support_lines(&loaded.path, &mut scene, source, &|done, total| ticker.tick(done, total));
+        let unread = loaded.file().add_support_lines(&loaded.path, &mut scene, source, ticker);
         let unread = unread.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
         problems.extend(unread.into_iter().map(|(_, error)| error.to_string()));
         problems.dedup();
@@ -90,8 +89,7 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
         ticker.restart();
     }
     let scene = changed.as_ref().unwrap_or(&loaded.scene);
-    let mut localization =
-        localize(scene, options, &|done, total| ticker.tick(done, total)).map_err(|error| error.to_string())?;
+    let mut localization = localize_observed(scene, options, ticker).map_err(|error| error.to_string())?;
     if localization.estimates.is_empty() {
         return Err(match scene.detections.len() {
             0 => "there is nothing to localise: the scene has no detections".to_owned(),
@@ -100,7 +98,7 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
     }
     if association.is_some() {
         // They show no object, which is told with the identities.
-        localization.left_out.without_object = 0;
+        localization.skipped.without_object = 0;
     }
     refuse_objects(&mut localization, &given, options.accept_inconsistent);
     let settings = settings_record(options, choices.priors.as_deref());
@@ -156,7 +154,7 @@ impl PyLocalized {
         dict.set_item("warnings", estimates.iter().map(warnings).collect::<Vec<_>>())?;
         let coordinates = |e: &Estimate| e.covariance.map(|covariance| coordinates_name(covariance.coordinates));
         dict.set_item("covariance_coordinates", estimates.iter().map(coordinates).collect::<Vec<_>>())?;
-        let body_kind = |e: &Estimate| e.body.as_ref().map(|body| body_name(BodyKind::of(body)));
+        let body_kind = |e: &Estimate| e.body.as_ref().map(|body| BodyKind::of(body).to_string());
         dict.set_item("body_kinds", estimates.iter().map(body_kind).collect::<Vec<_>>())?;
         let rows = |name: &str, width: usize, of: &dyn Fn(&Estimate, &mut Vec<f64>)| {
             let mut values = Vec::with_capacity(width * estimates.len());
@@ -279,9 +277,9 @@ impl PyLocalized {
     /// Detections that took no part: without object, occluded or truncated, beyond the lens, without the measurement that
     /// is used.
     #[getter]
-    fn left_out(&self) -> (usize, usize, usize, usize) {
-        let left_out = self.localization.left_out;
-        let LeftOut { without_object, occluded_or_truncated, beyond_lens, without_measurement } = left_out;
+    fn skipped(&self) -> (usize, usize, usize, usize) {
+        let SkippedDetections { without_object, occluded_or_truncated, beyond_lens, without_measurement, .. } =
+            self.localization.skipped;
         (without_object, occluded_or_truncated, beyond_lens, without_measurement)
     }
 

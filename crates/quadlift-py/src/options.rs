@@ -1,14 +1,15 @@
-//! Options of the localisation, from Python's keywords.
+//! LocalizeOptions of the localisation, from Python's keywords.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use pyo3::prelude::*;
 use quadlift::associate::{AssociateOptions, IdUse};
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
-use quadlift::{MeasurementKind, Options, localize};
+use quadlift::{LocalizeOptions, UnknownName};
 use quadlift_io::builtin_priors;
 use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::priors::{check_metres, parse_priors, plausible_sizes};
@@ -50,8 +51,8 @@ pub struct LocalizeKeywords {
 
 /// What the keywords say.
 pub struct Choices {
-    /// Options of the library.
-    pub options: Options,
+    /// LocalizeOptions of the library.
+    pub options: LocalizeOptions,
     /// Where the priors come from, in words.
     pub priors: Option<String>,
     /// What ids are worth where the scene is associated first; `None` where it is not.
@@ -63,8 +64,8 @@ pub struct Choices {
 impl LocalizeKeywords {
     /// Checks the keywords for a scene.
     pub fn for_scene(&self, scene: &Scene) -> PyResult<Choices> {
-        let method = choice("method", &self.method, &METHODS)?;
-        if method != Method::Map {
+        let mut method: Method = named("method", &self.method)?;
+        if method.map_options().is_none() {
             let given = [
                 ("priors", self.priors.is_some() || self.priors_text.is_some()),
                 ("ground_plane", self.ground_plane),
@@ -77,15 +78,32 @@ impl LocalizeKeywords {
                 return Err(refuse(format!("{name} is an argument of method=\"map\" only")));
             }
         }
-        if method != Method::Reg && self.reg_lambda.is_some() {
-            return Err(refuse("reg_lambda is an argument of method=\"reg\" only"));
+        match (&mut method, self.reg_lambda) {
+            (Method::Reg(reg), Some(lambda)) => reg.lambda = lambda,
+            (_, Some(_)) => return Err(refuse("reg_lambda is an argument of method=\"reg\" only")),
+            _ => {}
         }
-        let mut options = Options {
+        let body = body(&self.body)?;
+        if let Some(map) = method.map_options_mut() {
+            map.body = body;
+            map.upright = self.upright;
+            map.ground_plane = self.ground_plane;
+            map.camera_height = self.camera_height;
+            let sds = self.pose_noise;
+            map.pose_noise = sds.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
+            if let Some(levels) = &self.sigmas {
+                let levels = levels.iter().map(|(name, level)| (name.as_str(), *level));
+                map.sigmas = Some(Sigmas::new(levels).map_err(|error| refuse(format!("sigmas: {error}")))?);
+            }
+        } else if body.is_some_and(|body| body != BodyKind::Ellipsoid) {
+            return Err(refuse("only the method map fits bodies other than ellipsoids"));
+        }
+        let mut options = LocalizeOptions {
             method,
             min_views: self.min_views,
             max_occluded: self.max_occluded,
             max_truncated: self.max_truncated,
-            measurements: choice("observations", &self.observations, &OBSERVATIONS)?,
+            measurements: named("observations", &self.observations)?,
             accept_inconsistent: self.accept_inconsistent,
             seed: self.seed,
             ..Default::default()
@@ -95,23 +113,11 @@ impl LocalizeKeywords {
             Some(false) => Extent::Sample,
             Some(true) => Extent::All,
         };
-        let map = &mut options.map;
-        map.body = body(&self.body)?;
-        map.upright = self.upright;
-        map.ground_plane = self.ground_plane;
-        map.camera_height = self.camera_height;
-        map.pose_noise = self.pose_noise.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
-        if let Some(levels) = &self.sigmas {
-            let levels = levels.iter().map(|(name, level)| (name.as_str(), *level));
-            map.sigmas = Some(Sigmas::new(levels).map_err(|error| refuse(format!("sigmas: {error}")))?);
-        }
-        if let Some(lambda) = self.reg_lambda {
-            options.reg.lambda = lambda;
-        }
-        // An empty scene has nothing that the options could fail on.
-        localize(&Scene::default(), &options, &|_, _| {}).map_err(refuse)?;
+        options.validate().map_err(refuse)?;
         let (priors, name) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
-        options.map.priors = priors;
+        if let Some(map) = options.method.map_options_mut() {
+            map.priors = priors;
+        }
         options.plausible_sizes = plausible_sizes(scene.length_unit.as_deref());
         options.source = self.source.clone();
         Ok(Choices { options, priors: name, ids: self.ids(scene)?, calibration: self.calibration()? })
@@ -181,12 +187,12 @@ pub fn read_priors(
 }
 
 impl Choices {
-    /// Options of the association that goes before the localisation.
+    /// LocalizeOptions of the association that goes before the localisation.
     pub fn of_association(&self, ids: IdUse) -> AssociateOptions {
         AssociateOptions {
             source: self.options.source.clone(),
             ids,
-            priors: self.options.map.priors.clone(),
+            priors: self.options.method.map_options().map(|map| map.priors.clone()).unwrap_or_default(),
             ..Default::default()
         }
     }
@@ -198,22 +204,6 @@ enum When {
     Never,
     Always,
 }
-
-const METHODS: [(&str, Method); 5] = [
-    ("map", Method::Map),
-    ("planes", Method::Planes),
-    ("lfd", Method::Lfd),
-    ("pfd", Method::Pfd),
-    ("reg", Method::Reg),
-];
-
-const OBSERVATIONS: [(&str, MeasurementKind); 5] = [
-    ("auto", MeasurementKind::Auto),
-    ("box", MeasurementKind::Box),
-    ("ellipse", MeasurementKind::Ellipse),
-    ("box+ellipse", MeasurementKind::BoxAndEllipse),
-    ("mask", MeasurementKind::Mask),
-];
 
 /// Names of `ids`: what ids are worth.
 pub const IDS: [(&str, IdUse); 3] = [("trust", IdUse::Trust), ("evidence", IdUse::Evidence), ("ignore", IdUse::Ignore)];
@@ -229,19 +219,24 @@ pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyRe
     Err(refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", "))))
 }
 
+/// The choice of this name; the error names the argument, what was found and what there is.
+fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyResult<T> {
+    name.parse().map_err(|error: UnknownName| {
+        let known: Vec<String> = error.expected.split(", ").map(|name| format!("\"{name}\"")).collect();
+        refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", ")))
+    })
+}
+
 /// `auto`, or a kind of body.
 fn body(name: &str) -> PyResult<Option<BodyKind>> {
-    let exponent = name.strip_prefix("superellipsoid:").and_then(|q| q.parse::<f64>().ok());
-    match (name, exponent) {
-        ("auto", _) => Ok(None),
-        ("ellipsoid", _) => Ok(Some(BodyKind::Ellipsoid)),
-        ("cuboid", _) => Ok(Some(BodyKind::Cuboid)),
-        ("cylinder", _) => Ok(Some(BodyKind::Cylinder)),
-        // Its range is checked with the other options.
-        (_, Some(q)) => Ok(Some(BodyKind::Superellipsoid(q))),
-        _ => Err(refuse(format!(
+    if name == "auto" {
+        return Ok(None);
+    }
+    let refused = |_| {
+        refuse(format!(
             "body is \"{name}\"; expected \"auto\", \"ellipsoid\", \"cuboid\", \"cylinder\" or \"superellipsoid:Q\" with Q from \
              1 (cuboid) to 2 (ellipsoid)"
-        ))),
-    }
+        ))
+    };
+    name.parse().map(Some).map_err(refused)
 }

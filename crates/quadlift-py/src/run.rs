@@ -1,6 +1,7 @@
 //! Long work without Python's lock, with progress, and with Ctrl-C.
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
@@ -8,6 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use pyo3::prelude::*;
+use quadlift::Observer;
 use rayon::ThreadPool;
 
 use crate::error::refuse;
@@ -26,21 +28,16 @@ pub struct Ticker {
     cancelled: AtomicBool,
 }
 
-/// The payload with which cancelled work unwinds.
-struct Cancelled;
-
-impl Ticker {
-    /// Notes the progress; unwinds (without a message) where the work was cancelled, which is the only way to leave the
-    /// library early.
-    pub fn tick(&self, done: usize, total: usize) {
+impl Observer for Ticker {
+    fn progress(&self, done: usize, total: usize) -> ControlFlow<()> {
         // Several threads come here, not always in order.
         self.done.fetch_max(done, Ordering::Relaxed);
         self.total.store(total, Ordering::Relaxed);
-        if self.cancelled.load(Ordering::Relaxed) {
-            resume_unwind(Box::new(Cancelled));
-        }
+        if self.cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
+}
 
+impl Ticker {
     /// Begins a new piece of work, whose counts start from 0.
     pub fn restart(&self) {
         self.done.store(0, Ordering::Relaxed);

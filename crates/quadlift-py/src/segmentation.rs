@@ -4,6 +4,7 @@ use std::fs::create_dir_all;
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
+use quadlift::Observer;
 use quadlift::scene::SourceError;
 use quadlift_io::SceneFile;
 use quadlift_io::segmentation::{Method, SegmentSceneError, Settings, Step, add_to_scene, segment_scene};
@@ -47,10 +48,11 @@ impl SegmentKeywords {
         }
         let settings = Settings { method, source: self.source, seed: self.seed, with_crops: false };
         let segmentation = segment_scene(scene, &images, &settings, &|step, done, total| {
-            ticker.tick(done, total);
+            let next = ticker.progress(done, total);
             if step == Step::Images && done == total {
                 ticker.restart();
             }
+            next
         });
         let segmentation = segmentation.map_err(|error| match error {
             SegmentSceneError::Source(error @ SourceError::Several(_)) => format!("{error} (source=...)"),

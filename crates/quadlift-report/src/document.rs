@@ -225,7 +225,7 @@ mod tests {
     fn estimate(fields: serde_json::Value) -> SceneFile {
         let file = json!({ "format": "quadlift.scene", "version": 1, "objects": [fields],
             "localization": { "settings": { "source": "yolo", "seed": 0, "priors": null }, "noise": { "edge": 0.0123 },
-                              "left_out": { "without_object": 3, "beyond_lens": 0 } } });
+                              "skipped": { "without_object": 3, "beyond_lens": 0 } } });
         serde_json::from_value(file).unwrap()
     }
 

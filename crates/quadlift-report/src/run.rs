@@ -121,7 +121,11 @@ fn calibrated_limit(file: &SceneFile) -> Option<f64> {
 
 /// What took no part, in sentences.
 pub fn run_notes(file: &SceneFile) -> Vec<String> {
-    let left_out = |name: &str| file.localization.as_ref()?.get("left_out")?.get(name)?.as_u64();
+    // Files of version 0.1.0 say "left_out".
+    let skipped = |name: &str| {
+        let about = file.localization.as_ref()?;
+        about.get("skipped").or_else(|| about.get("left_out"))?.get(name)?.as_u64()
+    };
     let reasons = [
         ("without_object", "they name no object"),
         ("occluded_or_truncated", "they are too occluded or truncated"),
@@ -129,7 +133,7 @@ pub fn run_notes(file: &SceneFile) -> Vec<String> {
         ("without_measurement", "they lack the measurement that was asked for"),
     ];
     let note = |(name, reason): (&str, &str)| {
-        let number = left_out(name).filter(|&number| number > 0)?;
+        let number = skipped(name).filter(|&number| number > 0)?;
         Some(format!("{number} detections took no part: {reason}"))
     };
     let corrections = file.localization.as_ref().and_then(|run| run.get("corrections")?.as_array());

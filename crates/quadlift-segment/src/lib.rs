@@ -66,6 +66,5 @@ pub use polygon::{PolygonError, Polygons};
 pub use rle::{Rle, RleError};
 pub use sca::ScaOptions;
 pub use segment::{
-    Progress, SegmentError, SegmentMethod, SegmentOptions, SegmentStatus, ViewSegmentation, segment_object,
-    segment_objects,
+    SegmentError, SegmentMethod, SegmentOptions, SegmentStatus, ViewSegmentation, segment_object, segment_objects,
 };

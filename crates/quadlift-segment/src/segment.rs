@@ -1,8 +1,9 @@
 //! The one call: crops of an object in, masks and ellipses out.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use nalgebra::Vector2;
+use quadlift::Observer;
 use quadlift::geometry::Ellipse;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -83,6 +84,9 @@ pub enum SegmentError {
         .0.grid, .0.margin, .1.grid, .1.margin
     )]
     CropsDiffer(CropOptions, CropOptions),
+    /// The observer cancelled the work.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 /// What came of a view.
@@ -160,19 +164,22 @@ fn threshold(odds: Vec<PixelOdds>) -> Vec<Labelled> {
     odds.into_iter().map(labels).collect()
 }
 
-/// Called with the number of objects done and their total, from any thread.
-pub type Progress<'a> = &'a (dyn Fn(usize, usize) + Sync);
-
-/// Segments many objects, each by its crops, in parallel; see [`segment_object`].
+/// Segments many objects, each by its crops, in parallel; see [`segment_object`]. Where the observer cancels, the
+/// objects that are left have the error [`SegmentError::Cancelled`].
 pub fn segment_objects(
     objects: &[Vec<Crop>],
     options: &SegmentOptions,
-    progress: Progress,
+    observer: &dyn Observer,
 ) -> Vec<Result<Vec<ViewSegmentation>, SegmentError>> {
-    let done = AtomicUsize::new(0);
+    let (done, cancelled) = (AtomicUsize::new(0), AtomicBool::new(false));
     map_indices(objects.len(), |index| {
+        if cancelled.load(Ordering::Relaxed) {
+            return Err(SegmentError::Cancelled);
+        }
         let views = segment_object(&objects[index], options);
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, objects.len());
+        if observer.progress(done.fetch_add(1, Ordering::Relaxed) + 1, objects.len()).is_break() {
+            cancelled.store(true, Ordering::Relaxed);
+        }
         views
     })
 }

@@ -2,6 +2,8 @@
 // Helpers of tests, which clippy does not take for tests.
 #![allow(clippy::unwrap_used)]
 
+use std::ops::ControlFlow;
+
 use image::{Rgb, RgbImage};
 use nalgebra::Vector2;
 use quadlift::geometry::{BoundingBox, Ellipse};
@@ -190,12 +192,16 @@ fn many_objects_give_the_same_as_each_alone_on_any_number_of_threads() {
     let progress = |done: usize, total: usize| {
         assert!(done <= total && total == 4);
         count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        ControlFlow::Continue(())
     };
     assert_eq!(segment_objects(&objects, &options, &progress), alone);
     assert_eq!(count.into_inner(), 4);
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(|| segment_objects(&objects, &options, &|_, _| ())), alone);
+        assert_eq!(
+            pool.install(|| segment_objects(&objects, &options, &|_: usize, _: usize| ControlFlow::Continue(()))),
+            alone
+        );
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! ```
 //! use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
-//! use quadlift::{Options, localize};
+//! use quadlift::{LocalizeOptions, localize};
 //!
 //! // Three objects in 20 views, and boxes with noise; `scene::SceneBuilder` builds a scene from your own data.
 //! let synthetic = generate(&SyntheticOptions {
@@ -15,7 +15,7 @@
 //!     noise: vec![Noise::BoxEdges(0.02)],
 //!     ..Default::default()
 //! })?;
-//! let result = localize(&synthetic.scene, &Options::default(), &|_done, _total| {})?;
+//! let result = localize(&synthetic.scene, &LocalizeOptions::default())?;
 //! for (estimate, (id, _truth)) in result.estimates.iter().zip(&synthetic.truth) {
 //!     println!("{id}: {}, {:?}", estimate.status.name(), estimate.ellipsoid());
 //!     assert!(estimate.body.is_some());
@@ -37,11 +37,19 @@ pub mod diagnose;
 pub mod geometry;
 mod localize;
 pub mod metrics;
+mod names;
+mod observer;
 mod optimize;
 mod parallel;
 pub mod scene;
 pub mod solve;
 pub mod synthetic;
 
-pub use associate::associate;
-pub use localize::{LeftOut, Localization, LocalizeError, MeasurementKind, Options, Progress, localize};
+pub use associate::{associate, associate_observed};
+pub use localize::{
+    Localization, LocalizeError, LocalizeOptions, MeasurementKind, OptionError, localize, localize_observed,
+};
+pub use names::UnknownName;
+pub use observer::Observer;
+// Its types are part of this API.
+pub use nalgebra;

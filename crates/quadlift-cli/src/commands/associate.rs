@@ -5,9 +5,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::builder::RangedU64ValueParser;
-use quadlift::associate;
 use quadlift::associate::AssociateOptions;
-use quadlift::scene::Scene;
 use quadlift_io::association::{association_record, write_objects};
 use quadlift_io::guard::check_not_read;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
@@ -121,9 +119,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         },
         ..Default::default()
     };
-    // An empty scene has nothing that the options could fail on, except for the source.
-    let without_source = AssociateOptions { source: None, ..options.clone() };
-    if let Err(error) = associate(&Scene::default(), &without_source, &|_, _| {}) {
+    if let Err(error) = options.validate() {
         return usage(error.to_string());
     }
     let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;

@@ -161,7 +161,7 @@ pub fn to_json(added: &AddedDetections, notes: &[String]) -> Value {
         "matched_images": added.matched_images,
         "images_without_frame": added.images_without_frame,
         "frames_without_image": added.frames_without_image,
-        "left_out": { "in_no_frame": added.in_no_frame, "low_score": added.low_score, "empty": added.empty },
+        "skipped": { "in_no_frame": added.in_no_frame, "low_score": added.low_score, "empty": added.empty },
         "removed": added.removed,
         "notes": notes,
     })

@@ -7,17 +7,18 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use quadlift::associate::AssociateOptions;
 use quadlift::cross_validation::Extent;
-use quadlift::solve::{Estimate, Method, PoseNoise, Rejection, Sigmas, Status};
-use quadlift::{MeasurementKind, Options};
+use quadlift::solve::{BodyKind, Estimate, Method, PoseNoise, Rejection, Sigmas, Status};
+use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::{Detail, write_localized_file};
-use quadlift_io::scene_file::{count_localised, cross_validation_record, left_out_record, noise_record};
+use quadlift_io::scene_file::{count_localised, cross_validation_record, noise_record, skipped_record};
 use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
 use serde_json::{Value, json};
 
@@ -79,8 +80,8 @@ pub struct Args {
     detail: DetailName,
 
     /// Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularised one)
-    #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodName::Map, hide_possible_values = true)]
-    method: MethodName,
+    #[arg(long, value_name = "METHOD", default_value = "map", value_parser = method(), hide_possible_values = true)]
+    method: Method,
 
     /// Weight of the regulariser, for --method reg only [default: 1e16]
     #[arg(long, value_name = "X", value_parser = args::finite)]
@@ -98,8 +99,8 @@ pub struct Args {
     /// Which measurements of a detection are used: auto (what it has; of both the box for place and size, the ellipse
     /// for shape), box, ellipse, box+ellipse, or mask (its outline, with map and planes); detections that lack what is
     /// asked for take no part
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = ObservationName::Auto, hide_possible_values = true)]
-    observations: ObservationName,
+    #[arg(long, value_name = "WHAT", default_value = "auto", value_parser = observations(), hide_possible_values = true)]
+    observations: MeasurementKind,
 
     /// Associate detections that show the same object first: auto (if any lack an id), never or always
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = When::Auto, hide_possible_values = true)]
@@ -195,68 +196,56 @@ impl From<DetailName> for Detail {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
-enum MethodName {
-    Map,
-    Planes,
-    Lfd,
-    Pfd,
-    Reg,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
-enum ObservationName {
-    Auto,
-    Box,
-    Ellipse,
-    #[value(name = "box+ellipse")]
-    BoxAndEllipse,
-    Mask,
-}
-
 impl Args {
     fn settings(&self) -> anyhow::Result<Settings> {
-        let method = match self.method {
-            MethodName::Map => Method::Map,
-            MethodName::Planes => Method::Planes,
-            MethodName::Lfd => Method::Lfd,
-            MethodName::Pfd => Method::Pfd,
-            MethodName::Reg => Method::Reg,
-        };
-        if self.lambda.is_some() && method != Method::Reg {
-            return usage("--lambda is an option of --method reg only");
+        let mut method = self.method.clone();
+        let options_of_map = [
+            (self.body.0.is_some_and(|body| body != BodyKind::Ellipsoid), "--body is an option"),
+            (
+                self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some(),
+                "--ground-plane, --camera-height and --pose-noise are options",
+            ),
+            (self.no_upright, "--no-upright is an option"),
+            (self.sigmas.is_some(), "--sigmas is an option"),
+            (self.priors.is_some(), "--priors is an option"),
+        ];
+        match &mut method {
+            Method::Map(map) => {
+                map.body = self.body.0;
+                map.upright = !self.no_upright;
+                map.ground_plane = self.ground_plane;
+                map.camera_height = self.camera_height;
+                map.pose_noise = self.pose_noise;
+                map.sigmas = self.sigmas.as_ref().map(read_sigmas).transpose()?;
+            }
+            _ => {
+                if let Some((_, what)) = options_of_map.into_iter().find(|(given, _)| *given) {
+                    return usage(format!("{what} of --method map only"));
+                }
+                if !self.calibration.is_empty() {
+                    return usage(
+                        "--calibration is an option of --method map only: the other methods give no covariance",
+                    );
+                }
+            }
         }
-        if (self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some()) && method != Method::Map {
-            return usage("--ground-plane, --camera-height and --pose-noise are options of --method map only");
-        }
-        if self.no_upright && method != Method::Map {
-            return usage("--no-upright is an option of --method map only");
-        }
-        if !self.calibration.is_empty() && method != Method::Map {
-            return usage("--calibration is an option of --method map only: the other methods give no covariance");
-        }
-        if self.sigmas.is_some() && method != Method::Map {
-            return usage("--sigmas is an option of --method map only");
+        match (&mut method, self.lambda) {
+            (Method::Reg(reg), Some(lambda)) => reg.lambda = lambda,
+            (_, Some(_)) => return usage("--lambda is an option of --method reg only"),
+            _ => {}
         }
         let priors = match &self.priors {
             None => PriorSource::None,
-            Some(_) if method != Method::Map => return usage("--priors is an option of --method map only"),
             Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
             Some(path) => PriorSource::File(path.clone()),
         };
-        let mut options = Options {
+        let mut options = LocalizeOptions {
             method,
             source: self.source.clone(),
             min_views: self.min_views,
             max_occluded: self.max_occluded,
             max_truncated: self.max_truncated,
-            measurements: match self.observations {
-                ObservationName::Auto => MeasurementKind::Auto,
-                ObservationName::Box => MeasurementKind::Box,
-                ObservationName::Ellipse => MeasurementKind::Ellipse,
-                ObservationName::BoxAndEllipse => MeasurementKind::BoxAndEllipse,
-                ObservationName::Mask => MeasurementKind::Mask,
-            },
+            measurements: self.observations,
             seed: self.seed,
             accept_inconsistent: self.check.accept_inconsistent,
             ..Default::default()
@@ -264,17 +253,18 @@ impl Args {
         if self.cross_validate {
             options.cross_validation.extent = Extent::All;
         }
-        options.map.body = self.body.0;
-        options.map.upright = !self.no_upright;
-        options.map.ground_plane = self.ground_plane;
-        options.map.camera_height = self.camera_height;
-        options.map.pose_noise = self.pose_noise;
-        options.map.sigmas = self.sigmas.as_ref().map(read_sigmas).transpose()?;
-        if let Some(lambda) = self.lambda {
-            options.reg.lambda = lambda;
-        }
         Settings::new(options, priors)
     }
+}
+
+/// Reads a method by its name.
+fn method() -> impl TypedValueParser<Value = Method> {
+    PossibleValuesParser::new(Method::NAMES).try_map(|name| name.parse::<Method>())
+}
+
+/// Reads a kind of measurement by its name.
+fn observations() -> impl TypedValueParser<Value = MeasurementKind> {
+    PossibleValuesParser::new(MeasurementKind::NAMES).try_map(|name| name.parse::<MeasurementKind>())
 }
 
 /// Noise levels that were given, or those of an earlier result.
@@ -433,7 +423,7 @@ fn one_scene(
         let options = AssociateOptions {
             source: settings.options.source.clone(),
             ids,
-            priors: settings.options.map.priors.clone(),
+            priors: settings.priors_on_categories(),
             ..Default::default()
         };
         let found = associate_and_check(&title, &mut corrected, input, &options, &mut check, out);
@@ -459,7 +449,7 @@ fn one_scene(
     let mut localization = localize_scene(&title, &scene, settings, out).with_context(|| title.clone())?;
     if identities.is_some() {
         // Told with the identities.
-        localization.left_out.without_object = 0;
+        localization.skipped.without_object = 0;
     }
     check.update(&localization.diagnosis);
     refuse_objects(&mut localization, &check.diagnosis, args.check.accept_inconsistent);
@@ -543,7 +533,7 @@ fn one_scene(
         document["localised"] = localised.into();
         document["noise"] = noise_record(&localization).into();
         document["cross_validation"] = cross_validation_record(&localization);
-        document["left_out"] = left_out_record(&localization);
+        document["skipped"] = skipped_record(&localization);
         if let Some(calibration) = calibration {
             document["calibration"] = calibration.clone();
         }

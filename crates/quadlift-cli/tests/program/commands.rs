@@ -76,7 +76,7 @@ fn a_small_scene_is_localised_and_scored() {
         "localization",
         serde_json::to_string_pretty(&json!({
             "settings": result["localization"]["settings"],
-            "left_out": result["localization"]["left_out"],
+            "skipped": result["localization"]["skipped"],
             "status": result["localization"]["status"],
             "keys": result.as_object().unwrap().keys().collect::<Vec<_>>(),
         }))
@@ -200,13 +200,13 @@ fn detections_without_object_ids_are_given_to_their_objects_or_counted() {
     let found = folder.json("out.json");
     assert_eq!(found["detections"].as_array().unwrap().len(), 12);
     assert_eq!((&found["detections"][0]["object"], &found["detections"][11]["object"]), (&first, &json!("object_001")));
-    assert_eq!(found["localization"]["left_out"]["without_object"], 0);
+    assert_eq!(found["localization"]["skipped"]["without_object"], 0);
     // Not where it is not wanted.
     let text = folder.succeed("localize scene.json --associate never");
     assert!(text.contains("warning: left out 3 detections without an object id"), "{text}");
     let document: Value =
         serde_json::from_str(&folder.succeed("localize scene.json --associate never --json")).unwrap();
-    assert_eq!(document["scenes"][0]["left_out"]["without_object"], 3);
+    assert_eq!(document["scenes"][0]["skipped"]["without_object"], 3);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use quadlift::geometry::Ellipsoid;
 use quadlift::metrics::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, MapOptions};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 
 use crate::error::Error;
 use crate::scores::mean;
@@ -84,7 +84,7 @@ impl Case {
     /// # Errors
     /// [`Error::Associate`] when the options do not fit the scene.
     pub fn division(&self, options: &AssociateOptions) -> Result<Division, Error> {
-        let association = associate(&self.scene, options, &|_, _| {})?;
+        let association = associate(&self.scene, options)?;
         let (standing, false_objects) = self.marked(&association);
         let score = pairwise_clustering_scores(&self.true_objects, &association.object_of_detection);
         Ok(Division { score, standing, false_objects })
@@ -95,7 +95,7 @@ impl Case {
     /// # Errors
     /// [`Error::Associate`], [`Error::Localize`] when options do not fit the scene.
     pub fn score(&self, options: &AssociateOptions) -> Result<CaseScore, Error> {
-        let association = associate(&self.scene, options, &|_, _| {})?;
+        let association = associate(&self.scene, options)?;
         let (standing, false_objects) = self.marked(&association);
         let bodies: Vec<Option<Ellipsoid>> = association.objects.iter().map(|object| object.ellipsoid).collect();
         Ok(CaseScore {
@@ -139,7 +139,7 @@ impl Case {
     /// not there.
     fn o3d(&self, scene: &Scene) -> Result<f64, Error> {
         let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
-        let localization = localize(scene, &Options { map, ..Default::default() }, &|_, _| {})?;
+        let localization = localize(scene, &LocalizeOptions::from(map))?;
         let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
         let score = score_found(&estimates, &self.detected_bodies(), 0.0);
         Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))

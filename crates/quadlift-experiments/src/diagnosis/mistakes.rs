@@ -6,9 +6,9 @@ use quadlift::diagnose::{BoxFormat, CameraParts, CauseName, Correction, Mistake}
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::{Detection, Frame, Scene};
-use quadlift::solve::BodyKind;
+use quadlift::solve::{BodyKind, MapOptions, Method};
 use quadlift::synthetic::Trajectory;
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -199,9 +199,9 @@ pub(super) fn harm(truth: &[(String, Body)], right: &HashMap<String, Body>, wron
 
 /// The estimated bodies by the names of their objects.
 pub(super) fn bodies(scene: &Scene) -> HashMap<String, Body> {
-    let mut options = Options { accept_inconsistent: true, ..Default::default() };
-    options.map.body = Some(BodyKind::Ellipsoid);
-    let Ok(localization) = localize(scene, &options, &|_, _| {}) else { return HashMap::new() };
+    let mut options = LocalizeOptions { accept_inconsistent: true, ..Default::default() };
+    options.method = Method::Map(MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() });
+    let Ok(localization) = localize(scene, &options) else { return HashMap::new() };
     let named = |e: quadlift::solve::Estimate| Some((scene.object_ids[e.object_index].clone(), e.body?));
     localization.estimates.into_iter().filter_map(named).collect()
 }

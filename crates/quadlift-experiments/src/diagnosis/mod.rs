@@ -171,7 +171,7 @@ fn scenes_without_ids(first: u64, count: u64, steps: &Steps) -> (Vec<Diagnosis>,
     let options = AssociateOptions::default();
     let check = |scene: &Scene| -> Option<Diagnosis> {
         let scene = scenes::without_ids(scene);
-        let association = associate(&scene, &options, &|_, _| {}).ok()?;
+        let association = associate(&scene, &options).ok()?;
         diagnose_association(&scene, &association, &options).ok()
     };
     let (mut right, mut wrong) = (Vec::new(), Vec::new());

@@ -9,7 +9,7 @@ mod scenes;
 use std::path::Path;
 
 use quadlift::solve::{MapOptions, Method};
-use quadlift::{MeasurementKind, Options};
+use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_segment::{SegmentMethod, SegmentOptions};
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ use self::prototype::PrototypeRow;
 use self::scenes::ImageScene;
 use crate::data::{TrueScene, data_folder};
 use crate::error::Error;
-use crate::methods::{MethodRow, RowScores, run_rows};
+use crate::methods::{MethodRow, RowScores, reg, run_rows};
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
 use crate::scores::{Figure, Measure, pooled};
@@ -212,21 +212,23 @@ fn rows(measured: Measured) -> Vec<MethodRow> {
     let closed = |method, setting: &str| MethodRow { setting: setting.to_owned(), ..MethodRow::closed_form(method) };
     let map = |setting: &str, measurements| {
         let row = MethodRow::map(setting, MapOptions::default());
-        MethodRow { options: Options { measurements, ..row.options }, ..row }
+        MethodRow { options: LocalizeOptions { measurements, ..row.options }, ..row }
     };
-    let masks =
-        |row: MethodRow| MethodRow { options: Options { measurements: MeasurementKind::Mask, ..row.options }, ..row };
+    let masks = |row: MethodRow| MethodRow {
+        options: LocalizeOptions { measurements: MeasurementKind::Mask, ..row.options },
+        ..row
+    };
     match measured {
         Measured::Boxes => vec![
             closed(Method::Pfd, "boxes (the paper's PfD)"),
-            closed(Method::Reg, "boxes (the paper's PfD+REG)"),
+            closed(reg(), "boxes (the paper's PfD+REG)"),
             closed(Method::Lfd, "boxes"),
             closed(Method::Planes, "boxes"),
             map("boxes", MeasurementKind::Box),
         ],
         Measured::Found => vec![
             closed(Method::Pfd, "ellipses (the paper's PfD+ES)"),
-            closed(Method::Reg, "ellipses (the paper's PfD+ES+REG)"),
+            closed(reg(), "ellipses (the paper's PfD+ES+REG)"),
             closed(Method::Lfd, "ellipses"),
             map("ellipses", MeasurementKind::Ellipse),
             map("boxes and ellipses", MeasurementKind::Auto),
@@ -275,7 +277,7 @@ impl ImageSet {
     /// Localises all objects with each row.
     fn scores(&self, extent: Extent, seed: u64, steps: &Steps) -> Result<Vec<RowScores>, Error> {
         let mut all = Vec::new();
-        let protocol = |options: &mut Options| {
+        let protocol = |options: &mut LocalizeOptions| {
             options.source = self.source.map(str::to_owned);
             options.seed = seed;
         };

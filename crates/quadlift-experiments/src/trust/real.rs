@@ -5,8 +5,8 @@ use std::path::Path;
 
 use quadlift::geometry::Body;
 use quadlift::metrics::TruthObject;
-use quadlift::solve::{BodyKind, Estimate, MapOptions};
-use quadlift::{Options, localize};
+use quadlift::solve::{BodyKind, Estimate, MapOptions, Method};
+use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
 
@@ -63,17 +63,17 @@ pub(super) fn sets() -> Vec<RealSet> {
 
 impl RealSet {
     /// The options: those of a user who knows what the objects are.
-    fn options(&self, source: &str, seed: u64) -> Options {
-        let mut options = Options { source: Some(source.to_owned()), seed, ..Default::default() };
+    fn options(&self, source: &str, seed: u64) -> LocalizeOptions {
+        let mut options = LocalizeOptions { source: Some(source.to_owned()), seed, ..Default::default() };
         if self.cars {
             options.max_occluded = Some(1.0);
             options.max_truncated = Some(0.0);
-            options.map = MapOptions {
+            options.method = Method::Map(MapOptions {
                 body: Some(BodyKind::Cuboid),
                 priors: builtin_priors(),
                 camera_height: Some(CAMERA_HEIGHT),
                 ..Default::default()
-            };
+            });
         }
         options
     }
@@ -91,8 +91,8 @@ impl RealSet {
         seed: u64,
     ) -> Result<BTreeMap<String, Body>, Error> {
         let mut options = self.options(EXACT, seed);
-        options.map.body = body;
-        let localization = localize(&scene.scene, &options, &|_, _| {})?;
+        options.method.map_options_mut().into_iter().for_each(|map| map.body = body);
+        let localization = localize(&scene.scene, &options)?;
         let named = |e: &Estimate| Some((scene.scene.object_ids[e.object_index].clone(), e.body?));
         Ok(localization.estimates.iter().filter_map(named).collect())
     }
@@ -120,8 +120,8 @@ impl RealSet {
             }
             let scene = TrueScene::read(data, file, file)?;
             let mut options = self.options(source, seed);
-            change(&mut options.map);
-            let localization = localize(&scene.scene, &options, &|_, _| {})?;
+            options.method.map_options_mut().into_iter().for_each(change);
+            let localization = localize(&scene.scene, &options)?;
             let exact = match against {
                 Against::Truth => None,
                 Against::ExactBoxes => Some(self.of_exact_boxes(&scene, localization.body, seed)?),

@@ -2,7 +2,7 @@
 
 use quadlift::solve::{BodyKind, MapOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
 
 use super::regions::{Coverage, Judged, LEVELS, Part};
@@ -72,8 +72,8 @@ fn cell(kind: &Kind, span: f64, views: usize, scenes: u64, seed: u64) -> Result<
             noise: kind.noise.to_vec(),
             ..Default::default()
         })?;
-        let options = Options { map: map.clone(), seed, ..Default::default() };
-        let localization = localize(&synthetic.scene, &options, &|_, _| {})?;
+        let options = LocalizeOptions { seed, ..LocalizeOptions::from(map.clone()) };
+        let localization = localize(&synthetic.scene, &options)?;
         let pairs = localization.estimates.iter().zip(&synthetic.truth);
         Ok(pairs.filter_map(|(estimate, (_, truth))| Judged::new(estimate, truth)).collect())
     };

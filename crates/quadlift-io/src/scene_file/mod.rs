@@ -37,7 +37,7 @@ pub use records::{
 };
 pub use results::{Detail, cross_validation_of_object, estimates_to_objects};
 pub use run::{
-    body_name, count_localised, cross_validation_record, fitted_body_name, left_out_record, method_name, noise_record,
-    observations_name, settings_record, status_counts,
+    count_localised, cross_validation_record, fitted_body_name, noise_record, settings_record, skipped_record,
+    status_counts,
 };
 pub use write::{write_localized_file, write_scene, write_scene_file};

@@ -2,8 +2,8 @@
 
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Estimate, Method, Sigmas, Status};
-use quadlift::{Localization, MeasurementKind, Options};
+use quadlift::solve::{BodyKind, Estimate, Method, PoseNoise, Sigmas, Status};
+use quadlift::{Localization, LocalizeOptions};
 use serde_json::{Map, Value, json};
 
 use super::records::SceneFile;
@@ -11,58 +11,25 @@ use super::results::estimates_to_objects;
 use crate::diagnosis::{Context, diagnosis_record};
 use crate::error::EntryError;
 
-/// The name of the used measurements on the command line and in files.
-pub fn observations_name(measurements: MeasurementKind) -> &'static str {
-    match measurements {
-        MeasurementKind::Auto => "auto",
-        MeasurementKind::Box => "box",
-        MeasurementKind::Ellipse => "ellipse",
-        MeasurementKind::BoxAndEllipse => "box+ellipse",
-        MeasurementKind::Mask => "mask",
-    }
-}
-
-/// The name of a method on the command line and in files.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Map => "map",
-        Method::Planes => "planes",
-        Method::Lfd => "lfd",
-        Method::Pfd => "pfd",
-        Method::Reg => "reg",
-    }
-}
-
-/// The name of a kind of body on the command line and in files.
-pub fn body_name(body: BodyKind) -> String {
-    match body {
-        BodyKind::Ellipsoid => "ellipsoid".to_owned(),
-        BodyKind::Cuboid => "cuboid".to_owned(),
-        BodyKind::Cylinder => "cylinder".to_owned(),
-        BodyKind::Superellipsoid(q) => format!("superellipsoid:{q}"),
-    }
-}
-
 /// The name of the kind of body that was fitted: `mixed` where objects differ.
 pub fn fitted_body_name(body: Option<BodyKind>) -> String {
-    body.map_or_else(|| "mixed".to_owned(), body_name)
+    body.map_or_else(|| "mixed".to_owned(), |body| body.to_string())
 }
 
 /// The settings as they are written to the result; `priors` says where those in the options come from. The number of
 /// threads is not among them: it changes nothing.
-pub fn settings_record(options: &Options, priors: Option<&str>) -> Value {
+pub fn settings_record(options: &LocalizeOptions, priors: Option<&str>) -> Value {
     let mut json = json!({
-        "method": method_name(options.method),
+        "method": options.method.name(),
         "source": options.source,
-        "observations": observations_name(options.measurements),
+        "observations": options.measurements.name(),
         "min_views": options.min_views.max(options.method.fewest_views()),
         "max_occluded": options.max_occluded,
         "max_truncated": options.max_truncated,
         "seed": options.seed,
     });
-    if options.method == Method::Map {
-        let map = &options.map;
-        json["body"] = map.body.map_or_else(|| "auto".to_owned(), body_name).into();
+    if let Some(map) = options.method.map_options() {
+        json["body"] = map.body.map_or_else(|| "auto".to_owned(), |body| body.to_string()).into();
         json["upright"] = map.upright.into();
         json["ground_plane"] = map.ground_plane.into();
         json["camera_height"] = map.camera_height.into();
@@ -71,8 +38,8 @@ pub fn settings_record(options: &Options, priors: Option<&str>) -> Value {
         let levels = |sigmas: &Sigmas| sigmas.levels().map(|(name, x)| (name.to_owned(), x.into())).collect();
         json["sigmas"] = map.sigmas.as_ref().map_or(Value::Null, |sigmas| Value::Object(levels(sigmas)));
     }
-    if options.method == Method::Reg {
-        json["lambda"] = options.reg.lambda.into();
+    if let Method::Reg(options) = &options.method {
+        json["lambda"] = options.lambda.into();
     }
     json
 }
@@ -84,7 +51,12 @@ pub fn count_localised(estimates: &[Estimate]) -> usize {
 
 /// The noise levels by name.
 pub fn noise_record(localization: &Localization) -> Map<String, Value> {
-    localization.noise.iter().map(|(name, level)| ((*name).to_owned(), Value::from(*level))).collect()
+    let of_poses = localization.pose_noise.map(|poses| {
+        let PoseNoise { rotation_sd, translation_sd } = poses;
+        [("pose_rotation", rotation_sd), ("pose_translation", translation_sd)]
+    });
+    let levels = localization.noise.levels().chain(of_poses.into_iter().flatten());
+    levels.map(|(name, level)| (name.to_owned(), Value::from(level))).collect()
 }
 
 /// What the views that were left out tell about a scene; null where none could be predicted.
@@ -111,13 +83,13 @@ pub fn status_counts(estimates: &[Estimate]) -> Map<String, Value> {
 }
 
 /// The detections that took no part, by reason.
-pub fn left_out_record(localization: &Localization) -> Value {
-    let left_out = localization.left_out;
+pub fn skipped_record(localization: &Localization) -> Value {
+    let skipped = localization.skipped;
     json!({
-        "without_object": left_out.without_object,
-        "occluded_or_truncated": left_out.occluded_or_truncated,
-        "beyond_lens": left_out.beyond_lens,
-        "without_measurement": left_out.without_measurement,
+        "without_object": skipped.without_object,
+        "occluded_or_truncated": skipped.occluded_or_truncated,
+        "beyond_lens": skipped.beyond_lens,
+        "without_measurement": skipped.without_measurement,
     })
 }
 
@@ -159,7 +131,7 @@ impl SceneFile {
             "objects": localization.estimates.len(),
             "localised": count_localised(&localization.estimates),
             "status": status_counts(&localization.estimates),
-            "left_out": left_out_record(localization),
+            "skipped": skipped_record(localization),
             "noise": noise_record(localization),
             "cross_validation": cross_validation_record(localization),
             "diagnosis": diagnosis_record(&localization.diagnosis, &Context::of(self, 0)),

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use quadlift::Observer;
 use quadlift::scene::Scene;
 use quadlift_segment::FrameMasks;
 
@@ -24,7 +25,7 @@ impl SceneFile {
         path: &Path,
         scene: &mut Scene,
         source_index: Option<u32>,
-        progress: &dyn Fn(usize, usize),
+        observer: &dyn Observer,
     ) -> Result<Vec<(usize, ReadError)>, EntryError> {
         let images = self.to_images(path)?;
         let fell_back = |index: usize| {
@@ -39,7 +40,9 @@ impl SceneFile {
         }
         let mut problems = Vec::new();
         for (done, (&frame, detections)) in frames.iter().enumerate() {
-            progress(done, frames.len());
+            if observer.progress(done, frames.len()).is_break() {
+                break;
+            }
             let mut masks = Vec::with_capacity(detections.len());
             for (&index, mask) in detections.iter().zip(images.read_masks(scene, detections)) {
                 match mask {
@@ -54,7 +57,7 @@ impl SceneFile {
                 scene.detections[*index].support_lines = lines.map(Box::new);
             }
         }
-        progress(frames.len(), frames.len());
+        let _ = observer.progress(frames.len(), frames.len());
         Ok(problems)
     }
 }

@@ -208,10 +208,10 @@ mod tests {
         let made = SyntheticOptions { objects: 3, views: 6, observations: Observations::Boxes, ..Default::default() };
         let scene = generate(&made).unwrap().scene;
         for kind in [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Cylinder, BodyKind::Superellipsoid(1.5)] {
-            let mut options = quadlift::Options::default();
-            options.map.body = Some(kind);
+            let mut options = quadlift::LocalizeOptions::default();
+            options.method.map_options_mut().unwrap().body = Some(kind);
             options.cross_validation.extent = quadlift::cross_validation::Extent::All;
-            let found = quadlift::localize(&scene, &options, &|_, _| {}).unwrap();
+            let found = quadlift::localize(&scene, &options).unwrap();
             let mut result = SceneFile::default().localized(&scene, &found, Value::Null);
             result.localization = None;
             let mut bytes = Vec::new();

@@ -218,7 +218,7 @@ mod tests {
 
         let made = SyntheticOptions { objects: 5, views: 6, observations: Observations::Boxes, ..Default::default() };
         let scene = generate(&made).unwrap().scene;
-        let localization = quadlift::localize(&scene, &quadlift::Options::default(), &|_, _| {}).unwrap();
+        let localization = quadlift::localize(&scene, &quadlift::LocalizeOptions::default()).unwrap();
         let mut at_once = Vec::new();
         write_scene(&small().localized(&scene, &localization, serde_json::Value::Null), &mut at_once).unwrap();
         let folder = tempfile::tempdir().unwrap();

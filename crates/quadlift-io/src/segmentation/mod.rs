@@ -4,6 +4,7 @@
 mod result;
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use nalgebra::Vector2;
@@ -57,7 +58,7 @@ pub enum Step {
 }
 
 /// Called with the number of things done and their total, from any thread.
-pub type Progress<'a> = &'a (dyn Fn(Step, usize, usize) + Sync);
+pub type Progress<'a> = &'a (dyn Fn(Step, usize, usize) -> ControlFlow<()> + Sync);
 
 /// How frames get their images, for messages.
 const HOW_TO_NAME_IMAGES: &str = "`quadlift import FORMAT ... --images DIR` names the folder of the images; `quadlift \
@@ -218,7 +219,9 @@ pub fn segment_scene(
     let frames = by_frame(scene, &detections);
     segmentation.groups = by_object(scene, &frames);
     for (done, (&frame, detections)) in frames.iter().enumerate() {
-        progress(Step::Images, done, frames.len());
+        if progress(Step::Images, done, frames.len()).is_break() {
+            return Err(SegmentError::Cancelled.into());
+        }
         if reads_masks {
             take_masks(scene, images, detections, &mut segmentation);
         }
@@ -226,7 +229,9 @@ pub fn segment_scene(
             cut_crops(scene, images, frame, detections, &mut segmentation);
         }
     }
-    progress(Step::Images, frames.len(), frames.len());
+    if progress(Step::Images, frames.len(), frames.len()).is_break() {
+        return Err(SegmentError::Cancelled.into());
+    }
     if let Method::Image(method) = settings.method {
         let options = SegmentOptions { method, seed: settings.seed, ..Default::default() };
         segment_crops(&options, &mut segmentation, progress)?;
@@ -334,7 +339,7 @@ fn segment_crops(
     }
     let mut take = |index: &usize| segmentation.crops[*index].take();
     let crops: Vec<Vec<Crop>> = together.iter().map(|list| list.iter().filter_map(&mut take).collect()).collect();
-    let results = segment_objects(&crops, options, &|done, total| progress(Step::Objects, done, total));
+    let results = segment_objects(&crops, options, &|done: usize, total: usize| progress(Step::Objects, done, total));
     for ((list, crops), views) in together.iter().zip(crops).zip(results) {
         for ((&index, crop), view) in list.iter().zip(crops).zip(views?) {
             segmentation.crops[index] = Some(crop);

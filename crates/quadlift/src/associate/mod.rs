@@ -36,9 +36,10 @@ mod tests;
 mod warning;
 
 pub use options::{AssociateError, AssociateOptions, IdUse, Part};
-pub use result::{AssociatedObject, Association, NotUsed, Outcome};
+pub use result::{AssociatedObject, Association, Outcome};
 pub use warning::AssociationWarning;
 
+use crate::observer::{Observer, Unobserved};
 use crate::scene::Scene;
 use input::context::AssociationContext;
 use input::observations::Observations;
@@ -47,24 +48,30 @@ use search::passes;
 
 /// Divides the detections of a scene into objects.
 ///
-/// `progress` is called with the steps done and their total, from any thread.
-///
 /// # Errors
 /// [`AssociateError`] when the options do not fit the scene. A scene in which nothing can be found is no error: see
 /// [`Association::outcome`].
-pub fn associate(
+pub fn associate(scene: &Scene, options: &AssociateOptions) -> Result<Association, AssociateError> {
+    associate_observed(scene, options, &Unobserved)
+}
+
+/// [`associate()`] with an observer.
+///
+/// # Errors
+/// As [`associate()`]; [`AssociateError::Cancelled`] where the observer cancels.
+pub fn associate_observed(
     scene: &Scene,
     options: &AssociateOptions,
-    progress: &(dyn Fn(usize, usize) + Sync),
+    observer: &dyn Observer,
 ) -> Result<Association, AssociateError> {
-    options.check()?;
-    let (detections, not_used) = preselect::select(scene, options)?;
+    options.validate()?;
+    let (detections, skipped) = preselect::select(scene, options)?;
     let observations = Observations::new(scene, &detections);
     let context = AssociationContext::new(scene, &observations, options);
     let frames = observations.cameras.iter().filter(|c| !c.boxes.is_empty()).count();
-    let state = passes::search(&context, observations, progress);
+    let state = passes::search(&context, observations, observer).ok_or(AssociateError::Cancelled)?;
     let mut association = result::collect(scene, &detections, &context, &state);
-    association.not_used = not_used;
+    association.skipped = skipped;
     if association.objects.is_empty() {
         association.outcome = match frames {
             0 => Outcome::NoDetections,

@@ -82,6 +82,7 @@ impl Default for AssociateOptions {
 
 /// Why a scene cannot be associated at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AssociateError {
     /// The source to take is not clear.
     #[error(transparent)]
@@ -96,6 +97,9 @@ pub enum AssociateError {
         /// What it may be.
         expected: &'static str,
     },
+    /// The observer cancelled the work.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 impl AssociateOptions {
@@ -104,8 +108,11 @@ impl AssociateOptions {
         self.without != Some(part)
     }
 
-    /// Refuses what makes no sense.
-    pub(super) fn check(&self) -> Result<(), AssociateError> {
+    /// Whether the options make sense by themselves, whatever the scene is.
+    ///
+    /// # Errors
+    /// [`AssociateError::OutOfRange`] names the first option that is outside of its range.
+    pub fn validate(&self) -> Result<(), AssociateError> {
         let refuse = |what, value, expected| Err(AssociateError::OutOfRange { what, value, expected });
         if !(self.wrong_id_share > 0.0 && self.wrong_id_share < 1.0) {
             return refuse("share of wrong ids", self.wrong_id_share, "a number between 0 and 1");

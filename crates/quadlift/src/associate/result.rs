@@ -10,19 +10,8 @@ use super::score::object::Object;
 use super::search::state::State;
 use super::warning::AssociationWarning;
 use crate::geometry::Ellipsoid;
-use crate::scene::Scene;
+use crate::scene::{Scene, SkippedDetections};
 use nalgebra::Point3;
-
-/// Detections that took no part, by reason.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct NotUsed {
-    /// They are of another source.
-    pub other_source: usize,
-    /// Their score is too low.
-    pub low_score: usize,
-    /// They overlap a better one of their frame and category.
-    pub duplicate: usize,
-}
 
 /// How an association ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -80,7 +69,7 @@ pub struct Association {
     /// The objects, in the order of their first detections.
     pub objects: Vec<AssociatedObject>,
     /// Detections that took no part.
-    pub not_used: NotUsed,
+    pub skipped: SkippedDetections,
     /// Detections that took part and belong to no object.
     pub clutter: usize,
     /// Standard deviation of box edges relative to the mean half size of the box, as the objects show it.

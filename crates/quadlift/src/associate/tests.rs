@@ -1,5 +1,7 @@
 //! Association as a whole: what it promises on synthetic scenes, and what it does with bad input.
 
+use std::ops::ControlFlow;
+
 use nalgebra::Vector3;
 
 use super::*;
@@ -26,7 +28,7 @@ fn base(seed: u64) -> SyntheticOptions {
 }
 
 fn run(scene: &Scene, options: &AssociateOptions) -> Association {
-    associate(scene, options, &|_, _| {}).unwrap()
+    associate(scene, options).unwrap()
 }
 
 fn true_objects(synthetic: &SyntheticScene) -> Vec<Option<u32>> {
@@ -226,13 +228,13 @@ fn duplicates_and_low_scores_are_left_out_and_counted() {
     let all = synthetic.scene.detections.len();
     let duplicates = synthetic.true_objects.iter().filter(|t| t.is_none()).count();
     let suppressed = run(&synthetic.scene, &AssociateOptions { max_overlap: Some(0.5), ..Default::default() });
-    let left_out = suppressed.not_used.duplicate;
+    let left_out = suppressed.skipped.duplicate;
     assert!(left_out.abs_diff(duplicates) <= duplicates / 5 + 5, "{left_out} of {duplicates}");
     assert!(suppressed.objects.iter().map(|o| o.views).sum::<usize>() + suppressed.clutter + left_out == all);
     let scored = run(&synthetic.scene, &AssociateOptions { min_score: Some(0.5), ..Default::default() });
     // Detections without a score stay.
     let low = synthetic.scene.detections.iter().filter(|d| d.score == Some(0.3)).count();
-    assert_eq!(scored.not_used.low_score, low);
+    assert_eq!(scored.skipped.low_score, low);
     assert!(
         low > 10
             && scored
@@ -247,10 +249,25 @@ fn duplicates_and_low_scores_are_left_out_and_counted() {
 fn progress_reaches_its_total() {
     let scene = generate(&SyntheticOptions { objects: 5, ..base(9) }).unwrap().scene;
     let seen = std::sync::Mutex::new(Vec::new());
-    associate(&scene, &AssociateOptions::default(), &|done, total| seen.lock().unwrap().push((done, total))).unwrap();
+    let watch = |done: usize, total: usize| {
+        seen.lock().unwrap().push((done, total));
+        ControlFlow::Continue(())
+    };
+    associate_observed(&scene, &AssociateOptions::default(), &watch).unwrap();
     let seen = seen.into_inner().unwrap();
     assert!(seen.len() > 20 && seen.iter().all(|&(done, total)| done <= total && total == seen[0].1));
     assert!(seen.last().is_some_and(|&(done, total)| done == total));
+}
+
+#[test]
+fn an_observer_cancels() {
+    let scene = generate(&SyntheticOptions { objects: 5, ..base(9) }).unwrap().scene;
+    for last in [1, 7, 30] {
+        let cancel =
+            |done: usize, _: usize| if done < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+        let cancelled = associate_observed(&scene, &AssociateOptions::default(), &cancel);
+        assert_eq!(cancelled.unwrap_err(), AssociateError::Cancelled);
+    }
 }
 
 #[test]
@@ -259,7 +276,7 @@ fn senseless_options_are_refused() {
     let refused = |change: fn(&mut AssociateOptions)| {
         let mut options = AssociateOptions::default();
         change(&mut options);
-        associate(&scene, &options, &|_, _| {}).unwrap_err().to_string()
+        associate(&scene, &options).unwrap_err().to_string()
     };
     assert!(refused(|o| o.wrong_id_share = 0.0).starts_with("the share of wrong ids is 0;"));
     assert!(refused(|o| o.min_views = 1).contains("at least 2"));
@@ -378,13 +395,13 @@ fn scores_may_be_missing_or_of_any_size() {
     let strict = AssociateOptions { min_score: Some(0.5), max_overlap: Some(0.9), ..Default::default() };
     let found = run(&scored, &strict);
     let low = scored.detections.iter().filter(|d| d.score == Some(-3.0)).count();
-    assert_eq!(found.not_used.low_score, low);
+    assert_eq!(found.skipped.low_score, low);
     let associated = found.object_of_detection.iter().zip(&scored.detections);
     assert!(associated.filter(|(object, _)| object.is_some()).all(|(_, d)| d.score != Some(-3.0)));
     // All too low: nothing takes part.
     let none = run(&scored, &AssociateOptions { min_score: Some(f64::MAX), ..Default::default() });
     let without_score = scored.detections.iter().filter(|d| d.score.is_none_or(f64::is_nan)).count();
-    assert_eq!(none.not_used.low_score, scored.detections.len() - without_score);
+    assert_eq!(none.skipped.low_score, scored.detections.len() - without_score);
 }
 
 #[test]

@@ -115,7 +115,7 @@ fn diagnose_without_ids(scene: &Scene) -> Diagnosis {
     scene.detections.iter_mut().for_each(|detection| detection.object_index = None);
     scene.object_ids.clear();
     let options = AssociateOptions::default();
-    let association = associate(&scene, &options, &|_, _| {}).unwrap();
+    let association = associate(&scene, &options).unwrap();
     diagnose_association(&scene, &association, &options).unwrap()
 }
 

@@ -4,11 +4,13 @@
 
 mod builder;
 mod hidden;
+mod skipped;
 mod sources;
 mod views;
 
 pub use builder::{DetectionInput, SceneBuilder, SceneError};
 pub use hidden::hidden_edges;
+pub use skipped::SkippedDetections;
 pub use sources::SourceError;
 pub use views::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 

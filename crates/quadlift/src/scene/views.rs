@@ -48,6 +48,48 @@ pub struct View {
 }
 
 impl View {
+    /// A view of an object by its box (pixels), for [`crate::solve::Estimator`].
+    ///
+    /// ```
+    /// use nalgebra::Matrix3x4;
+    /// use quadlift::geometry::{BoundingBox, Projection};
+    /// use quadlift::scene::View;
+    ///
+    /// let projection = Projection::from_matrix(Matrix3x4::identity())?;
+    /// let view = View::from_box(projection, BoundingBox::new([0.1, 0.1, 0.3, 0.2])?).with_image_size(1.0, 1.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn from_box(projection: Projection, bounding_box: BoundingBox) -> Self {
+        Self { bounding_box: Some(bounding_box), ..Self::unmeasured(projection) }
+    }
+
+    /// A view of an object by an ellipse (pixels).
+    pub fn from_ellipse(projection: Projection, ellipse: Ellipse) -> Self {
+        Self { ellipse: Some(ellipse), ..Self::unmeasured(projection) }
+    }
+
+    /// The view in an image of this width and height (pixels): edges at its border tell only that the object reaches at
+    /// least so far.
+    #[must_use]
+    pub fn with_image_size(self, width: f64, height: f64) -> Self {
+        Self { image_size: Some(Vector2::new(width, height)), ..self }.with_cut_off_edges(BORDER_TOLERANCE_PX)
+    }
+
+    fn unmeasured(projection: Projection) -> Self {
+        Self {
+            frame_index: 0,
+            projection,
+            image_size: None,
+            bounding_box: None,
+            ellipse: None,
+            support_lines: None,
+            partial: false,
+            box_in_image: None,
+            hidden_edges: [false; 4],
+            cut_off: [false; 4],
+        }
+    }
+
     /// What the closed forms for ellipses use: the ellipse, or the one inscribed in the box.
     pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
         self.ellipse.or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
@@ -60,6 +102,14 @@ impl View {
         let measured = self.measured_box().map(|measured| self.in_image(&measured));
         self.cut_off = measured.map_or([false; 4], |b| edges_at_border(&b, self.image_size, tolerance));
         self
+    }
+
+    /// The view with the edges cut off that lie within this share of the image's larger side of its border, and within
+    /// [`BORDER_TOLERANCE_PX`] in any case: detectors err near the border.
+    #[must_use]
+    pub(crate) fn within_margin(self, margin: f64) -> Self {
+        let margin = self.image_size.map_or(0.0, |size| margin * size.max());
+        self.with_cut_off_edges(margin.max(BORDER_TOLERANCE_PX))
     }
 
     /// The box that stands for the measurement, in pixels: the box itself, or the one around the ellipse.

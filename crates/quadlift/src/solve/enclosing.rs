@@ -12,6 +12,9 @@
 
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, SVector, Vector3};
 
+/// The default of [`crate::LocalizeOptions::enclosing_quantile`].
+pub(crate) const ENCLOSING_QUANTILE: f64 = 0.85;
+
 use super::closed_form::planes::{edge_plane, support_plane};
 use super::conditioning::ObjectFrame;
 use crate::geometry::linalg::solve_spd;

@@ -70,7 +70,7 @@ pub enum Warning {
     NoCovariance,
     /// The iteration ended before it had found the body that fits best ([`super::Method::Map`] only).
     NotConverged,
-    /// The longest extent is not one that things of its category have ([`crate::Options::plausible_sizes`]).
+    /// The longest extent is not one that things of its category have ([`crate::LocalizeOptions::plausible_sizes`]).
     ImplausibleSize {
         /// The longest full extent of the body, world units.
         extent: f64,

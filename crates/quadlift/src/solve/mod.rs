@@ -4,7 +4,8 @@ mod closed_form;
 pub mod conditioning;
 mod enclosing;
 mod estimate;
-pub mod map;
+mod estimator;
+pub(crate) mod map;
 mod options;
 pub(crate) mod plausible;
 mod prediction;
@@ -15,10 +16,13 @@ mod triangulate;
 pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
 pub use closed_form::reg::{RegSolution, reg};
-pub use closed_form::solve_closed_form;
+pub(crate) use closed_form::solve_closed_form;
+pub(crate) use enclosing::ENCLOSING_QUANTILE;
 pub use estimate::{
     Alternative, Covariance, CovarianceCoordinates, Estimate, Matrix9, Misfit, Rejection, Status, ViewReport, Warning,
 };
+pub use estimator::Estimator;
+pub(crate) use options::BORDER_MARGIN;
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
 pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::{Fold, FoldPrediction, Prediction, predict_fold};

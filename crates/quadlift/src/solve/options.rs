@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use super::sigmas::Sigmas;
 use crate::geometry::Body;
 
-/// Which estimator solves for each object.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// Which estimator solves for each object, with its options.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum Method {
     /// Maximum a posteriori refinement: the default.
-    #[default]
-    Map,
+    Map(MapOptions),
     /// Tangent planes of box edges, closed form.
     Planes,
     /// Conditioned closed form (LfD).
@@ -18,16 +18,38 @@ pub enum Method {
     /// The paper's closed form (PfD), in pixel coordinates.
     Pfd,
     /// The paper's regularised estimator (section 4.1).
-    Reg,
+    Reg(RegOptions),
+}
+
+impl Default for Method {
+    fn default() -> Self {
+        Self::Map(MapOptions::default())
+    }
+}
+
+impl From<MapOptions> for Method {
+    fn from(options: MapOptions) -> Self {
+        Self::Map(options)
+    }
 }
 
 impl Method {
     /// The fewest views with which the method can give an answer.
-    pub fn fewest_views(self) -> usize {
+    pub fn fewest_views(&self) -> usize {
         match self {
-            Self::Map | Self::Reg => 2,
+            Self::Map(_) | Self::Reg(_) => 2,
             Self::Planes | Self::Lfd | Self::Pfd => 3,
         }
+    }
+
+    /// The options of [`Method::Map`], where it is that.
+    pub fn map_options(&self) -> Option<&MapOptions> {
+        if let Self::Map(options) = self { Some(options) } else { None }
+    }
+
+    /// The options of [`Method::Map`] to change, where it is that.
+    pub fn map_options_mut(&mut self) -> Option<&mut MapOptions> {
+        if let Self::Map(options) = self { Some(options) } else { None }
     }
 }
 
@@ -101,6 +123,9 @@ pub struct PoseNoise {
     pub translation_sd: f64,
 }
 
+/// The default of [`MapOptions::border_margin`].
+pub(crate) const BORDER_MARGIN: f64 = 0.025;
+
 /// Options of the maximum a posteriori estimator.
 #[derive(Debug, Clone)]
 pub struct MapOptions {
@@ -112,8 +137,6 @@ pub struct MapOptions {
     /// Standard deviation of the deviation of log semi-axes from their mean: the shape prior. With 0.5 the covariance of
     /// narrow baselines is too wide (median NEES 7.0 of 8.3, with 0.4 7.2), and real boxes come out no better.
     pub shape_sd: f64,
-    /// Quantile of (distance of the measured plane) / (reach of the body) that the enclosing body takes.
-    pub enclosing_quantile: f64,
     /// Look for gross outliers among the views where the plain fit's residuals show some.
     pub robust: bool,
     /// Share of the image's larger side within which a box edge counts as cut off by the border, and tells only
@@ -154,9 +177,8 @@ impl Default for MapOptions {
             body: None,
             priors: CategoryPriors::default(),
             shape_sd: 0.4,
-            enclosing_quantile: 0.85,
             robust: true,
-            border_margin: 0.025,
+            border_margin: BORDER_MARGIN,
             pixel_noise_size: 67.0,
             heavy_tails: true,
             correlated_views: true,

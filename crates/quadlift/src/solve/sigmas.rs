@@ -116,12 +116,17 @@ impl Sigmas {
         Ok(Self(by_name))
     }
 
+    /// What the residuals of a scene show.
+    pub(crate) fn of_report(levels: impl IntoIterator<Item = (&'static str, f64)>) -> Self {
+        Self(levels.into_iter().collect())
+    }
+
     /// The level of this name, where it is given.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.0.get(name).copied()
     }
 
-    /// The levels that are given, in the order of [`SIGMA_NAMES`].
+    /// The levels that are there, in the order of [`SIGMA_NAMES`].
     pub fn levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
         SIGMA_NAMES.into_iter().filter_map(|name| Some((name, self.get(name)?)))
     }

@@ -6,7 +6,7 @@ use quadlift::geometry::{Body, Ellipsoid, vech3};
 use quadlift::metrics::{iou3d_bodies, iou3d_ellipsoids, nees};
 use quadlift::solve::{BodyKind, Estimate, MapOptions, Method, PoseNoise, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 
 const SCENES: u64 = 6;
 
@@ -23,22 +23,22 @@ fn boxes(sigma: f64) -> impl Fn(u64) -> SyntheticOptions {
     }
 }
 
-fn run(options: &SyntheticOptions, method: &Options) -> (SyntheticScene, Localization) {
+fn run(options: &SyntheticOptions, method: &LocalizeOptions) -> (SyntheticScene, Localization) {
     let synthetic = generate(options).unwrap();
-    let localization = localize(&synthetic.scene, method, &|_, _| {}).unwrap();
+    let localization = localize(&synthetic.scene, method).unwrap();
     (synthetic, localization)
 }
 
-fn method(method: Method) -> Options {
-    Options { method, ..Default::default() }
+fn method(method: Method) -> LocalizeOptions {
+    LocalizeOptions { method, ..Default::default() }
 }
 
-fn body(body: BodyKind) -> Options {
-    Options { map: MapOptions { body: Some(body), ..Default::default() }, ..Default::default() }
+fn body(body: BodyKind) -> LocalizeOptions {
+    LocalizeOptions::from(MapOptions { body: Some(body), ..Default::default() })
 }
 
 /// Mean IoU of the estimated with the true bodies; a failed estimate counts as zero.
-fn mean_iou(make: impl Fn(u64) -> SyntheticOptions, options: &Options) -> f64 {
+fn mean_iou(make: impl Fn(u64) -> SyntheticOptions, options: &LocalizeOptions) -> f64 {
     let mut sum = 0.0;
     for seed in 0..SCENES {
         let (synthetic, localization) = run(&make(seed), options);
@@ -51,7 +51,7 @@ fn mean_iou(make: impl Fn(u64) -> SyntheticOptions, options: &Options) -> f64 {
 }
 
 #[track_caller]
-fn assert_mean_iou(at_least: f64, make: impl Fn(u64) -> SyntheticOptions, options: &Options) {
+fn assert_mean_iou(at_least: f64, make: impl Fn(u64) -> SyntheticOptions, options: &LocalizeOptions) {
     let found = mean_iou(make, options);
     println!("mean IoU {found:.4}, at least {at_least}");
     assert!(found >= at_least, "mean IoU {found:.4}, expected at least {at_least}");
@@ -59,20 +59,20 @@ fn assert_mean_iou(at_least: f64, make: impl Fn(u64) -> SyntheticOptions, option
 
 #[test]
 fn exact_ellipses() {
-    assert_mean_iou(0.9999, ellipses(None), &method(Method::Map));
+    assert_mean_iou(0.9999, ellipses(None), &method(Method::default()));
     assert_mean_iou(0.9999, ellipses(None), &method(Method::Lfd));
     assert_mean_iou(0.9999, ellipses(None), &method(Method::Pfd));
 }
 
 #[test]
 fn exact_boxes() {
-    assert_mean_iou(0.9999, boxes(0.0), &method(Method::Map));
+    assert_mean_iou(0.9999, boxes(0.0), &method(Method::default()));
     assert_mean_iou(0.9999, boxes(0.0), &method(Method::Planes));
 }
 
 #[test]
 fn noises_of_the_paper() {
-    let map = method(Method::Map);
+    let map = method(Method::default());
     assert_mean_iou(0.98, ellipses(Some(Noise::Rotation(45.0))), &map);
     assert_mean_iou(0.965, ellipses(Some(Noise::Size(0.3))), &map);
     assert_mean_iou(0.915, ellipses(Some(Noise::Translation(0.3))), &map);
@@ -82,17 +82,17 @@ fn noises_of_the_paper() {
 
 #[test]
 fn noisy_boxes() {
-    assert_mean_iou(0.83, boxes(0.05), &method(Method::Map));
-    assert_mean_iou(0.76, boxes(0.10), &method(Method::Map));
+    assert_mean_iou(0.83, boxes(0.05), &method(Method::default()));
+    assert_mean_iou(0.76, boxes(0.10), &method(Method::default()));
 }
 
 #[test]
 fn gross_outliers_are_found_and_left_out() {
     let make = |seed| SyntheticOptions { outlier_share: 0.3, ..boxes(0.02)(seed) };
-    assert_mean_iou(0.88, make, &method(Method::Map));
+    assert_mean_iou(0.88, make, &method(Method::default()));
     let (mut wrong, mut total) = (0, 0);
     for seed in 0..SCENES {
-        let (synthetic, localization) = run(&make(seed), &method(Method::Map));
+        let (synthetic, localization) = run(&make(seed), &method(Method::default()));
         let views = localization.estimates.iter().flat_map(|estimate| &estimate.views);
         for (view, outlier) in views.zip(&synthetic.outliers) {
             wrong += usize::from(view.inlier == *outlier);
@@ -118,8 +118,8 @@ fn superellipsoids_lie_between() {
 
 #[test]
 fn one_object_alone_is_as_exact() {
-    assert_mean_iou(0.998, |seed| SyntheticOptions { objects: 1, ..boxes(0.0)(seed) }, &method(Method::Map));
-    assert_mean_iou(0.998, |seed| SyntheticOptions { objects: 1, ..ellipses(None)(seed) }, &method(Method::Map));
+    assert_mean_iou(0.998, |seed| SyntheticOptions { objects: 1, ..boxes(0.0)(seed) }, &method(Method::default()));
+    assert_mean_iou(0.998, |seed| SyntheticOptions { objects: 1, ..ellipses(None)(seed) }, &method(Method::default()));
 }
 
 /// Where the priors speak for few measurements, noise is sought from little noise as well: otherwise large noise explains
@@ -134,8 +134,8 @@ fn exact_boxes_in_few_views_are_told_from_noise() {
 #[test]
 fn two_views_give_an_answer_that_says_so() {
     let make = |seed| SyntheticOptions { views: 2, ..boxes(0.02)(seed) };
-    assert_mean_iou(0.73, make, &method(Method::Map));
-    let (_, localization) = run(&make(0), &method(Method::Map));
+    assert_mean_iou(0.73, make, &method(Method::default()));
+    let (_, localization) = run(&make(0), &method(Method::default()));
     assert!(localization.estimates.iter().all(|e| e.status == Status::Ok && !e.warnings.is_empty()));
     let (_, localization) = run(&make(0), &method(Method::Planes));
     assert!(localization.estimates.iter().all(|e| e.status == Status::TooFewViews));
@@ -148,7 +148,7 @@ fn uncertainty_is_honest() {
         let mut errors: Vec<f64> = Vec::new();
         for seed in 0..SCENES {
             let make = SyntheticOptions { objects: 120, trajectory: Trajectory::Arc { span }, ..boxes(sigma)(seed) };
-            let (synthetic, localization) = run(&make, &method(Method::Map));
+            let (synthetic, localization) = run(&make, &method(Method::default()));
             let pairs = localization.estimates.iter().zip(&synthetic.truth);
             errors.extend(pairs.map(|(estimate, (_, truth))| error_squared(estimate, truth)));
         }
@@ -180,9 +180,9 @@ fn error_squared(estimate: &Estimate, truth: &Body) -> f64 {
 
 #[test]
 fn the_answer_moves_with_the_world() {
-    for method in [Method::Map, Method::Planes, Method::Lfd].map(method) {
+    for method in [Method::default(), Method::Planes, Method::Lfd].map(method) {
         for make in [boxes(0.05)(3), ellipses(Some(Noise::Translation(0.1)))(3)] {
-            if method.method == Method::Planes && make.observations == Observations::Ellipses {
+            if matches!(method.method, Method::Planes) && make.observations == Observations::Ellipses {
                 continue;
             }
             let score = |scale: f64, offset: Vector3<f64>| -> Vec<f64> {
@@ -207,8 +207,8 @@ fn the_answer_moves_with_the_world() {
 #[test]
 fn the_same_seed_gives_the_same_bytes() {
     let make = SyntheticOptions { outlier_share: 0.3, ..boxes(0.05)(5) };
-    let a = format!("{:?}", run(&make, &method(Method::Map)).1);
-    let b = format!("{:?}", run(&make, &method(Method::Map)).1);
+    let a = format!("{:?}", run(&make, &method(Method::default())).1);
+    let b = format!("{:?}", run(&make, &method(Method::default())).1);
     assert_eq!(a, b);
 }
 
@@ -217,7 +217,7 @@ fn the_kind_of_body_is_chosen_from_the_boxes() {
     // Of 12 objects of one kind, those for which it was chosen.
     let right = |body: BodyKind, sigma: f64| {
         let synthetic = generate(&SyntheticOptions { objects: 12, body, ..boxes(sigma)(3) }).unwrap();
-        let localization = localize(&synthetic.scene, &Options::default(), &|_, _| {}).unwrap();
+        let localization = localize(&synthetic.scene, &LocalizeOptions::default()).unwrap();
         let chosen = localization.estimates.iter().map(|estimate| BodyKind::of(&estimate.body.unwrap()));
         // Noisy boxes hardly tell a cuboid from one with edges that are a little round.
         let as_good =
@@ -248,8 +248,8 @@ fn of_two_kinds_in_one_scene_each_is_fitted_about_as_well_as_if_it_were_known() 
     let mean_of = |kind: usize, body: Option<BodyKind>| {
         let mut ious = Vec::new();
         for synthetic in &scenes {
-            let options = Options { map: MapOptions { body, ..Default::default() }, ..Default::default() };
-            let localization = localize(&synthetic.scene, &options, &|_, _| {}).unwrap();
+            let options = LocalizeOptions::from(MapOptions { body, ..Default::default() });
+            let localization = localize(&synthetic.scene, &options).unwrap();
             assert_eq!(localization.body, body);
             let of_kind = localization.estimates.iter().zip(&synthetic.truth).skip(kind).step_by(2);
             ious.extend(of_kind.map(|(e, (_, truth))| e.body.map_or(0.0, |b| iou3d_bodies(&b, truth))));
@@ -267,8 +267,8 @@ fn of_two_kinds_in_one_scene_each_is_fitted_about_as_well_as_if_it_were_known() 
 fn a_cuboid_that_was_chosen_is_written_like_one_that_was_asked_for() {
     let synthetic = generate(&SyntheticOptions { objects: 12, body: BodyKind::Cuboid, ..boxes(0.0)(3) }).unwrap();
     let run = |body| {
-        let options = Options { map: MapOptions { body, ..Default::default() }, ..Default::default() };
-        localize(&synthetic.scene, &options, &|_, _| {}).unwrap().estimates
+        let options = LocalizeOptions::from(MapOptions { body, ..Default::default() });
+        localize(&synthetic.scene, &options).unwrap().estimates
     };
     for (chosen, asked) in run(None).iter().zip(run(Some(BodyKind::Cuboid))) {
         assert_eq!(chosen.body, asked.body);
@@ -286,8 +286,8 @@ fn wrong_poses_are_found_out() {
     }
     let score = |pose_noise: Option<PoseNoise>| {
         let map = MapOptions { body: Some(BodyKind::Ellipsoid), pose_noise, ..Default::default() };
-        let options = Options { map, ..Default::default() };
-        let estimates = localize(&synthetic.scene, &options, &|_, _| {}).unwrap().estimates;
+        let options = LocalizeOptions::from(map);
+        let estimates = localize(&synthetic.scene, &options).unwrap().estimates;
         let ious =
             estimates.iter().zip(&synthetic.truth).map(|(e, (_, t))| e.body.map_or(0.0, |b| iou3d_bodies(&b, t)));
         ious.sum::<f64>() / synthetic.truth.len() as f64
@@ -304,8 +304,7 @@ fn uncertainties_have_the_unit_of_the_world() {
         let sds = |scale: f64| -> Vec<f64> {
             let made = generate(&SyntheticOptions { objects: 4, scale, body, ..boxes(0.03)(2) }).unwrap();
             let map = MapOptions { body: Some(body), ..Default::default() };
-            let estimates =
-                localize(&made.scene, &Options { map, ..Default::default() }, &|_, _| {}).unwrap().estimates;
+            let estimates = localize(&made.scene, &LocalizeOptions::from(map)).unwrap().estimates;
             estimates.iter().map(|e| e.center_sd().unwrap()).collect()
         };
         for (one, thousand) in sds(1.0).into_iter().zip(sds(1000.0)) {
@@ -318,19 +317,18 @@ fn uncertainties_have_the_unit_of_the_world() {
 fn detections_without_what_is_used_are_counted_and_their_objects_have_used_no_view() {
     use quadlift::MeasurementKind;
     let made = generate(&SyntheticOptions { objects: 3, views: 6, ..boxes(0.01)(1) }).unwrap();
-    let run =
-        |measurements| localize(&made.scene, &Options { measurements, ..Default::default() }, &|_, _| {}).unwrap();
+    let run = |measurements| localize(&made.scene, &LocalizeOptions { measurements, ..Default::default() }).unwrap();
     let found = run(MeasurementKind::Ellipse);
-    assert_eq!(found.left_out.without_measurement, 18);
+    assert_eq!(found.skipped.without_measurement, 18);
     for estimate in &found.estimates {
         assert_eq!((estimate.status, estimate.views_used()), (Status::TooFewViews, 0));
     }
     let found = run(MeasurementKind::Box);
-    assert_eq!(found.left_out.without_measurement, 0);
+    assert_eq!(found.skipped.without_measurement, 0);
     assert!(found.estimates.iter().all(|estimate| estimate.views_used() == 6));
     // Two views of three that are asked for: listed, and not used.
-    let options = Options { min_views: 7, ..Default::default() };
-    for estimate in localize(&made.scene, &options, &|_, _| {}).unwrap().estimates {
+    let options = LocalizeOptions { min_views: 7, ..Default::default() };
+    for estimate in localize(&made.scene, &options).unwrap().estimates {
         assert_eq!((estimate.views.len(), estimate.views_used()), (6, 0));
         assert!(estimate.views.iter().all(|view| view.rejected_because.is_none()));
     }

@@ -4,7 +4,7 @@ use quadlift::geometry::Body;
 use quadlift::metrics::iou3d_cuboids;
 use quadlift::solve::{BodyKind, Warning};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 
 /// Cuboids seen over 60 degrees, with their estimates.
 fn cuboids(views: usize, noise: f64, seed: u64) -> (Vec<Body>, Localization) {
@@ -18,9 +18,9 @@ fn cuboids(views: usize, noise: f64, seed: u64) -> (Vec<Body>, Localization) {
         ..Default::default()
     };
     let scene = generate(&options).unwrap();
-    let mut options = Options::default();
-    options.map.body = Some(BodyKind::Cuboid);
-    let localization = localize(&scene.scene, &options, &|_, _| {}).unwrap();
+    let mut options = LocalizeOptions::default();
+    options.method.map_options_mut().unwrap().body = Some(BodyKind::Cuboid);
+    let localization = localize(&scene.scene, &options).unwrap();
     (scene.truth.into_iter().map(|(_, body)| body).collect(), localization)
 }
 

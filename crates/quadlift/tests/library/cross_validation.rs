@@ -6,7 +6,7 @@ use quadlift::geometry::BoundingBox;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, Method, Prediction, Sigmas};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 
 fn scene(objects: usize, views: usize, sigma: f64) -> Scene {
     let noise = if sigma > 0.0 { vec![Noise::BoxEdges(sigma)] } else { Vec::new() };
@@ -16,14 +16,14 @@ fn scene(objects: usize, views: usize, sigma: f64) -> Scene {
     generate(&options).unwrap().scene
 }
 
-fn run(scene: &Scene, options: Options, extent: Extent) -> Localization {
+fn run(scene: &Scene, options: LocalizeOptions, extent: Extent) -> Localization {
     let mut options = options;
     options.cross_validation.extent = extent;
-    localize(scene, &options, &|_, _| {}).unwrap()
+    localize(scene, &options).unwrap()
 }
 
 fn all(scene: &Scene) -> CrossValidation {
-    run(scene, Options::default(), Extent::All).cross_validation
+    run(scene, LocalizeOptions::default(), Extent::All).cross_validation
 }
 
 #[test]
@@ -34,7 +34,7 @@ fn exact_views_predict_each_other() {
     assert!(checked.edge_error().unwrap() < 1e-3, "{:?}", checked.edge_error());
     assert_eq!(checked.objects.len(), 8);
     assert!(checked.objects.iter().all(|object| object.predictions.len() == 12 && object.odd_view().is_none()));
-    let planes = Options { method: Method::Planes, ..Default::default() };
+    let planes = LocalizeOptions { method: Method::Planes, ..Default::default() };
     let iou = run(&scene, planes, Extent::All).cross_validation.iou().unwrap();
     assert!(iou > 0.9999, "{iou}");
 }
@@ -71,7 +71,7 @@ fn a_false_box_is_the_odd_view() {
 
 #[test]
 fn two_views_predict_nothing() {
-    let result = run(&scene(3, 2, 0.01), Options::default(), Extent::All);
+    let result = run(&scene(3, 2, 0.01), LocalizeOptions::default(), Extent::All);
     assert_eq!((result.cross_validation.objects.len(), result.cross_validation.iou()), (0, None));
 }
 
@@ -81,9 +81,10 @@ fn a_left_out_view_has_no_influence() {
     for body in [BodyKind::Ellipsoid, BodyKind::Cuboid] {
         for views in [3, 5, 12] {
             let scene = scene(4, views, 0.03);
-            let mut options = Options::default();
-            options.map.body = Some(body);
-            options.map.sigmas = Some(Sigmas::new([("edge_relative", 0.03), ("edge_px", 0.5)]).unwrap());
+            let mut options = LocalizeOptions::default();
+            options.method.map_options_mut().unwrap().body = Some(body);
+            options.method.map_options_mut().unwrap().sigmas =
+                Some(Sigmas::new([("edge_relative", 0.03), ("edge_px", 0.5)]).unwrap());
             // One fit for each view, so that the detections of one frame can be left out of the scene.
             options.cross_validation.fits_per_object = views;
             let checked = run(&scene, options.clone(), Extent::All).cross_validation;
@@ -112,7 +113,7 @@ fn a_left_out_view_has_no_influence() {
 fn the_sample_is_a_part_of_the_whole() {
     let scene = scene(30, 12, 0.03);
     let whole = all(&scene);
-    let sample = run(&scene, Options::default(), Extent::Sample).cross_validation;
+    let sample = run(&scene, LocalizeOptions::default(), Extent::Sample).cross_validation;
     assert_eq!(sample.objects.len(), 8);
     for prediction in sample.predictions() {
         // From a warm start, see below.
@@ -122,7 +123,7 @@ fn the_sample_is_a_part_of_the_whole() {
         assert!((whole.predictions().find(same).unwrap().iou - prediction.iou).abs() < 5e-3);
     }
     assert!((sample.iou().unwrap() - whole.iou().unwrap()).abs() < 0.03);
-    let estimates = |extent| run(&scene, Options::default(), extent).estimates;
+    let estimates = |extent| run(&scene, LocalizeOptions::default(), extent).estimates;
     assert_eq!(estimates(Extent::Nothing), estimates(Extent::All));
 }
 
@@ -131,10 +132,10 @@ fn the_sample_is_a_part_of_the_whole() {
 fn a_warm_start_predicts_the_same() {
     for (views, bound) in [(20, 1e-3), (8, 5e-3)] {
         let scene = scene(20, views, 0.05);
-        let mut options = Options::default();
-        options.map.body = Some(BodyKind::Ellipsoid);
+        let mut options = LocalizeOptions::default();
+        options.method.map_options_mut().unwrap().body = Some(BodyKind::Ellipsoid);
         // Whether an object stands is decided anew from the starts, and kept with a warm one.
-        options.map.upright = false;
+        options.method.map_options_mut().unwrap().upright = false;
         let cold = run(&scene, options.clone(), Extent::All).cross_validation;
         options.cross_validation.sampled_fits = usize::MAX;
         let warm = run(&scene, options, Extent::Sample).cross_validation;

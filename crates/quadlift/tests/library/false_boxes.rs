@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use quadlift::geometry::ConvexBody;
 use quadlift::solve::{Estimate, Rejection, Sigmas, Status, Warning};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 
 /// `quadlift synth --objects 40 --views VIEWS --outliers 0.1 --noise box:NOISE --trajectory orbit --seed SEED`.
 fn scene(views: usize, noise: f64, seed: u64) -> SyntheticScene {
@@ -23,7 +23,7 @@ fn scene(views: usize, noise: f64, seed: u64) -> SyntheticScene {
 }
 
 fn localized(scene: &SyntheticScene) -> Localization {
-    localize(&scene.scene, &Options::default(), &|_, _| {}).unwrap()
+    localize(&scene.scene, &LocalizeOptions::default()).unwrap()
 }
 
 /// Error of the centre: in semi-axes of the true body, and in the estimate's own standard deviations.
@@ -117,20 +117,20 @@ fn residuals_far_beyond_the_noise_are_never_used() {
 fn with_given_levels_an_object_is_judged_by_them_alone() {
     let scene = scene(2, 0.02, 4);
     let sigmas = Sigmas::new([("edge_relative", 0.02), ("edge_px", 0.2)]).unwrap();
-    let mut options = Options::default();
-    options.map.sigmas = Some(sigmas);
+    let mut options = LocalizeOptions::default();
+    options.method.map_options_mut().unwrap().sigmas = Some(sigmas);
     // What hides an edge is in the other boxes of its frame.
-    options.map.hidden_edges = false;
+    options.method.map_options_mut().unwrap().hidden_edges = false;
     // The self-check looks at all objects of a scene.
     options.accept_inconsistent = true;
-    options.map.body = Some(quadlift::solve::BodyKind::Ellipsoid);
-    let together = localize(&scene.scene, &options, &|_, _| {}).unwrap();
+    options.method.map_options_mut().unwrap().body = Some(quadlift::solve::BodyKind::Ellipsoid);
+    let together = localize(&scene.scene, &options).unwrap();
     let mut statuses: BTreeMap<&str, usize> = BTreeMap::new();
     for estimate in &together.estimates {
         *statuses.entry(estimate.status.name()).or_default() += 1;
         let mut alone = scene.scene.clone();
         alone.detections.retain(|detection| detection.object_index == Some(estimate.object_index as u32));
-        let alone = localize(&alone, &options, &|_, _| {}).unwrap();
+        let alone = localize(&alone, &options).unwrap();
         assert_eq!(alone.estimates[0].body, estimate.body);
         assert_eq!(alone.estimates[0].status, estimate.status);
         assert_eq!(alone.estimates[0].misfit, estimate.misfit);

@@ -6,7 +6,7 @@ use quadlift::geometry::{BoundingBox, Projection};
 use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, MapOptions, Status};
 use quadlift::synthetic::{Detector, Noise, Observations, SyntheticOptions, generate};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 
 /// Boxes that overlap and hide each other, some of them false.
 fn crowd(seed: u64) -> Scene {
@@ -56,7 +56,7 @@ fn in_order(scene: &Scene, order: &[usize]) -> Scene {
 /// Without hidden edges, which are looked at by themselves.
 fn run(scene: &Scene, correlated_views: bool) -> Vec<Estimate> {
     let map = MapOptions { correlated_views, hidden_edges: false, ..Default::default() };
-    localize(scene, &Options { map, ..Default::default() }, &|_, _| {}).unwrap().estimates
+    localize(scene, &LocalizeOptions::from(map)).unwrap().estimates
 }
 
 /// The largest distance of centres in standard deviations, and whether the same number of views was used of every object.

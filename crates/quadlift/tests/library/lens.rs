@@ -6,7 +6,7 @@ use quadlift::geometry::{
 };
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};
 
 fn objects() -> Vec<Ellipsoid> {
@@ -78,7 +78,7 @@ fn scene(seen_by: &Camera, taken_for: &Camera) -> Scene {
 }
 
 fn mean_iou(scene: &Scene) -> f64 {
-    let result = localize(scene, &Options::default(), &|_, _| {}).unwrap();
+    let result = localize(scene, &LocalizeOptions::default()).unwrap();
     let truth = objects();
     let iou = |(k, truth): (usize, &Ellipsoid)| {
         let index = scene.object_ids.iter().position(|id| *id == k.to_string()).unwrap();

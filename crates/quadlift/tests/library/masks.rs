@@ -4,9 +4,9 @@ use nalgebra::{Rotation2, Vector2};
 use quadlift::geometry::{Ellipse, OutlineEnd, SupportLines};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Method};
+use quadlift::solve::{BodyKind, Method, RegOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, generate};
-use quadlift::{LocalizeError, MeasurementKind, Options, localize};
+use quadlift::{LocalizeError, LocalizeOptions, MeasurementKind, localize};
 
 fn synthetic(observations: Observations, noise: Vec<Noise>) -> SyntheticScene {
     generate(&SyntheticOptions { objects: 20, views: 8, observations, noise, ..Default::default() }).unwrap()
@@ -23,8 +23,8 @@ fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<SupportLines>> {
     SupportLines::of_outline(&outline.collect::<Vec<_>>()).map(Box::new)
 }
 
-fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &Options) -> f64 {
-    let estimates = localize(scene, options, &|_, _| {}).unwrap().estimates;
+fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &LocalizeOptions) -> f64 {
+    let estimates = localize(scene, options).unwrap().estimates;
     let iou = |k: usize| {
         let body = estimates[k].body.as_ref()?.ellipsoid();
         Some(iou3d_ellipsoids(&body, &synthetic.truth[estimates[k].object_index].1.ellipsoid()))
@@ -32,9 +32,11 @@ fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &Options) -> f64
     (0..estimates.len()).map(|k| iou(k).unwrap_or(0.0)).sum::<f64>() / estimates.len() as f64
 }
 
-fn with_masks(method: Method) -> Options {
-    let mut options = Options { method, measurements: MeasurementKind::Mask, ..Default::default() };
-    options.map.body = Some(BodyKind::Ellipsoid);
+fn with_masks(method: Method) -> LocalizeOptions {
+    let mut options = LocalizeOptions { method, measurements: MeasurementKind::Mask, ..Default::default() };
+    if let Some(map) = options.method.map_options_mut() {
+        map.body = Some(BodyKind::Ellipsoid);
+    }
     options
 }
 
@@ -45,12 +47,12 @@ fn exact_masks_give_exact_bodies() {
     for detection in &mut scene.detections {
         detection.support_lines = lines(&detection.ellipse.unwrap(), f64::INFINITY);
     }
-    for method in [Method::Map, Method::Planes] {
-        let iou = mean_iou(&synthetic, &scene, &with_masks(method));
+    for method in [Method::default(), Method::Planes] {
+        let iou = mean_iou(&synthetic, &scene, &with_masks(method.clone()));
         assert!(iou > 0.999, "{method:?} {iou}");
     }
     // Without masks nothing takes part.
-    let estimates = localize(&synthetic.scene, &with_masks(Method::Map), &|_, _| {}).unwrap().estimates;
+    let estimates = localize(&synthetic.scene, &with_masks(Method::default())).unwrap().estimates;
     assert!(estimates.iter().all(|estimate| estimate.body.is_none()));
 }
 
@@ -64,8 +66,8 @@ fn what_the_border_cuts_off_tells_only_that_the_object_reaches_so_far() {
         let x = if index % 2 == 0 { ellipse.center.x + 0.3 * ellipse.semi_axes.min() } else { f64::INFINITY };
         detection.support_lines = lines(&ellipse, x);
     }
-    for method in [Method::Map, Method::Planes] {
-        let told = mean_iou(&synthetic, &scene, &with_masks(method));
+    for method in [Method::default(), Method::Planes] {
+        let told = mean_iou(&synthetic, &scene, &with_masks(method.clone()));
         assert!(told > 0.98, "{method:?} {told}");
     }
     for lines in scene.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
@@ -85,9 +87,9 @@ fn ellipses_of_parts_do_less_harm_when_they_are_known_as_such() {
         ellipse.center.x -= 0.5 * ellipse.semi_axes.min();
         ellipse.semi_axes.y *= 0.5;
     }
-    let mut options = with_masks(Method::Map);
+    let mut options = with_masks(Method::default());
     options.measurements = MeasurementKind::Ellipse;
-    options.map.robust = false;
+    options.method.map_options_mut().unwrap().robust = false;
     let not_told = mean_iou(&synthetic, &scene, &options);
     scene.detections.iter_mut().step_by(4).for_each(|detection| detection.partial = true);
     let told = mean_iou(&synthetic, &scene, &options);
@@ -96,8 +98,8 @@ fn ellipses_of_parts_do_less_harm_when_they_are_known_as_such() {
 
 #[test]
 fn closed_forms_of_ellipses_refuse_masks() {
-    for method in [Method::Lfd, Method::Pfd, Method::Reg] {
-        let result = localize(&Scene::default(), &with_masks(method), &|_, _| {});
-        assert!(matches!(result, Err(LocalizeError::Option(text)) if text.contains("mask")));
+    for method in [Method::Lfd, Method::Pfd, Method::Reg(RegOptions::default())] {
+        let result = localize(&Scene::default(), &with_masks(method.clone()));
+        assert!(matches!(result, Err(LocalizeError::Option(text)) if text.to_string().contains("mask")));
     }
 }

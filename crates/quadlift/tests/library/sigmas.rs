@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPrior, Estimate, Sigmas};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 
 fn scene(seed: u64) -> Scene {
     let observations = Observations::Boxes;
@@ -14,13 +14,14 @@ fn scene(seed: u64) -> Scene {
 }
 
 fn run(scene: &Scene, body: Option<BodyKind>, sigmas: Option<&Sigmas>) -> Localization {
-    let mut options = Options::default();
-    (options.map.body, options.map.sigmas) = (body, sigmas.cloned());
-    localize(scene, &options, &|_, _| {}).unwrap()
+    let mut options = LocalizeOptions::default();
+    let map = options.method.map_options_mut().unwrap();
+    (map.body, map.sigmas) = (body, sigmas.cloned());
+    localize(scene, &options).unwrap()
 }
 
 fn sigmas_of(localization: &Localization) -> Sigmas {
-    Sigmas::new(localization.noise.iter().copied()).unwrap()
+    Sigmas::new(localization.noise.levels()).unwrap()
 }
 
 /// The scene with some of its objects only, which have other indices there.
@@ -63,7 +64,7 @@ proptest! {
             let same = whole.estimates.iter().find(|other| scene.object_ids[other.object_index] == *id).unwrap();
             prop_assert_eq!(bits(estimate), bits(same));
         }
-        prop_assert_eq!(found.noise, sigmas.levels().collect::<Vec<_>>());
+        prop_assert_eq!(found.noise, sigmas);
     }
 }
 
@@ -96,14 +97,14 @@ fn levels_matter_and_a_ground_is_shared_all_the_same() {
     assert!(sd(&large) > 20.0 * sd(&small));
     // Without a common ground an object is the same alone; with one, what the objects say of it counts for all of them.
     scene.up = Some(nalgebra::Vector3::z_axis());
-    let mut options = Options::default();
-    options.map.sigmas = Some(large);
-    let one = |scene: &Scene, options: &Options| bits(&localize(scene, options, &|_, _| {}).unwrap().estimates[0]);
+    let mut options = LocalizeOptions::default();
+    options.method.map_options_mut().unwrap().sigmas = Some(large);
+    let one = |scene: &Scene, options: &LocalizeOptions| bits(&localize(scene, options).unwrap().estimates[0]);
     let first_alone = part(&scene, |object| object == 0);
     assert_eq!(one(&scene, &options), one(&first_alone, &options));
     // How far the objects' lowest points are apart: the ground draws them together.
-    let spread = |options: &Options| {
-        let estimates = localize(&scene, options, &|_, _| {}).unwrap().estimates;
+    let spread = |options: &LocalizeOptions| {
+        let estimates = localize(&scene, options).unwrap().estimates;
         let lowest = |e: &Estimate| {
             let body = e.ellipsoid().unwrap();
             body.center.z - body.shape()[(2, 2)].sqrt()
@@ -113,7 +114,13 @@ fn levels_matter_and_a_ground_is_shared_all_the_same() {
         (all.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
     };
     let free = spread(&options);
-    options.map.priors.by_category.insert("*".to_owned(), CategoryPrior { on_ground: true, ..Default::default() });
+    options
+        .method
+        .map_options_mut()
+        .unwrap()
+        .priors
+        .by_category
+        .insert("*".to_owned(), CategoryPrior { on_ground: true, ..Default::default() });
     assert_ne!(one(&scene, &options), one(&first_alone, &options));
     assert!(spread(&options) < 0.98 * free, "{} {free}", spread(&options));
 }

@@ -6,7 +6,7 @@ use quadlift::geometry::BoundingBox;
 use quadlift::metrics::iou3d_bodies;
 use quadlift::solve::{BodyKind, MapOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 
 fn ellipsoids() -> MapOptions {
     MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }
@@ -14,7 +14,7 @@ fn ellipsoids() -> MapOptions {
 
 /// Mean volume IoU and mean distance of the centres, of the objects that have a body.
 fn score(synthetic: &SyntheticScene, map: MapOptions) -> (f64, f64) {
-    let estimates = localize(&synthetic.scene, &Options { map, ..Default::default() }, &|_, _| {}).unwrap().estimates;
+    let estimates = localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap().estimates;
     let count = estimates.iter().filter(|estimate| estimate.body.is_some()).count() as f64;
     let (mut iou, mut distance) = (0.0, 0.0);
     for estimate in estimates.iter().filter(|estimate| estimate.body.is_some()) {

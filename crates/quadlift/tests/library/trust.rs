@@ -4,7 +4,7 @@ use quadlift::geometry::BoundingBox;
 use quadlift::metrics::squared_errors;
 use quadlift::solve::{BodyKind, MapOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
-use quadlift::{Localization, Options, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 
 /// Quantile of chi-square with 3 degrees of freedom at 95 %.
 const LIMIT: f64 = 7.815;
@@ -36,7 +36,7 @@ fn with_habits(mut synthetic: SyntheticScene, amount: f64) -> SyntheticScene {
 
 fn run(synthetic: &SyntheticScene, common_errors: bool) -> Localization {
     let map = MapOptions { body: Some(BodyKind::Ellipsoid), common_errors, ..Default::default() };
-    localize(&synthetic.scene, &Options { map, ..Default::default() }, &|_, _| {}).unwrap()
+    localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap()
 }
 
 /// Share of the true centres inside the region of 95 %.
@@ -50,7 +50,7 @@ fn inside(synthetic: &SyntheticScene, localization: &Localization) -> f64 {
 }
 
 fn level(localization: &Localization, name: &str) -> f64 {
-    localization.noise.iter().find(|(n, _)| *n == name).map_or(0.0, |(_, level)| *level)
+    localization.noise.get(name).unwrap_or(0.0)
 }
 
 #[test]

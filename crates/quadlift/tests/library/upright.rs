@@ -5,7 +5,7 @@ use quadlift::geometry::ConvexBody;
 use quadlift::metrics::iou3d_bodies;
 use quadlift::solve::BodyKind;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
-use quadlift::{Options, localize};
+use quadlift::{LocalizeOptions, localize};
 
 struct Case {
     body: BodyKind,
@@ -37,11 +37,11 @@ fn without_and_with(case: &Case) -> [f64; 2] {
         })
         .collect();
     [false, true].map(|upright| {
-        let mut options = Options::default();
-        options.map.body = Some(case.body);
-        options.map.upright = upright;
+        let mut options = LocalizeOptions::default();
+        options.method.map_options_mut().unwrap().body = Some(case.body);
+        options.method.map_options_mut().unwrap().upright = upright;
         let ious = scenes.iter().flat_map(|synthetic| {
-            let localization = localize(&synthetic.scene, &options, &|_, _| {}).unwrap();
+            let localization = localize(&synthetic.scene, &options).unwrap();
             let iou = |estimate: &quadlift::solve::Estimate| {
                 let truth = synthetic.truth[estimate.object_index].1;
                 estimate.body.map_or(0.0, |body| iou3d_bodies(&body, &truth))

@@ -1,20 +1,22 @@
 //! Which detections take part.
 
 use crate::associate::options::{AssociateError, AssociateOptions};
-use crate::associate::result::NotUsed;
 use crate::geometry::BoundingBox;
-use crate::scene::{Detection, Scene};
+use crate::scene::{Detection, Scene, SkippedDetections};
 
 /// The detections that take part (indices into the scene, ascending) and how many do not, by reason.
-pub(crate) fn select(scene: &Scene, options: &AssociateOptions) -> Result<(Vec<usize>, NotUsed), AssociateError> {
+pub(crate) fn select(
+    scene: &Scene,
+    options: &AssociateOptions,
+) -> Result<(Vec<usize>, SkippedDetections), AssociateError> {
     let source = scene.source_index(options.source.as_deref())?;
-    let mut not_used = NotUsed::default();
+    let mut skipped = SkippedDetections::default();
     let mut kept = Vec::new();
     for (index, detection) in scene.detections.iter().enumerate() {
         if source.is_some() && detection.source_index != source {
-            not_used.other_source += 1;
+            skipped.other_source += 1;
         } else if is_below(detection.score, options.min_score) {
-            not_used.low_score += 1;
+            skipped.low_score += 1;
         } else {
             kept.push(index);
         }
@@ -22,9 +24,9 @@ pub(crate) fn select(scene: &Scene, options: &AssociateOptions) -> Result<(Vec<u
     if let Some(limit) = options.max_overlap {
         let before = kept.len();
         kept = without_duplicates(scene, kept, limit);
-        not_used.duplicate = before - kept.len();
+        skipped.duplicate = before - kept.len();
     }
-    Ok((kept, not_used))
+    Ok((kept, skipped))
 }
 
 fn is_below(score: Option<f64>, least: Option<f64>) -> bool {

@@ -1,6 +1,8 @@
 //! Expectation-maximisation: boxes are assigned, bodies fitted, the scene's noise learnt, weak objects given up, new
 //! ones born of what is left.
 
+use std::ops::ControlFlow;
+
 use super::frame_shift::learn_shifts;
 use super::merge::drop_nested;
 use super::reseed::reseed_weak;
@@ -19,7 +21,7 @@ const SPHERE_ROUNDS: usize = 1;
 
 impl State {
     /// All rounds; ends early when nothing changes any more. A thorough run dissolves weak objects and tries again.
-    pub fn run(&mut self, context: &AssociationContext, report: &impl Fn(), thorough: bool) {
+    pub fn run(&mut self, context: &AssociationContext, report: &impl Fn() -> ControlFlow<()>, thorough: bool) {
         let (mut before, mut tried) = (None, Vec::new());
         for round in 0..ROUNDS {
             let last_births = ROUNDS - 3;
@@ -54,7 +56,9 @@ impl State {
             if reseeds && (round + 1 == last_births || round == last_births) {
                 reseed_weak(context, self);
             }
-            report();
+            if report().is_break() {
+                return;
+            }
             let now = Some(self.owners());
             if now == before && round > last_births {
                 return;

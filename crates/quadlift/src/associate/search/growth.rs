@@ -2,6 +2,7 @@
 //! objects.
 
 use std::collections::{HashSet, VecDeque};
+use std::ops::ControlFlow;
 
 use nalgebra::Vector3;
 
@@ -65,7 +66,8 @@ struct Growth<'a> {
 }
 
 /// Grows objects over the frames of `order` from the boxes for which `free` holds, with some objects to begin with.
-/// Returns those with enough views.
+/// Returns those with enough views. `report` is called
+/// after each frame.
 pub(crate) fn grow(
     context: &AssociationContext,
     observations: &Observations,
@@ -73,7 +75,7 @@ pub(crate) fn grow(
     order: &[u32],
     free: &impl Fn(usize) -> bool,
     initial: Vec<Object>,
-    report: &impl Fn(),
+    report: &impl Fn() -> ControlFlow<()>,
 ) -> Vec<Object> {
     let mut step_of = vec![usize::MAX; observations.cameras.len()];
     for (step, &frame) in order.iter().enumerate() {
@@ -103,7 +105,9 @@ pub(crate) fn grow(
         let used = growth.begin(step, &left, &pool);
         pool.retain(|(_, index)| !used.contains(index));
         pool.extend(left.iter().filter(|index| !used.contains(index)).map(|&index| (step, index)));
-        report();
+        if report().is_break() {
+            break;
+        }
     }
     growth.finish()
 }

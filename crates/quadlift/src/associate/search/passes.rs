@@ -1,7 +1,7 @@
 //! The search as a whole: objects from trusted ids, growth, rounds.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::ops::ControlFlow;
 
 use super::assignment::count_visible;
 use super::em::ROUNDS;
@@ -14,6 +14,7 @@ use crate::associate::score::fit::{Start, fit};
 use crate::associate::score::object::Object;
 use crate::associate::score::rays::triangulate;
 use crate::associate::score::scene_statistics::SceneStatistics;
+use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
 
 /// Rounds after growth, before anything is born of what is left.
@@ -34,12 +35,12 @@ const MIN_EVIDENCE_SHARE: f64 = 0.88;
 /// Rounds in which it is tried whether more slack is worth a search of its own.
 const TRIAL_ROUNDS: usize = 2;
 
-/// Finds the objects.
+/// Finds the objects; `None` where the observer cancels.
 pub(crate) fn search(
     context: &AssociationContext,
     observations: Observations,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> State {
+    observer: &dyn Observer,
+) -> Option<State> {
     let slack = context.options.pixel_sd.unwrap_or(PIXEL_SDS[0]);
     let statistics = SceneStatistics::new(&observations, context.given_sizes.clone(), slack);
     let mut state = State { observations, statistics, objects: Vec::new() };
@@ -49,9 +50,9 @@ pub(crate) fn search(
         if !state.objects.is_empty() {
             state.learn(context);
         }
-        return state;
+        return Some(state);
     }
-    let steps = Steps::new(context, &state, progress);
+    let steps = Steps::new(context, &state, observer);
     let mut best = passes(context, &state, &steps);
     if context.options.pixel_sd.is_none() {
         for slack in &PIXEL_SDS[1..] {
@@ -74,14 +75,17 @@ pub(crate) fn search(
             best = other;
         }
     }
-    steps.end();
-    best
+    steps.watch.finish();
+    (!steps.watch.is_cancelled()).then_some(best)
 }
 
 /// All passes from the objects of trusted ids on, the best of them.
 fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
     let thorough = context.options.thorough;
     let pass = |mut from: State, order: Option<&[u32]>| {
+        if steps.watch.is_cancelled() {
+            return from;
+        }
         from.objects = state.objects.clone();
         if let Some(order) = order {
             from.grow(context, order, &|| steps.advance(1));
@@ -107,37 +111,30 @@ fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
 
 /// Counts what has been done.
 struct Steps<'a> {
-    progress: &'a (dyn Fn(usize, usize) + Sync),
+    watch: Watch<'a>,
     /// Rounds take about as long as the growth over all frames.
     per_round: usize,
     of_passes: usize,
-    done: AtomicUsize,
-    total: AtomicUsize,
 }
 
 impl<'a> Steps<'a> {
-    fn new(context: &AssociationContext, state: &State, progress: &'a (dyn Fn(usize, usize) + Sync)) -> Self {
+    fn new(context: &AssociationContext, state: &State, observer: &'a dyn Observer) -> Self {
         let frames = state.observations.cameras.len();
         let per_round = frames / ROUNDS + 1;
         let of_passes = if context.options.thorough { 4 } else { 2 } * (frames + ROUNDS * per_round);
-        Self { progress, per_round, of_passes, done: AtomicUsize::new(0), total: AtomicUsize::new(of_passes) }
+        Self { watch: Watch::new(observer, of_passes), per_round, of_passes }
     }
 
-    fn advance(&self, steps: usize) {
-        let total = self.total.load(Ordering::Relaxed);
-        (self.progress)((self.done.fetch_add(steps, Ordering::Relaxed) + steps).min(total), total);
+    /// Counts steps; breaks where the observer has cancelled.
+    fn advance(&self, steps: usize) -> ControlFlow<()> {
+        self.watch.advance(steps);
+        if self.watch.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     /// What there is to do is done; the same comes once more.
     fn another(&self) {
-        let done = self.total.load(Ordering::Relaxed);
-        self.done.store(done, Ordering::Relaxed);
-        self.total.store(done + self.of_passes, Ordering::Relaxed);
-    }
-
-    fn end(&self) {
-        let total = self.total.load(Ordering::Relaxed);
-        (self.progress)(total, total);
+        self.watch.finish();
+        self.watch.extend(self.of_passes);
     }
 }
 
@@ -148,7 +145,7 @@ fn better(context: &AssociationContext, first: State, second: State) -> State {
 
 impl State {
     /// Grows objects over all frames and settles them.
-    fn grow(&mut self, context: &AssociationContext, order: &[u32], report: &impl Fn()) {
+    fn grow(&mut self, context: &AssociationContext, order: &[u32], report: &impl Fn() -> ControlFlow<()>) {
         let initial = std::mem::take(&mut self.objects);
         let observations = &self.observations;
         let free = |index: usize| !context.is_trusted(&observations.boxes[index]);

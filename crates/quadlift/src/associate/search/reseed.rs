@@ -1,5 +1,7 @@
 //! Second thoughts: weak objects and their neighbours are dissolved and sought anew; what has more evidence stays.
 
+use std::ops::ControlFlow;
+
 use super::assignment::assign;
 use super::growth::grow;
 use super::state::{State, born, refit};
@@ -117,7 +119,8 @@ fn regrow(context: &AssociationContext, state: &mut State, used: &[bool], freed:
         .copied()
         .filter(|&frame| observations.cameras[frame as usize].boxes.clone().any(is_free))
         .collect();
-    let mut grown = grow(context, observations, &mut state.statistics, &order, &is_free, Vec::new(), &|| ());
+    let mut grown =
+        grow(context, observations, &mut state.statistics, &order, &is_free, Vec::new(), &|| ControlFlow::Continue(()));
     grown.retain(|object| object.boxes.iter().any(|&index| freed[index as usize]));
     grown
 }

@@ -13,19 +13,14 @@ use self::pfd::{ClosedFormError, pfd};
 use self::planes::planes;
 use self::reg::reg;
 use super::estimate::{Estimate, Status};
-use super::options::{Method, RegOptions};
+use super::options::Method;
 use super::report::{describe, describe_center};
 use crate::geometry::{Body, Ellipse, Ellipsoid, EllipsoidError, Projection};
 use crate::scene::ObjectViews;
 
-/// Solves for one object with [`Method::Planes`], [`Method::Lfd`], [`Method::Pfd`] or [`Method::Reg`]. The objects of a
-/// scene share their noise levels under [`Method::Map`], see [`super::map`]; here it gives what `planes` gives.
-pub fn solve_closed_form(
-    object: &ObjectViews,
-    method: Method,
-    options: &RegOptions,
-    enclosing_quantile: f64,
-) -> Estimate {
+/// Solves for one object with a closed form or the paper's regularised estimator. The objects of a scene share their noise
+/// levels under [`Method::Map`], see [`super::map`]; here it gives what `planes` gives.
+pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing_quantile: f64) -> Estimate {
     let blank = |status| Estimate::failed(object.object_index, object.category_index, status);
     if object.views.len() < method.fewest_views() {
         return blank(Status::TooFewViews);
@@ -37,10 +32,12 @@ pub fn solve_closed_form(
         ClosedFormError::Degenerate => Status::Degenerate,
     };
     let solution: Result<Result<Ellipsoid, EllipsoidError>, Status> = match method {
-        Method::Planes | Method::Map => planes(&object.views).map(|solution| solution.to_ellipsoid()),
+        Method::Planes | Method::Map(_) => planes(&object.views).map(|solution| solution.to_ellipsoid()),
         Method::Lfd => lfd(&observations).map(|solution| solution.to_ellipsoid()).map_err(status),
         Method::Pfd => pfd(&observations).map(|solution| solution.dual_quadric.to_ellipsoid()).map_err(status),
-        Method::Reg => reg(&observations, options).map(|solution| solution.dual_quadric.to_ellipsoid()).map_err(status),
+        Method::Reg(options) => {
+            reg(&observations, options).map(|solution| solution.dual_quadric.to_ellipsoid()).map_err(status)
+        }
     };
     match solution {
         Ok(Ok(ellipsoid)) => {

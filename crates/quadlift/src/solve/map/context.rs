@@ -2,11 +2,12 @@
 
 use nalgebra::{Point3, Unit, Vector3};
 
+use crate::observer::Watch;
 use crate::solve::options::MapOptions;
 
 /// What the objects of a scene share.
 #[derive(Debug, Clone)]
-pub struct MapContext<'a> {
+pub(crate) struct MapContext<'a> {
     /// Names of the categories, by index.
     pub categories: &'a [String],
     /// World direction against gravity.
@@ -15,22 +16,15 @@ pub struct MapContext<'a> {
     pub cameras: Vec<Point3<f64>>,
     /// Seed of the hypotheses and of the random starts.
     pub seed: u64,
+    /// Quantile of the enclosing body, see [`crate::LocalizeOptions::enclosing_quantile`].
+    pub enclosing_quantile: f64,
     /// The estimator's options.
     pub options: &'a MapOptions,
+    /// Who watches.
+    pub watch: &'a Watch<'a>,
 }
 
-impl<'a> MapContext<'a> {
-    /// What the objects of a scene share.
-    pub fn new(
-        categories: &'a [String],
-        up: Option<Unit<Vector3<f64>>>,
-        cameras: Vec<Point3<f64>>,
-        seed: u64,
-        options: &'a MapOptions,
-    ) -> Self {
-        Self { categories, up, cameras, seed, options }
-    }
-
+impl MapContext<'_> {
     /// Whether the objects have more in common than noise levels: the ground, or cameras that are moved.
     pub(super) fn has_shared_unknowns(&self) -> bool {
         let MapOptions { ground_plane, priors, pose_noise, .. } = self.options;

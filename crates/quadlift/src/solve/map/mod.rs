@@ -15,12 +15,13 @@ mod residuals;
 mod scene;
 mod shared;
 
-pub use self::context::MapContext;
+pub(crate) use self::context::MapContext;
 use self::scene::body_selection::BodyKinds;
 use self::scene::scene_fit::SceneFit;
 use super::estimate::Estimate;
-use super::options::BodyKind;
+use super::options::{BodyKind, PoseNoise};
 use super::prediction::{Fold, FoldPrediction, predict_fold};
+use super::sigmas::Sigmas;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
@@ -29,11 +30,13 @@ const NOISE_SAMPLE: usize = 2000;
 
 /// The answer for a scene.
 #[derive(Debug, Clone)]
-pub struct MapSolution {
+pub(crate) struct MapSolution {
     /// One estimate per object.
     pub estimates: Vec<Estimate>,
-    /// Noise levels by name, relative to the detection's half size.
-    pub noise: Vec<(&'static str, f64)>,
+    /// Noise levels that the residuals show, or that were given.
+    pub noise: Sigmas,
+    /// Root mean square corrections of the poses, where they were estimated.
+    pub pose_noise: Option<PoseNoise>,
     /// The kind of body that was fitted; `None` where objects differ.
     pub body: Option<BodyKind>,
     /// The folds that were chosen.
@@ -43,20 +46,19 @@ pub struct MapSolution {
 }
 
 /// Chooses which views of which objects are left out, one fit for each fold, once the estimates are there.
-pub type ChooseFolds<'a> = &'a (dyn Fn(&[Estimate]) -> Vec<Fold> + Sync);
+pub(crate) type ChooseFolds<'a> = &'a (dyn Fn(&[Estimate]) -> Vec<Fold> + Sync);
 
-/// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. `done` is called
-/// once for each finished object.
+/// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. Each finished
+/// object is a step for the observer; where it cancels, what comes out is of no use.
 ///
 /// The views of each fold are then left out, the object is fitted again to the others, from its starts or from where the
 /// fit to all views ended ([`Fold::warm_start`]), and its views are predicted. What the objects of the scene share is kept as it was found with all views: noise levels, ground plane, the
 /// corrections of the poses of the views that are left in, and the kind of body.
-pub fn map(
+pub(crate) fn map(
     count: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &MapContext,
     folds: ChooseFolds,
-    done: &(dyn Fn() + Sync),
 ) -> MapSolution {
     let options = context.options;
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
@@ -87,7 +89,7 @@ pub fn map(
         } else {
             scene.estimate_other(views_of(index), kind_of(index), context)
         };
-        done();
+        context.watch.advance(1);
         estimate
     });
     let folds = folds(&estimates);
@@ -102,5 +104,6 @@ pub fn map(
         };
         predict_fold(&views_of(*object), views, options.border_margin, fit)
     });
-    MapSolution { estimates, noise: scene.noise_report(context), body: body_kinds.of_all(), folds, predicted }
+    let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
+    MapSolution { estimates, noise, pose_noise, body: body_kinds.of_all(), folds, predicted }
 }

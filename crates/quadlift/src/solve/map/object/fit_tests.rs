@@ -12,7 +12,7 @@ use super::objective::lowest_point;
 use super::problem::ObjectProblem;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::localize::Options;
+use crate::observer::{Unobserved, Watch};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::scene::ObjectViews;
 use crate::solve::estimate::Status;
@@ -34,8 +34,16 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
     let scene = generate(&make).unwrap().scene;
     let detections: Vec<u32> = (0..5).collect();
     let views: ObjectViews = scene.object_views(0, &detections);
-    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Options::default().map };
-    let context = MapContext::new(&scene.categories, up, Vec::new(), 0, &options);
+    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Default::default() };
+    let context = MapContext {
+        categories: &scene.categories,
+        up,
+        cameras: Vec::new(),
+        seed: 0,
+        enclosing_quantile: 0.85,
+        options: &options,
+        watch: &Watch::new(&Unobserved, 1),
+    };
     let problem = ObjectProblem::new(views, BodyKind::Ellipsoid, &context).unwrap();
     let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
     let noise = NoiseLevels::new(67.0);

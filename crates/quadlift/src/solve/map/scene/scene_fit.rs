@@ -20,7 +20,8 @@ use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
 use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::poses::PoseCorrections;
-use crate::solve::options::BodyKind;
+use crate::solve::options::{BodyKind, PoseNoise};
+use crate::solve::sigmas::Sigmas;
 
 /// Rounds of noise estimation, at most.
 const ROUNDS: usize = 8;
@@ -54,6 +55,9 @@ const SMALL_NOISE_FACTOR: f64 = 0.05;
 /// [`COMMON_SAMPLE`] objects.
 const COMMON_PAIRS: usize = 5000;
 const COMMON_SAMPLE: usize = 24;
+
+/// The observer is asked whether to go on at every object of this number in a round.
+const POLLED: usize = 16;
 
 /// The objects of a scene, fitted, with what they share.
 pub(crate) struct SceneFit {
@@ -138,6 +142,9 @@ impl SceneFit {
             self;
         let mut started = noise;
         for round in 0..ROUNDS {
+            if context.watch.is_cancelled() {
+                break;
+            }
             statistics = NoiseStatistics::default();
             // Summed in the order of the objects, so that the result does not depend on the number of threads.
             let misfits: Vec<Option<Misfit>> = fits.iter().flatten().map(|fit| fit.misfit(&noise)).collect();
@@ -170,6 +177,12 @@ impl SceneFit {
             }
             fits = map_indices(fits.len(), |k| {
                 let fit = fits[k].as_ref().map_err(Clone::clone)?;
+                if k.is_multiple_of(POLLED) {
+                    context.watch.poll();
+                }
+                if context.watch.is_cancelled() {
+                    return Ok(fit.clone());
+                }
                 // Now that the noise of the scene is known, a fit with much larger residuals stands out.
                 let fit = if round < RETRY_ROUNDS {
                     fit.retry_starts_and_outliers(&noise, round, context)
@@ -311,14 +324,14 @@ impl SceneFit {
         fit.without_far_views(&self.noise, self.reference, context)
     }
 
-    /// Noise levels by name: those that were given, or those of what has data.
-    pub(crate) fn noise_report(&self, context: &MapContext) -> Vec<(&'static str, f64)> {
-        let given = context.options.sigmas.as_ref().map(|sigmas| sigmas.levels().collect());
-        let mut report: Vec<_> = given.unwrap_or_else(|| self.noise.report(&self.statistics));
-        if let Some((turn, shift)) = self.poses.size() {
-            report.extend([("pose_rotation", turn), ("pose_translation", shift)]);
-        }
-        report
+    /// The noise levels that were given, or those of what has data.
+    pub(crate) fn noise_report(&self, context: &MapContext) -> Sigmas {
+        context.options.sigmas.clone().unwrap_or_else(|| Sigmas::of_report(self.noise.report(&self.statistics)))
+    }
+
+    /// Root mean square corrections of the poses, where they were estimated.
+    pub(crate) fn pose_noise(&self) -> Option<PoseNoise> {
+        self.poses.size().map(|(rotation_sd, translation_sd)| PoseNoise { rotation_sd, translation_sd })
     }
 }
 

@@ -1,0 +1,73 @@
+//! What can be chosen about a localisation.
+
+use super::measurement_kind::MeasurementKind;
+use crate::cross_validation::CrossValidationOptions;
+use crate::solve::{CategoryPriors, ENCLOSING_QUANTILE, MapOptions, Method};
+
+/// Options of [`crate::localize()`].
+///
+/// ```
+/// use quadlift::solve::{BodyKind, MapOptions};
+/// use quadlift::LocalizeOptions;
+///
+/// // The default estimator, cuboids only.
+/// let options = LocalizeOptions::from(MapOptions { body: Some(BodyKind::Cuboid), ..Default::default() });
+/// assert!(options.validate().is_ok());
+/// ```
+#[derive(Debug, Clone)]
+pub struct LocalizeOptions {
+    /// Which estimator, with its options.
+    pub method: Method,
+    /// Take the detections of this source only; needed when the scene has several.
+    pub source: Option<String>,
+    /// Objects with fewer views get the status `too_few_views` (never below what the method needs).
+    pub min_views: usize,
+    /// Skip detections with a higher occlusion level.
+    pub max_occluded: Option<f64>,
+    /// Skip detections with a higher truncation level.
+    pub max_truncated: Option<f64>,
+    /// Which of a detection's measurements are used.
+    pub measurements: MeasurementKind,
+    /// Quantile of (distance of the measured plane) / (reach of the body) that the enclosing body takes, in [0, 1].
+    pub enclosing_quantile: f64,
+    /// Report objects of a scene that does not agree with itself (see [`crate::diagnosis`]) as if it did; otherwise
+    /// none of them is [`crate::solve::Status::Ok`].
+    pub accept_inconsistent: bool,
+    /// Sizes that categories have: an object that is much longer or shorter than all of its category gets a warning
+    /// ([`crate::solve::Warning::ImplausibleSize`]). No estimate depends on them; the priors of [`MapOptions`] do more.
+    pub plausible_sizes: CategoryPriors,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// How much is cross-validated, and how.
+    pub cross_validation: CrossValidationOptions,
+}
+
+impl Default for LocalizeOptions {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            source: None,
+            min_views: 0,
+            max_occluded: None,
+            max_truncated: None,
+            measurements: MeasurementKind::default(),
+            enclosing_quantile: ENCLOSING_QUANTILE,
+            accept_inconsistent: false,
+            plausible_sizes: CategoryPriors::default(),
+            seed: 0,
+            cross_validation: CrossValidationOptions::default(),
+        }
+    }
+}
+
+impl From<Method> for LocalizeOptions {
+    fn from(method: Method) -> Self {
+        Self { method, ..Self::default() }
+    }
+}
+
+impl From<MapOptions> for LocalizeOptions {
+    fn from(options: MapOptions) -> Self {
+        Self::from(Method::Map(options))
+    }
+}

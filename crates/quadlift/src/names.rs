@@ -1,0 +1,147 @@
+//! Names of choices on the command line and in files: one table for every program that reads or writes them.
+
+use std::fmt::{Display, Formatter, Result as FmtResult};
+use std::str::FromStr;
+
+use crate::localize::MeasurementKind;
+use crate::solve::{BodyKind, MapOptions, Method, RegOptions};
+
+/// A name that stands for none of the choices.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{found:?} is no {what}; expected one of {expected}")]
+pub struct UnknownName {
+    /// What was read.
+    pub found: String,
+    /// What it should be: "method", "kind of body", "kind of measurement".
+    pub what: &'static str,
+    /// What there is.
+    pub expected: String,
+}
+
+fn unknown(found: &str, what: &'static str, expected: &[&str]) -> UnknownName {
+    UnknownName { found: found.to_owned(), what, expected: expected.join(", ") }
+}
+
+impl Method {
+    /// The names of all methods, as [`Display`] writes and [`FromStr`] reads them.
+    pub const NAMES: [&str; 5] = ["map", "planes", "lfd", "pfd", "reg"];
+
+    /// The name of the method.
+    pub fn name(&self) -> &'static str {
+        Self::NAMES[match self {
+            Self::Map(_) => 0,
+            Self::Planes => 1,
+            Self::Lfd => 2,
+            Self::Pfd => 3,
+            Self::Reg(_) => 4,
+        }]
+    }
+}
+
+impl Display for Method {
+    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Method {
+    type Err = UnknownName;
+
+    /// The method of this name, with its default options.
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        match name {
+            "map" => Ok(Self::Map(MapOptions::default())),
+            "planes" => Ok(Self::Planes),
+            "lfd" => Ok(Self::Lfd),
+            "pfd" => Ok(Self::Pfd),
+            "reg" => Ok(Self::Reg(RegOptions::default())),
+            _ => Err(unknown(name, "method", &Self::NAMES)),
+        }
+    }
+}
+
+impl MeasurementKind {
+    /// All kinds, in the order of their names.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Box, Self::Ellipse, Self::BoxAndEllipse, Self::Mask];
+
+    /// The names of all kinds, as [`Display`] writes and [`FromStr`] reads them.
+    pub const NAMES: [&str; 5] = ["auto", "box", "ellipse", "box+ellipse", "mask"];
+
+    /// The name of the kind.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl Display for MeasurementKind {
+    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for MeasurementKind {
+    type Err = UnknownName;
+
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
+        found.ok_or_else(|| unknown(name, "kind of measurement", &Self::NAMES))
+    }
+}
+
+impl Display for BodyKind {
+    /// `ellipsoid`, `cuboid`, `cylinder`, or `superellipsoid:Q` with the exponent of the support function.
+    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
+        match self {
+            Self::Ellipsoid => f.pad("ellipsoid"),
+            Self::Cuboid => f.pad("cuboid"),
+            Self::Cylinder => f.pad("cylinder"),
+            Self::Superellipsoid(exponent) => write!(f, "superellipsoid:{exponent}"),
+        }
+    }
+}
+
+impl FromStr for BodyKind {
+    type Err = UnknownName;
+
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let exponent = name.strip_prefix("superellipsoid:").and_then(|exponent| exponent.parse().ok());
+        match (name, exponent) {
+            ("ellipsoid", _) => Ok(Self::Ellipsoid),
+            ("cuboid", _) => Ok(Self::Cuboid),
+            ("cylinder", _) => Ok(Self::Cylinder),
+            (_, Some(exponent)) if (1.0..=2.0).contains(&exponent) => Ok(Self::Superellipsoid(exponent)),
+            _ => {
+                let of_superellipsoid = "superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)";
+                Err(unknown(name, "kind of body", &["ellipsoid", "cuboid", "cylinder", of_superellipsoid]))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        for name in Method::NAMES {
+            assert_eq!(name.parse::<Method>().unwrap().to_string(), name);
+        }
+        for (kind, name) in MeasurementKind::ALL.into_iter().zip(MeasurementKind::NAMES) {
+            assert_eq!((name.parse(), kind.to_string()), (Ok(kind), name.to_owned()));
+        }
+        for kind in [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Cylinder, BodyKind::Superellipsoid(1.25)] {
+            assert_eq!(kind.to_string().parse(), Ok(kind));
+        }
+    }
+
+    #[test]
+    fn other_names_are_refused_with_what_there_is() {
+        let error = "mpa".parse::<Method>().unwrap_err();
+        assert_eq!(error.to_string(), "\"mpa\" is no method; expected one of map, planes, lfd, pfd, reg");
+        for wrong in ["sphere", "superellipsoid", "superellipsoid:3", "superellipsoid:NaN", ""] {
+            assert!(wrong.parse::<BodyKind>().unwrap_err().to_string().contains("from 1 (cuboid) to 2"), "{wrong}");
+        }
+        assert!("boxes".parse::<MeasurementKind>().unwrap_err().to_string().contains("box+ellipse"));
+    }
+}

@@ -1,0 +1,121 @@
+//! Progress of long work, and how it is cancelled.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Watches long work and may cancel it.
+///
+/// Implemented for closures:
+///
+/// ```
+/// use std::ops::ControlFlow;
+///
+/// let print = |done: usize, total: usize| {
+///     eprintln!("{done} of {total}");
+///     ControlFlow::Continue(())
+/// };
+/// quadlift::localize_observed(&Default::default(), &Default::default(), &print)?;
+/// # Ok::<(), quadlift::LocalizeError>(())
+/// ```
+pub trait Observer: Sync {
+    /// Called now and then, from any thread and not always in order, with the number of steps done and their total, which
+    /// may grow. [`ControlFlow::Break`] cancels the work: it ends soon with an error that says so.
+    fn progress(&self, done: usize, total: usize) -> ControlFlow<()>;
+}
+
+impl<F: Fn(usize, usize) -> ControlFlow<()> + Sync> Observer for F {
+    fn progress(&self, done: usize, total: usize) -> ControlFlow<()> {
+        self(done, total)
+    }
+}
+
+/// Nobody watches.
+pub(crate) struct Unobserved;
+
+impl Observer for Unobserved {
+    fn progress(&self, _: usize, _: usize) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+/// Counts the steps of some work for its observer, and remembers whether it was cancelled.
+pub(crate) struct Watch<'a> {
+    observer: &'a dyn Observer,
+    done: AtomicUsize,
+    total: AtomicUsize,
+    cancelled: AtomicBool,
+}
+
+impl std::fmt::Debug for Watch<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Watch").field("done", &self.done).field("total", &self.total).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Watch<'a> {
+    /// Of work with so many steps.
+    pub(crate) fn new(observer: &'a dyn Observer, total: usize) -> Self {
+        let (done, cancelled) = (AtomicUsize::new(0), AtomicBool::new(false));
+        Self { observer, done, total: AtomicUsize::new(total), cancelled }
+    }
+
+    /// So many more steps are done.
+    pub(crate) fn advance(&self, steps: usize) {
+        let done = self.done.fetch_add(steps, Ordering::Relaxed) + steps;
+        self.ask(done);
+    }
+
+    /// All steps so far are done.
+    pub(crate) fn finish(&self) {
+        let total = self.total.load(Ordering::Relaxed);
+        self.done.store(total, Ordering::Relaxed);
+        self.ask(total);
+    }
+
+    /// There is more to do than was known.
+    pub(crate) fn extend(&self, steps: usize) {
+        self.total.fetch_add(steps, Ordering::Relaxed);
+    }
+
+    /// Asks the observer whether to go on.
+    pub(crate) fn poll(&self) {
+        self.ask(self.done.load(Ordering::Relaxed));
+    }
+
+    /// Whether the observer has cancelled the work.
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    fn ask(&self, done: usize) {
+        let total = self.total.load(Ordering::Relaxed);
+        if self.observer.progress(done.min(total), total).is_break() {
+            self.cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+
+    #[test]
+    fn steps_are_counted_and_a_break_is_remembered() {
+        let seen = Mutex::new(Vec::new());
+        let observer = |done: usize, total: usize| {
+            seen.lock().unwrap().push((done, total));
+            if done == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let watch = Watch::new(&observer, 4);
+        watch.advance(1);
+        watch.poll();
+        assert!(!watch.is_cancelled());
+        watch.advance(2);
+        watch.finish();
+        watch.extend(2);
+        watch.advance(5);
+        assert!(watch.is_cancelled());
+        assert_eq!(*seen.lock().unwrap(), [(1, 4), (1, 4), (3, 4), (4, 4), (6, 6)]);
+    }
+}

@@ -1,0 +1,21 @@
+//! Detections that take no part, counted by reason.
+
+/// Detections that took no part in a localisation or an association, by reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct SkippedDetections {
+    /// They name no object (localisation; see [`crate::associate()`]).
+    pub without_object: usize,
+    /// Their occlusion or truncation level is too high.
+    pub occluded_or_truncated: usize,
+    /// They lie where the lens cannot be undistorted, see [`crate::geometry::Camera::undistort_point`].
+    pub beyond_lens: usize,
+    /// They lack what is used of detections, see [`crate::LocalizeOptions::measurements`].
+    pub without_measurement: usize,
+    /// They are of another source (association).
+    pub other_source: usize,
+    /// Their score is too low (association).
+    pub low_score: usize,
+    /// They overlap a better one of their frame and category (association).
+    pub duplicate: usize,
+}

@@ -1,0 +1,98 @@
+//! One object without a scene: views in, an estimate out.
+
+use nalgebra::{Unit, Vector3};
+
+use super::closed_form::solve_closed_form;
+use super::enclosing::ENCLOSING_QUANTILE;
+use super::estimate::Estimate;
+use super::map::{MapContext, map};
+use super::options::Method;
+use crate::localize::{LocalizeOptions, OptionError};
+use crate::observer::{Unobserved, Watch};
+use crate::scene::{ObjectViews, View};
+
+/// Estimates one object from its views, by any method.
+///
+/// The objects of a scene share noise levels, and with them the default method knows better how far to trust boxes; where
+/// there is a scene, [`crate::localize()`] is the better choice.
+///
+/// ```
+/// use nalgebra::Matrix3x4;
+/// use quadlift::geometry::{BoundingBox, Projection};
+/// use quadlift::scene::View;
+/// use quadlift::solve::{Estimator, MapOptions};
+///
+/// // Four cameras (focal length 500 px, images of 640 x 480) look along +z at something 5 m ahead.
+/// let views: Vec<View> = [-1.5, -0.5, 0.5, 1.5]
+///     .into_iter()
+///     .map(|x| {
+///         let p = Matrix3x4::new(500.0, 0.0, 320.0, -500.0 * x, 0.0, 500.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0);
+///         let u = 320.0 - 100.0 * x;
+///         let bounding_box = BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0])?;
+///         Ok(View::from_box(Projection::from_matrix(p)?, bounding_box).with_image_size(640.0, 480.0))
+///     })
+///     .collect::<Result<_, Box<dyn std::error::Error>>>()?;
+/// let estimate = Estimator::new(MapOptions::default())?.fit(&views);
+/// let center = estimate.center.expect("the views determine it");
+/// assert!((center.z - 5.0).abs() < 0.3, "{}: {center}", estimate.status.name());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Estimator {
+    method: Method,
+    up: Option<Unit<Vector3<f64>>>,
+    category: Option<String>,
+    seed: u64,
+}
+
+impl Estimator {
+    /// An estimator of this method: [`Method`], or [`super::MapOptions`] for the default one.
+    ///
+    /// # Errors
+    /// [`OptionError`] names the option of the method that is outside of its range.
+    pub fn new(method: impl Into<Method>) -> Result<Self, OptionError> {
+        let method = method.into();
+        LocalizeOptions::from(method.clone()).validate()?;
+        Ok(Self { method, up: None, category: None, seed: 0 })
+    }
+
+    /// With the world direction against gravity, which some priors need.
+    #[must_use]
+    pub fn with_up(self, up: Unit<Vector3<f64>>) -> Self {
+        Self { up: Some(up), ..self }
+    }
+
+    /// With the object's category, which chooses among [`super::MapOptions::priors`].
+    #[must_use]
+    pub fn with_category(self, category: impl Into<String>) -> Self {
+        Self { category: Some(category.into()), ..self }
+    }
+
+    /// With another seed of what is drawn at random.
+    #[must_use]
+    pub fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// Estimates the object that the views show. It never fails: [`Estimate::status`] says how it ended.
+    pub fn fit(&self, views: &[View]) -> Estimate {
+        let category_index = self.category.as_ref().map(|_| 0);
+        let mut object = ObjectViews { object_index: 0, category_index, views: views.to_vec() };
+        let Method::Map(options) = &self.method else {
+            return solve_closed_form(&object, &self.method, ENCLOSING_QUANTILE);
+        };
+        object.views.iter_mut().for_each(|view| *view = view.within_margin(options.border_margin));
+        let categories: Vec<String> = self.category.iter().cloned().collect();
+        let context = MapContext {
+            categories: &categories,
+            up: self.up,
+            cameras: views.iter().filter_map(|view| view.projection.center_in_world()).collect(),
+            seed: self.seed,
+            enclosing_quantile: ENCLOSING_QUANTILE,
+            options,
+            watch: &Watch::new(&Unobserved, 1),
+        };
+        let mut solution = map(1, &|_| object.clone(), &context, &|_| Vec::new());
+        solution.estimates.swap_remove(0)
+    }
+}
