@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::bail;
-use quadlift::associate::{AssociateError, AssociateOptions, Association, IdUse, Outcome};
 use quadlift::associate_observed;
-use quadlift::diagnose::diagnose_association;
+use quadlift::association::{AssociateError, AssociateOptions, Association, IdUse, Outcome};
+use quadlift::diagnosis::diagnose_association;
 use quadlift::scene::{Detection, Scene, SourceError};
 use quadlift_io::association::skipped_in_words;
 

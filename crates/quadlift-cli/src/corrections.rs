@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::diagnose::Correction;
+use quadlift::diagnosis::Correction;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::correct::{RecordCorrection, correct, options};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use quadlift::associate::{AssociateOptions, IdUse, Outcome as AssociationOutcome, associate};
-use quadlift::diagnose::{Cause, Diagnosis, diagnose, diagnose_association};
+use quadlift::association::{AssociateOptions, IdUse, Outcome as AssociationOutcome, associate};
+use quadlift::diagnosis::{Cause, Diagnosis, diagnose, diagnose_association};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::correct::correct;

@@ -1,7 +1,7 @@
 //! Two mistakes at once: where none alone explains why a scene does not agree with itself, conventions of poses and boxes
 //! are undone one by one, and the self-check looks for a second mistake in what is left.
 
-use quadlift::diagnose::{BoxFormat, Cause, Correction, Diagnosis};
+use quadlift::diagnosis::{BoxFormat, Cause, Correction, Diagnosis};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::correct::{RecordCorrection, correct};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use quadlift::LocalizeError;
-use quadlift::associate::AssociateError;
+use quadlift::association::AssociateError;
 use quadlift::synthetic::SyntheticError;
 use quadlift_io::ReadError;
 use quadlift_segment::{CropError, SegmentError};

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use quadlift::associate::{AssociatedObject, Association};
+use quadlift::association::{AssociatedObject, Association};
 use quadlift::scene::{Scene, SkippedDetections};
 use serde_json::{Map, Value, json};
 

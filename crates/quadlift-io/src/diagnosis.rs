@@ -1,7 +1,7 @@
 //! What the self-check of a scene found ([`quadlift::diagnose`]), in words, as options that mend it, and as JSON.
 
 use quadlift::Localization;
-use quadlift::diagnose::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
+use quadlift::diagnosis::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
 use quadlift::solve::Status;
 use serde_json::{Value, json};
 

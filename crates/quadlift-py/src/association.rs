@@ -1,9 +1,9 @@
 //! Association with Python's keywords.
 
 use pyo3::prelude::*;
-use quadlift::associate::{AssociateOptions, Association, Outcome};
 use quadlift::associate_observed;
-use quadlift::diagnose::diagnose_association;
+use quadlift::association::{AssociateOptions, Association, Outcome};
+use quadlift::diagnosis::diagnose_association;
 use quadlift::scene::Scene;
 use quadlift_io::association::skipped_in_words;
 use quadlift_io::diagnosis::{Context, diagnosis_in_words};

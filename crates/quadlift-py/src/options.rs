@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use pyo3::prelude::*;
-use quadlift::associate::{AssociateOptions, IdUse};
+use quadlift::association::{AssociateOptions, IdUse};
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use quadlift::diagnose::diagnose;
+use quadlift::diagnosis::diagnose;
 use quadlift::scene::Detection;
 use quadlift_io::association::write_objects;
 use quadlift_io::correct::{RecordCorrection, correct};

@@ -24,16 +24,16 @@
 //! ```
 //!
 //! Each folder uses only those above it in this order: [`geometry`] (the vocabulary), [`scene`] (what users bring),
-//! [`solve`] (the method), [`cross_validation`] (how well views that were left out are predicted), [`mod@associate`]
-//! (objects from detections that name none), [`mod@diagnose`] (does a scene agree with itself), [`metrics`] (how good an
+//! [`solve`] (the method), [`cross_validation`] (how well views that were left out are predicted), [`association`]
+//! (objects from detections that name none), [`diagnosis`] (does a scene agree with itself), [`metrics`] (how good an
 //! estimate is), [`synthetic`] (scenes with known truth), and [`localize()`], the one call. The library reads no files and
 //! prints nothing.
 #![forbid(unsafe_code)]
 
-pub mod associate;
+pub mod association;
 mod body_model;
 pub mod cross_validation;
-pub mod diagnose;
+pub mod diagnosis;
 pub mod geometry;
 mod localize;
 pub mod metrics;
@@ -45,7 +45,7 @@ pub mod scene;
 pub mod solve;
 pub mod synthetic;
 
-pub use associate::{associate, associate_observed};
+pub use association::{associate, associate_observed};
 pub use localize::{
     Localization, LocalizeError, LocalizeOptions, MeasurementKind, OptionError, localize, localize_observed,
 };

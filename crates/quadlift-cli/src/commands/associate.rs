@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::builder::RangedU64ValueParser;
-use quadlift::associate::AssociateOptions;
+use quadlift::association::AssociateOptions;
 use quadlift_io::association::{association_record, write_objects};
 use quadlift_io::guard::check_not_read;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use quadlift::diagnose::Diagnosis;
+use quadlift::diagnosis::Diagnosis;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::diagnosis::Context;

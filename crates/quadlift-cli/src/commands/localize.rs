@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, anyhow};
 use clap::builder::RangedU64ValueParser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use quadlift::associate::AssociateOptions;
+use quadlift::association::AssociateOptions;
 use quadlift::cross_validation::Extent;
 use quadlift::solve::{BodyKind, Estimate, Method, PoseNoise, Rejection, Sigmas, Status};
 use quadlift::{LocalizeOptions, MeasurementKind};

@@ -1,6 +1,6 @@
 //! A scene that is divided into objects, and how well that was done.
 
-use quadlift::associate::{AssociateOptions, Association, associate};
+use quadlift::association::{AssociateOptions, Association, associate};
 use quadlift::geometry::Ellipsoid;
 use quadlift::metrics::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 use quadlift::scene::Scene;
@@ -168,7 +168,7 @@ impl Case {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadlift::associate::AssociatedObject;
+    use quadlift::association::AssociatedObject;
 
     #[test]
     fn an_object_is_false_when_most_of_its_detections_are() {
@@ -188,7 +188,7 @@ mod tests {
         };
         let association = Association {
             object_of_detection: vec![Some(0), Some(0), Some(1), Some(1), Some(1), None],
-            objects: vec![object(None), object(Some(quadlift::associate::AssociationWarning::Elongated))],
+            objects: vec![object(None), object(Some(quadlift::association::AssociationWarning::Elongated))],
             ..Default::default()
         };
         let (standing, others) = case.marked(&association);

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use quadlift::associate::{AssociateOptions, IdUse};
+use quadlift::association::{AssociateOptions, IdUse};
 use quadlift::geometry::BoundingBox;
 use quadlift_io::read::PixelCenters;
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};

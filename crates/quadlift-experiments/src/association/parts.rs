@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::associate::{AssociateOptions, AssociationWarning, IdUse, Part};
+use quadlift::association::{AssociateOptions, AssociationWarning, IdUse, Part};
 use quadlift::synthetic::SyntheticOptions;
 use rayon::prelude::*;
 

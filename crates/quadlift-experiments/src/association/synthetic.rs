@@ -1,6 +1,6 @@
 //! Synthetic scenes: crowds, noise, missed and false boxes, wrong poses, few views, and ids that may be wrong.
 
-use quadlift::associate::{AssociateOptions, IdUse};
+use quadlift::association::{AssociateOptions, IdUse};
 use quadlift::metrics::FoundScore;
 use quadlift::synthetic::{Detector, Noise, Observations, SyntheticIds, SyntheticOptions, Trajectory, generate};
 use rayon::prelude::*;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use quadlift::associate::{AssociateOptions, IdUse};
+use quadlift::association::{AssociateOptions, IdUse};
 use quadlift_io::read_scene_file;
 use rayon::prelude::*;
 

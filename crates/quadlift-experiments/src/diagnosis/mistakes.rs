@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use quadlift::diagnose::{BoxFormat, CameraParts, CauseName, Correction, Mistake};
+use quadlift::diagnosis::{BoxFormat, CameraParts, CauseName, Correction, Mistake};
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::{Detection, Frame, Scene};

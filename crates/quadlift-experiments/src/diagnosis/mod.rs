@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use quadlift::associate;
-use quadlift::associate::AssociateOptions;
-use quadlift::diagnose::{Diagnosis, diagnose, diagnose_association};
+use quadlift::association::AssociateOptions;
+use quadlift::diagnosis::{Diagnosis, diagnose, diagnose_association};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use rayon::prelude::*;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::diagnose::{Diagnosis, diagnose};
+use quadlift::diagnosis::{Diagnosis, diagnose};
 use quadlift::scene::Scene;
 use rayon::prelude::*;
 

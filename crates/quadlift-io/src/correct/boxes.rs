@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use nalgebra::Vector2;
-use quadlift::diagnose::Correction;
+use quadlift::diagnosis::Correction;
 use quadlift::geometry::Ellipse;
 
 use crate::error::EntryError;

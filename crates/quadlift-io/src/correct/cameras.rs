@@ -1,7 +1,7 @@
 //! Intrinsics of cameras, corrected; also those in the projections of frames.
 
 use nalgebra::Vector2;
-use quadlift::diagnose::{CameraParts, Correction};
+use quadlift::diagnosis::{CameraParts, Correction};
 use quadlift::geometry::{CameraModel, Intrinsics, Projection};
 
 use super::poses::{matrix, rows};

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use quadlift::diagnose::Correction;
+use quadlift::diagnosis::Correction;
 
 use crate::scene_file::SceneFile;
 use crate::wording::count;

@@ -13,7 +13,7 @@ mod poses;
 #[cfg(test)]
 mod tests;
 
-use quadlift::diagnose::Correction;
+use quadlift::diagnosis::Correction;
 
 use crate::error::EntryError;
 use crate::scene_file::SceneFile;

@@ -1,6 +1,6 @@
 //! The names of corrections on the command line and in Python, and the option that says a correction.
 
-use quadlift::diagnose::{BoxFormat, Correction};
+use quadlift::diagnosis::{BoxFormat, Correction};
 
 use super::{RecordCorrection, usual_width};
 

@@ -1,7 +1,7 @@
 //! Poses of frames, corrected.
 
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
-use quadlift::diagnose::{CameraParts, Correction};
+use quadlift::diagnosis::{CameraParts, Correction};
 use quadlift::geometry::Projection;
 
 use crate::error::EntryError;

@@ -1,7 +1,7 @@
 //! Every mistake of the library's list, made in the records of a scene file, is undone by its option.
 
 use nalgebra::{Matrix3x4, Rotation3, Vector2, Vector3};
-use quadlift::diagnose::{BoxFormat, Correction, Mistake};
+use quadlift::diagnosis::{BoxFormat, Correction, Mistake};
 use quadlift::geometry::{BoundingBox, Intrinsics};
 use serde_json::Value;
 

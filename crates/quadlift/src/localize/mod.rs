@@ -9,7 +9,7 @@ pub use options::LocalizeOptions;
 pub use validate::OptionError;
 
 use crate::cross_validation::{CrossValidation, choose_folds, summarise};
-use crate::diagnose::{Diagnosis, diagnose};
+use crate::diagnosis::{Diagnosis, diagnose};
 use crate::observer::{Observer, Unobserved, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use nalgebra::{Matrix2, Vector2};
-use quadlift::diagnose::Correction;
+use quadlift::diagnosis::Correction;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift_segment::Rle;
 

@@ -1,0 +1,76 @@
+//! What does not change while objects are sought: distances between cameras, densities of clutter, options.
+
+use nalgebra::Vector3;
+
+use super::clutter::Clutter;
+use super::frame_order::FrameOrder;
+use super::observations::{BoxObservation, Observations};
+use super::point_tree::PointTree;
+use super::sizes::LogSize;
+use crate::association::options::{AssociateOptions, IdUse};
+use crate::association::statistics::DetectionRate;
+use crate::scene::Scene;
+
+/// Ratio of the semi-axes of an ellipsoid that touches about the same planes as a real object to half its extents:
+/// between an ellipsoid's and a cuboid's.
+const TOUCHING_SIZE: f64 = 1.15;
+
+/// Smallest standard deviation of a log radius: real objects touch their boxes in ways of their own.
+const LEAST_SIZE_SD: f64 = 0.25;
+
+/// The part of the input that stays.
+#[derive(Debug)]
+pub(crate) struct AssociationContext<'a> {
+    pub options: &'a AssociateOptions,
+    /// Centres of the cameras.
+    pub camera_tree: PointTree,
+    /// The order in which objects are grown, and which frames pair up.
+    pub order: FrameOrder,
+    pub clutter: Clutter,
+    pub rate: DetectionRate,
+    /// Longest focal length, pixels.
+    pub longest_focal: f64,
+    /// Sizes of the categories as the options give them.
+    pub given_sizes: Vec<Option<LogSize>>,
+    /// Whether ids are evidence.
+    pub weighs_ids: bool,
+}
+
+impl<'a> AssociationContext<'a> {
+    /// Prepares a scene's boxes.
+    pub fn new(scene: &Scene, observations: &Observations, options: &'a AssociateOptions) -> Self {
+        let cameras = &observations.cameras;
+        let camera_tree = PointTree::new(cameras.iter().map(|c| c.center).collect());
+        let given = |category: &Option<u32>| {
+            let name = &scene.categories[(*category)? as usize];
+            let size = options.priors.of(name)?.size?;
+            let half = size.mean.map(|x| (0.5 * x).ln());
+            let spread: f64 = (0..3).map(|i| (size.sd[i] / size.mean[i]).powi(2)).sum();
+            Some(LogSize {
+                mean: half.iter().sum::<f64>() / 3.0 + TOUCHING_SIZE.ln(),
+                sd: (spread.sqrt() / 3.0).max(LEAST_SIZE_SD),
+            })
+        };
+        Self {
+            options,
+            order: FrameOrder::new(cameras, &camera_tree),
+            camera_tree,
+            clutter: Clutter::new(observations),
+            rate: DetectionRate::new(cameras.len().max(observations.boxes.len())),
+            longest_focal: cameras.iter().map(|c| c.focal).fold(0.0, f64::max),
+            given_sizes: observations.categories.iter().map(given).collect(),
+            weighs_ids: options.ids == IdUse::Evidence && observations.boxes.iter().any(|b| b.id.is_some()),
+        }
+    }
+
+    /// Whether a box belongs to the object that it names without question.
+    pub fn is_trusted(&self, observation: &BoxObservation) -> bool {
+        self.options.ids == IdUse::Trust && observation.id.is_some()
+    }
+
+    /// Frames whose cameras are so near that an object of this size may be seen as large as boxes are, ascending.
+    pub fn frames_near(&self, center: &Vector3<f64>, longest_semi_axis: f64, least_half_size: f64) -> Vec<u32> {
+        let range = 1.2 * self.longest_focal * longest_semi_axis / least_half_size.max(1e-9);
+        self.camera_tree.within(center, range)
+    }
+}

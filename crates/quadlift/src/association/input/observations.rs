@@ -1,0 +1,254 @@
+//! The boxes that are associated, sorted by frame, with what is calculated of them once.
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3x4, Vector2, Vector3};
+
+use crate::geometry::BoundingBox;
+use crate::scene::Scene;
+
+/// Distance from the border of the image, in pixels, within which an edge counts as cut off.
+const BORDER_PX: f64 = 2.0;
+
+/// Smaller scores count as this one.
+const LEAST_SCORE: f64 = 1e-3;
+
+/// Share of detections with another category than that of their object.
+const WRONG_CATEGORY_SHARE: f64 = 0.03;
+
+/// The smallest predicted size that a detector is expected to find, relative to the 2 % quantile of the sizes.
+const SMALLEST_SIZE: f64 = 0.7;
+
+/// A posed image.
+#[derive(Debug, Clone)]
+pub(crate) struct Camera {
+    /// World to pixels with a third row of length one, the world's origin amid the cameras.
+    pub matrix: Matrix3x4<f64>,
+    /// Its centre.
+    pub center: Vector3<f64>,
+    /// Direction of view, length one.
+    pub axis: Vector3<f64>,
+    /// Mean focal length in pixels.
+    pub focal: f64,
+    /// Width and height in pixels; the extent of the boxes where the image's is not known.
+    pub size: Vector2<f64>,
+    /// Its boxes, sorted by their left edges.
+    pub boxes: Range<usize>,
+}
+
+/// One box.
+#[derive(Debug, Clone)]
+pub(crate) struct BoxObservation {
+    /// Index of the detection in the scene.
+    pub detection: usize,
+    /// Index of the frame.
+    pub frame: usize,
+    /// Index of the category among those that occur; no category counts as one of its own.
+    pub category: usize,
+    /// Object that the detection names.
+    pub id: Option<u32>,
+    /// Left, top, right and bottom edge, less the frame's shift.
+    pub edges: [f64; 4],
+    /// Which edges the border of the image cuts off.
+    pub cut: [bool; 4],
+    /// Half of the sum of width and height, halved: the unit of noise.
+    pub half_size: f64,
+    /// Logarithms of half the width and half the height.
+    pub log_half: [f64; 2],
+    /// Logarithm of the odds that the detector gives it, where they are against it.
+    pub score_log_odds: f64,
+    /// Points on the ray through the middle are `center + depth * ray`.
+    pub ray: Vector3<f64>,
+    /// Radius of a sphere at depth one that fills the box.
+    pub radius_per_depth: f64,
+}
+
+impl BoxObservation {
+    /// The middle of the box, pixels.
+    pub fn center(&self) -> Vector2<f64> {
+        Vector2::new(0.5 * (self.edges[0] + self.edges[2]), 0.5 * (self.edges[1] + self.edges[3]))
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> Vector2<f64> {
+        Vector2::new(self.edges[2] - self.edges[0], self.edges[3] - self.edges[1])
+    }
+}
+
+/// All boxes and cameras.
+#[derive(Debug, Clone)]
+pub(crate) struct Observations {
+    /// The frames of the scene.
+    pub cameras: Vec<Camera>,
+    /// The boxes by frame, in a frame by their left edges.
+    pub boxes: Vec<BoxObservation>,
+    /// Index into [`Scene::categories`] for each category.
+    pub categories: Vec<Option<u32>>,
+    /// Predicted boxes of a smaller half size are not expected to be detected.
+    pub least_half_size: f64,
+    /// What has been taken off the world's coordinates.
+    pub origin: Vector3<f64>,
+    /// Share of the boxes in each category.
+    category_share: Vec<f64>,
+}
+
+/// Logarithm of the odds of a score that is a probability, where it is less than one half; 0 without one.
+fn log_odds_against(score: Option<f64>) -> f64 {
+    match score {
+        Some(score) if (0.0..0.5).contains(&score) => {
+            let score = score.max(LEAST_SCORE);
+            (score / (1.0 - score)).ln()
+        }
+        _ => 0.0,
+    }
+}
+
+impl Observations {
+    /// Prepares the given detections (indices into the scene); those that have an ellipse only count with the box
+    /// around it. Detections in frames whose camera has no finite centre are left out.
+    pub fn new(scene: &Scene, detections: &[usize]) -> Self {
+        let centers: Vec<_> = scene.frames.iter().map(|f| f.projection.center_in_world().map(|c| c.coords)).collect();
+        let count = centers.iter().flatten().count().max(1) as f64;
+        let origin = centers.iter().flatten().fold(Vector3::zeros(), |sum, c| sum + c / count);
+        let mut categories: Vec<Option<u32>> = Vec::new();
+        let mut boxes: Vec<BoxObservation> = Vec::with_capacity(detections.len());
+        let mut extent = Vector2::new(1.0, 1.0);
+        for &index in detections {
+            let detection = &scene.detections[index];
+            let frame = detection.frame_index as usize;
+            let measured = detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()));
+            let Some(measured) = measured.filter(|_| centers[frame].is_some()) else { continue };
+            let category = match categories.iter().position(|&c| c == detection.category_index) {
+                Some(known) => known,
+                None => {
+                    categories.push(detection.category_index);
+                    categories.len() - 1
+                }
+            };
+            let size = scene.frames[frame].image_size;
+            if size.is_none() {
+                extent = extent.sup(&Vector2::new(measured.x1, measured.y1));
+            }
+            let half = measured.size().map(|x| 0.5 * x.max(1e-3));
+            boxes.push(BoxObservation {
+                detection: index,
+                frame,
+                category,
+                id: detection.object_index,
+                edges: measured.edges(),
+                cut: cut_edges(&measured, size),
+                half_size: 0.5 * (half.x + half.y),
+                log_half: [half.x.ln(), half.y.ln()],
+                score_log_odds: log_odds_against(detection.score),
+                ray: Vector3::zeros(),
+                radius_per_depth: 0.0,
+            });
+        }
+        boxes.sort_by(|a, b| {
+            a.frame.cmp(&b.frame).then(a.edges[0].total_cmp(&b.edges[0])).then(a.detection.cmp(&b.detection))
+        });
+        let mut cameras = Vec::with_capacity(scene.frames.len());
+        let mut next = 0;
+        for (index, frame) in scene.frames.iter().enumerate() {
+            let first = next;
+            while next < boxes.len() && boxes[next].frame == index {
+                next += 1;
+            }
+            let mut matrix = *frame.projection.matrix();
+            matrix /= matrix.fixed_view::<1, 3>(2, 0).norm();
+            let moved = matrix.column(3) + matrix.fixed_columns::<3>(0) * origin;
+            matrix.set_column(3, &moved);
+            cameras.push(Camera {
+                matrix,
+                center: centers[index].map_or(Vector3::zeros(), |c| c - origin),
+                axis: matrix.fixed_view::<1, 3>(2, 0).transpose(),
+                focal: frame.projection.focal_length(),
+                size: frame.image_size.unwrap_or(extent),
+                boxes: first..next,
+            });
+        }
+        let mut half_sizes: Vec<f64> = boxes.iter().map(|b| b.half_size).collect();
+        let mut category_share = vec![1e-9; categories.len()];
+        for observation in &boxes {
+            category_share[observation.category] += 1.0 / boxes.len() as f64;
+        }
+        let least_half_size =
+            SMALLEST_SIZE * crate::association::statistics::quantile(&mut half_sizes, 0.02).unwrap_or(0.0);
+        let mut observations = Self { cameras, boxes, categories, least_half_size, origin, category_share };
+        for frame in 0..observations.cameras.len() {
+            observations.move_boxes(frame, &Vector2::zeros());
+        }
+        observations
+    }
+
+    /// The boxes of a frame.
+    pub fn in_frame(&self, frame: usize) -> &[BoxObservation] {
+        &self.boxes[self.cameras[frame].boxes.clone()]
+    }
+
+    /// Moves the boxes of a frame by some pixels.
+    pub fn move_boxes(&mut self, frame: usize, by: &Vector2<f64>) {
+        let camera = &self.cameras[frame];
+        let inverse = camera.matrix.fixed_columns::<3>(0).try_inverse().unwrap_or_default();
+        for observation in &mut self.boxes[camera.boxes.clone()] {
+            for (edge, value) in observation.edges.iter_mut().enumerate() {
+                *value += by[edge % 2];
+            }
+            let center = observation.center();
+            observation.ray = inverse * Vector3::new(center.x, center.y, 1.0);
+            observation.radius_per_depth =
+                (0.5 * (observation.log_half[0] + observation.log_half[1])).exp() / camera.focal;
+        }
+    }
+
+    /// Log odds of a box's category, between being of an object of the category and being clutter.
+    pub fn category_log_odds(&self, object: usize, detected: usize) -> f64 {
+        let others = self.categories.len().saturating_sub(1);
+        if others == 0 {
+            0.0
+        } else if object == detected {
+            ((1.0 - WRONG_CATEGORY_SHARE) / self.category_share[detected]).ln()
+        } else {
+            (WRONG_CATEGORY_SHARE / others as f64 / self.category_share[detected]).ln()
+        }
+    }
+}
+
+/// The edges that the border of the image cuts off; none where the size of the image is not known.
+fn cut_edges(bounding_box: &BoundingBox, image_size: Option<Vector2<f64>>) -> [bool; 4] {
+    let Some(size) = image_size else { return [false; 4] };
+    [
+        bounding_box.x0 <= BORDER_PX,
+        bounding_box.y0 <= BORDER_PX,
+        bounding_box.x1 >= size.x - BORDER_PX,
+        bounding_box.y1 >= size.y - BORDER_PX,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Projection;
+    use crate::scene::{DetectionInput, SceneBuilder};
+
+    #[test]
+    fn each_side_of_the_border_cuts_off_its_own_edge() {
+        let inside = [50.0, 60.0, 600.0, 400.0];
+        let at_the_border = [1.5, 1.5, 638.5, 478.5];
+        let cut = |edges: [f64; 4], size: Option<[f64; 2]>| {
+            let mut builder = SceneBuilder::new("one box");
+            let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
+            builder.add_frame("a", projection, size).unwrap();
+            let bounding_box = BoundingBox::new(edges).ok();
+            builder.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
+            Observations::new(&builder.build(), &[0]).boxes[0].cut
+        };
+        assert_eq!(cut(inside, Some([640.0, 480.0])), [false; 4]);
+        for edge in 0..4 {
+            let mut edges = inside;
+            edges[edge] = at_the_border[edge];
+            assert_eq!(cut(edges, Some([640.0, 480.0])), std::array::from_fn(|k| k == edge), "{edges:?}");
+        }
+        assert_eq!(cut(at_the_border, None), [false; 4]);
+    }
+}

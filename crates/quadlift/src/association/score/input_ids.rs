@@ -1,0 +1,102 @@
+//! Ids that come with the detections, as evidence.
+
+use std::collections::HashMap;
+
+use super::object::Object;
+use crate::association::input::observations::Observations;
+
+/// Other objects that a wrong id may sit in count as this many at most.
+const MOST_RIVALS: f64 = 20.0;
+
+/// How often each id sits in each object.
+#[derive(Debug, Default)]
+pub(crate) struct IdTally {
+    wrong_share: f64,
+    by_id: HashMap<u32, Vec<(u32, u32)>>,
+}
+
+impl IdTally {
+    /// An empty tally for ids that are wrong with a probability.
+    pub fn new(wrong_share: f64) -> Self {
+        Self { wrong_share, by_id: HashMap::new() }
+    }
+
+    /// The tally of all objects, numbered by their places.
+    pub fn of(wrong_share: f64, observations: &Observations, objects: &[Object]) -> Self {
+        let mut tally = Self::new(wrong_share);
+        for (place, object) in objects.iter().enumerate() {
+            tally.add(observations, place as u32, &object.boxes);
+        }
+        tally
+    }
+
+    /// Counts boxes of an object.
+    pub fn add(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
+        for id in boxes.iter().filter_map(|&b| observations.boxes[b as usize].id) {
+            let counts = self.by_id.entry(id).or_default();
+            match counts.iter_mut().find(|(o, _)| *o == object) {
+                Some((_, count)) => *count += 1,
+                None => counts.push((object, 1)),
+            }
+        }
+    }
+
+    /// Forgets the boxes of an object.
+    pub fn remove(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
+        for id in boxes.iter().filter_map(|&b| observations.boxes[b as usize].id) {
+            if let Some(counts) = self.by_id.get_mut(&id) {
+                counts.retain(|(o, _)| *o != object);
+            }
+        }
+    }
+
+    /// What a box's id adds to the gain of the box for an object, where the box now belongs to `current`: the log
+    /// probability of meeting this id in this object, relative to a box without an id.
+    pub fn bonus(&self, id: Option<u32>, object: u32, current: Option<u32>, objects: usize) -> f64 {
+        let Some(counts) = id.and_then(|id| self.by_id.get(&id)) else { return 0.0 };
+        // The box itself is no evidence.
+        let others = |o: u32, count: u32| count - u32::from(current == Some(o)).min(count);
+        let total: u32 = counts.iter().map(|&(o, count)| others(o, count)).sum();
+        if total == 0 {
+            return 0.0;
+        }
+        let here = counts.iter().find(|(o, _)| *o == object).map_or(0, |&(o, count)| others(o, count));
+        let share = f64::from(here) / f64::from(total);
+        ((1.0 - self.wrong_share) * share * (objects as f64).min(MOST_RIVALS) + self.wrong_share).ln()
+    }
+
+    /// The most that [`Self::bonus`] can be.
+    pub fn largest_bonus(&self) -> f64 {
+        if self.by_id.is_empty() { 0.0 } else { MOST_RIVALS.ln() }
+    }
+
+    /// What two ids add to the plausibility of a pair of boxes as one new object.
+    pub fn pair_bonus(&self, a: Option<u32>, b: Option<u32>) -> f64 {
+        match (a, b) {
+            (Some(a), Some(b)) if a == b => MOST_RIVALS.ln(),
+            (Some(_), Some(_)) => self.wrong_share.ln(),
+            _ => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_id_draws_to_where_its_others_are() {
+        let mut tally = IdTally::new(0.05);
+        tally.by_id.insert(7, vec![(0, 3), (1, 1)]);
+        // Without looking at the box itself, which now is in object 0: 2 of 3 others are in object 0.
+        let expected = (0.95f64 * 2.0 / 3.0 * 10.0 + 0.05).ln();
+        assert!((tally.bonus(Some(7), 0, Some(0), 10) - expected).abs() < 1e-12);
+        assert!((tally.bonus(Some(7), 2, None, 10) - 0.05f64.ln()).abs() < 1e-12);
+        assert_eq!((tally.bonus(None, 0, None, 10), tally.bonus(Some(8), 0, None, 10)), (0.0, 0.0));
+        // The only box of its id says nothing.
+        tally.by_id.insert(9, vec![(1, 1)]);
+        assert_eq!(tally.bonus(Some(9), 1, Some(1), 10), 0.0);
+        assert!(tally.pair_bonus(Some(1), Some(1)) > 2.9 && tally.pair_bonus(Some(1), Some(2)) < -2.9);
+        assert_eq!(tally.pair_bonus(Some(1), None), 0.0);
+    }
+}

@@ -1,0 +1,164 @@
+//! What is learnt of the scene as a whole: noise, clutter, sizes, the space that the objects fill.
+
+use nalgebra::Vector2;
+
+use super::object::Object;
+use crate::association::input::clutter::Clutter;
+use crate::association::input::context::AssociationContext;
+use crate::association::input::observations::{BoxObservation, Observations};
+use crate::association::input::sizes::LogSize;
+use crate::association::statistics::{median, quantile};
+
+/// Relative standard deviation of an edge to begin with, and the range that it may be learnt in.
+const FIRST_EDGE_SD: f64 = 0.1;
+const EDGE_SD_RANGE: [f64; 2] = [0.015, 0.3];
+
+/// Share of all boxes that are clutter, to begin with.
+const FIRST_CLUTTER_SHARE: f64 = 0.2;
+
+/// Views that an object needs to count for noise and sizes.
+const MIN_INFORMATIVE_VIEWS: usize = 4;
+
+/// Largest standard deviation of a frame's shift, pixels.
+pub(crate) const LARGEST_SHIFT_SD: f64 = 10.0;
+
+/// What is learnt.
+#[derive(Debug, Clone)]
+pub(crate) struct SceneStatistics {
+    /// Standard deviation of an edge relative to the half size of its box.
+    pub edge_sd: f64,
+    /// The part that does not depend on the size, pixels.
+    pub pixel_sd: f64,
+    /// Logarithm of the number of clutter boxes per frame.
+    pub log_clutter_rate: f64,
+    /// Sizes of each category, where they are known.
+    pub log_sizes: Vec<Option<LogSize>>,
+    /// Volume in which objects may be, cubed world units: what their centres fill; around a lone object, a ball about it
+    /// that reaches to its cameras. Infinite before any object is known: no object has evidence then.
+    pub volume: f64,
+    /// Number of objects.
+    pub objects: f64,
+    /// For each box, which edges another object hides.
+    pub hidden: Vec<[bool; 4]>,
+    /// Shift of each frame that has been taken off its boxes, pixels.
+    pub shifts: Vec<Vector2<f64>>,
+    /// Standard deviation of the shifts, pixels.
+    pub shift_sd: f64,
+}
+
+impl SceneStatistics {
+    /// Before anything is learnt.
+    pub fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
+        let per_frame = observations.boxes.len() as f64 / observations.cameras.len().max(1) as f64;
+        Self {
+            edge_sd: FIRST_EDGE_SD,
+            pixel_sd,
+            log_clutter_rate: (per_frame * FIRST_CLUTTER_SHARE).max(0.05).ln(),
+            log_sizes: given_sizes,
+            volume: f64::INFINITY,
+            objects: 1.0,
+            hidden: vec![[false; 4]; observations.boxes.len()],
+            shifts: vec![Vector2::zeros(); observations.cameras.len()],
+            shift_sd: LARGEST_SHIFT_SD,
+        }
+    }
+
+    /// Standard deviation of the edges of a box, pixels.
+    pub fn sd(&self, observation: &BoxObservation) -> f64 {
+        (self.edge_sd * observation.half_size).hypot(self.pixel_sd)
+    }
+
+    /// Edges of a box that only tell how far the object reaches at least.
+    pub fn one_sided(&self, index: usize, observation: &BoxObservation) -> [bool; 4] {
+        std::array::from_fn(|e| observation.cut[e] || self.hidden[index][e])
+    }
+
+    /// Log density of clutter per edge of a box.
+    pub fn log_clutter(&self, clutter: &Clutter, index: usize) -> f64 {
+        clutter.per_edge(index, self.log_clutter_rate)
+    }
+
+    /// Learns everything but the shifts from the objects found so far.
+    pub fn learn(&mut self, context: &AssociationContext, observations: &Observations, objects: &[Object]) {
+        self.learn_edge_sd(observations, objects);
+        let (frames, all) = (observations.cameras.len() as f64, observations.boxes.len() as f64);
+        let assigned: usize = objects.iter().map(|o| o.boxes.len()).sum();
+        self.log_clutter_rate = ((all - assigned as f64) / frames).max(0.02 * all / frames).max(0.02).ln();
+        self.learn_sizes(&context.given_sizes, objects);
+        if let Some(volume) = volume_of(observations, objects) {
+            self.volume = volume;
+        }
+        self.objects = objects.len() as f64;
+    }
+
+    fn learn_edge_sd(&mut self, observations: &Observations, objects: &[Object]) {
+        let mut errors = Vec::new();
+        for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
+            // Nine parameters have been fitted to four edges of each view.
+            let edges = 4.0 * object.boxes.len() as f64;
+            let dof = (edges / (edges - 9.0)).sqrt();
+            for &index in &object.boxes {
+                let observation = &observations.boxes[index as usize];
+                let one_sided = self.one_sided(index as usize, observation);
+                let residuals = object.residuals_px(&observations.cameras[observation.frame], observation);
+                let two_sided = (0..4).filter(|&e| !one_sided[e]);
+                errors.extend(two_sided.map(|e| residuals[e].abs() / observation.half_size * dof));
+            }
+        }
+        if errors.len() > 10
+            && let Some(middle) = median(&mut errors)
+        {
+            self.edge_sd = (1.4826 * middle).clamp(EDGE_SD_RANGE[0], EDGE_SD_RANGE[1]);
+        }
+    }
+
+    fn learn_sizes(&mut self, given: &[Option<LogSize>], objects: &[Object]) {
+        let categories = given.len();
+        let mut sizes = vec![Vec::new(); categories];
+        for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
+            sizes[object.category].push(object.radius.ln());
+        }
+        let medians: Vec<Option<f64>> = sizes.iter_mut().map(|s| median(s)).collect();
+        let mut deviations = Vec::new();
+        for (size, middle) in sizes.iter().zip(&medians) {
+            if let Some(middle) = middle
+                && size.len() >= 3
+            {
+                deviations.extend(size.iter().map(|x| (x - middle).abs()));
+            }
+        }
+        self.log_sizes = given.to_vec();
+        if deviations.len() < 5 {
+            return;
+        }
+        let sd = 1.3 * (1.4826 * median(&mut deviations).unwrap_or(0.0)).max(0.3);
+        let seen: Vec<f64> = medians.iter().flatten().copied().collect();
+        let overall = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
+        for (log_size, middle) in self.log_sizes.iter_mut().zip(medians) {
+            if log_size.is_none() {
+                *log_size = Some(LogSize { mean: middle.unwrap_or(overall), sd });
+            }
+        }
+    }
+}
+
+/// The volume in which objects may be; `None` where there is no object.
+fn volume_of(observations: &Observations, objects: &[Object]) -> Option<f64> {
+    if let [lone] = objects {
+        // Nothing tells how far others are apart. The distance of the cameras is a length of the scene's own.
+        let depth = |&index: &u32| {
+            let camera = &observations.cameras[observations.boxes[index as usize].frame];
+            camera.axis.dot(&lone.center) + camera.matrix[(2, 3)]
+        };
+        let distance = median(&mut lone.boxes.iter().map(depth).collect::<Vec<f64>>())?;
+        return (distance > 0.0).then(|| 4.0 / 3.0 * std::f64::consts::PI * distance.powi(3));
+    }
+    let margin = 4.0 * median(&mut objects.iter().map(|o| o.radius).collect::<Vec<f64>>())?;
+    let extent: [f64; 3] = std::array::from_fn(|axis| {
+        let mut places: Vec<f64> = objects.iter().map(|o| o.center[axis]).collect();
+        let low = quantile(&mut places, 0.05).unwrap_or(0.0);
+        quantile(&mut places, 0.95).unwrap_or(0.0) - low + margin
+    });
+    let longest = extent.iter().copied().fold(0.0, f64::max);
+    Some(extent.iter().map(|x| x.max(0.05 * longest)).product())
+}

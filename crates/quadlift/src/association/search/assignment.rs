@@ -1,0 +1,133 @@
+//! Which box is whose: in every frame the pairing of objects and boxes with the greatest total gain.
+
+use super::candidates::{Candidate, Candidates};
+use crate::association::input::context::AssociationContext;
+use crate::association::input::observations::Observations;
+use crate::association::score::input_ids::IdTally;
+use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
+use crate::association::score::object::{Object, is_visible};
+use crate::association::score::scene_statistics::SceneStatistics;
+use crate::optimize::matching::{Pair, best_pairs};
+use crate::parallel::map_indices;
+
+/// What an object gets.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Assignment {
+    /// Indices of its boxes, ascending.
+    pub boxes: Vec<u32>,
+    /// Frames in which it should be seen.
+    pub visible: usize,
+}
+
+/// Assigns the boxes for which `free` holds; those that are trusted to be of an object stay with it. Notes in the model
+/// which edges are hidden.
+pub(crate) fn assign(
+    context: &AssociationContext,
+    observations: &Observations,
+    statistics: &mut SceneStatistics,
+    objects: &[Object],
+    free: &(impl Fn(usize) -> bool + Sync),
+) -> Vec<Assignment> {
+    let current = owners(observations.boxes.len(), objects);
+    let tally = if context.weighs_ids {
+        IdTally::of(context.options.wrong_id_share, observations, objects)
+    } else {
+        IdTally::default()
+    };
+    let gains = LogLikelihoodRatios::new(context, observations, statistics);
+    let candidates = map_indices(observations.cameras.len(), |frame| {
+        let boxes = observations.cameras[frame].boxes.clone();
+        let free = boxes.filter(|&i| free(i) && !context.is_trusted(&observations.boxes[i])).map(|i| i as u32);
+        Candidates::new(context, observations, statistics, &free.collect::<Vec<_>>())
+    });
+    let largest_bonus = tally.largest_bonus();
+    let found = map_indices(objects.len(), |place| {
+        let bonus = |index: u32| {
+            tally.bonus(observations.boxes[index as usize].id, place as u32, current[index as usize], objects.len())
+        };
+        gaining(&gains, &objects[place], &candidates, bonus, largest_bonus)
+    });
+    let mut by_frame: Vec<Vec<(u32, Candidate)>> = Vec::new();
+    by_frame.resize_with(observations.cameras.len(), Vec::new);
+    let mut assignments = Vec::with_capacity(objects.len());
+    for (place, (own, visible)) in found.into_iter().enumerate() {
+        for candidate in own {
+            by_frame[observations.boxes[candidate.index as usize].frame].push((place as u32, candidate));
+        }
+        assignments.push(Assignment { boxes: trusted_boxes(context, observations, &objects[place]), visible });
+    }
+    statistics.hidden.fill([false; 4]);
+    for in_frame in by_frame {
+        let pairs: Vec<Pair> =
+            in_frame.iter().map(|(place, c)| Pair { row: *place, column: c.index, gain: c.gain.value }).collect();
+        for k in best_pairs(&pairs) {
+            let (place, candidate) = &in_frame[k];
+            assignments[*place as usize].boxes.push(candidate.index);
+            statistics.hidden[candidate.index as usize] = candidate.gain.hidden;
+        }
+    }
+    for share in &mut assignments {
+        share.boxes.sort_unstable();
+    }
+    assignments
+}
+
+/// For each box, the place of the object that has it.
+pub(crate) fn owners(boxes: usize, objects: &[Object]) -> Vec<Option<u32>> {
+    let mut owners = vec![None; boxes];
+    for (place, object) in objects.iter().enumerate() {
+        for &index in &object.boxes {
+            owners[index as usize] = Some(place as u32);
+        }
+    }
+    owners
+}
+
+/// The number of frames in which an object should be seen.
+pub(crate) fn count_visible(context: &AssociationContext, observations: &Observations, object: &Object) -> usize {
+    let least = observations.least_half_size;
+    let is_seen = |frame: &&u32| {
+        let camera = &observations.cameras[**frame as usize];
+        object.predict(camera).is_some_and(|prediction| is_visible(&prediction, camera, least))
+    };
+    context.frames_near(&object.center, object.longest_semi_axis(), least).iter().filter(is_seen).count()
+}
+
+/// The boxes that an object keeps whatever happens.
+fn trusted_boxes(context: &AssociationContext, observations: &Observations, object: &Object) -> Vec<u32> {
+    if object.trusted_id.is_none() {
+        return Vec::new();
+    }
+    object.boxes.iter().copied().filter(|&i| context.is_trusted(&observations.boxes[i as usize])).collect()
+}
+
+/// Boxes with a positive gain for an object, and the number of frames in which it should be seen.
+fn gaining(
+    gains: &LogLikelihoodRatios,
+    object: &Object,
+    candidates: &[Candidates],
+    bonus: impl Fn(u32) -> f64,
+    largest_bonus: f64,
+) -> (Vec<Candidate>, usize) {
+    let (context, observations) = (gains.context, gains.observations);
+    let taken: Vec<usize> =
+        trusted_boxes(context, observations, object).iter().map(|&i| observations.boxes[i as usize].frame).collect();
+    let (mut found, mut visible) = (Vec::new(), 0);
+    let least = observations.least_half_size;
+    for frame in context.frames_near(&object.center, object.longest_semi_axis(), least) {
+        let frame = frame as usize;
+        let camera = &observations.cameras[frame];
+        let Some(prediction) = object.predict(camera) else { continue };
+        visible += usize::from(is_visible(&prediction, camera, least));
+        if taken.binary_search(&frame).is_ok() || !overlaps_image(&prediction.edges, &camera.size) {
+            continue;
+        }
+        found.extend(candidates[frame].best(gains, object, (camera, &prediction), &bonus, largest_bonus));
+    }
+    (found, visible)
+}
+
+/// Whether a predicted box reaches into the image.
+pub(crate) fn overlaps_image(edges: &[f64; 4], size: &nalgebra::Vector2<f64>) -> bool {
+    edges[2] > 0.0 && edges[3] > 0.0 && edges[0] < size.x && edges[1] < size.y
+}

@@ -1,0 +1,83 @@
+//! Quantiles, and logarithms of factorials.
+
+use crate::geometry::gamma::ln_gamma;
+
+/// Degrees of freedom of Student's t distribution, the likelihood of an edge.
+pub(crate) const STUDENT_T_DOF: f64 = 5.0;
+
+/// `ln 2 pi`.
+pub(crate) const LN_2PI: f64 = 1.8378770664093453;
+
+/// A quantile in [0, 1] with linear interpolation; changes the order of the values. `None` without values.
+pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
+    let place = share * (values.len().checked_sub(1)?) as f64;
+    let below = place.floor() as usize;
+    let (_, &mut low, above) = values.select_nth_unstable_by(below, f64::total_cmp);
+    let high = above.iter().copied().min_by(f64::total_cmp).unwrap_or(low);
+    Some(low + (place - below as f64) * (high - low))
+}
+
+/// The median; changes the order of the values.
+pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
+    quantile(values, 0.5)
+}
+
+/// `ln B(k + 1, n - k + 1)`: the probability of `k` certain detections of `n`, all rates of detection alike likely.
+#[derive(Debug, Clone)]
+pub(crate) struct DetectionRate {
+    ln_factorial: Vec<f64>,
+}
+
+impl DetectionRate {
+    /// For up to `most` views.
+    pub fn new(most: usize) -> Self {
+        let mut ln_factorial = vec![0.0];
+        for n in 1..=most + 2 {
+            ln_factorial.push(ln_factorial[n - 1] + (n as f64).ln());
+        }
+        Self { ln_factorial }
+    }
+
+    /// For `detected` of `visible` views (at least as many).
+    pub fn log_probability(&self, detected: usize, visible: usize) -> f64 {
+        let visible = visible.max(detected);
+        self.ln_factorial[detected] + self.ln_factorial[visible - detected] - self.ln_factorial[visible + 1]
+    }
+}
+
+/// Logarithm of the constant of the multivariate t distribution in `dimensions` dimensions.
+pub(crate) fn t_constant(dimensions: usize) -> f64 {
+    let d = dimensions as f64;
+    ln_gamma(0.5 * (STUDENT_T_DOF + d))
+        - ln_gamma(0.5 * STUDENT_T_DOF)
+        - 0.5 * d * (STUDENT_T_DOF * std::f64::consts::PI).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_interpolate() {
+        let mut values = [4.0, 1.0, 3.0, 2.0];
+        assert_eq!(median(&mut values), Some(2.5));
+        assert_eq!(quantile(&mut values, 0.0), Some(1.0));
+        assert_eq!(quantile(&mut values, 1.0), Some(4.0));
+        assert!((quantile(&mut values, 0.1).unwrap() - 1.3).abs() < 1e-12);
+        assert_eq!(median(&mut []), None);
+    }
+
+    #[test]
+    fn rates_and_constants() {
+        let rate = DetectionRate::new(10);
+        // B(3, 2) = 2! 1! / 4!
+        assert!((rate.log_probability(2, 3) - (2.0f64 / 24.0).ln()).abs() < 1e-12);
+        // The t density with 5 degrees of freedom at zero.
+        assert!((t_constant(1).exp() - 0.3796066898224944).abs() < 1e-9);
+        // The integral over the plane of the bivariate density: 2 pi times the radial one.
+        let radial =
+            |r: f64| (t_constant(2) - 0.5 * (STUDENT_T_DOF + 2.0) * (1.0 + r * r / STUDENT_T_DOF).ln()).exp() * r;
+        let integral: f64 = (0..400_000).map(|i| radial((i as f64 + 0.5) * 1e-3) * 1e-3).sum();
+        assert!((integral * std::f64::consts::TAU - 1.0).abs() < 1e-5, "{integral}");
+    }
+}

@@ -1,0 +1,69 @@
+//! How well the boxes of a scene agree, and how much better they do after a correction.
+
+/// Boxes from which on a sample says something.
+pub(crate) const FEWEST_BOXES: usize = 8;
+
+/// A correction explains a disagreement when it makes the misses smaller by this factor (a logarithm: 1.5 times)...
+const EXPLAINS: f64 = 0.25;
+
+/// ...and by so many standard deviations of that, from the differences between objects...
+const SIGNIFICANT: f64 = 4.0;
+
+/// ...or nearly all objects gain.
+const UNANIMOUS: f64 = 0.97;
+
+/// From so many boxes and objects on; with fewer it must explain more, and all objects must gain.
+const ENOUGH_BOXES: usize = 20;
+const ENOUGH_OBJECTS: usize = 4;
+const EXPLAINS_FEW_OBJECTS: f64 = 0.6;
+const EXPLAINS_FEW_BOXES: f64 = 0.9;
+
+/// A correction that makes the misses smaller by this (a logarithm) is worth a warning, when it is significant.
+const WORTH_A_WARNING: f64 = 0.1;
+
+/// After a correction that explains a disagreement the boxes agree.
+const AGREES: f64 = 0.5;
+
+/// How well a scene agrees with itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agreement {
+    /// Typical distance between the middle of a box and the object's projected centre, in half sizes of the box: the
+    /// scale of a distribution with heavy tails (Student's t, two degrees of freedom), between 0.003 and 3.
+    pub miss: f64,
+    /// Share of the boxes that miss by less than half of their half size, in [0, 1].
+    pub share: f64,
+    /// Number of boxes that were looked at.
+    pub boxes: usize,
+}
+
+/// How much better a hypothesis explains the boxes of a sample.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Improvement {
+    pub after: Agreement,
+    /// The mean decrease of half the negative log likelihood of a box, which is about that of the logarithm of its miss.
+    pub gain: f64,
+    /// Its standard deviation, from the differences between objects (the boxes of an object err together).
+    pub sd: f64,
+    /// Share of all changes, summed over the objects, that are for the better, in [0, 1].
+    pub unanimity: f64,
+}
+
+impl Improvement {
+    /// Whether the hypothesis is right, as far as so many boxes of so many objects tell.
+    pub(crate) fn explains(&self, boxes: usize, objects: usize) -> bool {
+        if self.after.miss > AGREES || boxes < FEWEST_BOXES {
+            return false;
+        }
+        if boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS {
+            return self.gain >= EXPLAINS && (self.gain >= SIGNIFICANT * self.sd || self.unanimity >= UNANIMOUS);
+        }
+        let least = if boxes >= ENOUGH_BOXES { EXPLAINS_FEW_OBJECTS } else { EXPLAINS_FEW_BOXES };
+        self.gain >= least && self.unanimity >= UNANIMOUS
+    }
+
+    /// Whether it may be right.
+    pub(crate) fn is_likely(&self, boxes: usize, objects: usize) -> bool {
+        let enough = boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS;
+        enough && self.gain >= WORTH_A_WARNING && self.gain >= SIGNIFICANT * self.sd && self.unanimity >= UNANIMOUS
+    }
+}

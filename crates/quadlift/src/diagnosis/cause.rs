@@ -1,0 +1,151 @@
+//! Causes of disagreement by name: a closed list that files and programs may rely on.
+
+use super::agreement::Agreement;
+use super::correction::Correction;
+
+/// Which of the usual mistakes explains why a scene does not agree with itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum CauseName {
+    /// Poses map from the camera to the world instead of from the world to the camera.
+    CameraToWorld,
+    /// Camera axes are OpenGL's (y up, z backwards) instead of OpenCV's.
+    OpenGlAxes,
+    /// Poses map from a camera with OpenGL's axes to the world (nerfstudio, Blender).
+    OpenGlCameraToWorld,
+    /// Camera axes are those of a robot's body (x forward, y left, z up).
+    BodyAxes,
+    /// Poses map from a robot's body (x forward, y left, z up) to the world.
+    BodyToWorld,
+    /// World and camera axes are left-handed (Unity).
+    LeftHandedAxes,
+    /// Poses map from the camera to the world, both left-handed (Unity).
+    LeftHandedCameraToWorld,
+    /// The translation is the camera centre.
+    CenterAsTranslation,
+    /// The rotation is transposed, the translation is right.
+    TransposedRotation,
+    /// Quaternions were read as x, y, z, w instead of w, x, y, z, or the other way round.
+    QuaternionOrder,
+    /// The focal length is wrong.
+    FocalLength,
+    /// The intrinsics are in units of the image size.
+    NormalizedIntrinsics,
+    /// The principal point is far from the middle of the image, as after reading a transposed `K`.
+    PrincipalPoint,
+    /// The images are distorted, the camera is a pinhole.
+    MissingDistortion,
+    /// Boxes were measured in images of another size.
+    ImageSize,
+    /// Boxes were measured in letterboxed images.
+    Letterbox,
+    /// Boxes are in units of the image size.
+    NormalizedBoxes,
+    /// The four numbers of a box were read in another format.
+    BoxFormat,
+    /// x and y of the boxes are exchanged.
+    SwappedXy,
+    /// Detections belong to frames some places earlier or later.
+    FrameOffset,
+    /// Detections were given to frames in another order of their names.
+    FrameOrder,
+    /// Ids of objects do not stay with their objects.
+    ObjectIds,
+    /// Frames have the pose of another frame, although they show something else.
+    DuplicatePoses,
+    /// The trajectory changes its scale.
+    ScaleJump,
+    /// `up` is not the direction in which the cameras stand upright.
+    Up,
+    /// Lengths do not fit the priors on sizes: they are in another unit.
+    LengthUnit,
+}
+
+impl CauseName {
+    /// All causes.
+    pub const ALL: [Self; 26] = [
+        Self::CameraToWorld,
+        Self::OpenGlAxes,
+        Self::OpenGlCameraToWorld,
+        Self::BodyAxes,
+        Self::BodyToWorld,
+        Self::LeftHandedAxes,
+        Self::LeftHandedCameraToWorld,
+        Self::CenterAsTranslation,
+        Self::TransposedRotation,
+        Self::QuaternionOrder,
+        Self::FocalLength,
+        Self::NormalizedIntrinsics,
+        Self::PrincipalPoint,
+        Self::MissingDistortion,
+        Self::ImageSize,
+        Self::Letterbox,
+        Self::NormalizedBoxes,
+        Self::BoxFormat,
+        Self::SwappedXy,
+        Self::FrameOffset,
+        Self::FrameOrder,
+        Self::ObjectIds,
+        Self::DuplicatePoses,
+        Self::ScaleJump,
+        Self::Up,
+        Self::LengthUnit,
+    ];
+
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CameraToWorld => "camera_to_world",
+            Self::OpenGlAxes => "opengl_axes",
+            Self::OpenGlCameraToWorld => "opengl_camera_to_world",
+            Self::BodyAxes => "body_axes",
+            Self::BodyToWorld => "body_to_world",
+            Self::LeftHandedAxes => "left_handed_axes",
+            Self::LeftHandedCameraToWorld => "left_handed_camera_to_world",
+            Self::CenterAsTranslation => "center_as_translation",
+            Self::TransposedRotation => "transposed_rotation",
+            Self::QuaternionOrder => "quaternion_order",
+            Self::FocalLength => "focal_length",
+            Self::NormalizedIntrinsics => "normalized_intrinsics",
+            Self::PrincipalPoint => "principal_point",
+            Self::MissingDistortion => "missing_distortion",
+            Self::ImageSize => "image_size",
+            Self::Letterbox => "letterbox",
+            Self::NormalizedBoxes => "normalized_boxes",
+            Self::BoxFormat => "box_format",
+            Self::SwappedXy => "swapped_xy",
+            Self::FrameOffset => "frame_offset",
+            Self::FrameOrder => "frame_order",
+            Self::ObjectIds => "object_ids",
+            Self::DuplicatePoses => "duplicate_poses",
+            Self::ScaleJump => "scale_jump",
+            Self::Up => "up",
+            Self::LengthUnit => "length_unit",
+        }
+    }
+}
+
+/// A mistake that explains why a scene does not agree with itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cause {
+    /// Which mistake.
+    pub name: CauseName,
+    /// How much of it: the factor on focal lengths (`focal_length`), the factor on the boxes' pixels (`image_size`), the
+    /// side of the letterboxed image in pixels (`letterbox`), the coefficient of a radial lens (`missing_distortion`), the
+    /// number of frames (`frame_offset`), the share of the frames (`duplicate_poses`), the factor on the
+    /// later part of the trajectory (`scale_jump`), the factor on all lengths (`length_unit`). Absent where there is nothing to measure.
+    pub value: Option<f64>,
+    /// What undoes it, where something does.
+    pub correction: Option<Correction>,
+    /// How well the scene agrees with itself as it is.
+    pub before: Agreement,
+    /// How well it agrees with itself once the mistake is undone; the same as `before` where agreement does not tell.
+    pub after: Agreement,
+}
+
+impl Cause {
+    /// The cause that a correction undoes.
+    pub(crate) fn new(correction: Correction, before: Agreement, after: Agreement) -> Self {
+        Self { name: correction.cause(), value: correction.value(), correction: Some(correction), before, after }
+    }
+}

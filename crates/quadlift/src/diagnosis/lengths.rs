@@ -1,0 +1,105 @@
+//! Are lengths in the unit that the priors on sizes have? Boxes and poses alone cannot tell.
+
+use super::cause::Cause;
+use super::correction::Correction;
+use super::misses::size;
+use super::rays::median;
+use super::sample::Sample;
+use super::verdict::Diagnosis;
+use crate::scene::{Detection, Scene};
+use crate::solve::CategoryPriors;
+
+/// Objects with a prior from which on they say something.
+const FEWEST_OBJECTS: usize = 3;
+
+/// Sizes that differ by this factor from what is known are in another unit: no prior is so wrong.
+const OTHER_UNIT: f64 = 2.5;
+
+/// The factor must be clear beside the differences between objects: so many times their median distance from it, in its
+/// logarithm.
+const CLEAR: f64 = 3.0;
+
+/// The factor that the lengths of a scene lack to agree with what is known of the sizes of its categories, where they
+/// clearly do not agree.
+pub(crate) fn wrong_lengths(
+    scene: &Scene,
+    is_used: impl Fn(&Detection) -> bool,
+    priors: &CategoryPriors,
+) -> Option<Correction> {
+    // The mean half extent of the category of each object, from the first detection that has one.
+    let mut known = vec![None; scene.object_ids.len()];
+    for detection in scene.detections.iter().filter(|d| is_used(d)) {
+        let (Some(object), Some(category)) = (detection.object_index, detection.category_index) else { continue };
+        let size = priors.of(&scene.categories[category as usize]).and_then(|prior| prior.size);
+        let half_extent = size.map(|size| 0.5 * size.mean.iter().product::<f64>().cbrt());
+        known[object as usize] = known[object as usize].or(half_extent);
+    }
+    if known.iter().flatten().count() < FEWEST_OBJECTS {
+        return None;
+    }
+    let has_prior = |d: &Detection| is_used(d) && d.object_index.is_some_and(|object| known[object as usize].is_some());
+    let sample = Sample::new(scene, has_prior);
+    let factors = sample
+        .objects
+        .iter()
+        .zip(&sample.object_indices)
+        .filter_map(|(boxes, &object)| Some((known[object]? / size(&sample, boxes)?).ln()));
+    let mut factors: Vec<f64> = factors.filter(|factor| factor.is_finite()).collect();
+    if factors.len() < FEWEST_OBJECTS {
+        return None;
+    }
+    let middle = median(&mut factors)?;
+    let mut distances: Vec<f64> = factors.iter().map(|factor| (factor - middle).abs()).collect();
+    let is_wrong = middle.abs() > OTHER_UNIT.ln().max(CLEAR * median(&mut distances)?);
+    is_wrong.then(|| Correction::Lengths(middle.exp()))
+}
+
+impl Diagnosis {
+    /// Checks the lengths of a scene against what is known of the sizes of its categories, the full extents in world units:
+    /// a scene in millimetres does not agree with priors in metres. Nothing changes where they agree, where too few
+    /// objects have a prior, or where the scene does not agree with itself anyway.
+    pub fn check_lengths(&mut self, scene: &Scene, is_used: impl Fn(&Detection) -> bool, priors: &CategoryPriors) {
+        let Some(agreement) = self.agreement.filter(|_| self.consistent && !priors.by_category.is_empty()) else {
+            return;
+        };
+        let Some(correction) = wrong_lengths(scene, is_used, priors) else { return };
+        self.consistent = false;
+        self.causes.insert(0, Cause::new(correction, agreement, agreement));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{CauseName, diagnose};
+    use super::*;
+    use crate::solve::{CategoryPrior, SizePrior};
+    use crate::synthetic::{SyntheticOptions, Trajectory, generate};
+
+    #[test]
+    fn millimetres_do_not_agree_with_priors_in_metres() {
+        let options = SyntheticOptions { objects: 8, views: 8, trajectory: Trajectory::Orbit, ..Default::default() };
+        let synthetic = generate(&options).unwrap();
+        let mut scene = synthetic.scene;
+        scene.categories = vec!["thing".to_owned()];
+        scene.detections.iter_mut().for_each(|d| d.category_index = Some(0));
+        let extents: Vec<f64> =
+            (synthetic.truth.iter()).map(|(_, body)| 2.0 * body.ellipsoid().semi_axes.product().cbrt()).collect();
+        let mean = extents.iter().sum::<f64>() / extents.len() as f64;
+        let size = Some(SizePrior { mean: [mean; 3], sd: [0.3 * mean; 3] });
+        let mut priors = CategoryPriors::default();
+        priors.by_category.insert("thing".to_owned(), CategoryPrior { size, ..Default::default() });
+        let check = |scene: &Scene| {
+            let mut diagnosis = diagnose(scene, |_| true);
+            diagnosis.check_lengths(scene, |_| true, &priors);
+            diagnosis
+        };
+        assert!(check(&scene).consistent);
+        for factor in [1000.0, 0.2] {
+            let diagnosis = check(&Correction::Lengths(factor).apply(&scene));
+            assert!(!diagnosis.consistent);
+            assert_eq!(diagnosis.causes[0].name, CauseName::LengthUnit);
+            let found = diagnosis.causes[0].value.unwrap() * factor;
+            assert!((0.6..1.7).contains(&found), "{found}");
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Do the ids of objects stay with their objects? Numbers that start anew in each frame do not: then association without
+//! them finds objects that agree, each made of many ids.
+
+use std::collections::BTreeMap;
+
+use super::agreement::Agreement;
+use super::cause::{Cause, CauseName};
+use super::trials::Tried;
+use crate::association::{AssociateOptions, IdUse};
+use crate::scene::{Detection, Scene};
+
+/// Share of an object's boxes that its most frequent id names, on average: ids that stay with their objects reach nearly
+/// one, whatever the false boxes; numbers that start anew in each frame less than this.
+const MIXED: f64 = 0.7;
+
+/// Evidence for each detection (nats) with which objects are found without ids.
+const FOUND: f64 = 2.0;
+
+/// Boxes of the objects that were found miss by less than this share of what those of the given ones miss by.
+const BETTER: f64 = 0.5;
+
+/// The cause of a scene whose ids do not stay with their objects, where association without them shows that.
+pub(crate) fn mixed_ids(scene: &Scene, is_used: &impl Fn(&Detection) -> bool, before: Agreement) -> Option<Cause> {
+    let options = AssociateOptions { ids: IdUse::Ignore, ..Default::default() };
+    let mut used = scene.clone();
+    used.detections.retain(is_used);
+    // They are of one source already.
+    used.detections.iter_mut().for_each(|d| d.source_index = None);
+    used.sources.clear();
+    let found = Tried::new(&used, &|_| true, &options).given().ok()?;
+    let mut counts: BTreeMap<u32, BTreeMap<u32, usize>> = BTreeMap::new();
+    for (detection, &index) in found.named.detections.iter().zip(&found.detections) {
+        let id = used.detections[index].object_index;
+        if let (Some(object), Some(id)) = (detection.object_index, id) {
+            *counts.entry(object).or_default().entry(id).or_default() += 1;
+        }
+    }
+    let largest: usize = counts.values().filter_map(|ids| ids.values().max()).sum();
+    let all: usize = counts.values().flat_map(|ids| ids.values()).sum();
+    let agreed = found.evidence > FOUND && found.agreement.miss < BETTER * before.miss;
+    (agreed && all > 0 && (largest as f64) < MIXED * all as f64).then_some(Cause {
+        name: CauseName::ObjectIds,
+        value: None,
+        correction: None,
+        before,
+        after: found.agreement,
+    })
+}

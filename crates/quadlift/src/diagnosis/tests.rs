@@ -1,0 +1,239 @@
+//! Right scenes are called right, and mistakes by their names.
+
+use super::{BoxFormat, CameraParts, CauseName, Correction, Diagnosis, Mistake, diagnose, diagnose_association};
+use crate::association::{AssociateOptions, associate};
+use crate::scene::{Frame, Scene};
+use crate::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
+
+fn scene(trajectory: Trajectory, seed: u64) -> Scene {
+    let options = SyntheticOptions {
+        seed,
+        objects: 10,
+        views: 12,
+        trajectory,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.02)],
+        ..Default::default()
+    };
+    generate(&options).unwrap().scene
+}
+
+fn mistakes() -> Vec<Correction> {
+    let mut all = vec![
+        Correction::InvertPoses,
+        Correction::OpenGlAxes,
+        Correction::InvertOpenGlPoses,
+        Correction::BodyAxes,
+        Correction::InvertBodyPoses,
+        Correction::LeftHandedAxes,
+        Correction::InvertLeftHandedPoses,
+        Correction::CenterAsTranslation,
+        Correction::TransposedRotation,
+        Correction::FocalFactor(1.7),
+        Correction::NormalizedIntrinsics,
+        Correction::CenteredPrincipalPoint,
+        Correction::ImageScale(0.5),
+        Correction::ImageScale(1.5),
+        Correction::Letterbox(640.0),
+        Correction::NormalizedBoxes,
+        Correction::Boxes(BoxFormat::CornersReadAsSize),
+        Correction::Boxes(BoxFormat::CenterReadAsCorner),
+        Correction::Boxes(BoxFormat::CornerReadAsCenter),
+        Correction::Boxes(BoxFormat::SwappedAxes),
+        Correction::FrameOffset(1),
+        Correction::FrameOffset(-2),
+        Correction::ReversedFrames,
+    ];
+    for was_wxyz in [true, false] {
+        for world_from_cam in [true, false] {
+            all.push(Correction::QuaternionOrder { was_wxyz, world_from_cam });
+        }
+    }
+    all
+}
+
+#[test]
+fn corrections_undo_their_mistakes() {
+    let right = scene(Trajectory::Random, 4);
+    for correction in mistakes() {
+        let restored = correction.apply(&Mistake(correction).apply(&right));
+        for (a, b) in right.frames.iter().zip(&restored.frames) {
+            // The principal point of the synthetic cameras is in the middle.
+            let expected = a.projection.matrix();
+            let difference = (expected - b.projection.matrix()).norm() / expected.norm();
+            assert!(difference < 1e-9, "{correction:?}: {difference}");
+        }
+        // Detections that an offset moves out of the trajectory are lost.
+        for detection in &restored.detections {
+            let same = right.detections.iter().any(|other| {
+                let edges = |d: &crate::scene::Detection| d.bounding_box.unwrap().edges();
+                other.frame_index == detection.frame_index
+                    && other.object_index == detection.object_index
+                    && edges(other).iter().zip(edges(detection)).all(|(a, b)| (a - b).abs() < 1e-6)
+            });
+            assert!(same, "{correction:?}: {detection:?}");
+        }
+    }
+}
+
+#[test]
+fn right_scenes_agree() {
+    for trajectory in [Trajectory::default(), Trajectory::Orbit, Trajectory::Random, Trajectory::Street] {
+        let diagnosis = diagnose(&scene(trajectory, 1), |_| true);
+        assert!(diagnosis.consistent && diagnosis.causes.is_empty(), "{trajectory:?}: {diagnosis:?}");
+        assert!(diagnosis.agreement.unwrap().miss < 0.1, "{trajectory:?}: {diagnosis:?}");
+    }
+}
+
+#[test]
+fn mistakes_are_named() {
+    let right = scene(Trajectory::Orbit, 2);
+    for correction in mistakes() {
+        let diagnosis = diagnose(&Mistake(correction).apply(&right), |_| true);
+        assert!(!diagnosis.consistent, "{correction:?}: {diagnosis:?}");
+        let cause = diagnosis.causes.first();
+        assert_eq!(cause.map(|cause| cause.name), Some(correction.cause()), "{correction:?}: {diagnosis:?}");
+        let (found, expected) = (cause.unwrap().value, correction.value());
+        assert!(found.zip(expected).is_none_or(|(a, b)| (a / b - 1.0).abs() < 0.05), "{found:?} {expected:?}");
+    }
+}
+
+#[test]
+fn names_are_all_different() {
+    let names: std::collections::BTreeSet<_> = CauseName::ALL.iter().map(|cause| cause.name()).collect();
+    assert_eq!(names.len(), CauseName::ALL.len());
+}
+
+#[test]
+fn a_scene_without_objects_has_nothing_to_disagree() {
+    let diagnosis = diagnose(&Scene::default(), |_| true);
+    assert!(diagnosis.consistent && diagnosis.agreement.is_none());
+}
+
+fn diagnose_without_ids(scene: &Scene) -> Diagnosis {
+    let mut scene = scene.clone();
+    scene.detections.iter_mut().for_each(|detection| detection.object_index = None);
+    scene.object_ids.clear();
+    let options = AssociateOptions::default();
+    let association = associate(&scene, &options).unwrap();
+    diagnose_association(&scene, &association, &options).unwrap()
+}
+
+#[test]
+fn mistakes_are_named_without_ids() {
+    let right = scene(Trajectory::Orbit, 2);
+    assert!(diagnose_without_ids(&right).consistent);
+    let mistakes = [
+        Correction::InvertPoses,
+        Correction::OpenGlAxes,
+        Correction::InvertOpenGlPoses,
+        Correction::NormalizedIntrinsics,
+        Correction::ImageScale(1.6),
+        Correction::Letterbox(640.0),
+        Correction::NormalizedBoxes,
+        Correction::FrameOffset(1),
+    ];
+    for correction in mistakes {
+        let diagnosis = diagnose_without_ids(&Mistake(correction).apply(&right));
+        assert!(!diagnosis.consistent, "{correction:?}: {diagnosis:?}");
+        let cause = diagnosis.causes.first();
+        assert_eq!(cause.map(|cause| cause.name), Some(correction.cause()), "{correction:?}: {diagnosis:?}");
+        let (found, expected) = (cause.unwrap().value, correction.value());
+        assert!(found.zip(expected).is_none_or(|(a, b)| (a / b - 1.0).abs() < 0.1), "{found:?} {expected:?}");
+    }
+}
+
+/// The scene with the steps of its trajectory multiplied by a factor from the middle on.
+fn with_scale_jump(scene: &Scene, factor: f64) -> Scene {
+    let camera = |frame: &Frame| CameraParts::from_projection(&frame.projection).unwrap();
+    let middle = scene.frames.len() / 2;
+    let anchor = camera(&scene.frames[middle - 1]).center();
+    let mut jumped = scene.clone();
+    for frame in &mut jumped.frames[middle..] {
+        let camera = camera(frame);
+        let center = anchor + (camera.center() - anchor) * factor;
+        frame.projection = camera.with_center(&center).projection().unwrap();
+    }
+    jumped
+}
+
+#[test]
+fn a_jump_of_the_scale_is_named_with_its_factor() {
+    for (trajectory, factor) in [(Trajectory::Orbit, 0.5), (Trajectory::Random, 1.4), (Trajectory::default(), 1.25)] {
+        let diagnosis = diagnose(&with_scale_jump(&scene(trajectory, 2), factor), |_| true);
+        assert!(!diagnosis.consistent, "{trajectory:?}: {diagnosis:?}");
+        assert_eq!(diagnosis.causes[0].name, CauseName::ScaleJump, "{trajectory:?}: {diagnosis:?}");
+        let found = diagnosis.causes[0].value.unwrap() * factor;
+        assert!((found - 1.0).abs() < 0.1, "{trajectory:?}: {found}");
+    }
+}
+
+#[test]
+fn repeated_poses_are_named_with_their_share() {
+    for (repeated, consistent) in [(12, false), (5, false), (0, true)] {
+        let mut scene = scene(Trajectory::Orbit, 2);
+        for frame in 12 - repeated..12 {
+            scene.frames[frame].projection = scene.frames[12 - repeated].projection;
+        }
+        let diagnosis = diagnose(&scene, |_| true);
+        assert_eq!(diagnosis.consistent, consistent, "{repeated}: {diagnosis:?}");
+        assert_eq!(diagnosis.causes.first().map(|c| c.name), (!consistent).then_some(CauseName::DuplicatePoses));
+        let share = diagnosis.causes.first().and_then(|c| c.value);
+        assert!(share.is_none_or(|share| (share * 12.0 - (f64::from(repeated as u32) - 1.0)).abs() < 1.5), "{share:?}");
+    }
+}
+
+#[test]
+fn a_camera_that_stands_still_repeats_its_pose_rightly() {
+    let mut scene = scene(Trajectory::Orbit, 2);
+    for frame in 6..12 {
+        scene.frames[frame].projection = scene.frames[5].projection;
+        let first: Vec<_> = scene.detections.iter().filter(|d| d.frame_index == 5).cloned().collect();
+        for d in scene.detections.iter_mut().filter(|d| d.frame_index == frame as u32) {
+            d.bounding_box = first.iter().find(|f| f.object_index == d.object_index).and_then(|f| f.bounding_box);
+        }
+    }
+    let diagnosis = diagnose(&scene, |_| true);
+    assert!(diagnosis.consistent && diagnosis.causes.is_empty(), "{diagnosis:?}");
+}
+
+#[test]
+fn ids_that_start_anew_in_each_frame_are_no_ids() {
+    let mut scene = scene(Trajectory::Orbit, 2);
+    // Numbered from left to right.
+    let mut order: Vec<usize> = (0..scene.detections.len()).collect();
+    let x = |k: usize| scene.detections[k].bounding_box.unwrap().x0;
+    order.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
+    let mut next = [0; 12];
+    for k in order {
+        let detection = &mut scene.detections[k];
+        let number = &mut next[detection.frame_index as usize];
+        detection.object_index = Some(*number);
+        *number += 1;
+    }
+    let diagnosis = diagnose(&scene, |_| true);
+    assert!(!diagnosis.consistent);
+    assert_eq!(diagnosis.causes.first().map(|c| c.name), Some(CauseName::ObjectIds), "{diagnosis:?}");
+    assert!(diagnosis.causes[0].after.miss < 0.1, "{diagnosis:?}");
+}
+
+#[test]
+fn false_boxes_do_not_hide_a_mistake() {
+    let options = SyntheticOptions {
+        seed: 5,
+        objects: 10,
+        views: 8,
+        trajectory: Trajectory::Arc { span: 60.0 },
+        observations: Observations::Boxes,
+        outlier_share: 0.3,
+        ..Default::default()
+    };
+    let right = generate(&options).unwrap().scene;
+    let diagnosis = diagnose(&right, |_| true);
+    assert!(diagnosis.consistent && diagnosis.causes.is_empty(), "{diagnosis:?}");
+    for correction in [Correction::InvertPoses, Correction::ImageScale(2.0), Correction::NormalizedIntrinsics] {
+        let diagnosis = diagnose(&Mistake(correction).apply(&right), |_| true);
+        assert!(!diagnosis.consistent, "{correction:?}: {diagnosis:?}");
+        assert_eq!(diagnosis.causes.first().map(|c| c.name), Some(correction.cause()), "{correction:?}: {diagnosis:?}");
+    }
+}

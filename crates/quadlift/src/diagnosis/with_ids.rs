@@ -1,0 +1,64 @@
+//! The self-check of a scene whose detections name their objects.
+
+use super::cause::{Cause, CauseName};
+use super::sample::Sample;
+use super::verdict::{Diagnosis, of_search};
+use super::{object_ids, search, trajectory};
+use crate::scene::{Detection, Scene};
+
+/// Where boxes miss by more than this, or fewer than this share of them agree, the trajectory and the ids are looked at.
+const SUSPICIOUS_MISS: f64 = 0.1;
+const SUSPICIOUS_SHARE: f64 = 0.85;
+
+/// A jump of the scale has more numbers to fit than a correction: it must explain the boxes better by this (a logarithm).
+const CLEARLY_BETTER: f64 = 0.2;
+
+/// Share of the frames that repeat a pose although something moved, from which on the scene is wrong.
+const MANY_REPEATED: f64 = 0.2;
+
+/// Share of these frames from which on whatever else seems to explain the scene does not.
+const MOST_REPEATED: f64 = 0.5;
+
+/// Checks whether the boxes of each object agree with each other, and if not, which mistake explains it; and whether the
+/// scene's `up` agrees with the cameras.
+///
+/// Looks at the detections that name an object and that `is_used` accepts (those of one source). It takes a few
+/// milliseconds for a scene of any size, because a sample is enough; more where the scene does not agree with itself.
+pub fn diagnose(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Diagnosis {
+    of_boxes(scene, is_used).and_up(scene)
+}
+
+/// The diagnosis from the boxes of each object.
+pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Diagnosis {
+    let sample = Sample::new(scene, &is_used);
+    let Some(search) = search::search(&sample) else { return Diagnosis::default() };
+    let found = of_search(&search, &sample);
+    let before = search.given.agreement();
+    let without_correction = |consistent, name, value, after| {
+        let cause = Cause { name, value, correction: None, before, after };
+        Diagnosis { consistent, agreement: Some(before), causes: vec![cause] }
+    };
+    if let Some(share) = trajectory::repeated_poses(&sample)
+        && (found.causes.is_empty() || share > MOST_REPEATED)
+    {
+        let consistent = found.consistent && share < MANY_REPEATED;
+        return without_correction(consistent, CauseName::DuplicatePoses, Some(share), before);
+    }
+    if before.miss <= SUSPICIOUS_MISS && before.share >= SUSPICIOUS_SHARE {
+        return found;
+    }
+    // A correction may explain a part of a jump.
+    let best = search.explanations.first().filter(|_| !found.consistent).map_or(0.0, |best| best.gain.gain);
+    let jump = trajectory::scale_jump(&sample, &search.given);
+    if let Some(jump) = jump.filter(|jump| jump.gain.explains(sample.boxes(), sample.objects.len()))
+        && jump.gain.gain > best + CLEARLY_BETTER
+    {
+        return without_correction(false, CauseName::ScaleJump, Some(jump.factor), jump.gain.after);
+    }
+    if found.causes.is_empty()
+        && let Some(cause) = object_ids::mixed_ids(scene, &is_used, before)
+    {
+        return Diagnosis { consistent: false, agreement: Some(before), causes: vec![cause] };
+    }
+    found
+}

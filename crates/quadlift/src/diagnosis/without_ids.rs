@@ -1,0 +1,108 @@
+//! The self-check of a scene whose detections name no objects: objects are sought under each hypothesis.
+//!
+//! Association finds objects in wrong scenes, too, but explains its boxes with less evidence. Where an association has
+//! little evidence, the usual mistakes are undone one by one and a part of the scene is associated again; the one with
+//! much more evidence is the cause.
+
+use super::agreement::FEWEST_BOXES;
+use super::cause::Cause;
+use super::correction::{BoxFormat, Correction};
+use super::hypotheses::{FAMILIES, discrete};
+use super::trials::{Trial, Tried, evidence, evidence_of};
+use super::verdict::Diagnosis;
+use super::with_ids::of_boxes;
+use crate::association::{AssociateError, AssociateOptions, Association};
+use crate::parallel::map_indices;
+use crate::scene::{Detection, Scene};
+
+/// How often the objects that were found refine a number, at most.
+const REFINEMENTS: usize = 3;
+
+/// Evidence for each detection (nats) from which on an association needs no second look.
+const PLENTY_OF_EVIDENCE: f64 = 6.0;
+
+/// Typical miss of the objects that an association found, in half sizes, up to which it needs no second look.
+const SMALL_MISS: f64 = 0.12;
+
+/// The evidence for each detection must grow by so many nats...
+const MORE_NATS: f64 = 1.5;
+
+/// ...and by this factor.
+const MORE_TIMES: f64 = 1.6;
+
+/// Evidence below which nothing agrees.
+const NO_EVIDENCE: f64 = 0.3;
+
+/// Frames with boxes from which on objects should be found.
+const ENOUGH_FRAMES: usize = 5;
+
+/// Checks the association of a scene whose detections name no objects, or whose ids are only evidence.
+///
+/// Where association has found much evidence this takes a few milliseconds; otherwise a part of the scene is associated
+/// under each hypothesis, which may take seconds.
+///
+/// # Errors
+/// Those of [`crate::associate()`] with the same options.
+pub fn diagnose_association(
+    scene: &Scene,
+    association: &Association,
+    options: &AssociateOptions,
+) -> Result<Diagnosis, AssociateError> {
+    let source = scene.source_index(options.source.as_deref())?;
+    let is_used = |d: &Detection| source.is_none() || d.source_index == source;
+    let named = association.applied_to(scene, source);
+    let found = of_boxes(&named, is_used);
+    Ok(with_hypotheses(scene, found, association, is_used, options)?.and_up(scene))
+}
+
+/// The diagnosis of an association, beside those of the scene with each mistake undone.
+fn with_hypotheses(
+    scene: &Scene,
+    found: Diagnosis,
+    association: &Association,
+    is_used: impl Fn(&Detection) -> bool,
+    options: &AssociateOptions,
+) -> Result<Diagnosis, AssociateError> {
+    if !found.consistent && !found.causes.is_empty() {
+        return Ok(found);
+    }
+    let used = scene.detections.iter().filter(|d| is_used(d)).count();
+    let agrees = found.agreement.is_some_and(|agreement| agreement.miss < SMALL_MISS);
+    if (agrees && evidence(association) >= PLENTY_OF_EVIDENCE * used as f64) || used < FEWEST_BOXES {
+        return Ok(found);
+    }
+    let tried = Tried::new(scene, &is_used, options);
+    let before = tried.given()?;
+    let ids: Vec<&str> = scene.frames.iter().map(|frame| frame.id.as_str()).collect();
+    let mut discrete = discrete(&ids);
+    // Larger boxes agree with anything.
+    discrete.retain(|correction| {
+        !matches!(correction, Correction::Boxes(BoxFormat::SizeReadAsCorners | BoxFormat::CenterSizeReadAsCorners))
+    });
+    let mut results = map_indices(discrete.len(), |k| tried.with(discrete[k]));
+    results.extend(map_indices(FAMILIES.len(), |k| tried.narrowed(&FAMILIES[k])));
+    let best = results.into_iter().fold(None, better);
+    let Some(mut best) = best.filter(|best| {
+        best.evidence > (before.evidence + MORE_NATS).max(before.evidence * MORE_TIMES) && best.evidence > NO_EVIDENCE
+    }) else {
+        // In a few frames an object may be seen too seldom.
+        let is_told = tried.frames.iter().filter(|used| **used).count() >= ENOUGH_FRAMES;
+        let consistent = found.consistent && (before.evidence > NO_EVIDENCE || !is_told);
+        return Ok(Diagnosis { consistent, ..found });
+    };
+    // The objects that are found with the coarse number tell a better one, with which they are found better.
+    for _ in 0..REFINEMENTS {
+        let refined = tried.with(best.refined(&is_used));
+        if evidence_of(&refined) <= best.evidence {
+            break;
+        }
+        best = refined.unwrap_or(best);
+    }
+    let cause = Cause::new(best.refined(&is_used), before.agreement, best.agreement);
+    Ok(Diagnosis { consistent: false, agreement: Some(before.agreement), causes: vec![cause] })
+}
+
+/// The trial with more evidence, the first of equals.
+fn better(first: Option<Trial>, second: Option<Trial>) -> Option<Trial> {
+    if evidence_of(&second) > evidence_of(&first) { second } else { first }
+}
