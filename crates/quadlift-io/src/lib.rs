@@ -6,6 +6,7 @@
 //! Readers refuse what is wrong with a [`ReadError`] that names the file, the place in it, what was found and what
 //! was expected; writers leave the earlier file as it was when they fail.
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod association;
 mod atomic;
