@@ -1,6 +1,8 @@
 //! The README and the manual are true: their files and commands work in the order in which they are shown, the table of
-//! built-in priors is that of the program, and links between pages lead somewhere.
+//! built-in priors is that of the program, links between pages lead to pages and headings, and the files that
+//! ARCHITECTURE.md and CONTRIBUTING.md name exist.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::common::Folder;
@@ -11,13 +13,12 @@ fn workspace() -> PathBuf {
 
 /// The pages for users and developers, with their texts.
 fn pages() -> Vec<(PathBuf, String)> {
-    let mut paths: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"]
-        .iter()
-        .map(|name| workspace().join(name))
-        .collect();
-    for folder in ["docs", "docs/formats"] {
-        let docs = std::fs::read_dir(workspace().join(folder)).unwrap().map(|entry| entry.unwrap().path());
-        paths.extend(docs.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    let mut folders = vec![workspace(), workspace().join("docs"), workspace().join("docs/formats")];
+    folders.extend(std::fs::read_dir(workspace().join("crates")).unwrap().map(|entry| entry.unwrap().path()));
+    let mut paths = Vec::new();
+    for folder in folders {
+        let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        paths.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
     }
     paths.into_iter().map(|path| (path.clone(), std::fs::read_to_string(path).unwrap())).collect()
 }
@@ -91,17 +92,100 @@ fn the_table_of_builtin_priors_is_that_of_the_program() {
     assert_eq!(rows, priors.by_category.len(), "docs/priors.md has rows too many");
 }
 
+/// The names by which links reach the headings of a page, as GitHub and mdBook make them.
+fn anchors(page: &str) -> BTreeSet<String> {
+    let mut anchors = BTreeSet::new();
+    let mut in_block = false;
+    for line in page.lines() {
+        in_block ^= line.starts_with("```");
+        let heading = line.trim_start_matches('#');
+        if in_block || heading.len() == line.len() || !heading.starts_with(' ') {
+            continue;
+        }
+        let letters = heading.trim().to_lowercase();
+        let anchor: String = letters
+            .chars()
+            .filter(|c| c.is_alphanumeric() || " -_".contains(*c))
+            .map(|c| if c == ' ' { '-' } else { c })
+            .collect();
+        anchors.insert(anchor);
+    }
+    anchors
+}
+
 #[test]
 fn links_between_pages_lead_somewhere() {
-    let mut links = 0;
+    let (mut links, mut headings) = (0, 0);
     for (path, page) in pages() {
         for link in page.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-            let target = link.split('#').next().unwrap();
-            if !link.contains("://") && !target.is_empty() {
-                assert!(path.parent().unwrap().join(target).exists(), "{}: {link}", path.display());
-                links += 1;
+            if link.contains("://") {
+                continue;
+            }
+            let (target, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if target.is_empty() { path.clone() } else { path.parent().unwrap().join(target) };
+            assert!(target.exists(), "{}: {link}", path.display());
+            links += 1;
+            if !anchor.is_empty() {
+                let anchors = anchors(&std::fs::read_to_string(target).unwrap());
+                assert!(anchors.contains(anchor), "{}: {link} names none of the headings {anchors:?}", path.display());
+                headings += 1;
             }
         }
     }
-    assert!(links > 20, "{links}");
+    assert!(links > 100 && headings > 10, "{links} links, {headings} to headings");
+}
+
+/// The files of the repository that people write, with `/` between folders, relative to the repository.
+fn files(folder: &Path, prefix: &str, found: &mut Vec<String>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let entry = entry.unwrap();
+        let name = entry.file_name().into_string().unwrap();
+        let path = format!("{prefix}/{name}");
+        if !entry.file_type().unwrap().is_dir() {
+            found.push(path);
+        } else if !["target", "node_modules", ".git", "dist"].contains(&name.as_str()) {
+            found.push(format!("{path}/"));
+            files(&entry.path(), &path, found);
+        }
+    }
+}
+
+/// Whether a word in backticks is meant as a file or a folder of the repository.
+fn names_a_file(word: &str) -> bool {
+    let ends = [".rs", ".toml", ".md", ".sh", ".py", ".pyi", ".ts", ".css", ".html", ".yml", ".ipynb", "/"];
+    word.chars().all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c))
+        && ends.iter().any(|end| word.ends_with(end))
+        && !word.starts_with(['.', '/'])
+        && !word.starts_with("target/")
+}
+
+#[test]
+fn files_that_the_pages_for_developers_name_exist() {
+    let mut existing = Vec::new();
+    files(&workspace(), "", &mut existing);
+    let (mut words, mut missing) = (0, Vec::new());
+    for page in ["ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASING.md"] {
+        let text = std::fs::read_to_string(workspace().join(page)).unwrap();
+        for word in text.split('`').skip(1).step_by(2).filter(|word| names_a_file(word)) {
+            words += 1;
+            let end = format!("/{word}");
+            if !existing.iter().any(|path| path.ends_with(&end)) {
+                missing.push(format!("{page}: {word}"));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "no such files: {missing:#?}");
+    assert!(words > 100, "{words}");
+}
+
+/// The version stands in places that no tool keeps together.
+#[test]
+fn all_versions_are_that_of_the_program() {
+    let version = env!("CARGO_PKG_VERSION");
+    let manifest = std::fs::read_to_string(workspace().join("Cargo.toml")).unwrap();
+    for line in manifest.lines().filter(|line| line.contains("path = \"crates/")) {
+        assert!(line.contains(&format!("version = \"{version}\"")), "Cargo.toml: {line}");
+    }
+    let citation = std::fs::read_to_string(workspace().join("CITATION.cff")).unwrap();
+    assert!(citation.contains(&format!("\nversion: {version}\n")), "CITATION.cff has not the version {version}");
 }
