@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Builds the book of docs/ into target/book, where a warning is an error, and checks its links, pictures, equations and
+# search. Installs mdbook below target/ci-tools if it is not there, which takes two minutes of the processor once.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+MDBOOK_VERSION=0.5.4
+target="${CARGO_TARGET_DIR:-$PWD/target}"
+export PATH="$target/ci-tools/bin:$PATH"
+if [ "$(mdbook --version 2>/dev/null)" != "mdbook v$MDBOOK_VERSION" ]; then
+    # Without its web server.
+    cargo install mdbook --version "$MDBOOK_VERSION" --locked --no-default-features --features search --root "$target/ci-tools"
+fi
+
+for page in docs/*.md docs/*/*.md; do
+    name=${page#docs/}
+    [ "$name" = SUMMARY.md ] || grep -qF "($name)" docs/SUMMARY.md || { echo "error: docs/SUMMARY.md has no $name" >&2; exit 1; }
+done
+rm -rf target/book
+log=$(mdbook build docs 2>&1) || { echo "$log" >&2; exit 1; }
+echo "$log"
+if grep -qE '\b(WARN|ERROR)\b' <<<"$log"; then
+    echo "error: mdbook warns" >&2
+    exit 1
+fi
+python3 scripts/check_book.py target/book
