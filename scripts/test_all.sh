@@ -11,6 +11,7 @@ section "Rust tests" scripts/test.sh
 section "Parquet" scripts/test_parquet.sh
 section "exports" scripts/test_exports.sh
 section "Python" scripts/test_python.sh
+section "wheels" scripts/test_wheels.sh
 section "Spark, Ray and Daft" scripts/test_scale_out.sh
 section "reports in a browser" scripts/test_viewer.sh
 section "recordings for Rerun" scripts/test_rerun.sh

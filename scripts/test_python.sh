@@ -12,7 +12,7 @@ python="$environment/bin/python"
 "$python" -m pip install --quiet --disable-pip-version-check -r scripts/test_python_requirements.txt
 # In the profile of the other tests, whose build is there already.
 rm -rf "$target/python-wheels"
-"$environment/bin/maturin" build --profile dev --interpreter "$python" --out "$target/python-wheels"
+"$environment/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$target/python-wheels"
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps "$target/python-wheels"/quadlift-*.whl
 if [ -z "${QUADLIFT:-}" ]; then
     cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked

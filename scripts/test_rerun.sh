@@ -20,7 +20,7 @@ fi
 maturin=$(grep '^maturin==' scripts/test_python_requirements.txt)
 "$python" -m pip install --quiet --disable-pip-version-check "$maturin"
 rm -rf "$target/rerun-wheels"
-"$target/rerun-venv/bin/maturin" build --profile dev --interpreter "$python" --out "$target/rerun-wheels"
+"$target/rerun-venv/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$target/rerun-wheels"
 "$python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$target/rerun-wheels"/quadlift-*.whl
 if [ -z "${QUADLIFT:-}" ]; then
     cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked

@@ -16,7 +16,7 @@ python3 -m venv "$environment"
 "$python" -m pip install --quiet --disable-pip-version-check -r scripts/test_scale_out_requirements.txt
 wheels="$target/scale-out-wheels"
 rm -rf "$wheels"
-"$environment/bin/maturin" build --profile dev --interpreter "$python" --out "$wheels"
+"$environment/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$wheels"
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$wheels"/quadlift-*.whl
 if [ -z "${QUADLIFT:-}" ]; then
     cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked
