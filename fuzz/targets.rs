@@ -107,13 +107,11 @@ fn small_scene() -> SceneFile {
 }
 
 pub fn colmap_text(data: &[u8]) -> bool {
-    let [cameras, images] = files(data, ["cameras.txt", "images.txt"]);
-    check(colmap::parse_text(cameras, images))
+    check(colmap::parse_text(files(data, ["cameras.txt", "images.txt", "points3D.txt"]), 2))
 }
 
 pub fn colmap_binary(data: &[u8]) -> bool {
-    let [cameras, images] = files(data, ["cameras.bin", "images.bin"]);
-    check(colmap::parse_binary(cameras, images))
+    check(colmap::parse_binary(files(data, ["cameras.bin", "images.bin", "points3D.bin"]), 2))
 }
 
 pub fn nerfstudio(data: &[u8]) -> bool {

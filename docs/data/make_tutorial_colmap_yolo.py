@@ -1,4 +1,5 @@
-"""Writes the files of the tutorial "from COLMAP and YOLO to objects": a COLMAP model as text and YOLO's label files.
+"""Writes the files of the tutorial "from COLMAP and YOLO to objects": a COLMAP model as text with sparse points, and YOLO's
+label files.
 
 Six objects on a table, 24 images on an arc around it. The boxes have an error of 1.5 pixels, one in ten is missing and
 one in twenty is of nothing. Run in this folder with Python and numpy.
@@ -41,6 +42,20 @@ def dual_quadric(center, semi_axes, turn):
     return pose @ np.diag([*np.square(semi_axes), -1.0]) @ pose.T
 
 
+# Sparse points on the objects and the table, with an error of a millimetre, each seen in three images.
+of_points = np.random.default_rng(6)
+points = []
+for _, center, semi_axes, turn in OBJECTS:
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    directions = of_points.normal(size=(25, 3))
+    directions[:, 2] = abs(directions[:, 2])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points.append(directions * semi_axes @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + center)
+table = of_points.uniform([-0.55, -0.5, 0], [0.55, 0.5, 0], (150, 3))
+points = np.vstack([*points, table])
+points += of_points.normal(0, 0.001, points.shape)
+tracks = [sorted(of_points.choice(24, 3, replace=False)) for _ in points]
+
 images = []
 for number in range(24):
     azimuth, height = np.radians(-100 + 200 * number / 23), 0.55 + 0.15 * np.sin(number)
@@ -53,9 +68,16 @@ for number in range(24):
     translation = -rotation @ center
     name = f"IMG_{4021 + 3 * number}"
     numbers = " ".join(f"{x:.9f}" for x in [*quaternion(rotation), *translation])
-    images.append(f"{number + 1} {numbers} 1 {name}.jpg\n\n")
     intrinsics = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]])
     projection = intrinsics @ np.hstack([rotation, translation[:, None]])
+    seen = []
+    for index, track in enumerate(tracks):
+        if number in track:
+            x, y, depth = projection @ [*points[index], 1]
+            seen.append(f"{x / depth:.2f} {y / depth:.2f} {index + 1}")
+            # The place in the list of the image, which the points name.
+            track[track.index(number)] = f"{number + 1} {len(seen) - 1}"
+    images.append(f"{number + 1} {numbers} 1 {name}.jpg\n{' '.join(seen)}\n")
     boxes = []
     for kind, *body in OBJECTS:
         conic = projection @ dual_quadric(*body) @ projection.T
@@ -86,5 +108,13 @@ for number in range(24):
 (here / "sparse/0/images.txt").write_text(
     "# Image list with two lines of data per image:\n"
     "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n" + "".join(images)
+)
+(here / "sparse/0/points3D.txt").write_text(
+    "# 3D point list with one line of data per point:\n"
+    "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n"
+    + "".join(
+        f"{index + 1} {x:.5f} {y:.5f} {z:.5f} 128 128 128 {of_points.uniform(0.2, 1.2):.3f} {' '.join(track)}\n"
+        for index, ((x, y, z), track) in enumerate(zip(points, tracks))
+    )
 )
 (here / "data.yaml").write_text("path: ../table\ntrain: images\nnames:\n" + "".join(f"  {i}: {n}\n" for i, n in enumerate(CLASSES)))

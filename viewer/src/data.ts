@@ -14,6 +14,8 @@ export interface Report {
   up: Vec3 | null;
   categories: string[];
   frames: Frame[];
+  /** Points of the scene's surfaces in the world: x, y, z of each. */
+  points: number[];
   objects: ReportObject[];
   scores: Scores | null;
   /** Settings and counts of the run: name and value. */

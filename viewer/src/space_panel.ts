@@ -20,6 +20,7 @@ const LAYERS: [Layer, string, string, string][] = [
   ["names", "names", "name", "names of the objects"],
   ["cameras", "cameras", "camera", "the cameras; that of the shown frame carries its image"],
   ["path", "path", "path", "the way of the camera through the frames"],
+  ["points", "points", "dots", "points of the scene's surfaces, as structure from motion found them"],
   ["grid", "grid", "grid", "a grid at the height of the lowest objects, and the axes of the world"],
 ];
 

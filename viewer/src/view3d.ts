@@ -14,13 +14,14 @@ import { moveByKey } from "./keys3d.ts";
 import { Labels3d, type Label3d } from "./labels3d.ts";
 import { add, dot, scale, subtract, unit } from "./linear.ts";
 import type { Measure } from "./measure.ts";
+import { Points3d } from "./points3d.ts";
 import type { Selection } from "./selection.ts";
 import { firstLook, planeAxes, type Space } from "./space.ts";
 import { Surroundings3d } from "./surroundings3d.ts";
 import { objectName } from "./words.ts";
 
 /** What can be switched on and off. */
-export type Layer = Which | "cameras" | "path" | "grid" | "names";
+export type Layer = Which | "cameras" | "path" | "points" | "grid" | "names";
 
 /** From where one looks. */
 export type Side = "free" | "top" | "front";
@@ -36,6 +37,7 @@ export class View3d {
   private readonly bodies: Record<"body" | "enclosing" | "centerShell", BodyLayer>;
   private readonly truth = new THREE.Group();
   private readonly cameras: Cameras3d;
+  private readonly points: Points3d;
   private readonly surroundings: Surroundings3d;
   private readonly layers: Record<Exclude<Layer, "names">, THREE.Object3D>;
   private readonly wires = new THREE.LineBasicMaterial();
@@ -75,6 +77,7 @@ export class View3d {
       centerShell: layer("centerShell", 0.5, () => "#ff9a00", true),
     };
     this.cameras = new Cameras3d(report, space, this.redraw);
+    this.points = new Points3d(report.points, origin);
     this.surroundings = new Surroundings3d(space);
     this.gridStep = this.surroundings.step;
     this.layers = {
@@ -84,6 +87,7 @@ export class View3d {
       truth: this.truth,
       cameras: this.cameras.group,
       path: this.cameras.path,
+      points: this.points.group,
       grid: this.surroundings.group,
     };
     this.layers.enclosing.visible = false;
@@ -114,6 +118,7 @@ export class View3d {
     if (layer === "cameras") return this.report.frames.length > 0;
     if (layer === "path") return this.report.frames.length > 1;
     if (layer === "names") return this.report.objects.length > 0;
+    if (layer === "points") return this.report.points.length > 0;
     return layer === "grid" || this.report.objects.some((object) => object[layer] !== null);
   }
 
@@ -280,6 +285,7 @@ export class View3d {
     this.paper.set(themeColor("--paper"));
     this.wires.color.set(themeColor("--wire"));
     this.cameras.setColors(themeColor("--camera"), themeColor("--accent"));
+    this.points.setColor(themeColor("--camera"));
     this.surroundings.setColor(themeColor("--grid"), themeColor("--dim"));
     this.bodies.body.rebuild();
     this.paintChosen();

@@ -3,14 +3,15 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { createRequire } from "node:module";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
+import { join, resolve } from "node:path";
 import type { Browser, Page } from "playwright-core";
 import { Colors } from "../src/colors.ts";
 import { bestFrame, viewsOf } from "../src/object_views.ts";
 import { fitView } from "../src/fit_view.ts";
 import { placeLabels } from "../src/place_labels.ts";
 import {
-  coloured, data, difference, launch, open, pixels, quadlift, readScene, writeScene, type Pixels,
+  coloured, data, difference, folder, launch, open, pixels, project, quadlift, readScene, writeScene, type Pixels,
 } from "./browser.ts";
 
 let browser: Browser;
@@ -297,6 +298,49 @@ test("top, front and the camera are views of their own", async () => {
   await page.getByRole("button", { name: "Objects", exact: true }).click();
   assert.ok(difference(seen[0]!, await pixels(page, stage)) < 50, "and back");
   await page.close();
+});
+
+test("points of a COLMAP model are shown behind the objects, and a switch takes them away", async () => {
+  const tutorial = join(project, "docs/data/tutorial-colmap-yolo");
+  const input = ["--cameras", join(tutorial, "sparse/0"), "--detections", join(tutorial, "labels")];
+  quadlift("localize", "-q", ...input, "-o", "colmap.json", "--report", "colmap.html");
+  assert.equal(data("colmap.html").points.length, 900);
+  const { page, problems } = await open(browser, "colmap.html");
+  const stage = page.locator(".stage");
+  const hint = "points of the scene's surfaces, as structure from motion found them";
+  const box = page.locator(".space").getByRole("checkbox", { name: "points" });
+  assert.ok(await box.isChecked());
+  assert.equal(await page.locator(".legend label", { has: page.getByRole("checkbox", { name: "points" }) }).getAttribute("title"), hint);
+  for (const name of ["grid", "names", "cameras", "path"]) {
+    await page.locator(".space").getByRole("checkbox", { name }).setChecked(false);
+  }
+  const shown = await pixels(page, stage);
+  await box.uncheck();
+  const without = await pixels(page, stage);
+  const changed = difference(shown, without);
+  // A few pixels each, in the colour of nothing else.
+  assert.ok(changed > 300 && changed < 300 * 16, `${changed}`);
+  assert.ok(Math.abs(coloured(shown) - coloured(without)) < 0.02 * coloured(without), "the bodies stay as they are");
+  assert.deepEqual(problems, []);
+  await page.close();
+  // A scene without points has no switch.
+  const other = (await open(browser, "named.html")).page;
+  assert.equal(await other.getByRole("checkbox", { name: "points" }).count(), 0);
+  await other.close();
+});
+
+test("the view opens on the objects wherever the points are", async () => {
+  const html = readFileSync(resolve(folder, "named.html"), "utf8");
+  const far = '"points":[1e3,0,0,-1e3,5e3,1e4]';
+  assert.ok(html.includes('"points":[]'));
+  writeFileSync(join(folder, "far.html"), html.replace('"points":[]', far));
+  const views = [];
+  for (const name of ["named.html", "far.html"]) {
+    const { page } = await open(browser, name);
+    views.push(await pixels(page, page.locator(".stage")));
+    await page.close();
+  }
+  assert.ok(difference(views[0]!, views[1]!) < 20);
 });
 
 test("frames are played, and stop", async () => {

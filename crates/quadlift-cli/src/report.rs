@@ -57,6 +57,7 @@ pub fn write_localized(
         estimate: Some(result),
         truth: None,
         source: None,
+        points: &result.points,
         scores: None,
     };
     write_report(path, &content)
@@ -71,6 +72,8 @@ pub struct Gathered {
     pub images: SceneImages,
     /// Times of the frames in seconds, where they are known.
     pub times: Vec<Option<f64>>,
+    /// Points of the scene's surfaces, from the first file that has some.
+    points: Vec<[f64; 3]>,
     /// The file that holds estimates.
     pub estimate: Option<(PathBuf, SceneFile)>,
     /// The file that holds the truth.
@@ -107,7 +110,13 @@ impl Gathered {
         let scene = named.as_ref().unwrap_or(file).to_scene().map_err(|error| error.in_file(path))?;
         let images = file.to_images(path).map_err(|error| error.in_file(path))?;
         let times = file.frames.iter().map(|frame| frame.time).collect();
-        Ok(Self { title: title(path, file), scene, images, times, estimate, truth })
+        let points = if file.points.is_empty() {
+            first(&|file| !file.points.is_empty()).map(|(_, file)| file)
+        } else {
+            Some(file)
+        };
+        let points = points.map(|file| file.points.clone()).unwrap_or_default();
+        Ok(Self { title: title(path, file), scene, images, times, points, estimate, truth })
     }
 
     /// What is shown.
@@ -119,6 +128,7 @@ impl Gathered {
             estimate: self.estimate.as_ref().map(|(_, file)| file),
             truth: self.truth.as_ref().map(|(_, file)| file),
             source: None,
+            points: &self.points,
             scores,
         }
     }

@@ -90,6 +90,11 @@ pub fn optional_list<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<
     Option::<List<f64, N>>::deserialize(d).map(|list| list.map(|list| list.0))
 }
 
+/// For `deserialize_with`: any number of lists of `N` numbers.
+pub fn lists<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<Vec<[f64; N]>, D::Error> {
+    Ok(Vec::<List<f64, N>>::deserialize(deserializer)?.into_iter().map(|list| list.0).collect())
+}
+
 /// For `deserialize_with`: a matrix by rows.
 pub fn matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(d: D) -> Result<[[f64; C]; R], D::Error> {
     List::<List<f64, C>, R>::deserialize(d).map(|rows| rows.0.map(|row| row.0))

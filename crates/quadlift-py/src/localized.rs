@@ -228,7 +228,8 @@ impl PyLocalized {
         let scores = scores.map(|(evaluation, _)| Scores::of(&evaluation));
         let scene = self.scene();
         let (images, scores) = (Some(&images), scores.as_ref());
-        let content = Content { title, scene, images, estimate: Some(&estimate), truth, source: None, scores };
+        let points = &estimate.points;
+        let content = Content { title, scene, images, estimate: Some(&estimate), truth, source: None, points, scores };
         on_threads(|| report(&content))?.map_err(refuse).and_then(|report| page(&report).map_err(refuse))
     }
 

@@ -22,7 +22,16 @@ pub fn recorded(
     estimate: &SceneFile,
     truth: Option<&SceneFile>,
 ) -> PyResult<(String, Vec<usize>)> {
-    let content = Content { title, scene, images: None, estimate: Some(estimate), truth, source: None, scores: None };
+    let content = Content {
+        title,
+        scene,
+        images: None,
+        estimate: Some(estimate),
+        truth,
+        source: None,
+        points: &[],
+        scores: None,
+    };
     let times: Vec<Option<f64>> = loaded.file().frames.iter().map(|frame| frame.time).collect();
     let recording = recording(&content, &times).map_err(refuse)?;
     let frames = recording.frames.iter().map(|frame| frame.frame_index).collect();

@@ -11,7 +11,7 @@ use quadlift_io::association::write_objects;
 use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
-use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::detections::csv::TableOptions;
 use quadlift_io::read::detections::names::read_names;
 use quadlift_io::read::detections::{AddOptions, add_detections, read_detections};
@@ -67,7 +67,7 @@ impl PyScene {
     fn read_colmap(path: PathBuf) -> PyResult<Self> {
         match detect_cameras(&path).map_err(refuse)? {
             (CameraFormat::Colmap, path) => {
-                let import = read_colmap(&path).map_err(refuse)?;
+                let import = read_colmap(&path, DEFAULT_POINTS).map_err(refuse)?;
                 // A name beside the images, to whose folder theirs are relative.
                 let place = import.image_folder.map_or_else(PathBuf::new, |folder| folder.join("scene.json"));
                 Self::new(import.scene, place)
@@ -244,6 +244,7 @@ impl PyScene {
             estimate: Some(file),
             truth: None,
             source: None,
+            points: &file.points,
             scores: None,
         };
         on_threads(|| report(&content))?.map_err(refuse).and_then(|report| page(&report).map_err(refuse))

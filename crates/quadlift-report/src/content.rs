@@ -30,6 +30,8 @@ pub struct Content<'a> {
     pub truth: Option<&'a SceneFile>,
     /// The only source whose detections are shown; where it is not given, the one that the estimate was made of.
     pub source: Option<&'a str>,
+    /// Points of the scene's surfaces in the world, shown as context.
+    pub points: &'a [[f64; 3]],
     /// Scores of the estimates against the truth.
     pub scores: Option<&'a Scores>,
 }

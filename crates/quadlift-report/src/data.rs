@@ -24,6 +24,8 @@ pub struct Report {
     pub categories: Vec<String>,
     /// The posed images.
     pub frames: Vec<ReportFrame>,
+    /// Points of the scene's surfaces in the world, x, y, z of each, rounded to be drawn.
+    pub points: Vec<f64>,
     /// The objects: estimates, then what only the truth or the detections have.
     pub objects: Vec<ReportObject>,
     /// Scores against the truth.

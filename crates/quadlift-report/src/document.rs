@@ -78,10 +78,34 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
         banner: content.estimate.and_then(run_banner),
         region: content.estimate.filter(|_| objects.list.iter().any(|o| o.center_shell.is_some())).map(run_region),
         frames: frames.iter().map(frame).collect(),
+        points: drawn_points(content.points),
         scores: content.scores.map(|scores| objects.scores(scores)),
         categories: objects.categories,
         objects: objects.list.into_iter().take(MOST_OBJECTS).collect(),
     })
+}
+
+/// Points in a report; of more an evenly spread choice is shown.
+const MOST_POINTS: usize = 10_000;
+
+/// The coordinates of the points, rounded to the decimal place that gives the extent of the points five digits: finer than a
+/// pixel of the view. The extent is that of the middle nine tenths in each coordinate, so that stray points do not count.
+fn drawn_points(points: &[[f64; 3]]) -> Vec<f64> {
+    let shown: Vec<[f64; 3]> = evenly_spread(points.len(), MOST_POINTS).map(|index| points[index]).collect();
+    let extent = (0..3).map(|axis| {
+        let mut values: Vec<f64> = shown.iter().map(|point| point[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        let at = |share: f64| values[(share * (values.len() - 1) as f64) as usize];
+        if values.is_empty() { 0.0 } else { at(0.95) - at(0.05) }
+    });
+    let extent = extent.fold(0.0, f64::max);
+    if !(extent > 0.0 && extent.is_finite()) {
+        return shown.into_iter().flatten().collect();
+    }
+    let places = 4 - extent.log10().floor() as i32;
+    let power = 10f64.powi(places.abs());
+    let round = |x: f64| if places >= 0 { (x * power).round() / power } else { (x / power).round() * power };
+    shown.into_iter().flatten().map(round).collect()
 }
 
 /// Bytes that are left for images.
@@ -230,7 +254,31 @@ mod tests {
     }
 
     fn content<'a>(scene: &'a Scene, estimate: &'a SceneFile) -> Content<'a> {
-        Content { title: "t", scene, images: None, estimate: Some(estimate), truth: None, source: None, scores: None }
+        Content {
+            title: "t",
+            scene,
+            images: None,
+            estimate: Some(estimate),
+            truth: None,
+            source: None,
+            points: &[],
+            scores: None,
+        }
+    }
+
+    #[test]
+    fn points_are_rounded_to_the_extent_and_thinned_out() {
+        // A square of 2 units, with a stray point that does not make the rounding coarser.
+        let mut points: Vec<[f64; 3]> = (0..100).map(|k| [2.0 * f64::from(k) / 99.0, 1.0 / 3.0, -1e-7]).collect();
+        points.push([1e9, 0.0, 0.0]);
+        let drawn = drawn_points(&points);
+        assert_eq!(drawn[3..6], [0.0202, 0.3333, -0.0]);
+        assert_eq!(drawn.len(), 303);
+        let large: Vec<[f64; 3]> = points.iter().map(|point| point.map(|x| 1e7 * x)).collect();
+        assert_eq!(drawn_points(&large)[3..5], [202_000.0, 3_333_000.0]);
+        assert_eq!(drawn_points(&[[0.1234567; 3]]), [0.1234567; 3]);
+        assert_eq!(drawn_points(&[]), Vec::<f64>::new());
+        assert_eq!(drawn_points(&vec![[0.5; 3]; 2 * MOST_POINTS + 1]).len(), 3 * MOST_POINTS);
     }
 
     #[test]

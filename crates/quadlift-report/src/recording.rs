@@ -341,6 +341,7 @@ mod tests {
         .unwrap();
         let (scene, title) = (scene(), "t");
         let content = Content {
+            points: &[],
             title,
             scene: &scene,
             images: None,

@@ -53,6 +53,7 @@ struct Report {
     length_unit: Option<String>,
     up: Option<[f64; 3]>,
     frames: usize,
+    points: usize,
     cameras: usize,
     /// Width, height and number of frames.
     image_sizes: Vec<(f64, f64, usize)>,
@@ -93,6 +94,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         length_unit: file.length_unit.clone(),
         up: file.up,
         frames: scene.frames.len(),
+        points: file.points.len(),
         cameras: file.cameras.len(),
         image_sizes: image_sizes(&scene),
         frames_without_image_size: scene.frames.iter().filter(|frame| frame.image_size.is_none()).count(),
@@ -296,6 +298,9 @@ fn render(report: &Report) -> String {
     line("up", report.up.map_or("not known".to_owned(), |up| format!("[{}, {}, {}]", up[0], up[1], up[2])));
     line("frames", report.frames.to_string());
     line("cameras", report.cameras.to_string());
+    if report.points > 0 {
+        line("points", report.points.to_string());
+    }
     let sizes = report.image_sizes.iter().map(|(w, h, n)| format!("{w} x {h} ({})", count(*n, "frame")));
     let sizes: Vec<String> = sizes.collect();
     line("image size", if sizes.is_empty() { "not known".to_owned() } else { sizes.join(", ") });

@@ -41,6 +41,56 @@ fn a_bop_scene_is_imported_localised_and_evaluated() {
     assert!(mean(&scores, "center_error") < 0.015, "{scores:#}");
 }
 
+/// The points of a COLMAP model: from its file through scene and result into the page; none where none are asked for.
+#[test]
+fn points_of_a_colmap_model_are_shown_in_the_page() {
+    let folder = Folder::new();
+    let tutorial = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/data/tutorial-colmap-yolo");
+    folder.copy(&tutorial);
+    let points = |name: &str| folder.json(name)["points"].as_array().map_or(0, Vec::len);
+    let imported = folder.succeed("import colmap sparse/0 -o scene.json");
+    assert!(imported.contains("- 300 sparse points of the model\n"), "{imported}");
+    assert!(folder.succeed("info scene.json").contains("\npoints       300\n"));
+    let fewer = folder.succeed("import colmap sparse/0 -o few.json --points 100");
+    assert!(fewer.contains("- 100 of 300 sparse points, evenly spread\n"), "{fewer}");
+    folder.succeed("import colmap sparse/0 -o none.json --points 0");
+    assert_eq!([points("scene.json"), points("few.json"), points("none.json")], [300, 100, 0]);
+    assert!(folder.json("none.json").get("points").is_none());
+
+    folder.succeed("localize --cameras sparse/0 --detections labels -o objects.json --report objects.html");
+    assert_eq!(folder.json("objects.json")["points"], folder.json("scene.json")["points"]);
+    let path = folder.succeed("view scene.json --no-browser");
+    let viewed = std::fs::read_to_string(path.trim()).unwrap();
+    std::fs::remove_file(path.trim()).unwrap();
+    for (page, html) in [("objects.html", folder.read("objects.html")), ("view", viewed)] {
+        let start = html.find("id=\"report-data\">").unwrap() + "id=\"report-data\">".len();
+        let data: Value = serde_json::from_str(html[start..].split("</script>").next().unwrap()).unwrap();
+        let shown: Vec<f64> = data["points"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+        let given = folder.json("scene.json");
+        let given = given["points"].as_array().unwrap().iter().flat_map(|point| point.as_array().unwrap());
+        assert_eq!(shown.len(), 900, "{page}");
+        // Rounded to five digits of the extent: the table is a metre wide.
+        for (a, b) in shown.iter().zip(given) {
+            assert!((a - b.as_f64().unwrap()).abs() <= 5.1e-6, "{page}: {a} {b}");
+        }
+        assert!(data["points"].to_string().len() < 900 * 9, "{page}");
+    }
+    // In millimetres everything is a thousand times as large.
+    folder.succeed("import-detections yolo labels scene.json -o detected.json");
+    folder.succeed("localize detected.json -o metres.json --pose-unit mm --accept-inconsistent");
+    let first = |name: &str| folder.json(name)["points"][0][0].as_f64().unwrap();
+    assert!((first("metres.json") / first("scene.json") - 1e-3).abs() < 1e-12);
+
+    folder.write("wrong.json", r#"{"format": "quadlift.scene", "version": 1, "points": [[0, 0, 1], [1, 2]]}"#);
+    let run = folder.run("info wrong.json");
+    assert_eq!(run.code, 1);
+    assert_eq!(
+        run.stderr,
+        "error: wrong.json:1:71: points[1]: found 2 entries, expected a list of 3 numbers (\"points\": a list of \
+         [x, y, z] in the world)\n"
+    );
+}
+
 #[test]
 fn images_are_named_relative_to_the_scene() {
     let folder = Folder::new();

@@ -92,6 +92,7 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
             }
             RecordCorrection::PoseUnit(metres) => {
                 let frames = poses::scale(file, metres);
+                move_points(file, &Correction::Lengths(metres));
                 file.length_unit = Some("m".to_owned());
                 notes.push(format!("the lengths of {} are metres now, times {metres}", count(frames, "pose")));
             }
@@ -123,6 +124,16 @@ fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryE
             file.up = Some(*up);
             format!("up is {up:?}")
         }
-        _ => format!("{} were corrected", count(poses::correct(file, correction)?, "pose")),
+        _ => {
+            move_points(file, correction);
+            format!("{} were corrected", count(poses::correct(file, correction)?, "pose"))
+        }
     })
+}
+
+/// Moves the points of the scene into the world of the corrected poses.
+fn move_points(file: &mut SceneFile, correction: &Correction) {
+    for point in &mut file.points {
+        *point = correction.world_point(&(*point).into()).into();
+    }
 }

@@ -23,6 +23,7 @@ fn scene() -> SceneFile {
             params: vec![900.0, 910.0, 640.0, 360.0],
             ..Default::default()
         }],
+        points: vec![[0.5, -2.0, 1.5], [3.0, 4.0, -1.0]],
         ..Default::default()
     };
     for index in 0..12 {
@@ -56,6 +57,10 @@ fn with_mistake(mistake: &Mistake) -> SceneFile {
     let ids: Vec<String> = file.frames.iter().map(|frame| frame.id.clone()).collect();
     let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
     let frames = mistake.frames(&ids);
+    // The points are those of the world in which the poses are written: mirrored where it is left-handed.
+    if matches!(mistake.0, Correction::LeftHandedAxes | Correction::InvertLeftHandedPoses) {
+        file.points.iter_mut().for_each(|point| point[1] = -point[1]);
+    }
     for frame in &mut file.frames {
         let pose = matrix(&frame.cam_from_world.unwrap());
         let (r, t) = mistake.pose(&pose.fixed_columns::<3>(0).into_owned(), &pose.column(3).into_owned());
@@ -143,6 +148,25 @@ fn every_option_undoes_its_mistake() {
     }
 }
 
+/// A point of the world is seen where it was: corrections that move the world move its points with the cameras.
+#[test]
+fn points_move_with_the_world() {
+    let seen = |file: &SceneFile| -> Vec<[f64; 3]> {
+        let pose = matrix(&file.frames[3].cam_from_world.unwrap());
+        file.points.iter().map(|p| (pose * nalgebra::Vector4::new(p[0], p[1], p[2], 1.0)).into()).collect()
+    };
+    let before = seen(&scene());
+    for (option, expected) in [
+        ("--pose-convention left-handed", before.iter().map(|p| [p[0], -p[1], p[2]]).collect::<Vec<_>>()),
+        ("--pose-convention opengl", before.iter().map(|p| [p[0], -p[1], -p[2]]).collect()),
+        ("--pose-unit cm", before.iter().map(|p| p.map(|x| 0.01 * x)).collect()),
+    ] {
+        for (a, b) in seen(&corrected(scene(), option)).iter().flatten().zip(expected.iter().flatten()) {
+            assert!((a - b).abs() < 1e-12, "{option}: {a} {b}");
+        }
+    }
+}
+
 /// What leaves the first or the last frames without detections.
 #[test]
 fn moved_frames_come_back_but_for_those_that_were_lost() {
@@ -188,6 +212,7 @@ fn units_and_up_are_set_and_boxes_may_be_stretched() {
     let found = corrected(scene(), "--pose-unit mm");
     assert_eq!(found.length_unit.as_deref(), Some("m"));
     assert_eq!(found.frames[0].cam_from_world.unwrap()[2][3], 0.003);
+    assert_eq!(found.points, [[0.0005, -0.002, 0.0015], [0.003, 0.004, -0.001]]);
     assert_eq!(corrected(scene(), "--up -y").up, Some([0.0, -1.0, 0.0]));
     assert_eq!(corrected(scene(), "--up 0,0,2").up, Some([0.0, 0.0, 2.0]));
     // A photo of 1280 x 720 that was stretched to a square.

@@ -1,7 +1,9 @@
-//! COLMAP models: `cameras` and `images`, as text or binary. Points, rigs and frames are not needed.
+//! COLMAP models: `cameras`, `images` and, where there are any, `points3D`, as text or binary. Rigs and frames are not needed.
 //!
 //! COLMAP's conventions are those of the scene file: OpenCV axes, world to camera, pixels from the corner, all camera
 //! models with their names. Format: `src/colmap/scene/reconstruction_io` of COLMAP.
+
+mod points;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,6 +18,9 @@ use super::text::{Fields, Line, lines};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
+use crate::wording::count;
+
+pub use points::DEFAULT_POINTS;
 
 /// Where a model may lie in the folder that is named.
 const PLACES: [&str; 4] = ["", "sparse/0", "sparse", "0"];
@@ -27,11 +32,12 @@ const IMAGE_FOLDERS: [&str; 3] = ["images", "../images", "../../images"];
 pub type File<'a> = (&'a Path, &'a [u8]);
 
 /// Reads the model in a folder (or in its `sparse/0`); the binary form is preferred when both exist. Frames have the
-/// names of the images as their ids, and are sorted by them.
+/// names of the images as their ids, and are sorted by them. Of the sparse points at most `most_points` are kept, evenly
+/// spread; with 0 their file is not read, and it may be missing.
 ///
 /// # Errors
 /// [`ReadError`] with line or byte, what was found and what was expected.
-pub fn read_colmap(folder: &Path) -> Result<Import, ReadError> {
+pub fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadError> {
     let places = PLACES.map(|place| folder.join(place));
     let Some((model, extension)) = (places.iter())
         .flat_map(|place| ["bin", "txt"].map(|extension| (place, extension)))
@@ -43,18 +49,22 @@ pub fn read_colmap(folder: &Path) -> Result<Import, ReadError> {
     };
     let cameras_path = model.join(format!("cameras.{extension}"));
     let images_path = model.join(format!("images.{extension}"));
+    let points_path = model.join(format!("points3D.{extension}"));
     let (cameras, images) = (read_bytes(&cameras_path)?, read_bytes(&images_path)?);
+    let has_points = most_points > 0 && points_path.is_file();
+    let points = if has_points { read_bytes(&points_path)? } else { Vec::new() };
     let parse = if extension == "bin" { parse_binary } else { parse_text };
-    let mut import = parse((&cameras_path, &cameras), (&images_path, &images))?;
+    let files = [(&*cameras_path, &*cameras), (&images_path, &images), (&points_path, &points)];
+    let mut import = parse(files, most_points)?;
     import.image_folder = IMAGE_FOLDERS.map(|place| model.join(place)).into_iter().find(|place| place.is_dir());
     Ok(import)
 }
 
-/// The model in the bytes of `cameras.txt` and `images.txt`; the paths serve for messages.
+/// The model in the bytes of `cameras.txt`, `images.txt` and `points3D.txt`, which may be empty; the paths serve for messages.
 ///
 /// # Errors
 /// As [`read_colmap`].
-pub fn parse_text(cameras: File, images: File) -> Result<Import, ReadError> {
+pub fn parse_text([cameras, images, points]: [File; 3], most_points: usize) -> Result<Import, ReadError> {
     let mut model = Model::default();
     // Without cameras the file is empty but for its comments.
     for line in lines(cameras.0, as_utf8(cameras.0, cameras.1)?).filter(|line| !line.is_blank_or_comment()) {
@@ -84,7 +94,7 @@ pub fn parse_text(cameras: File, images: File) -> Result<Import, ReadError> {
             }
         }
     }
-    model.import(images.0, "text")
+    model.import(images.0, "text", points::parse_text(points)?, most_points)
 }
 
 /// Whether a line that follows an image holds its points; otherwise it is the next image.
@@ -114,11 +124,11 @@ fn is_points(line: &Line) -> Result<bool, ReadError> {
     )))
 }
 
-/// The model in the bytes of `cameras.bin` and `images.bin`; the paths serve for messages.
+/// The model in the bytes of `cameras.bin`, `images.bin` and `points3D.bin`, which may be empty; the paths serve for messages.
 ///
 /// # Errors
 /// As [`read_colmap`].
-pub fn parse_binary(cameras: File, images: File) -> Result<Import, ReadError> {
+pub fn parse_binary([cameras, images, points]: [File; 3], most_points: usize) -> Result<Import, ReadError> {
     let mut model = Model::default();
     let mut bytes = Bytes::new(cameras.0, cameras.1);
     // The counts of the files are not trusted: nothing is allocated for them.
@@ -148,7 +158,7 @@ pub fn parse_binary(cameras: File, images: File) -> Result<Import, ReadError> {
         bytes.skip(points, 24, "points")?;
     }
     bytes.end()?;
-    model.import(images.0, "binary")
+    model.import(images.0, "binary", points::parse_binary(points)?, most_points)
 }
 
 /// Model, image size and parameters, as in a line of `cameras.txt` after the id.
@@ -228,12 +238,26 @@ impl Model {
         }
     }
 
-    fn import(self, path: &Path, form: &str) -> Result<Import, ReadError> {
-        let notes = vec![
+    fn import(
+        self,
+        path: &Path,
+        form: &str,
+        points: Vec<points::Point>,
+        most_points: usize,
+    ) -> Result<Import, ReadError> {
+        let mut notes = vec![
             format!("COLMAP model in {form} form: axes, poses and pixels are those of scene files already"),
             "the unit of length is not known".to_owned(),
         ];
+        let all = points.len();
+        let points = points::chosen(points, most_points);
+        match points.len() {
+            0 => {}
+            kept if kept == all => notes.push(format!("{} of the model", count(all, "sparse point"))),
+            kept => notes.push(format!("{kept} of {}, evenly spread", count(all, "sparse point"))),
+        }
         let scene = SceneFile {
+            points,
             cameras: self.cameras.into_values().collect(),
             frames: self.frames.into_values().collect(),
             ..SceneFile::default()

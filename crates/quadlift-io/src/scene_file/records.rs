@@ -47,6 +47,9 @@ pub struct SceneFile {
     /// The posed images.
     #[serde(default)]
     pub frames: Vec<FrameRecord>,
+    /// Points of the scene's surfaces in the world, as structure from motion finds them; may be empty.
+    #[serde(default, deserialize_with = "numbers::lists")]
+    pub points: Vec<[f64; 3]>,
     /// The detections.
     #[serde(default)]
     pub detections: Vec<DetectionRecord>,
@@ -70,6 +73,7 @@ impl Default for SceneFile {
             localization: None,
             cameras: Vec::new(),
             frames: Vec::new(),
+            points: Vec::new(),
             detections: Vec::new(),
             objects: Vec::new(),
             extra: Map::new(),
@@ -78,7 +82,7 @@ impl Default for SceneFile {
 }
 
 impl SceneFile {
-    /// The result of a localisation of this scene: its names, cameras and frames with the estimated objects.
+    /// The result of a localisation of this scene: its names, cameras, frames and points with the estimated objects.
     ///
     /// Objects of the input (the truth), detections and notes are not taken over. Image paths stay relative to the
     /// folder of the input.
@@ -91,6 +95,7 @@ impl SceneFile {
             localization: Some(localization),
             cameras: self.cameras.clone(),
             frames: self.frames.clone(),
+            points: self.points.clone(),
             objects,
             ..Self::default()
         }

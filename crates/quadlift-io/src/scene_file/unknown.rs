@@ -36,11 +36,11 @@ const RECORDS: [&str; 21] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 61] = [
+const PLAIN: [&str; 62] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
     "counts", "cut_by_border", "deviations", "edge_error", "format", "frame", "half_extents", "half_height",
     "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "method", "model", "name",
-    "notes", "object", "occluded", "odd_view", "params", "path", "polygons", "predicted_iou", "projection", "radii",
+    "notes", "object", "occluded", "odd_view", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
     "reason", "rejected_because", "relative", "residual_px", "rotation", "score", "semi_axes", "size", "source",
     "status", "support_exponent", "time", "touches_others", "truncated", "up", "value", "version", "views",
     "views_rejected", "views_used", "visible_fraction", "warnings", "width",

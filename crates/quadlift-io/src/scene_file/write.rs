@@ -67,6 +67,7 @@ fn write_records(
     members.optional("localization", &scene.localization)?;
     members.list::<CameraRecord>("cameras", scene.cameras.iter())?;
     members.list::<FrameRecord>("frames", scene.frames.iter())?;
+    members.list::<[f64; 3]>("points", scene.points.iter())?;
     members.list::<DetectionRecord>("detections", scene.detections.iter())?;
     members.list::<ObjectRecord>("objects", objects)?;
     for (key, value) in &scene.extra {
@@ -162,6 +163,7 @@ mod tests {
         let mut scene = SceneFile {
             name: Some("small".into()),
             up: Some([0.0, -1.0, 0.0]),
+            points: vec![[0.5, -1.0, 2.0], [1e-7, 3.0, 0.25]],
             cameras: vec![camera],
             detections: vec![detection("a"), detection("null")],
             ..Default::default()
@@ -182,6 +184,10 @@ mod tests {
   "up": [0.0,-1.0,0.0],
   "cameras": [
     {"id":"cam","model":"PINHOLE","width":640,"height":480,"params":[500.0,500.5,320.0,240.0]}
+  ],
+  "points": [
+    [0.5,-1.0,2.0],
+    [1e-7,3.0,0.25]
   ],
   "detections": [
     {"frame":"a","box":[0.1,1e-7,2.0,3.0],"occluded":1},

@@ -214,6 +214,9 @@ fn what_cannot_be_written_is_refused_and_nothing_is_left() {
     scene.up = Some([0.0, f64::INFINITY, 0.0]);
     assert_eq!(problem(&scene), "row 0: \"up\" holds a number that is not finite");
     let mut scene = full();
+    scene.points[1][2] = f64::NAN;
+    assert_eq!(problem(&scene), "points[1] holds a number that is not finite");
+    let mut scene = full();
     scene.objects.push(scene.objects[0].clone());
     assert!(problem(&scene).contains("is used twice"));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);

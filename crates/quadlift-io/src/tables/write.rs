@@ -29,6 +29,12 @@ const ROWS: usize = 50_000;
 /// when two objects have one id, so that the residuals of their views could not be told apart.
 pub fn write_tables(folder: &Path, scene: &SceneFile) -> Result<Vec<(&'static str, usize)>, WriteError> {
     scene.to_objects().map_err(|error| WriteError::new(folder, error))?;
+    if let Some(index) = scene.points.iter().position(|point| point.iter().any(|x| !x.is_finite())) {
+        return Err(WriteError::new(
+            Path::new(SCENE.file),
+            format!("points[{index}] holds a number that is not finite"),
+        ));
+    }
     let header = header(scene);
     let views = scene.objects.iter().flat_map(|object| {
         object.view_residuals_px.iter().map(move |view| json!({ "object": object.id, "view": view }))
@@ -67,6 +73,10 @@ fn header(scene: &SceneFile) -> Map<String, Value> {
     ];
     header
         .extend(entries.into_iter().filter(|(_, value)| !value.is_null()).map(|(key, value)| (key.to_owned(), value)));
+    // Points are no column: they are kept as JSON with the fields that have none.
+    if !scene.points.is_empty() {
+        header.insert("points".to_owned(), json!(scene.points));
+    }
     // A direction that is not finite becomes a list with null, which is refused later.
     header.extend(scene.up.map(|up| ("up".to_owned(), json!(up))));
     header

@@ -3,7 +3,7 @@
 //! Each correction is a pure map of one part of the input: poses, intrinsics, boxes or the frames of detections. Scenes
 //! in memory and records of files are corrected by the same maps.
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
 
 use super::camera::CameraParts;
 use super::frame_order::{lexicographic_places, natural_places};
@@ -120,6 +120,16 @@ impl Correction {
             Self::Lengths(factor) => (*r, t * factor),
             Self::QuaternionOrder { was_wxyz, world_from_cam } => reordered(r, t, was_wxyz, world_from_cam),
             _ => (*r, *t),
+        }
+    }
+
+    /// Where a point of the world lies in the world of the corrected poses: the same place, but for corrections that mirror
+    /// the world or change its unit. Points of the scene, such as those of a COLMAP model, move with it.
+    pub fn world_point(&self, point: &Point3<f64>) -> Point3<f64> {
+        match *self {
+            Self::LeftHandedAxes | Self::InvertLeftHandedPoses => mirror() * point,
+            Self::Lengths(factor) => point * factor,
+            _ => *point,
         }
     }
 

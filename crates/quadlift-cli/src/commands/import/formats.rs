@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use quadlift_io::read::bop::{BopOptions, read_bop};
-use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
 use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
 use quadlift_io::read::nerfstudio::read_nerfstudio;
@@ -23,6 +23,9 @@ pub enum Format {
         /// Folder of the model (or the one that holds sparse/0)
         #[arg(value_name = "DIR")]
         path: PathBuf,
+        /// Sparse points of the model to keep at most, evenly spread; 0 keeps none and does not read their file
+        #[arg(long, value_name = "N", default_value_t = DEFAULT_POINTS)]
+        points: usize,
         #[command(flatten)]
         common: Common,
     },
@@ -218,7 +221,7 @@ impl Format {
 
     pub fn read(&self) -> anyhow::Result<Import> {
         Ok(match self {
-            Self::Colmap { path, .. } => read_colmap(path)?,
+            Self::Colmap { path, points, .. } => read_colmap(path, *points)?,
             Self::Nerfstudio { path, pixels, .. } => read_nerfstudio(path, pixels.centers())?,
             Self::Tum { path, intrinsics, image_list, time_tolerance, size, pixels, .. } => {
                 let options = TumOptions {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
 use quadlift_io::read::bop::{BopOptions, read_bop};
-use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::detections::csv::TableOptions;
 use quadlift_io::read::detections::{add_detections, read_detections};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
@@ -157,7 +157,7 @@ impl DirectArgs {
                 }
                 return Ok((scene, Vec::new()));
             }
-            CameraFormat::Colmap => read_colmap(path)?,
+            CameraFormat::Colmap => read_colmap(path, DEFAULT_POINTS)?,
             CameraFormat::Nerfstudio => read_nerfstudio(path, self.pixels.centers())?,
             CameraFormat::Tum => {
                 let Some(intrinsics) = &self.intrinsics else {

@@ -6,6 +6,11 @@ use serde_json::Value;
 
 use super::*;
 
+/// The file of the points of a model without points.
+fn no_points() -> File<'static> {
+    (Path::new("points3D"), b"")
+}
+
 /// A model with every camera model, written by pycolmap.
 fn fixture(form: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/colmap").join(form)
@@ -16,7 +21,7 @@ fn every_camera_model_projects_as_in_pycolmap() {
     let expected: Value = serde_json::from_slice(&std::fs::read(fixture("expected.json")).unwrap()).unwrap();
     let list = |value: &Value| -> Vec<f64> { value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect() };
     for form in ["text", "binary"] {
-        let scene = read_colmap(&fixture(form)).unwrap().scene;
+        let scene = read_colmap(&fixture(form), DEFAULT_POINTS).unwrap().scene;
         assert_eq!((scene.cameras.len(), scene.frames.len()), (18, 18));
         let mut largest: f64 = 0.0;
         for view in expected["views"].as_array().unwrap() {
@@ -46,7 +51,10 @@ fn every_camera_model_projects_as_in_pycolmap() {
 
 #[test]
 fn text_and_binary_say_the_same() {
-    let (text, binary) = (read_colmap(&fixture("text")).unwrap(), read_colmap(&fixture("binary")).unwrap());
+    let (text, binary) = (
+        read_colmap(&fixture("text"), DEFAULT_POINTS).unwrap(),
+        read_colmap(&fixture("binary"), DEFAULT_POINTS).unwrap(),
+    );
     assert_eq!(text.scene.cameras, binary.scene.cameras);
     for (a, b) in text.scene.frames.iter().zip(&binary.scene.frames) {
         assert_eq!((&a.id, &a.camera, &a.image), (&b.id, &b.camera, &b.image));
@@ -67,11 +75,11 @@ fn the_binary_form_is_preferred_and_the_usual_folders_are_found() {
             let file = format!("{name}.{extension}");
             std::fs::copy(fixture(form).join(&file), model.join(&file)).unwrap();
         }
-        let import = read_colmap(folder.path()).unwrap();
+        let import = read_colmap(folder.path(), DEFAULT_POINTS).unwrap();
         assert!(import.notes[0].contains(form), "{:?}", import.notes);
         assert!(import.image_folder.unwrap().ends_with("images"));
     }
-    assert!(read_colmap(Path::new("nowhere")).unwrap_err().problem.contains("cameras.bin"));
+    assert!(read_colmap(Path::new("nowhere"), 0).unwrap_err().problem.contains("cameras.bin"));
 }
 
 #[test]
@@ -79,8 +87,9 @@ fn lines_of_images_without_points_may_be_missing() {
     let cameras = b"1 PINHOLE 640 480 500 500 320 240\n";
     let image = |n: u32| format!("{n} 1 0 0 0 {n} 2 3 1 {n}.png\n");
     let read = |images: &str| {
-        let files = ((Path::new("cameras.txt"), &cameras[..]), (Path::new("images.txt"), images.as_bytes()));
-        parse_text(files.0, files.1).map(|import| import.scene.frames.len())
+        let files =
+            [(Path::new("cameras.txt"), &cameras[..]), (Path::new("images.txt"), images.as_bytes()), no_points()];
+        parse_text(files, 0).map(|import| import.scene.frames.len())
     };
     let points = "1.5 2.5 -1 3.5 4.5 7\n";
     let whole = "100 200 -1 100 200 8 100 200 9 100 200 3\n";
@@ -99,15 +108,17 @@ fn lines_of_images_without_points_may_be_missing() {
 
 /// The message for texts of the two files.
 fn message(cameras: &str, images: &str) -> String {
-    let files = ((Path::new("cameras.txt"), cameras.as_bytes()), (Path::new("images.txt"), images.as_bytes()));
-    parse_text(files.0, files.1).unwrap_err().to_string()
+    let files =
+        [(Path::new("cameras.txt"), cameras.as_bytes()), (Path::new("images.txt"), images.as_bytes()), no_points()];
+    parse_text(files, 0).unwrap_err().to_string()
 }
 
 #[test]
 fn what_is_wrong_in_text_is_named_with_its_line() {
     let cameras = "# c\n1 PINHOLE 640 480 500 500 320 240\n";
     let image = "1 1 0 0 0 0 0 2 1 a.png\n\n";
-    let fine = parse_text((Path::new("c"), cameras.as_bytes()), (Path::new("i"), image.as_bytes())).unwrap();
+    let files = [(Path::new("c"), cameras.as_bytes()), (Path::new("i"), image.as_bytes()), no_points()];
+    let fine = parse_text(files, 0).unwrap();
     assert_eq!(fine.scene.frames[0].cam_from_world.unwrap()[2], [0.0, 0.0, 1.0, 2.0]);
     insta::assert_snapshot!(message("1 PINHOL 640 480", image), @r#"cameras.txt:1: found the camera model "PINHOL"; known are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE, SIMPLE_DIVISION, DIVISION, SIMPLE_FISHEYE, FISHEYE, EUCM, EQUIRECTANGULAR"#);
     insta::assert_snapshot!(message("1 PINHOLE 640 480 500 500 320", image), @"cameras.txt:1: the line ends after 7 fields; expected cy of a PINHOLE camera");
@@ -125,8 +136,8 @@ fn what_is_wrong_in_bytes_is_named_with_its_place() {
     let read = |name: &str| std::fs::read(fixture("binary").join(name)).unwrap();
     let (cameras, images) = (read("cameras.bin"), read("images.bin"));
     let paths = (Path::new("cameras.bin"), Path::new("images.bin"));
-    let message =
-        |cameras: &[u8], images: &[u8]| parse_binary((paths.0, cameras), (paths.1, images)).unwrap_err().to_string();
+    let parse = |cameras: &[u8], images: &[u8]| parse_binary([(paths.0, cameras), (paths.1, images), no_points()], 0);
+    let message = |cameras: &[u8], images: &[u8]| parse(cameras, images).unwrap_err().to_string();
     insta::assert_snapshot!(message(&cameras[..4], &images), @"cameras.bin: byte 0: the file ends 4 bytes after this; expected the number of cameras, 8 bytes");
     insta::assert_snapshot!(message(&cameras[..100], &images), @"cameras.bin: byte 96: the file ends 4 bytes after this; expected cx, 8 bytes");
     insta::assert_snapshot!(message(&[cameras.as_slice(), b"xyz"].concat(), &images), @"cameras.bin: byte 1320: expected the end of the file; found 3 more bytes");
@@ -142,6 +153,59 @@ fn what_is_wrong_in_bytes_is_named_with_its_place() {
     wrong[name_end + 1..name_end + 9].copy_from_slice(&u64::MAX.to_le_bytes());
     insta::assert_snapshot!(message(&cameras, &wrong), @"images.bin: byte 107: expected 18446744073709551615 points of 24 bytes; the file has 2880 more bytes");
     for length in 0..images.len() {
-        assert!(parse_binary((paths.0, &cameras), (paths.1, &images[..length])).is_err());
+        assert!(parse(&cameras, &images[..length]).is_err());
     }
+}
+
+/// `points3D` as COLMAP writes it: text with a header, and the points in no order.
+const POINTS: &str = "\
+# 3D point list with one line of data per point:
+#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)
+# Number of points: 3, mean track length: 2.667
+7 1.25 -0.5 3 120 100 80 0.75 1 0 2 4
+2 0.12345678901234567 0.25 2 10 20 30 0.5 1 3 2 5 3 6
+4 1 1 1 0 0 0 1.5 1 9 3 2 4 4
+";
+
+#[test]
+fn points_of_a_model_are_kept_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["cameras.txt", "images.txt"] {
+        std::fs::copy(fixture("text").join(name), folder.path().join(name)).unwrap();
+    }
+    let read = |most| read_colmap(folder.path(), most);
+    assert_eq!(read(5).unwrap().scene.points, Vec::<[f64; 3]>::new());
+    std::fs::write(folder.path().join("points3D.txt"), POINTS).unwrap();
+    let all = read(DEFAULT_POINTS).unwrap();
+    // In the order of their ids; the model is about a unit wide.
+    assert_eq!(all.scene.points, [[0.123457, 0.25, 2.0], [1.0, 1.0, 1.0], [1.25, -0.5, 3.0]]);
+    assert_eq!(all.notes.last().unwrap(), "3 sparse points of the model");
+    let one = read(1).unwrap();
+    assert_eq!(
+        (one.scene.points.len(), one.notes.last().unwrap().as_str()),
+        (1, "1 of 3 sparse points, evenly spread")
+    );
+    // The same points in binary, in another order.
+    let mut bytes = 3u64.to_le_bytes().to_vec();
+    for (id, position, error, track) in [
+        (4u64, [1.0, 1.0, 1.0], 1.5, 3u64),
+        (7, [1.25, -0.5, 3.0], 0.75, 2),
+        (2, [0.12345678901234567, 0.25, 2.0], 0.5, 3),
+    ] {
+        bytes.extend(id.to_le_bytes());
+        position.iter().for_each(|x: &f64| bytes.extend(x.to_le_bytes()));
+        bytes.extend([1, 2, 3]);
+        bytes.extend(f64::to_le_bytes(error));
+        bytes.extend(track.to_le_bytes());
+        bytes.extend(vec![0; 8 * track as usize]);
+    }
+    let files = ["cameras.bin", "images.bin"].map(|name| std::fs::read(fixture("binary").join(name)).unwrap());
+    let path = Path::new("a.bin");
+    let binary = parse_binary([(path, &files[0]), (path, &files[1]), (path, &bytes)], DEFAULT_POINTS).unwrap();
+    assert_eq!(binary.scene.points, all.scene.points);
+    // Wrong points are an error, unless none are asked for.
+    std::fs::write(folder.path().join("points3D.txt"), "1 2 3\n").unwrap();
+    assert_eq!(read(0).unwrap().scene.points, Vec::<[f64; 3]>::new());
+    let error = read(1).unwrap_err().to_string();
+    assert!(error.ends_with("points3D.txt:1: the line ends after 3 fields; expected a position X Y Z"), "{error}");
 }

@@ -231,10 +231,11 @@ fn scene() -> impl Strategy<Value = SceneFile> {
     let texts = (option::of(text()), option::of(text()), option::of(text()), option::of(numbers()));
     // In a file `null` and an absent field are one.
     let localization = option::of(value()).prop_map(|v| v.filter(|v| !v.is_null()));
-    let lists = (vec(camera(), 0..3), vec(frame(), 0..4), vec(detection(), 0..5), vec(object(), 0..3));
+    let points = vec(numbers(), 0..3);
+    let lists = (vec(camera(), 0..3), vec(frame(), 0..4), points, vec(detection(), 0..5), vec(object(), 0..3));
     (texts, localization, lists, extra()).prop_map(|(texts, localization, lists, extra)| {
         let (name, length_unit, notes, up) = texts;
-        let (cameras, frames, detections, objects) = lists;
+        let (cameras, frames, points, detections, objects) = lists;
         SceneFile {
             name,
             length_unit,
@@ -243,6 +244,7 @@ fn scene() -> impl Strategy<Value = SceneFile> {
             localization,
             cameras,
             frames,
+            points,
             detections,
             objects,
             extra,
