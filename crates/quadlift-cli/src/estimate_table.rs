@@ -239,11 +239,13 @@ fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use quadlift::scene::SceneParts;
 
     #[test]
     fn a_table_has_ten_thousand_rows_at_most() {
         let count = MOST_ROWS + 7;
-        let scene = Scene { object_ids: (0..count).map(|k| format!("thing{k}")).collect(), ..Default::default() };
+        let object_ids = (0..count).map(|k| format!("thing{k}")).collect();
+        let scene = Scene::from_parts(SceneParts { object_ids, ..Default::default() }).unwrap();
         let estimates = (0..count).map(|k| Estimate::failed(k, None, Status::Inconsistent)).collect();
         let localization = Localization { estimates, ..Default::default() };
         let text = render(&scene, &localization, &Settings::default());

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use quadlift::cross_validation::Extent;
 use quadlift::metrics::{TruthObject, evaluate};
-use quadlift::scene::Scene;
+use quadlift::scene::{Scene, SceneError};
 use quadlift::solve::{BodyKind, MapOptions, Method};
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
@@ -90,7 +90,7 @@ fn sets(data: &Path, seed: u64) -> Result<Vec<Set>, Error> {
 }
 
 /// The scene with at most so many of each object's detections of a source, evenly spread over its frames.
-fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize) -> Scene {
+fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize) -> Result<Scene, SceneError> {
     let source = scene.sources.iter().position(|name| name == source).map(|index| index as u32);
     let hidden = scene.hidden_edges(|d| d.source_index == source);
     let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
@@ -105,7 +105,7 @@ fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize)
         let count = group.len().min(views);
         (0..count).for_each(|k| kept[group[k * group.len() / count] as usize] = true);
     }
-    let mut thinned = scene.clone();
+    let mut thinned = scene.clone().into_parts();
     // What hides an edge may be left out.
     let detections = thinned.detections.iter_mut().zip(hidden);
     detections.for_each(|(detection, hidden)| detection.hidden_edges = Some(hidden));
@@ -114,14 +114,14 @@ fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize)
         index += 1;
         kept[index - 1]
     });
-    thinned
+    Scene::from_parts(thinned)
 }
 
 /// The objects of a scene of which views could be left out, paired by id with the truth.
 fn pairs(set: &Set, scene: &TrueScene, source: &str, views: Option<usize>) -> Result<Vec<Pair>, Error> {
     let options = LocalizeOptions { source: Some(source.to_owned()), ..set.options.clone() };
     let scene = match views {
-        Some(views) => TrueScene { scene: thinned(&scene.scene, source, &options, views), ..scene.clone() },
+        Some(views) => TrueScene { scene: thinned(&scene.scene, source, &options, views)?, ..scene.clone() },
         None => scene.clone(),
     };
     let localization = localize(&scene.scene, &options)?;

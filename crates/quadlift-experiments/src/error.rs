@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use quadlift::LocalizeError;
 use quadlift::association::AssociateError;
+use quadlift::scene::SceneError;
 use quadlift::synthetic::SyntheticError;
 use quadlift_io::ReadError;
 use quadlift_segment::{CropError, SegmentError};
@@ -21,6 +22,9 @@ pub enum Error {
     /// A scene file cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// A changed scene is not valid.
+    #[error("cannot change a scene: {0}")]
+    Scene(#[from] SceneError),
     /// The options do not fit a scene.
     #[error(transparent)]
     Localize(#[from] LocalizeError),

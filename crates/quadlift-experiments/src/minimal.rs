@@ -75,7 +75,7 @@ fn data_sets(data: &Path) -> Result<[DataSet; 3], Error> {
     // TUW's cameras move at one level of z. A test compares it with the poses of the cameras.
     let upwards = |file: &str, name: &str| -> Result<TrueScene, Error> {
         let mut scene = TrueScene::read(data, file, name)?;
-        scene.scene.up = Some(Unit::new_unchecked(Vector3::z()));
+        scene.scene.edit(|parts| parts.up = Some(Unit::new_unchecked(Vector3::z())))?;
         Ok(scene)
     };
     let accv = ACCV_SEQUENCES.iter().map(|name| upwards(&format!("accv_{name}"), name));
@@ -197,7 +197,7 @@ fn sequence_scores(
     seed: u64,
     sequence: u64,
 ) -> Result<SequenceScores, Error> {
-    let draws = drawn_scenes(set, scene, views, seed, sequence);
+    let draws = drawn_scenes(set, scene, views, seed, sequence)?;
     let of_row = |row: &MethodRow| -> Result<Vec<Vec<ObjectScore>>, Error> {
         let options = LocalizeOptions { source: Some(set.source.to_owned()), seed, ..row.options.clone() };
         let mut by_object: BTreeMap<String, Vec<ObjectScore>> = BTreeMap::new();
@@ -212,8 +212,14 @@ fn sequence_scores(
 }
 
 /// One scene for each draw: every object has the detections of that draw only, or none when it has fewer draws.
-fn drawn_scenes(set: &DataSet, scene: &TrueScene, views: usize, seed: u64, sequence: u64) -> Vec<TrueScene> {
-    let Some(source) = scene.scene.sources.iter().position(|name| name == set.source) else { return Vec::new() };
+fn drawn_scenes(
+    set: &DataSet,
+    scene: &TrueScene,
+    views: usize,
+    seed: u64,
+    sequence: u64,
+) -> Result<Vec<TrueScene>, Error> {
+    let Some(source) = scene.scene.sources.iter().position(|name| name == set.source) else { return Ok(Vec::new()) };
     let kept = |d: &Detection| {
         let visible = d.occluded.is_none_or(|x| x <= 1.0) && d.truncated.is_none_or(|x| x <= 0.0);
         visible && d.source_index.is_some_and(|index| index as usize == source)
@@ -236,8 +242,8 @@ fn drawn_scenes(set: &DataSet, scene: &TrueScene, views: usize, seed: u64, seque
     }
     let scene_of = |detections: Vec<Detection>| {
         let mut drawn = scene.clone();
-        drawn.scene.detections = detections;
-        drawn
+        drawn.scene.edit(|parts| parts.detections = detections)?;
+        Ok(drawn)
     };
     draws.into_iter().map(scene_of).collect()
 }

@@ -2,7 +2,7 @@
 //! of ellipses, and two curves of ours, over the noise and the outliers of boxes.
 
 use quadlift::geometry::Ellipse;
-use quadlift::scene::Scene;
+use quadlift::scene::{Scene, SceneError};
 use quadlift::solve::{MapOptions, Method};
 use quadlift::synthetic::{Noise, SyntheticOptions};
 use rayon::prelude::*;
@@ -37,14 +37,14 @@ const HARDER_READINGS: [(&str, Noise); 2] = [
 ];
 
 /// The same scene with the boxes around its ellipses instead of these: what `planes` needs.
-fn with_boxes_of_ellipses(scene: &Scene) -> Scene {
-    let mut scene = scene.clone();
-    for detection in &mut scene.detections {
+fn with_boxes_of_ellipses(scene: &Scene) -> Result<Scene, SceneError> {
+    let mut parts = scene.clone().into_parts();
+    for detection in &mut parts.detections {
         if let Some(ellipse) = detection.ellipse.take() {
             detection.bounding_box = Some(Ellipse::bounding_box(&ellipse));
         }
     }
-    scene
+    Scene::from_parts(parts)
 }
 
 /// O3D of every object of the scenes, for each row.
@@ -56,7 +56,7 @@ fn points(
 ) -> Result<Vec<Vec<f64>>, Error> {
     let scene_scores = |seed: u64| -> Result<Vec<Vec<f64>>, Error> {
         let scene = true_scene(&SyntheticOptions { seed, ..options.clone() })?;
-        let boxes = TrueScene { scene: with_boxes_of_ellipses(&scene.scene), ..scene.clone() };
+        let boxes = TrueScene { scene: with_boxes_of_ellipses(&scene.scene)?, ..scene.clone() };
         let values = |row: &MethodRow| {
             let scene = if matches!(row.options.method, Method::Planes) { &boxes } else { &scene };
             Ok(Measure::O3d.values(&scene.scores(&row.options)?))

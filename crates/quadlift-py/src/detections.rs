@@ -6,7 +6,7 @@ use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
-use quadlift::scene::{self, Detection, Scene, Undistorted};
+use quadlift::scene::{self, Detection, Scene, SceneParts, Undistorted};
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord};
 
@@ -81,7 +81,7 @@ impl Originals {
 
 impl DetectionArrays<'_> {
     /// Adds the detections to a scene.
-    pub fn add_to(self, scene: &mut Scene) -> PyResult<Originals> {
+    pub fn add_to(self, scene: &mut SceneParts) -> PyResult<Originals> {
         let (first, count) = (scene.detections.len(), self.frame.as_array().len());
         if u32::try_from(first + count).is_err() {
             return Err(refuse("the scene is too large: more than 4294967295 detections"));
@@ -129,11 +129,11 @@ impl DetectionArrays<'_> {
     /// All rows that [`Self::add_to`] would refuse, and why.
     pub fn problems(&self, scene: &Scene) -> Vec<(usize, String)> {
         let count = self.frame.as_array().len();
-        let mut scene = Scene {
+        let mut scene = SceneParts {
             frames: scene.frames.clone(),
             object_ids: scene.object_ids.clone(),
             detections: scene.detections.clone(),
-            ..Scene::default()
+            ..Default::default()
         };
         let objects = self.object.indices(&mut scene.object_ids);
         let first = scene.detections.len();
@@ -204,7 +204,7 @@ impl Names<'_> {
 
 /// Detections from the index `first` on that name an object a second time in a frame: their row, and what is wrong.
 /// `row_of` gives the row of such a detection from its number.
-fn repeated(scene: &Scene, first: usize, row_of: impl Fn(usize) -> usize) -> Vec<(usize, String)> {
+fn repeated(scene: &SceneParts, first: usize, row_of: impl Fn(usize) -> usize) -> Vec<(usize, String)> {
     let key = |d: &Detection| Some((d.object_index?, d.frame_index, d.source_index));
     let mut keys = Vec::with_capacity(scene.detections.len());
     keys.extend(scene.detections.iter().enumerate().filter_map(|(i, d)| Some((key(d)?, i))));

@@ -81,8 +81,9 @@ impl Loaded {
 
     /// A scene with more detections.
     pub fn with_detections(base: &Arc<Self>, detections: DetectionArrays) -> PyResult<Self> {
-        let mut scene = base.scene.clone();
-        let originals = detections.add_to(&mut scene)?;
+        let mut parts = base.scene.clone().into_parts();
+        let originals = detections.add_to(&mut parts)?;
+        let scene = Scene::from_parts(parts).map_err(refuse)?;
         let source = Source::Added { base: Arc::clone(base), originals, file: OnceLock::new() };
         Ok(Self { scene, path: base.path.clone(), is_result: base.is_result, source })
     }

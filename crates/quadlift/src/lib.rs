@@ -1,33 +1,46 @@
-//! quadlift lifts 2D object detections from posed images to 3D objects.
-//!
-//! A [`scene::Scene`] holds posed frames and the detections in them; [`localize()`] gives an estimate for every object
-//! that the detections name: an ellipsoid, a cuboid or a superellipsoid, with its uncertainty and residuals. Where the
-//! detections name no objects, [`associate()`] finds out which of them show the same one.
+//! Lifts 2D object detections from posed images to 3D objects: where each object is, how big, how it is turned, and how
+//! sure that is. No training, no GPU.
 //!
 //! ```
-//! use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
+//! use nalgebra::Matrix3x4;
+//! use quadlift::geometry::{BoundingBox, CamFromWorld, Intrinsics, Projection};
+//! use quadlift::scene::{DetectionInput, SceneBuilder};
 //! use quadlift::{LocalizeOptions, localize};
 //!
-//! // Three objects in 20 views, and boxes with noise; `scene::SceneBuilder` builds a scene from your own data.
-//! let synthetic = generate(&SyntheticOptions {
-//!     objects: 3,
-//!     observations: Observations::Boxes,
-//!     noise: vec![Noise::BoxEdges(0.02)],
-//!     ..Default::default()
-//! })?;
-//! let result = localize(&synthetic.scene, &LocalizeOptions::default())?;
-//! for (estimate, (id, _truth)) in result.estimates.iter().zip(&synthetic.truth) {
-//!     println!("{id}: {}, {:?}", estimate.status.name(), estimate.ellipsoid());
-//!     assert!(estimate.body.is_some());
+//! let camera = Intrinsics::new(500.0, 500.0, 320.0, 240.0)?;
+//! let mut builder = SceneBuilder::new("a cup on a table");
+//! // Four images from the left to the right, 5 m before the cup, and its box in each.
+//! for (frame, x) in [("a.jpg", -1.5), ("b.jpg", -0.5), ("c.jpg", 0.5), ("d.jpg", 1.5)] {
+//!     let cam_from_world = Matrix3x4::new(1.0, 0.0, 0.0, -x, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0);
+//!     let projection = Projection::from_camera(&camera, &CamFromWorld::new(cam_from_world)?);
+//!     builder.add_frame(frame, projection, Some([640.0, 480.0]))?;
+//!     let u = 320.0 - 100.0 * x;
+//!     let bounding_box = Some(BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0])?);
+//!     builder.add_detection(&DetectionInput { frame, object: Some("cup"), bounding_box, ..Default::default() })?;
 //! }
+//! let result = localize(&builder.build(), &LocalizeOptions::default())?;
+//! let cup = &result.estimates[0];
+//! println!("{}: at {:?}, {:?}", cup.status.name(), cup.center, cup.ellipsoid());
+//! assert!(cup.center.unwrap().coords.norm() < 0.3);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Each folder uses only those above it in this order: [`geometry`] (the vocabulary), [`scene`] (what users bring),
-//! [`solve`] (the method), [`cross_validation`] (how well views that were left out are predicted), [`association`]
-//! (objects from detections that name none), [`diagnosis`] (does a scene agree with itself), [`metrics`] (how good an
-//! estimate is), [`synthetic`] (scenes with known truth), and [`localize()`], the one call. The library reads no files and
-//! prints nothing.
+//! - **A scene**: [`scene::SceneBuilder`] checks posed frames and detections; [`localize()`] gives an
+//!   [`Estimate`](solve::Estimate) for every object: a body (ellipsoid, cuboid, cylinder or superellipsoid), its covariance,
+//!   the residual of each view, outliers and warnings. A [`Status`](solve::Status) other than `Ok` says why there is none.
+//! - **No object ids**: [`associate()`] divides the detections into objects and clutter.
+//! - **One object, no scene**: [`solve::Estimator`] fits the [`View`](scene::View)s of one object by any method.
+//! - **Wrong input**: [`diagnosis::diagnose`] checks whether a scene agrees with itself, and names the mistake (pose
+//!   convention, resized boxes, shifted frames, ...). [`localize()`] calls it, and reports no object as `Ok` where it does not.
+//! - **How good**: [`metrics`] compare estimates with a truth; [`cross_validation`] needs none.
+//! - **Test data**: [`synthetic::generate`] makes scenes with a known truth.
+//!
+//! World lengths are in any unit; pixels have their origin at the corner of the first pixel; cameras look along +z with y
+//! down ([`geometry::CamFromWorld`]). Points and matrices are [`nalgebra`]'s, which is re-exported. The library reads no
+//! files (the crate `quadlift-io` does) and prints nothing; results do not depend on the number of threads.
+//!
+//! # Features
+//! `parallel` (default): objects are solved in parallel with rayon.
 #![forbid(unsafe_code)]
 
 pub mod association;

@@ -3,7 +3,7 @@
 use quadlift::association::{AssociateOptions, Association, associate};
 use quadlift::geometry::Ellipsoid;
 use quadlift::metrics::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
-use quadlift::scene::Scene;
+use quadlift::scene::{Scene, SceneError};
 use quadlift::solve::{BodyKind, MapOptions};
 use quadlift::{LocalizeOptions, localize};
 
@@ -103,20 +103,20 @@ impl Case {
             found: score_found(&bodies, &self.detected_bodies(), LEAST_IOU),
             centers_found: self.centers_found(&bodies),
             o3d: self.o3d(&association.applied_to(&self.scene, None))?,
-            o3d_with_true_ids: self.o3d(&self.with_true_ids())?,
+            o3d_with_true_ids: self.o3d(&self.with_true_ids()?)?,
             standing,
             false_objects,
         })
     }
 
     /// The scene with the true identities.
-    fn with_true_ids(&self) -> Scene {
-        let mut scene = self.scene.clone();
+    fn with_true_ids(&self) -> Result<Scene, SceneError> {
+        let mut scene = self.scene.clone().into_parts();
         scene.object_ids = (0..self.bodies.len()).map(|index| index.to_string()).collect();
         for (detection, object) in scene.detections.iter_mut().zip(&self.true_objects) {
             detection.object_index = *object;
         }
-        scene
+        Scene::from_parts(scene)
     }
 
     /// The true objects that are detected often enough.

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use quadlift::association::{AssociateOptions, IdUse};
+use quadlift::scene::Scene;
 use quadlift_io::read_scene_file;
 use rayon::prelude::*;
 
@@ -71,14 +72,14 @@ impl Row {
         let (ids, bodies): (Vec<&str>, Vec<_>) = bodies.unzip();
         let by_id: HashMap<&str, u32> = ids.into_iter().zip(0..).collect();
         let true_objects = content.detections.iter().map(|d| by_id.get(d.object.as_deref()?).copied()).collect();
-        let mut scene = content.to_scene().map_err(in_file)?;
+        let mut scene = content.to_scene().map_err(in_file)?.into_parts();
         for detection in &mut scene.detections {
             detection.object_index = None;
             if !self.categories {
                 detection.category_index = None;
             }
         }
-        Ok(Case { scene, true_objects, bodies })
+        Ok(Case { scene: Scene::from_parts(scene)?, true_objects, bodies })
     }
 }
 

@@ -102,13 +102,13 @@ impl NamedMistake {
             Self::Undone(correction) => Mistake(correction).apply(scene),
             Self::ScaleJump(factor) => with_scale_jump(scene, factor)?,
             Self::RepeatedPoses(share) => {
-                let mut wrong = scene.clone();
+                let mut wrong = scene.clone().into_parts();
                 let last = ((1.0 - share) * scene.frames.len() as f64) as usize;
                 let held = scene.frames.get(last.saturating_sub(1))?.projection;
                 wrong.frames.iter_mut().skip(last).for_each(|frame| frame.projection = held);
-                wrong
+                Scene::from_parts(wrong).ok()?
             }
-            Self::MixedIds => with_mixed_ids(scene),
+            Self::MixedIds => with_mixed_ids(scene)?,
         };
         (2 * wrong.detections.len() >= scene.detections.len()).then_some(wrong)
     }
@@ -141,17 +141,17 @@ fn with_scale_jump(scene: &Scene, factor: f64) -> Option<Scene> {
     let camera = |frame: &Frame| CameraParts::from_projection(&frame.projection);
     let middle = scene.frames.len() / 2;
     let anchor = camera(scene.frames.get(middle.checked_sub(1)?)?)?.center();
-    let mut wrong = scene.clone();
+    let mut wrong = scene.clone().into_parts();
     for frame in &mut wrong.frames[middle..] {
         let camera = camera(frame)?;
         let center = anchor + (camera.center() - anchor) * factor;
         frame.projection = camera.with_center(&center).projection()?;
     }
-    Some(wrong)
+    Scene::from_parts(wrong).ok()
 }
 
-fn with_mixed_ids(scene: &Scene) -> Scene {
-    let mut wrong = scene.clone();
+fn with_mixed_ids(scene: &Scene) -> Option<Scene> {
+    let mut wrong = scene.clone().into_parts();
     let left = |d: &Detection| d.bounding_box.map_or(0.0, |b| b.x0);
     wrong.detections.sort_by(|a, b| a.frame_index.cmp(&b.frame_index).then(left(a).total_cmp(&left(b))));
     let (mut frame, mut next) = (u32::MAX, 0);
@@ -161,7 +161,7 @@ fn with_mixed_ids(scene: &Scene) -> Scene {
     }
     let largest = wrong.detections.iter().filter_map(|d| d.object_index).max();
     wrong.object_ids = (0..=largest.unwrap_or_default()).map(|number| format!("number {number}")).collect();
-    wrong
+    Scene::from_parts(wrong).ok()
 }
 
 /// What a mistake costs.

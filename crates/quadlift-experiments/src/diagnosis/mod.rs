@@ -170,7 +170,7 @@ fn wrong_scenes(first: u64, count: u64, steps: &Steps) -> Vec<(String, Verdict)>
 fn scenes_without_ids(first: u64, count: u64, steps: &Steps) -> (Vec<Diagnosis>, Vec<(String, Verdict)>) {
     let options = AssociateOptions::default();
     let check = |scene: &Scene| -> Option<Diagnosis> {
-        let scene = scenes::without_ids(scene);
+        let scene = scenes::without_ids(scene)?;
         let association = associate(&scene, &options).ok()?;
         diagnose_association(&scene, &association, &options).ok()
     };

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use quadlift::diagnosis::{Diagnosis, diagnose};
-use quadlift::scene::Scene;
+use quadlift::scene::{Scene, SceneError};
 use rayon::prelude::*;
 
 use super::Verdict;
@@ -36,12 +36,12 @@ fn files() -> [(&'static str, Vec<String>); 5] {
 }
 
 /// A scene with the detections of one source only.
-fn of_source(scene: &Scene, source: Option<u32>) -> Scene {
-    let mut one = scene.clone();
+fn of_source(scene: &Scene, source: Option<u32>) -> Result<Scene, SceneError> {
+    let mut one = scene.clone().into_parts();
     one.detections.retain(|detection| detection.source_index == source);
     one.detections.iter_mut().for_each(|detection| detection.source_index = None);
     one.sources.clear();
-    one
+    Scene::from_parts(one)
 }
 
 /// Checks every source of every scene, as it is and with every `stride`th mistake.
@@ -52,7 +52,11 @@ pub(super) fn run(data: &Path, stride: usize) -> Result<RealVerdicts, Error> {
         for file in files {
             let scene = TrueScene::read(data, &file, &file)?.scene;
             let sources = (0..scene.sources.len()).map(|index| Some(index as u32)).chain([None]);
-            for one in sources.map(|source| of_source(&scene, source)).filter(|one| !one.detections.is_empty()) {
+            for source in sources {
+                let one = of_source(&scene, source)?;
+                if one.detections.is_empty() {
+                    continue;
+                }
                 right.push(diagnose(&one, |_| true));
                 // What is right is the estimate from the right scene: true bodies are of another kind.
                 let estimates = bodies(&one);

@@ -44,9 +44,9 @@ impl RandomScene {
 }
 
 /// The same scene without ids.
-pub(super) fn without_ids(scene: &Scene) -> Scene {
-    let mut scene = scene.clone();
-    scene.detections.iter_mut().for_each(|detection| detection.object_index = None);
-    scene.object_ids.clear();
-    scene
+pub(super) fn without_ids(scene: &Scene) -> Option<Scene> {
+    let mut parts = scene.clone().into_parts();
+    parts.detections.iter_mut().for_each(|detection| detection.object_index = None);
+    parts.object_ids.clear();
+    Scene::from_parts(parts).ok()
 }

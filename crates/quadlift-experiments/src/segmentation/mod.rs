@@ -285,8 +285,8 @@ impl ImageSet {
         for &measured in extent.measured() {
             let scene = |scene: &ImageScene| match measured {
                 Measured::Boxes => Ok(scene.scene.clone()),
-                Measured::Found => Ok(scene.with_found(&scene.segment(&segmentation)?)),
-                Measured::True => Ok(scene.with_true_masks()),
+                Measured::Found => Ok(scene.with_found(&scene.segment(&segmentation)?)?),
+                Measured::True => Ok(scene.with_true_masks()?),
             };
             let scenes: Vec<TrueScene> = self.scenes.iter().map(scene).collect::<Result<_, Error>>()?;
             all.extend(run_rows(&rows(measured), &scenes, &protocol, steps)?);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use quadlift::geometry::Ellipse;
 use quadlift::metrics::TruthObject;
+use quadlift::scene::{Scene, SceneError};
 use quadlift_io::{ReadError, read_scene_file};
 use quadlift_segment::render::{RenderOptions, RenderedScene, render};
 use quadlift_segment::{
@@ -155,7 +156,7 @@ impl ImageScene {
 
     /// The scene with what was found beside the boxes, as `quadlift localize` takes it from what `quadlift segment`
     /// writes: nothing where no mask could be trusted.
-    pub fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> TrueScene {
+    pub fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> Result<TrueScene, SceneError> {
         self.with_masks(found.iter().flatten().map(|view| {
             let trusted = !matches!(view.status, SegmentStatus::FellBack(_));
             trusted.then(|| (view.mask.clone(), view.ellipse))
@@ -163,7 +164,7 @@ impl ImageScene {
     }
 
     /// The scene with the true masks and their ellipses.
-    pub fn with_true_masks(&self) -> TrueScene {
+    pub fn with_true_masks(&self) -> Result<TrueScene, SceneError> {
         self.with_masks(self.objects.iter().flatten().map(|seen| {
             let ellipse = Moments::of_mask(&seen.truth, PixelTerm::Centers)?.ellipse()?;
             Some((seen.truth.clone(), ellipse))
@@ -171,24 +172,24 @@ impl ImageScene {
     }
 
     /// The scene with masks and ellipses, in the order of the objects and their views.
-    fn with_masks(&self, masks: impl Iterator<Item = Option<(Mask, Ellipse)>>) -> TrueScene {
-        let mut scene = self.scene.clone();
+    fn with_masks(&self, masks: impl Iterator<Item = Option<(Mask, Ellipse)>>) -> Result<TrueScene, SceneError> {
+        let mut scene = self.scene.scene.clone().into_parts();
         let mut frames: BTreeMap<u32, Vec<(usize, Mask, Ellipse)>> = BTreeMap::new();
         for (seen, found) in self.objects.iter().flatten().zip(masks) {
-            let frame = scene.scene.detections[seen.detection].frame_index;
+            let frame = scene.detections[seen.detection].frame_index;
             frames.entry(frame).or_default().extend(found.map(|(mask, ellipse)| (seen.detection, mask, ellipse)));
         }
         for (frame, masks) in frames {
             let all = FrameMasks::new(masks.iter().map(|(_, mask, _)| mask));
-            let size = scene.scene.frames[frame as usize].image_size;
+            let size = scene.frames[frame as usize].image_size;
             for (index, mask, ellipse) in &masks {
-                let detection = &mut scene.scene.detections[*index];
+                let detection = &mut scene.detections[*index];
                 detection.ellipse = Some(*ellipse);
                 detection.support_lines = all.support_lines(mask, size, None).map(Box::new);
                 let whole = size.map_or([u32::MAX; 2], |size| [size.x as u32, size.y as u32]);
                 detection.partial = all.contacts(mask, whole).is_partial();
             }
         }
-        scene
+        Ok(TrueScene { scene: Scene::from_parts(scene)?, ..self.scene.clone() })
     }
 }

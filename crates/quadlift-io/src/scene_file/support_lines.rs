@@ -51,10 +51,10 @@ impl SceneFile {
                 }
             }
             let all = FrameMasks::new(masks.iter().map(|(_, mask)| mask));
-            let frame = &scene.frames[frame as usize];
+            let frame = scene.frames[frame as usize].clone();
             for (index, mask) in &masks {
                 let lines = all.support_lines(mask, frame.image_size, frame.lens.as_ref());
-                scene.detections[*index].support_lines = lines.map(Box::new);
+                scene.set_support_lines(*index, lines);
             }
         }
         let _ = observer.progress(frames.len(), frames.len());

@@ -87,7 +87,7 @@ impl Association {
     /// Detections of other sources keep the ids they have. Detections that were left out for their score or as
     /// duplicates name nothing.
     pub fn applied_to(&self, scene: &Scene, source: Option<u32>) -> Scene {
-        let mut result = scene.clone();
+        let mut result = scene.clone().into_parts();
         result.object_ids = self.objects.iter().map(|o| o.id.clone()).collect();
         let mut by_id: HashMap<String, u32> =
             result.object_ids.iter().enumerate().map(|(index, id)| (id.clone(), index as u32)).collect();
@@ -105,7 +105,7 @@ impl Association {
                 _ => self.object_of_detection.get(index).copied().flatten(),
             };
         }
-        result
+        Scene(result)
     }
 }
 

@@ -102,8 +102,8 @@ fn a_thorough_search_is_no_worse() {
 fn f1_of_categories(make: &SyntheticOptions, known: bool) -> f64 {
     let mut synthetic = generate(make).unwrap();
     if known {
-        synthetic.scene.categories = ["cup", "plate", "fork"].map(str::to_owned).to_vec();
-        for (index, detection) in synthetic.scene.detections.iter_mut().enumerate() {
+        synthetic.scene.0.categories = ["cup", "plate", "fork"].map(str::to_owned).to_vec();
+        for (index, detection) in synthetic.scene.0.detections.iter_mut().enumerate() {
             let object = synthetic.true_objects[index].unwrap_or(index);
             detection.category_index = Some((object + usize::from(index.is_multiple_of(10))) as u32 % 3);
         }
@@ -132,7 +132,7 @@ fn the_answer_moves_with_the_world_and_does_not_depend_on_the_order_of_the_input
         assert_eq!(moved.object_of_detection, plain.object_of_detection, "scale {scale}, offset {offset:?}");
     }
     let mut reversed = generate(&make).unwrap().scene;
-    reversed.detections.reverse();
+    reversed.0.detections.reverse();
     let mut found = run(&reversed, &AssociateOptions::default()).object_of_detection;
     found.reverse();
     let division = pairwise_clustering_scores(&plain.object_of_detection, &found);
@@ -194,7 +194,7 @@ fn trusted_ids_keep_theirs_and_draw_what_has_none() {
     let mut synthetic = generate(&make).unwrap();
     // A third has no id; one object none at all, one a single view with an id only.
     let mut kept_one = false;
-    for (index, detection) in synthetic.scene.detections.iter_mut().enumerate() {
+    for (index, detection) in synthetic.scene.0.detections.iter_mut().enumerate() {
         let object = synthetic.true_objects[index];
         let keep = match object {
             Some(3) => false,
@@ -220,7 +220,7 @@ fn trusted_ids_keep_theirs_and_draw_what_has_none() {
 fn duplicates_and_low_scores_are_left_out_and_counted() {
     let detector = Detector { duplicates: 0.3, false_boxes: 0.0, ..DETECTOR };
     let mut synthetic = generate(&SyntheticOptions { objects: 10, detector, ..base(8) }).unwrap();
-    for (index, detection) in synthetic.scene.detections.iter_mut().enumerate() {
+    for (index, detection) in synthetic.scene.0.detections.iter_mut().enumerate() {
         // True boxes are better than their duplicates.
         let is_true = synthetic.true_objects[index].is_some();
         detection.score = (!index.is_multiple_of(7)).then_some(if is_true { 0.9 } else { 0.3 });
@@ -307,7 +307,7 @@ fn objects_with_low_scores_are_doubtful() {
     let scored = |score: f64| {
         let make = SyntheticOptions { objects: 8, detector: Detector::default(), ..base(4) };
         let mut synthetic = generate(&make).unwrap();
-        for (detection, object) in synthetic.scene.detections.iter_mut().zip(&synthetic.true_objects) {
+        for (detection, object) in synthetic.scene.0.detections.iter_mut().zip(&synthetic.true_objects) {
             detection.score = Some(if *object == Some(0) { score } else { 0.9 });
         }
         let association = run(&synthetic.scene, &AssociateOptions::default());
@@ -321,7 +321,7 @@ fn objects_with_low_scores_are_doubtful() {
 
 /// A scene with boxes in the frames of a synthetic one: `boxes(frame)`.
 fn scene_of(views: usize, boxes: impl Fn(usize) -> Vec<[f64; 4]>) -> Scene {
-    let frames = generate(&SyntheticOptions { objects: 0, views, ..base(0) }).unwrap().scene.frames;
+    let frames = generate(&SyntheticOptions { objects: 0, views, ..base(0) }).unwrap().scene.0.frames;
     let mut builder = SceneBuilder::new("bad");
     for (index, frame) in frames.iter().enumerate() {
         builder.add_frame(&frame.id, frame.projection, frame.image_size.map(Into::into)).unwrap();
@@ -370,7 +370,7 @@ fn bad_input_ends_in_an_outcome() {
     assert_eq!((same.objects.len(), same.objects[0].views, same.clutter), (1, 12, 0));
     let same_many = run(&scene_of(6, |_| vec![[600.0, 400.0, 700.0, 500.0]; 30]), &AssociateOptions::default());
     // Each object has one of the boxes of a frame at most, and no box is counted twice.
-    let frames = scene_of(6, |_| vec![[600.0, 400.0, 700.0, 500.0]; 30]).detections;
+    let frames = scene_of(6, |_| vec![[600.0, 400.0, 700.0, 500.0]; 30]).0.detections;
     for object in 0..same_many.objects.len() as u32 {
         let of_object = same_many.object_of_detection.iter().zip(&frames).filter(|(o, _)| **o == Some(object));
         let mut seen: Vec<u32> = of_object.map(|(_, detection)| detection.frame_index).collect();
@@ -386,7 +386,7 @@ fn bad_input_ends_in_an_outcome() {
 fn scores_may_be_missing_or_of_any_size() {
     let plain = generate(&SyntheticOptions { objects: 15, ..base(8) }).unwrap().scene;
     let mut scored = plain.clone();
-    for (index, detection) in scored.detections.iter_mut().enumerate() {
+    for (index, detection) in scored.0.detections.iter_mut().enumerate() {
         detection.score = [None, Some(-3.0), Some(1e300), Some(f64::NAN), Some(0.5)][index % 5];
     }
     // Without a least score and without duplicates to choose from they change nothing.
@@ -408,7 +408,7 @@ fn scores_may_be_missing_or_of_any_size() {
 fn cameras_that_share_nothing_give_nothing() {
     // Back to back, each with boxes of its own.
     let mut scene = scene_of(6, |frame| anywhere(15, frame));
-    for (index, frame) in scene.frames.iter_mut().enumerate() {
+    for (index, frame) in scene.0.frames.iter_mut().enumerate() {
         let angle = std::f64::consts::TAU * index as f64 / 6.0;
         let turn = nalgebra::Rotation3::from_euler_angles(0.0, angle, 0.0);
         let intrinsics = nalgebra::Matrix3::new(1500.0, 0.0, 640.0, 0.0, 1500.0, 480.0, 0.0, 0.0, 1.0);
@@ -451,7 +451,7 @@ fn what_moves_is_doubtful_or_no_object() {
                 let mut detection = synthetic.scene.detections[0].clone();
                 (detection.frame_index, detection.bounding_box) = (frame as u32, Some(seen));
                 moving.push(synthetic.scene.detections.len());
-                synthetic.scene.detections.push(detection);
+                synthetic.scene.0.detections.push(detection);
             }
         }
     }
@@ -470,7 +470,7 @@ fn what_moves_is_doubtful_or_no_object() {
 /// The same scene in another unit of length: what was `1` is `unit` long.
 fn in_unit(scene: &Scene, unit: f64) -> Scene {
     let mut scene = scene.clone();
-    for frame in &mut scene.frames {
+    for frame in &mut scene.0.frames {
         let mut matrix = *frame.projection.matrix();
         matrix.column_mut(3).scale_mut(unit);
         frame.projection = Projection::from_matrix(matrix).unwrap();

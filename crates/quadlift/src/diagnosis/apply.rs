@@ -19,7 +19,7 @@ impl Correction {
             self.frames(&ids(scene)),
         );
         if let Self::Up(up) = self {
-            corrected.up = Unit::try_new(Vector3::from(*up), 0.0).or(scene.up);
+            corrected.0.up = Unit::try_new(Vector3::from(*up), 0.0).or(scene.up);
         }
         corrected
     }
@@ -52,7 +52,7 @@ fn rewrite(
     ellipse_of: impl Fn(&Ellipse, Option<Vector2<f64>>) -> Option<Ellipse>,
     frames: Option<Vec<Option<usize>>>,
 ) -> Scene {
-    let mut result = scene.clone();
+    let mut result = scene.clone().into_parts();
     let given: Vec<Option<CameraParts>> =
         scene.frames.iter().map(|frame| CameraParts::from_projection(&frame.projection)).collect();
     for (frame, camera) in result.frames.iter_mut().zip(&given) {
@@ -68,5 +68,5 @@ fn rewrite(
         detection.ellipse = detection.ellipse.and_then(|e| ellipse_of(&e, size));
         detection.bounding_box.is_some() || detection.ellipse.is_some()
     });
-    result
+    Scene(result)
 }

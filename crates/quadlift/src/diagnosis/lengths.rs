@@ -80,8 +80,8 @@ mod tests {
         let options = SyntheticOptions { objects: 8, views: 8, trajectory: Trajectory::Orbit, ..Default::default() };
         let synthetic = generate(&options).unwrap();
         let mut scene = synthetic.scene;
-        scene.categories = vec!["thing".to_owned()];
-        scene.detections.iter_mut().for_each(|d| d.category_index = Some(0));
+        scene.0.categories = vec!["thing".to_owned()];
+        scene.0.detections.iter_mut().for_each(|d| d.category_index = Some(0));
         let extents: Vec<f64> =
             (synthetic.truth.iter()).map(|(_, body)| 2.0 * body.ellipsoid().semi_axes.product().cbrt()).collect();
         let mean = extents.iter().sum::<f64>() / extents.len() as f64;

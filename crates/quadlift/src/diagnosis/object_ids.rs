@@ -22,11 +22,12 @@ const BETTER: f64 = 0.5;
 /// The cause of a scene whose ids do not stay with their objects, where association without them shows that.
 pub(crate) fn mixed_ids(scene: &Scene, is_used: &impl Fn(&Detection) -> bool, before: Agreement) -> Option<Cause> {
     let options = AssociateOptions { ids: IdUse::Ignore, ..Default::default() };
-    let mut used = scene.clone();
+    let mut used = scene.clone().into_parts();
     used.detections.retain(is_used);
     // They are of one source already.
     used.detections.iter_mut().for_each(|d| d.source_index = None);
     used.sources.clear();
+    let used = Scene(used);
     let found = Tried::new(&used, &|_| true, &options).given().ok()?;
     let mut counts: BTreeMap<u32, BTreeMap<u32, usize>> = BTreeMap::new();
     for (detection, &index) in found.named.detections.iter().zip(&found.detections) {

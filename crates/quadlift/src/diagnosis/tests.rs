@@ -112,8 +112,8 @@ fn a_scene_without_objects_has_nothing_to_disagree() {
 
 fn diagnose_without_ids(scene: &Scene) -> Diagnosis {
     let mut scene = scene.clone();
-    scene.detections.iter_mut().for_each(|detection| detection.object_index = None);
-    scene.object_ids.clear();
+    scene.0.detections.iter_mut().for_each(|detection| detection.object_index = None);
+    scene.0.object_ids.clear();
     let options = AssociateOptions::default();
     let association = associate(&scene, &options).unwrap();
     diagnose_association(&scene, &association, &options).unwrap()
@@ -149,7 +149,7 @@ fn with_scale_jump(scene: &Scene, factor: f64) -> Scene {
     let middle = scene.frames.len() / 2;
     let anchor = camera(&scene.frames[middle - 1]).center();
     let mut jumped = scene.clone();
-    for frame in &mut jumped.frames[middle..] {
+    for frame in &mut jumped.0.frames[middle..] {
         let camera = camera(frame);
         let center = anchor + (camera.center() - anchor) * factor;
         frame.projection = camera.with_center(&center).projection().unwrap();
@@ -173,7 +173,7 @@ fn repeated_poses_are_named_with_their_share() {
     for (repeated, consistent) in [(12, false), (5, false), (0, true)] {
         let mut scene = scene(Trajectory::Orbit, 2);
         for frame in 12 - repeated..12 {
-            scene.frames[frame].projection = scene.frames[12 - repeated].projection;
+            scene.0.frames[frame].projection = scene.frames[12 - repeated].projection;
         }
         let diagnosis = diagnose(&scene, |_| true);
         assert_eq!(diagnosis.consistent, consistent, "{repeated}: {diagnosis:?}");
@@ -187,9 +187,9 @@ fn repeated_poses_are_named_with_their_share() {
 fn a_camera_that_stands_still_repeats_its_pose_rightly() {
     let mut scene = scene(Trajectory::Orbit, 2);
     for frame in 6..12 {
-        scene.frames[frame].projection = scene.frames[5].projection;
+        scene.0.frames[frame].projection = scene.frames[5].projection;
         let first: Vec<_> = scene.detections.iter().filter(|d| d.frame_index == 5).cloned().collect();
-        for d in scene.detections.iter_mut().filter(|d| d.frame_index == frame as u32) {
+        for d in scene.0.detections.iter_mut().filter(|d| d.frame_index == frame as u32) {
             d.bounding_box = first.iter().find(|f| f.object_index == d.object_index).and_then(|f| f.bounding_box);
         }
     }
@@ -206,7 +206,7 @@ fn ids_that_start_anew_in_each_frame_are_no_ids() {
     order.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
     let mut next = [0; 12];
     for k in order {
-        let detection = &mut scene.detections[k];
+        let detection = &mut scene.0.detections[k];
         let number = &mut next[detection.frame_index as usize];
         detection.object_index = Some(*number);
         *number += 1;

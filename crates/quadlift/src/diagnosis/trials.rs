@@ -124,7 +124,7 @@ impl<'a> Tried<'a> {
         }
         let detections: Vec<usize> = (0..kept.len()).filter(|&index| kept[index]).collect();
         let mut kept = kept.into_iter();
-        scene.detections.retain(|_| kept.next().unwrap_or_default());
+        scene.0.detections.retain(|_| kept.next().unwrap_or_default());
         let association = associate(&scene, &self.options)?;
         let boxes = scene.detections.len().max(1) as f64;
         let named = association.applied_to(&scene, self.source);

@@ -136,12 +136,12 @@ mod tests {
                 (Vector3::x(), true),
                 (-Vector3::z(), true),
             ] {
-                scene.up = Some(nalgebra::Unit::new_normalize(up));
+                scene.0.up = Some(nalgebra::Unit::new_normalize(up));
                 let found = corrected_up(&scene);
                 let expected = (Correction::Up([0.0, 0.0, 1.0]), up != -Vector3::z());
                 assert_eq!(found, wrong.then_some(expected), "{trajectory:?} {up:?}");
             }
-            scene.up = None;
+            scene.0.up = None;
             assert_eq!(corrected_up(&scene), None);
         }
     }
@@ -152,7 +152,7 @@ mod tests {
         for trajectory in [Trajectory::default(), Trajectory::Orbit, Trajectory::Random, Trajectory::Street] {
             for pattern in 0..8 {
                 let mut scene = scene(trajectory);
-                for (index, frame) in scene.frames.iter_mut().enumerate() {
+                for (index, frame) in scene.0.frames.iter_mut().enumerate() {
                     let turns =
                         if pattern < 3 { usize::from(index % (pattern + 1) == 0) } else { index * pattern / 3 % 4 };
                     let mut camera = CameraParts::from_projection(&frame.projection).unwrap();
@@ -162,7 +162,7 @@ mod tests {
                     }
                     frame.projection = camera.projection().unwrap();
                 }
-                scene.up = Some(Vector3::z_axis());
+                scene.0.up = Some(Vector3::z_axis());
                 assert_eq!(corrected_up(&scene), None, "{trajectory:?} {pattern}");
             }
         }

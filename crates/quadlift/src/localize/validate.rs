@@ -130,7 +130,7 @@ mod tests {
 
     fn refused(change: impl Fn(&mut MapOptions)) -> String {
         let mut scene = generate(&SyntheticOptions { objects: 1, views: 3, ..Default::default() }).unwrap().scene;
-        scene.up = None;
+        scene.0.up = None;
         let mut options = MapOptions::default();
         change(&mut options);
         let checked = options.validate().and_then(|()| check_up(&options, &scene));

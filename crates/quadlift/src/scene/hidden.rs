@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(hidden[2], [false; 4], "less than 30 % of its height lies beside the near box");
         assert_eq!(hidden[3], [false; 4]);
         assert_eq!(scene.hidden_edges(|_| false), vec![[false; 4]; 4]);
-        scene.detections[0].hidden_edges = Some([true, false, false, false]);
+        scene.0.detections[0].hidden_edges = Some([true, false, false, false]);
         assert_eq!(scene.hidden_edges(|_| true)[0], [true, false, false, false], "what is known counts");
     }
 
@@ -186,7 +186,7 @@ mod tests {
                 builder.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
             }
             let mut scene = builder.build();
-            scene.up = Some(up);
+            scene.0.up = Some(up);
             let expected = turned_back([false, false, true, false], below);
             assert_eq!(scene.hidden_edges(|_| true), [expected, [false; 4]], "below is side {below}");
             assert_eq!(expected.iter().position(|&hidden| hidden), Some([3, 0, 1, 2][below]));

@@ -14,13 +14,21 @@ pub use skipped::SkippedDetections;
 pub use sources::SourceError;
 pub use views::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 
+use std::ops::Deref;
+
 use nalgebra::{Unit, Vector2, Vector3};
 
 use crate::geometry::{BoundingBox, Camera, Ellipse, Projection, SupportLines};
 
-/// Posed frames and detections, with every reference resolved to an index.
+/// Posed frames and detections, checked, with every reference resolved to an index.
+///
+/// It reads like its [`SceneParts`]; [`Scene::edit`] changes it.
 #[derive(Debug, Clone, Default)]
-pub struct Scene {
+pub struct Scene(pub(crate) SceneParts);
+
+/// What a [`Scene`] holds.
+#[derive(Debug, Clone, Default)]
+pub struct SceneParts {
     /// Name of the scene, for messages.
     pub name: String,
     /// World unit ("m", ...), where it is known.
@@ -37,6 +45,57 @@ pub struct Scene {
     pub categories: Vec<String>,
     /// Sources (detectors) that the detections name; [`Detection::source_index`] points here.
     pub sources: Vec<String>,
+}
+
+impl Deref for Scene {
+    type Target = SceneParts;
+
+    fn deref(&self) -> &SceneParts {
+        &self.0
+    }
+}
+
+impl Scene {
+    /// A scene of these parts.
+    ///
+    /// # Errors
+    /// [`SceneError`] when an index points nowhere, two frames share an id, an image size is not positive, or one source has
+    /// two detections of one object in one frame.
+    pub fn from_parts(parts: SceneParts) -> Result<Self, SceneError> {
+        builder::check_parts(&parts)?;
+        Ok(Self(parts))
+    }
+
+    /// Changes the scene and checks it again.
+    ///
+    /// ```
+    /// # let mut scene = quadlift::synthetic::generate(&Default::default()).unwrap().scene;
+    /// // Detections with a score of at least one half, and those without a score.
+    /// scene.edit(|parts| parts.detections.retain(|d| d.score.is_none_or(|score| score >= 0.5)))?;
+    /// # Ok::<(), quadlift::scene::SceneError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Scene::from_parts`]; the scene stays as it was.
+    pub fn edit(&mut self, change: impl FnOnce(&mut SceneParts)) -> Result<(), SceneError> {
+        let mut parts = self.0.clone();
+        change(&mut parts);
+        *self = Self::from_parts(parts)?;
+        Ok(())
+    }
+
+    /// Sets the supporting lines of a detection's mask, by the index of the detection. Nothing where there is no such
+    /// detection.
+    pub fn set_support_lines(&mut self, detection: usize, lines: Option<SupportLines>) {
+        if let Some(detection) = self.0.detections.get_mut(detection) {
+            detection.support_lines = lines.map(Box::new);
+        }
+    }
+
+    /// The parts of the scene.
+    pub fn into_parts(self) -> SceneParts {
+        self.0
+    }
 }
 
 /// A posed image.
@@ -82,13 +141,13 @@ impl Frame {
 /// where the lens has no pinhole pixels for it; [`crate::localize()`] leaves such detections out.
 #[derive(Debug, Clone, Default)]
 pub struct Detection {
-    /// Index into [`Scene::frames`].
+    /// Index into [`SceneParts::frames`].
     pub frame_index: u32,
-    /// Index into [`Scene::object_ids`]; absent when the identity is not known.
+    /// Index into [`SceneParts::object_ids`]; absent when the identity is not known.
     pub object_index: Option<u32>,
-    /// Index into [`Scene::categories`].
+    /// Index into [`SceneParts::categories`].
     pub category_index: Option<u32>,
-    /// Index into [`Scene::sources`].
+    /// Index into [`SceneParts::sources`].
     pub source_index: Option<u32>,
     /// Score of the detector, in [0, 1] by custom.
     pub score: Option<f64>,

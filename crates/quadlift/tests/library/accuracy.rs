@@ -280,10 +280,16 @@ fn a_cuboid_that_was_chosen_is_written_like_one_that_was_asked_for() {
 fn wrong_poses_are_found_out() {
     let mut synthetic = generate(&boxes(0.0)(5)).unwrap();
     // Turns of about 0.1 degrees move the objects by a tenth of their size from 200 away.
-    for (index, frame) in synthetic.scene.frames.iter_mut().enumerate() {
-        let turn = Vector3::from_fn(|k, _| 0.002 * (1.7 * (3 * index + k) as f64).sin());
-        frame.projection = frame.projection.with_moved_camera(&Rotation3::new(turn), &Vector3::zeros()).unwrap();
-    }
+    synthetic
+        .scene
+        .edit(|parts| {
+            for (index, frame) in parts.frames.iter_mut().enumerate() {
+                let turn = Vector3::from_fn(|k, _| 0.002 * (1.7 * (3 * index + k) as f64).sin());
+                frame.projection =
+                    frame.projection.with_moved_camera(&Rotation3::new(turn), &Vector3::zeros()).unwrap();
+            }
+        })
+        .unwrap();
     let score = |pose_noise: Option<PoseNoise>| {
         let map = MapOptions { body: Some(BodyKind::Ellipsoid), pose_noise, ..Default::default() };
         let options = LocalizeOptions::from(map);

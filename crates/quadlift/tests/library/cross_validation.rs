@@ -59,7 +59,8 @@ fn a_false_box_is_the_odd_view() {
         let b = scene.detections[wrong].bounding_box.unwrap();
         let size = b.size();
         let edges = [b.x0 + 0.8 * size.x, b.y0 - 0.5 * size.y, b.x1 + 1.2 * size.x, b.y1 - 0.1 * size.y];
-        scene.detections[wrong].bounding_box = Some(BoundingBox::new(edges).unwrap());
+        let wrong_box = BoundingBox::new(edges).ok();
+        scene.edit(|parts| parts.detections[wrong].bounding_box = wrong_box).unwrap();
         let checked = all(&scene);
         let odd: Vec<_> =
             checked.objects.iter().filter_map(|o| Some((o.estimate_index, o.odd_view()?.frame_index))).collect();
@@ -91,10 +92,14 @@ fn a_left_out_view_has_no_influence() {
             for left_out in 0..views {
                 let mut others = scene.clone();
                 let hidden = scene.hidden_edges(|_| true);
-                for (detection, hidden) in others.detections.iter_mut().zip(hidden) {
-                    detection.hidden_edges = Some(hidden);
-                }
-                others.detections.retain(|d| d.frame_index as usize != left_out);
+                others
+                    .edit(|parts| {
+                        for (detection, hidden) in parts.detections.iter_mut().zip(hidden) {
+                            detection.hidden_edges = Some(hidden);
+                        }
+                        parts.detections.retain(|d| d.frame_index as usize != left_out);
+                    })
+                    .unwrap();
                 let from_scratch = run(&others, options.clone(), Extent::Nothing);
                 for (object, estimate) in checked.objects.iter().zip(&from_scratch.estimates) {
                     let prediction = object.predictions[left_out];

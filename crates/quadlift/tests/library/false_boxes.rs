@@ -129,7 +129,8 @@ fn with_given_levels_an_object_is_judged_by_them_alone() {
     for estimate in &together.estimates {
         *statuses.entry(estimate.status.name()).or_default() += 1;
         let mut alone = scene.scene.clone();
-        alone.detections.retain(|detection| detection.object_index == Some(estimate.object_index as u32));
+        let own = Some(estimate.object_index as u32);
+        alone.edit(|parts| parts.detections.retain(|detection| detection.object_index == own)).unwrap();
         let alone = localize(&alone, &options).unwrap();
         assert_eq!(alone.estimates[0].body, estimate.body);
         assert_eq!(alone.estimates[0].status, estimate.status);

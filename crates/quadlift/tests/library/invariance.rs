@@ -26,31 +26,31 @@ fn crowd(seed: u64) -> Scene {
 
 /// The scene with the image of each frame turned by so many quarters.
 fn rolled(scene: &Scene, quarters: impl Fn(usize) -> usize) -> Scene {
-    let mut scene = scene.clone();
-    for (index, frame) in scene.frames.iter_mut().enumerate() {
+    let mut parts = scene.clone().into_parts();
+    for (index, frame) in parts.frames.iter_mut().enumerate() {
         for _ in 0..quarters(index) {
             let size = frame.image_size.unwrap();
             // u' = height - v, v' = u.
             let turn = Matrix3::new(0.0, -1.0, size.y, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
             frame.projection = Projection::from_matrix(turn * frame.projection.matrix()).unwrap();
             frame.image_size = Some(Vector2::new(size.y, size.x));
-            for detection in scene.detections.iter_mut().filter(|d| d.frame_index as usize == index) {
+            for detection in parts.detections.iter_mut().filter(|d| d.frame_index as usize == index) {
                 let b = detection.bounding_box.unwrap();
                 detection.bounding_box = BoundingBox::new([size.y - b.y1, b.x0, size.y - b.y0, b.x1]).ok();
             }
         }
     }
-    scene
+    Scene::from_parts(parts).unwrap()
 }
 
 /// The scene with its frames in another order: the one at `order[k]` comes k-th.
 fn in_order(scene: &Scene, order: &[usize]) -> Scene {
-    let mut other = scene.clone();
+    let mut other = scene.clone().into_parts();
     other.frames = order.iter().map(|&k| scene.frames[k].clone()).collect();
     for detection in &mut other.detections {
         detection.frame_index = order.iter().position(|&k| k == detection.frame_index as usize).unwrap() as u32;
     }
-    other
+    Scene::from_parts(other).unwrap()
 }
 
 /// Without hidden edges, which are looked at by themselves.
@@ -98,7 +98,7 @@ proptest! {
     #[test]
     fn the_same_edges_are_hidden_in_portrait_images(seed in 0u64..1000, quarters in prop::collection::vec(0usize..4, 12)) {
         let mut scene = crowd(seed);
-        scene.up = Some(Vector3::z_axis());
+        scene.edit(|parts| parts.up = Some(Vector3::z_axis())).unwrap();
         let mut expected = scene.hidden_edges(|_| true);
         prop_assert!(expected.iter().flatten().any(|hidden| *hidden));
         for (hidden, detection) in expected.iter_mut().zip(&scene.detections) {

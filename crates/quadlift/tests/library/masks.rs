@@ -44,9 +44,13 @@ fn with_masks(method: Method) -> LocalizeOptions {
 fn exact_masks_give_exact_bodies() {
     let synthetic = synthetic(Observations::Ellipses, Vec::new());
     let mut scene = synthetic.scene.clone();
-    for detection in &mut scene.detections {
-        detection.support_lines = lines(&detection.ellipse.unwrap(), f64::INFINITY);
-    }
+    scene
+        .edit(|parts| {
+            for detection in &mut parts.detections {
+                detection.support_lines = lines(&detection.ellipse.unwrap(), f64::INFINITY);
+            }
+        })
+        .unwrap();
     for method in [Method::default(), Method::Planes] {
         let iou = mean_iou(&synthetic, &scene, &with_masks(method.clone()));
         assert!(iou > 0.999, "{method:?} {iou}");
@@ -61,18 +65,26 @@ fn what_the_border_cuts_off_tells_only_that_the_object_reaches_so_far() {
     let synthetic = synthetic(Observations::Ellipses, Vec::new());
     let mut scene = synthetic.scene.clone();
     // Half of the masks lose what lies right of a place inside of them.
-    for (index, detection) in scene.detections.iter_mut().enumerate() {
-        let ellipse = detection.ellipse.unwrap();
-        let x = if index % 2 == 0 { ellipse.center.x + 0.3 * ellipse.semi_axes.min() } else { f64::INFINITY };
-        detection.support_lines = lines(&ellipse, x);
-    }
+    scene
+        .edit(|parts| {
+            for (index, detection) in parts.detections.iter_mut().enumerate() {
+                let ellipse = detection.ellipse.unwrap();
+                let x = if index % 2 == 0 { ellipse.center.x + 0.3 * ellipse.semi_axes.min() } else { f64::INFINITY };
+                detection.support_lines = lines(&ellipse, x);
+            }
+        })
+        .unwrap();
     for method in [Method::default(), Method::Planes] {
         let told = mean_iou(&synthetic, &scene, &with_masks(method.clone()));
         assert!(told > 0.98, "{method:?} {told}");
     }
-    for lines in scene.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
-        lines.cut_off = [false; 8];
-    }
+    scene
+        .edit(|parts| {
+            for lines in parts.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
+                lines.cut_off = [false; 8];
+            }
+        })
+        .unwrap();
     let not_told = mean_iou(&synthetic, &scene, &with_masks(Method::Planes));
     assert!(not_told < 0.9, "{not_told}");
 }
@@ -82,16 +94,20 @@ fn ellipses_of_parts_do_less_harm_when_they_are_known_as_such() {
     let synthetic = synthetic(Observations::Ellipses, vec![Noise::Rotation(3.0)]);
     let mut scene = synthetic.scene.clone();
     // Of every fourth object only the left half is seen.
-    for detection in scene.detections.iter_mut().step_by(4) {
-        let ellipse = detection.ellipse.as_mut().unwrap();
-        ellipse.center.x -= 0.5 * ellipse.semi_axes.min();
-        ellipse.semi_axes.y *= 0.5;
-    }
+    scene
+        .edit(|parts| {
+            for detection in parts.detections.iter_mut().step_by(4) {
+                let ellipse = detection.ellipse.as_mut().unwrap();
+                ellipse.center.x -= 0.5 * ellipse.semi_axes.min();
+                ellipse.semi_axes.y *= 0.5;
+            }
+        })
+        .unwrap();
     let mut options = with_masks(Method::default());
     options.measurements = MeasurementKind::Ellipse;
     options.method.map_options_mut().unwrap().robust = false;
     let not_told = mean_iou(&synthetic, &scene, &options);
-    scene.detections.iter_mut().step_by(4).for_each(|detection| detection.partial = true);
+    scene.edit(|parts| parts.detections.iter_mut().step_by(4).for_each(|detection| detection.partial = true)).unwrap();
     let told = mean_iou(&synthetic, &scene, &options);
     assert!(told > not_told + 0.05, "{told} {not_told}");
 }

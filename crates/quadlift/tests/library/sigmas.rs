@@ -27,7 +27,7 @@ fn sigmas_of(localization: &Localization) -> Sigmas {
 /// The scene with some of its objects only, which have other indices there.
 fn part(scene: &Scene, keep: impl Fn(usize) -> bool) -> Scene {
     let hidden = scene.hidden_edges(|_| true);
-    let mut part = scene.clone();
+    let mut part = scene.clone().into_parts();
     part.object_ids = Vec::new();
     let mut index = vec![None; scene.object_ids.len()];
     for object in (0..scene.object_ids.len()).rev().filter(|&object| keep(object)) {
@@ -39,7 +39,7 @@ fn part(scene: &Scene, keep: impl Fn(usize) -> bool) -> Scene {
         detection.object_index = detection.object_index.and_then(|object| index[object as usize]);
     }
     part.detections.retain(|detection| detection.object_index.is_some());
-    part
+    Scene::from_parts(part).unwrap()
 }
 
 /// What an estimate says, bit by bit, without its place in the scene.
@@ -96,7 +96,7 @@ fn levels_matter_and_a_ground_is_shared_all_the_same() {
     let sd = |sigmas| run(&scene, None, Some(sigmas)).estimates[0].center_sd().unwrap();
     assert!(sd(&large) > 20.0 * sd(&small));
     // Without a common ground an object is the same alone; with one, what the objects say of it counts for all of them.
-    scene.up = Some(nalgebra::Vector3::z_axis());
+    scene.edit(|parts| parts.up = Some(nalgebra::Vector3::z_axis())).unwrap();
     let mut options = LocalizeOptions::default();
     options.method.map_options_mut().unwrap().sigmas = Some(large);
     let one = |scene: &Scene, options: &LocalizeOptions| bits(&localize(scene, options).unwrap().estimates[0]);

@@ -51,7 +51,7 @@ fn objects_reach_beyond_the_border_that_detectors_keep_a_little_away_from() {
     })
     .unwrap();
     // One object in each frame, whose image may then end anywhere.
-    let scene = &mut synthetic.scene;
+    let mut scene = synthetic.scene.into_parts();
     let frames = scene.frames.clone();
     scene.frames.clear();
     for detection in &mut scene.detections {
@@ -67,6 +67,7 @@ fn objects_reach_beyond_the_border_that_detectors_keep_a_little_away_from() {
         }
         scene.frames.push(frame);
     }
+    synthetic.scene = quadlift::scene::Scene::from_parts(scene).unwrap();
     let [with, without] = compare(&[synthetic], &ellipsoids(), &MapOptions { border_margin: 0.0, ..ellipsoids() });
     assert!(with.0 > 0.95 && without.0 < 0.85, "{with:?} {without:?}");
 }
@@ -115,18 +116,23 @@ fn edges_of_small_boxes_err_by_more_of_their_size() {
             ..Default::default()
         })
         .unwrap();
-        for (index, detection) in synthetic.scene.detections.iter_mut().enumerate() {
-            // Three pixels whatever the size is, without a generator.
-            let exact = detection.bounding_box.unwrap().edges();
-            let normal = |k: usize| {
-                let wave = |p: f64| (p * (4 * index + k) as f64 + seed as f64).sin();
-                3.0 * (wave(12.9898) + wave(78.233) + wave(39.425))
-            };
-            let moved: [f64; 4] = std::array::from_fn(|k| exact[k] + normal(k));
-            if moved[2] - moved[0] > 4.0 && moved[3] - moved[1] > 4.0 {
-                detection.bounding_box = BoundingBox::new(moved).ok();
-            }
-        }
+        synthetic
+            .scene
+            .edit(|parts| {
+                for (index, detection) in parts.detections.iter_mut().enumerate() {
+                    // Three pixels whatever the size is, without a generator.
+                    let exact = detection.bounding_box.unwrap().edges();
+                    let normal = |k: usize| {
+                        let wave = |p: f64| (p * (4 * index + k) as f64 + seed as f64).sin();
+                        3.0 * (wave(12.9898) + wave(78.233) + wave(39.425))
+                    };
+                    let moved: [f64; 4] = std::array::from_fn(|k| exact[k] + normal(k));
+                    if moved[2] - moved[0] > 4.0 && moved[3] - moved[1] > 4.0 {
+                        detection.bounding_box = BoundingBox::new(moved).ok();
+                    }
+                }
+            })
+            .unwrap();
         scenes.push(synthetic);
     }
     let [with, without] = compare(&scenes, &ellipsoids(), &MapOptions { pixel_noise_size: 0.0, ..ellipsoids() });

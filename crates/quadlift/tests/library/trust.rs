@@ -18,19 +18,24 @@ fn boxes(sigma: f64) -> SyntheticScene {
 /// Moves every side of an object's boxes by a share of their half size that changes slowly from view to view: up to
 /// `amount`.
 fn with_habits(mut synthetic: SyntheticScene, amount: f64) -> SyntheticScene {
-    for detection in &mut synthetic.scene.detections {
-        let object = detection.object_index.unwrap() as usize;
-        let exact = detection.bounding_box.unwrap();
-        let half_size = exact.mean_half_size();
-        let edges = exact.edges();
-        // A wave over the views, with a length and a phase of its own for each side of each object.
-        let habit = |side: usize| {
-            let seed = (4 * object + side) as f64;
-            (0.1 * (1.0 + (12.9898 * seed).sin().abs()) * f64::from(detection.frame_index) + 7.0 * seed).sin()
-        };
-        let moved = std::array::from_fn(|side| edges[side] + amount * half_size * habit(side));
-        detection.bounding_box = Some(BoundingBox::new(moved).unwrap());
-    }
+    synthetic
+        .scene
+        .edit(|parts| {
+            for detection in &mut parts.detections {
+                let object = detection.object_index.unwrap() as usize;
+                let exact = detection.bounding_box.unwrap();
+                let half_size = exact.mean_half_size();
+                let edges = exact.edges();
+                // A wave over the views, with a length and a phase of its own for each side of each object.
+                let habit = |side: usize| {
+                    let seed = (4 * object + side) as f64;
+                    (0.1 * (1.0 + (12.9898 * seed).sin().abs()) * f64::from(detection.frame_index) + 7.0 * seed).sin()
+                };
+                let moved = std::array::from_fn(|side| edges[side] + amount * half_size * habit(side));
+                detection.bounding_box = Some(BoundingBox::new(moved).unwrap());
+            }
+        })
+        .unwrap();
     synthetic
 }
 

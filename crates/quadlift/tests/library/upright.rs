@@ -32,7 +32,7 @@ fn without_and_with(case: &Case) -> [f64; 2] {
                 ..Default::default()
             };
             let mut synthetic = generate(&options).unwrap();
-            synthetic.scene.up = Some(Unit::new_normalize(Vector3::from(case.up)));
+            synthetic.scene.edit(|parts| parts.up = Some(Unit::new_normalize(Vector3::from(case.up)))).unwrap();
             synthetic
         })
         .collect();

@@ -174,6 +174,6 @@ fn images_of_frames_are_read_and_checked() {
     assert_eq!(error.problem, "the image has 16 x 12 pixels; the camera of frame \"a\" has 8 x 6");
     // A frame whose size is not known takes any image.
     let mut scene = folder.scene.clone();
-    scene.frames[0].image_size = None;
+    scene.edit(|parts| parts.frames[0].image_size = None).unwrap();
     assert_eq!(folder.images.read_image(&scene, 0).unwrap().dimensions(), (16, 12));
 }
