@@ -332,9 +332,8 @@ pub fn localize(data: &[u8]) -> bool {
         });
     }
     let Ok(scene) = file.to_scene() else { return false };
-    let mut options = LocalizeOptions::default();
-    options.method = Method::NAMES[usize::from(*method) % Method::NAMES.len()].parse().unwrap();
-    options.accept_inconsistent = method & 64 != 0;
+    let named: Method = Method::NAMES[usize::from(*method) % Method::NAMES.len()].parse().unwrap();
+    let mut options = LocalizeOptions { accept_inconsistent: method & 64 != 0, ..LocalizeOptions::from(named) };
     let kinds = [None, Some(BodyKind::Ellipsoid), Some(BodyKind::Cuboid), Some(BodyKind::Cylinder)];
     if let Some(map) = options.method.map_options_mut() {
         map.body = kinds[usize::from(*body) % kinds.len()];
