@@ -59,9 +59,7 @@ pub mod solve;
 pub mod synthetic;
 
 pub use association::{associate, associate_observed};
-pub use localize::{
-    Localization, LocalizeError, LocalizeOptions, MeasurementKind, OptionError, localize, localize_observed,
-};
+pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind, localize, localize_observed};
 pub use names::UnknownName;
 pub use observer::Observer;
 // Its types are part of this API.

@@ -6,7 +6,6 @@ mod validate;
 
 pub use measurement_kind::MeasurementKind;
 pub use options::LocalizeOptions;
-pub use validate::OptionError;
 
 use crate::cross_validation::{CrossValidation, choose_folds, summarise};
 use crate::diagnosis::{Diagnosis, diagnose};
@@ -16,7 +15,8 @@ use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BORDER_MARGIN, BodyKind, Estimate, Fold, PoseNoise, Sigmas, Status, ViewReport, predict_fold, solve_closed_form,
+    BORDER_MARGIN, BodyKind, Estimate, Fold, OptionError, PoseNoise, Sigmas, Status, ViewReport, predict_fold,
+    solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.

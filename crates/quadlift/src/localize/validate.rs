@@ -1,15 +1,9 @@
-//! Options outside of their ranges are refused before anything is calculated.
+//! Options outside of their ranges, or that do not fit the scene, are refused before anything is calculated.
 
 use super::measurement_kind::MeasurementKind;
 use super::options::LocalizeOptions;
 use crate::scene::Scene;
-use crate::solve::{BodyKind, CategoryPrior, MapOptions, Method, PoseNoise, RegOptions};
-
-/// An option that is outside of its range, or that the scene does not allow; the text names it, what was found and what was
-/// expected.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct OptionError(String);
+use crate::solve::{MapOptions, Method, OptionError, refuse};
 
 impl LocalizeOptions {
     /// Whether the options make sense by themselves, whatever the scene is.
@@ -23,81 +17,8 @@ impl LocalizeOptions {
         if !(0.0..=1.0).contains(&self.enclosing_quantile) {
             return refuse(format!("the enclosing quantile is {}; expected 0 to 1", self.enclosing_quantile));
         }
-        match &self.method {
-            Method::Map(options) => options.validate(),
-            Method::Reg(options) => check_lambda(options),
-            Method::Planes | Method::Lfd | Method::Pfd => Ok(()),
-        }
+        self.method.validate()
     }
-}
-
-impl MapOptions {
-    /// Whether the options make sense by themselves, whatever the scene is.
-    ///
-    /// # Errors
-    /// [`OptionError`] names the first option that is outside of its range.
-    pub fn validate(&self) -> Result<(), OptionError> {
-        if let Some(BodyKind::Superellipsoid(q)) = self.body
-            && !(1.0..=2.0).contains(&q)
-        {
-            return refuse(format!(
-                "the support exponent of a superellipsoid is {q}; expected 1 (cuboid) to 2 (ellipsoid)"
-            ));
-        }
-        if let Some(PoseNoise { rotation_sd, translation_sd }) = self.pose_noise
-            && !(is_positive(rotation_sd) && is_positive(translation_sd))
-        {
-            return refuse(format!(
-                "the standard deviations of the pose noise are {rotation_sd} and {translation_sd}; expected positive \
-                 numbers"
-            ));
-        }
-        if !is_positive(self.shape_sd) {
-            return refuse(format!(
-                "the standard deviation of the shape prior is {}; expected a positive number",
-                self.shape_sd
-            ));
-        }
-        for (what, value) in [("pixel noise size", self.pixel_noise_size), ("border margin", self.border_margin)] {
-            if !is_not_negative(value) {
-                return refuse(format!("the {what} is {value}; expected a finite number that is not negative"));
-            }
-        }
-        if let Some(height) = self.camera_height
-            && !is_positive(height)
-        {
-            return refuse(format!("the height of the cameras is {height}; expected a positive number"));
-        }
-        self.priors.by_category.iter().try_for_each(|(category, prior)| check_prior(category, prior))
-    }
-}
-
-fn refuse(why: impl Into<String>) -> Result<(), OptionError> {
-    Err(OptionError(why.into()))
-}
-
-/// The options of the paper's regularised estimator.
-fn check_lambda(options: &RegOptions) -> Result<(), OptionError> {
-    if is_not_negative(options.lambda) {
-        return Ok(());
-    }
-    refuse(format!("lambda is {}; expected a finite number that is not negative", options.lambda))
-}
-
-/// The prior of a category.
-fn check_prior(category: &str, prior: &CategoryPrior) -> Result<(), OptionError> {
-    if let Some(sd) = prior.upright_sd
-        && !is_positive(sd)
-    {
-        return refuse(format!("the prior of {category:?} has the upright_sd {sd}; expected a positive number"));
-    }
-    let Some(size) = prior.size else { return Ok(()) };
-    for (what, numbers) in [("size", size.mean), ("standard deviation of the size", size.sd)] {
-        if let Some(wrong) = numbers.into_iter().find(|x| !is_positive(*x)) {
-            return refuse(format!("the prior of {category:?} has the {what} {wrong}; expected a positive number"));
-        }
-    }
-    Ok(())
 }
 
 /// Refuses what needs a scene's `up` where it is not known.
@@ -114,64 +35,32 @@ pub(super) fn check_up(options: &MapOptions, scene: &Scene) -> Result<(), Option
     if options.camera_height.is_some() { needs("the height of the cameras") } else { Ok(()) }
 }
 
-fn is_positive(x: f64) -> bool {
-    x > 0.0 && x.is_finite()
-}
-
-fn is_not_negative(x: f64) -> bool {
-    x >= 0.0 && x.is_finite()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::SizePrior;
     use crate::synthetic::{SyntheticOptions, generate};
 
-    fn refused(change: impl Fn(&mut MapOptions)) -> String {
-        let mut scene = generate(&SyntheticOptions { objects: 1, views: 3, ..Default::default() }).unwrap().scene;
-        scene.0.up = None;
-        let mut options = MapOptions::default();
-        change(&mut options);
-        let checked = options.validate().and_then(|()| check_up(&options, &scene));
-        checked.map_or_else(|error| error.to_string(), |()| String::new())
-    }
-
-    fn with_prior(prior: CategoryPrior) -> String {
-        refused(|o| {
-            o.priors.by_category.insert("car".to_owned(), prior);
-        })
-    }
-
     #[test]
-    fn numbers_outside_of_their_ranges_are_refused_by_name() {
-        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let of_upright = with_prior(CategoryPrior { upright_sd: Some(wrong), ..Default::default() });
-            assert!(of_upright.contains("\"car\" has the upright_sd"), "{wrong}: {of_upright:?}");
-            let size = SizePrior { mean: [4.0, wrong, 1.5], sd: [0.4; 3] };
-            let of_size = with_prior(CategoryPrior { size: Some(size), ..Default::default() });
-            assert!(of_size.contains("\"car\" has the size"), "{wrong}: {of_size:?}");
-            let size = SizePrior { mean: [4.0; 3], sd: [0.4, 0.4, wrong] };
-            let of_sd = with_prior(CategoryPrior { size: Some(size), ..Default::default() });
-            assert!(of_sd.contains("standard deviation of the size"), "{wrong}: {of_sd:?}");
-            let of_height = refused(|o| o.camera_height = Some(wrong));
-            assert!(of_height.contains("the height of the cameras is"), "{wrong}: {of_height:?}");
-        }
-        for wrong in [-1.0, f64::NAN, f64::INFINITY] {
-            assert!(refused(|o| o.pixel_noise_size = wrong).contains("pixel noise size"));
-            assert!(refused(|o| o.border_margin = wrong).contains("border margin"));
+    fn options_of_a_localisation_are_checked() {
+        for wrong in [-0.1, 1.1, f64::NAN] {
             let options = LocalizeOptions { enclosing_quantile: wrong, ..Default::default() };
             assert!(options.validate().unwrap_err().to_string().contains("enclosing quantile"));
         }
-        let right = SizePrior { mean: [4.0, 1.6, 1.5], sd: [0.4; 3] };
-        let right = CategoryPrior { size: Some(right), upright_sd: Some(0.1), ..Default::default() };
-        assert_eq!(with_prior(right), "");
-        assert_eq!(refused(|o| o.pixel_noise_size = 0.0), "");
+        let masks = LocalizeOptions { measurements: MeasurementKind::Mask, ..LocalizeOptions::from(Method::Lfd) };
+        assert!(masks.validate().unwrap_err().to_string().contains("masks"));
+        let of_method = LocalizeOptions::from(MapOptions { shape_sd: f64::NAN, ..Default::default() });
+        assert!(of_method.validate().unwrap_err().to_string().contains("shape prior"));
     }
 
     #[test]
     fn what_needs_up_is_refused_without_it() {
-        assert!(refused(|o| o.camera_height = Some(1.6)).contains("needs to know where up is"));
-        assert!(refused(|o| o.ground_plane = true).contains("needs to know where up is"));
+        let mut scene = generate(&SyntheticOptions { objects: 1, views: 3, ..Default::default() }).unwrap().scene;
+        scene.0.up = None;
+        for options in [
+            MapOptions { camera_height: Some(1.6), ..Default::default() },
+            MapOptions { ground_plane: true, ..Default::default() },
+        ] {
+            assert!(check_up(&options, &scene).unwrap_err().to_string().contains("needs to know where up is"));
+        }
     }
 }

@@ -1,65 +1,14 @@
 //! Building a [`Scene`]: ids become indices, numbers are checked.
 
+use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::collections::{HashMap, HashSet};
 
 use nalgebra::{Unit, Vector2, Vector3};
 
-use super::{Detection, Frame, Scene, SceneParts, Undistorted};
+use super::Scene;
+use super::error::SceneError;
+use super::parts::{Detection, Frame, SceneParts, Undistorted};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, Projection};
-
-/// Why something cannot be added to a scene.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// Two frames have the same id.
-    #[error("the frame id \"{0}\" is used twice")]
-    DuplicateFrame(String),
-    /// A detection names a frame that does not exist.
-    #[error("unknown frame \"{0}\"")]
-    UnknownFrame(String),
-    /// A detection has neither a box nor an ellipse.
-    #[error("the detection has neither a \"box\" nor an \"ellipse\"")]
-    NothingMeasured,
-    /// One source has two detections of one object in one frame.
-    #[error(
-        "object \"{object}\" is detected twice in frame \"{frame}\" by the same source (first by detections[{first}])"
-    )]
-    DuplicateDetection {
-        /// Id of the object.
-        object: String,
-        /// Id of the frame.
-        frame: String,
-        /// Index of the first of the two detections.
-        first: usize,
-    },
-    /// An image size is not positive.
-    #[error("the image size is {width} x {height}; expected two positive numbers")]
-    ImageSize {
-        /// Width in pixels.
-        width: f64,
-        /// Height in pixels.
-        height: f64,
-    },
-    /// The up direction is zero or not finite.
-    #[error("\"up\" is not a direction: [{}, {}, {}]", .0[0], .0[1], .0[2])]
-    Up([f64; 3]),
-    /// A detection points to a frame, object, category or source that the scene does not have.
-    #[error("detections[{detection}] has the {what} index {index}, of {count}")]
-    IndexOutOfRange {
-        /// Index of the detection.
-        detection: usize,
-        /// What is indexed: "frame", "object", "category", "source".
-        what: &'static str,
-        /// The index.
-        index: u32,
-        /// How many there are.
-        count: usize,
-    },
-    /// More frames, detections or names than a 32-bit index can count.
-    #[error("the scene is too large: more than 4294967295 entries")]
-    TooLarge,
-}
 
 /// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
 #[derive(Debug, Clone, Copy, Default)]
@@ -233,45 +182,6 @@ impl SceneBuilder {
     pub fn build(self) -> Scene {
         Scene(self.scene)
     }
-}
-
-/// Whether parts make a scene, see [`Scene::from_parts`].
-pub(super) fn check_parts(parts: &SceneParts) -> Result<(), SceneError> {
-    let counts = [parts.frames.len(), parts.detections.len(), parts.object_ids.len()];
-    if counts.into_iter().any(|count| u32::try_from(count).is_err()) {
-        return Err(SceneError::TooLarge);
-    }
-    let mut ids = HashSet::with_capacity(parts.frames.len());
-    for frame in &parts.frames {
-        if !ids.insert(frame.id.as_str()) {
-            return Err(SceneError::DuplicateFrame(frame.id.clone()));
-        }
-        if let Some(size) = frame.image_size
-            && !(size.min() > 0.0 && size.iter().all(|x| x.is_finite()))
-        {
-            return Err(SceneError::ImageSize { width: size.x, height: size.y });
-        }
-    }
-    let mut seen = HashMap::new();
-    for (detection, d) in parts.detections.iter().enumerate() {
-        let indices = [
-            ("frame", Some(d.frame_index), parts.frames.len()),
-            ("object", d.object_index, parts.object_ids.len()),
-            ("category", d.category_index, parts.categories.len()),
-            ("source", d.source_index, parts.sources.len()),
-        ];
-        for (what, index, count) in indices {
-            if let Some(index) = index.filter(|&index| index as usize >= count) {
-                return Err(SceneError::IndexOutOfRange { detection, what, index, count });
-            }
-        }
-        let Some(object) = d.object_index else { continue };
-        if let Some(first) = seen.insert((object, d.frame_index, d.source_index), detection) {
-            let (object, frame) = (parts.object_ids[object as usize].clone(), &parts.frames[d.frame_index as usize]);
-            return Err(SceneError::DuplicateDetection { object, frame: frame.id.clone(), first });
-        }
-    }
-    Ok(())
 }
 
 /// The index of a name, which is added when it is new.

@@ -7,7 +7,7 @@ use super::enclosing::ENCLOSING_QUANTILE;
 use super::estimate::Estimate;
 use super::map::{MapContext, map};
 use super::options::Method;
-use crate::localize::{LocalizeOptions, OptionError};
+use super::validate::OptionError;
 use crate::observer::{Unobserved, Watch};
 use crate::scene::{ObjectViews, View};
 
@@ -52,7 +52,7 @@ impl Estimator {
     /// [`OptionError`] names the option of the method that is outside of its range.
     pub fn new(method: impl Into<Method>) -> Result<Self, OptionError> {
         let method = method.into();
-        LocalizeOptions::from(method.clone()).validate()?;
+        method.validate()?;
         Ok(Self { method, up: None, category: None, seed: 0 })
     }
 

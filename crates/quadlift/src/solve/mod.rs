@@ -12,6 +12,7 @@ mod prediction;
 mod report;
 mod sigmas;
 mod triangulate;
+mod validate;
 
 pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
@@ -28,3 +29,5 @@ pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::{Fold, FoldPrediction, Prediction, predict_fold};
 pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
 pub use triangulate::triangulate;
+pub use validate::OptionError;
+pub(crate) use validate::refuse;
