@@ -9,12 +9,12 @@ yours.
 from __future__ import annotations
 
 from ._core import QuadliftError, __version__
-from ._estimates import Alternative, AssociatedObject, Estimates, Evaluation, InconsistentSceneWarning
+from ._estimates import Alternative, AssociatedObject, Evaluation, InconsistentSceneWarning
 from ._limits import set_max_pixels
 from ._localize import localize
 from ._options import Options, Prior
 from ._rerun import log_recording
-from ._scene import Scene
+from ._scene import Estimates, Scene
 
 __all__ = [
     "Alternative",

@@ -1,4 +1,4 @@
-"""Scenes from other packages: constructors of `Scene`, as functions whose first argument is the class.
+"""Scenes from other packages.
 
 None of the packages is imported: the attributes of their types are enough.
 """
@@ -16,168 +16,174 @@ import numpy as np
 
 from . import _checks, _core
 from ._core import QuadliftError
+from ._scene_data import SceneData
 
 if TYPE_CHECKING:
-    from ._options import Path
-    from ._scene import Scene
+    from typing_extensions import Self
+
+    from ._checks import Path
 
 
-def from_colmap(cls: type[Scene], model: Path | Any) -> Scene:
-    """The cameras of a COLMAP model.
+class FromOtherPackages(SceneData):
+    """Constructors of `Scene` from what other packages give."""
 
-    Parameters
-    ----------
-    model : path-like or pycolmap.Reconstruction
-        The folder of the model (binary or text), or the reconstruction itself.
+    @classmethod
+    def from_colmap(cls, model: Path | Any) -> Self:
+        """The cameras of a COLMAP model.
 
-    Raises
-    ------
-    QuadliftError
-        Names the file, and what is wrong with it.
-    """
-    if isinstance(model, str | os.PathLike):
-        return cls(_core.Scene.read_colmap(model))
-    if not hasattr(model, "write"):
-        raise QuadliftError(f"model is a {type(model).__name__}; expected a path or a pycolmap.Reconstruction")
-    with tempfile.TemporaryDirectory() as folder:
-        model.write(folder)
-        return cls(_core.Scene.read_colmap(folder))
+        Parameters
+        ----------
+        model : path-like or pycolmap.Reconstruction
+            The folder of the model (binary or text), or the reconstruction itself.
 
+        Raises
+        ------
+        QuadliftError
+            Names the file, and what is wrong with it.
+        """
+        if isinstance(model, str | os.PathLike):
+            return cls(_core.Scene.read_colmap(model))
+        if not hasattr(model, "write"):
+            raise QuadliftError(f"model is a {type(model).__name__}; expected a path or a pycolmap.Reconstruction")
+        with tempfile.TemporaryDirectory() as folder:
+            model.write(folder)
+            return cls(_core.Scene.read_colmap(folder))
 
-def from_detections(
-    cls: type[Scene],
-    path: Path,
-    cameras: Scene,
-    *,
-    names: Path | None = None,
-    frame_column: str | None = None,
-    source: str | None = None,
-    min_score: float | None = None,
-    image_size: tuple[float, float] | None = None,
-) -> Scene:
-    """Cameras with the detections of a file of another program, whose format is recognised.
+    @classmethod
+    def from_detections(
+        cls,
+        path: Path,
+        cameras: Self,
+        *,
+        names: Path | None = None,
+        frame_column: str | None = None,
+        source: str | None = None,
+        min_score: float | None = None,
+        image_size: tuple[float, float] | None = None,
+    ) -> Self:
+        """Cameras with the detections of a file of another program, whose format is recognised.
 
-    COCO, MOTChallenge, Ultralytics YOLO, KITTI labels, CSV tables, supervision's sinks and LabelMe are; their
-    images are matched with the frames by name, number or time, as in the program. Track ids become objects.
+        COCO, MOTChallenge, Ultralytics YOLO, KITTI labels, CSV tables, supervision's sinks and LabelMe are; their
+        images are matched with the frames by name, number or time, as in the program. Track ids become objects.
 
-    Parameters
-    ----------
-    path : path-like
-        File or folder.
-    cameras : Scene
-        The frames; detections that it has stay.
-    names : path-like, optional
-        Names of the classes, for YOLO, MOTChallenge and tables.
-    frame_column : str, optional
-        The column of a table that names the image.
-    source : str, optional
-        Name of the detector; that of the format without it.
-    min_score : float, optional
-        Leave out detections with a lower score.
-    image_size : (float, float), optional
-        Width and height of images of which nothing else says it, pixels.
+        Parameters
+        ----------
+        path : path-like
+            File or folder.
+        cameras : Scene
+            The frames; detections that it has stay.
+        names : path-like, optional
+            Names of the classes, for YOLO, MOTChallenge and tables.
+        frame_column : str, optional
+            The column of a table that names the image.
+        source : str, optional
+            Name of the detector; that of the format without it.
+        min_score : float, optional
+            Leave out detections with a lower score.
+        image_size : (float, float), optional
+            Width and height of images of which nothing else says it, pixels.
 
-    Raises
-    ------
-    QuadliftError
-        Names the file, and what is wrong with it; also where none of its images is a frame.
+        Raises
+        ------
+        QuadliftError
+            Names the file, and what is wrong with it; also where none of its images is a frame.
 
-    Warns
-    -----
-    UserWarning
-        What is left out: detections of images without a frame, boxes without width or height.
-    """
-    size = None if image_size is None else _checks.array("image_size", image_size, (2,))
-    scene, lost = _checks.scene("cameras", cameras).with_detections_of(
-        path,
-        names=names,
-        frame_column=_checks.optional(_checks.text, "frame_column", frame_column),
-        source=_checks.optional(_checks.text, "source", source),
-        min_score=_checks.optional(_checks.number, "min_score", min_score),
-        image_size=None if size is None else (float(size[0]), float(size[1])),
-    )
-    for words in lost:
-        warnings.warn(words, stacklevel=2)
-    return cls(scene)
+        Warns
+        -----
+        UserWarning
+            What is left out: detections of images without a frame, boxes without width or height.
+        """
+        size = None if image_size is None else _checks.array("image_size", image_size, (2,))
+        scene, lost = _checks.scene("cameras", cameras).with_detections_of(
+            path,
+            names=names,
+            frame_column=_checks.optional(_checks.text, "frame_column", frame_column),
+            source=_checks.optional(_checks.text, "source", source),
+            min_score=_checks.optional(_checks.number, "min_score", min_score),
+            image_size=None if size is None else (float(size[0]), float(size[1])),
+        )
+        for words in lost:
+            warnings.warn(words, stacklevel=2)
+        return cls(scene)
 
+    @classmethod
+    def from_coco(cls, path: Path, cameras: Self) -> Self:
+        """Cameras with the boxes and masks of a COCO file; see `from_detections`."""
+        return cls.from_detections(path, cameras, source="coco")
 
-def from_coco(cls: type[Scene], path: Path, cameras: Scene) -> Scene:
-    """Cameras with the boxes and masks of a COCO file; see `from_detections`."""
-    return cls.from_detections(path, cameras, source="coco")
+    @classmethod
+    def from_supervision(
+        cls,
+        detections: Sequence[Any] | Mapping[str, Any],
+        cameras: Self,
+        *,
+        frames: Sequence[str] | None = None,
+        source: str = "supervision",
+    ) -> Self:
+        """Cameras with the detections of `supervision.Detections`.
 
+        Parameters
+        ----------
+        detections : sequence or mapping of supervision.Detections
+            One for each frame, in their order (or that of `frames`), or by the ids of the frames. Tracker ids become
+            objects (``t7`` for 7), class names (or numbers) become categories.
+        cameras : Scene
+            The frames.
+        frames : sequence of str, optional
+            Ids of the frames of a sequence of detections.
+        source : str
+            Name of the detector.
+        """
+        _checks.scene("cameras", cameras)
+        table = _Table(cameras)
+        for frame, found in _by_frame(detections, frames, cameras.frame_ids):
+            data = getattr(found, "data", None) or {}
+            classes = data.get("class_name", found.class_id)
+            table.add(frame, found.xyxy, found.confidence, classes, found.tracker_id, found.mask)
+        return cameras.with_detections(**table.arrays(), source=source)
 
-def from_supervision(
-    cls: type[Scene],
-    detections: Sequence[Any] | Mapping[str, Any],
-    cameras: Scene,
-    *,
-    frames: Sequence[str] | None = None,
-    source: str = "supervision",
-) -> Scene:
-    """Cameras with the detections of `supervision.Detections`.
+    @classmethod
+    def from_ultralytics(
+        cls,
+        results: Iterable[Any],
+        cameras: Self,
+        *,
+        frames: Sequence[str] | None = None,
+        source: str = "yolo",
+    ) -> Self:
+        """Cameras with the boxes of Ultralytics' results.
 
-    Parameters
-    ----------
-    detections : sequence or mapping of supervision.Detections
-        One for each frame, in their order (or that of `frames`), or by the ids of the frames. Tracker ids become
-        objects (``t7`` for 7), class names (or numbers) become categories.
-    cameras : Scene
-        The frames.
-    frames : sequence of str, optional
-        Ids of the frames of a sequence of detections.
-    source : str
-        Name of the detector.
-    """
-    _checks.scene("cameras", cameras)
-    table = _Table(cameras)
-    for frame, found in _by_frame(detections, frames, cameras.frame_ids):
-        data = getattr(found, "data", None) or {}
-        classes = data.get("class_name", found.class_id)
-        table.add(frame, found.xyxy, found.confidence, classes, found.tracker_id, found.mask)
-    return cameras.with_detections(**table.arrays(), source=source)
-
-
-def from_ultralytics(
-    cls: type[Scene],
-    results: Iterable[Any],
-    cameras: Scene,
-    *,
-    frames: Sequence[str] | None = None,
-    source: str = "yolo",
-) -> Scene:
-    """Cameras with the boxes of Ultralytics' results.
-
-    Parameters
-    ----------
-    results : iterable of ultralytics.engine.results.Results
-        One for each image; matched by the name of its file with the frames' ids and images.
-    cameras : Scene
-        The frames.
-    frames : sequence of str, optional
-        Ids of the results' frames, instead of matching names.
-    source : str
-        Name of the detector.
-    """
-    _checks.scene("cameras", cameras)
-    # A stream of results can be read once.
-    results, known = list(results), cameras.frame_ids
-    for k, result in enumerate(results):
-        if not hasattr(result, "path"):
-            raise QuadliftError(f"results[{k}] is a {type(result).__name__}; expected Ultralytics' Results")
-    if frames is None:
-        frames = _frames_of_paths([str(result.path) for result in results], known)
-    table = _Table(cameras)
-    for frame, result in _by_frame(results, frames, known):
-        boxes = result.boxes
-        if boxes is None:
-            raise QuadliftError(
-                f'the result of frame "{known[frame]}" has no boxes; expected those of detection, segmentation or '
-                "tracking"
-            )
-        classes = [result.names[int(k)] for k in _numpy(boxes.cls)]
-        tracks = None if boxes.id is None else _numpy(boxes.id).astype(np.int64)
-        table.add(frame, _numpy(boxes.xyxy), _numpy(boxes.conf), classes, tracks, None)
-    return cameras.with_detections(**table.arrays(), source=source)
+        Parameters
+        ----------
+        results : iterable of ultralytics.engine.results.Results
+            One for each image; matched by the name of its file with the frames' ids and images.
+        cameras : Scene
+            The frames.
+        frames : sequence of str, optional
+            Ids of the results' frames, instead of matching names.
+        source : str
+            Name of the detector.
+        """
+        _checks.scene("cameras", cameras)
+        # A stream of results can be read once.
+        results, known = list(results), cameras.frame_ids
+        for k, result in enumerate(results):
+            if not hasattr(result, "path"):
+                raise QuadliftError(f"results[{k}] is a {type(result).__name__}; expected Ultralytics' Results")
+        if frames is None:
+            frames = _frames_of_paths([str(result.path) for result in results], known)
+        table = _Table(cameras)
+        for frame, result in _by_frame(results, frames, known):
+            boxes = result.boxes
+            if boxes is None:
+                raise QuadliftError(
+                    f'the result of frame "{known[frame]}" has no boxes; expected those of detection, segmentation or '
+                    "tracking"
+                )
+            classes = [result.names[int(k)] for k in _numpy(boxes.cls)]
+            tracks = None if boxes.id is None else _numpy(boxes.id).astype(np.int64)
+            table.add(frame, _numpy(boxes.xyxy), _numpy(boxes.conf), classes, tracks, None)
+        return cameras.with_detections(**table.arrays(), source=source)
 
 
 def _by_frame(
@@ -231,7 +237,7 @@ def _track(number: Any) -> str | None:
 class _Table:
     """Detections, gathered frame by frame, as arguments of `Scene.with_detections`."""
 
-    def __init__(self, cameras: Scene) -> None:
+    def __init__(self, cameras: SceneData) -> None:
         self.frame_ids = cameras.frame_ids
         self.frame: list[int] = []
         self.boxes: list[Any] = []

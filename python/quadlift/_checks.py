@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 
 Checked = TypeVar("Checked")
+Path = str | os.PathLike[str]
 Shape = tuple[int | str, ...]
 """A shape; letters stand for any length."""
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import html
 import json
-import os
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _checks, _core, _options, _rerun
+from . import _core, _options
 
 if TYPE_CHECKING:
     import pandas
     import pyarrow
     from numpy.typing import NDArray
-
-    from ._scene import Scene
+    from typing_extensions import Self
 
 _SHAPES = {
     "centers": (3,),
@@ -75,111 +72,8 @@ class Alternative:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimates:
-    """Estimates of N objects from M detections.
-
-    What an object does not have is NaN. There is a body where the status is ``"ok"`` or ``"inconsistent"``.
-
-    Attributes
-    ----------
-    object_ids : ndarray, shape (N,)
-        The objects: whole numbers or texts, as they were given. In ascending order where they were given as an array;
-        in the order of their first detections otherwise.
-    categories : list of str or None, length N
-        The category of most of the object's detections.
-    status : ndarray of str, shape (N,)
-        ``"ok"``, ``"inconsistent"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
-    centers : ndarray, shape (N, 3)
-        Centres in the world, whenever there is one.
-    semi_axes : ndarray, shape (N, 3)
-        Semi-axes of the ellipsoid that is tangent to the measurements, world units.
-    quaternions : ndarray, shape (N, 4)
-        Rotations of the objects, world from object: unit quaternions, w first.
-    rotations : ndarray, shape (N, 3, 3)
-        The same as matrices, whose columns are the axes in the order of ``semi_axes``.
-    enclosing_semi_axes, enclosing_centers : ndarray, shape (N, 3)
-        Semi-axes and centre of the larger ellipsoid that holds the real object. It is fitted on its own: its centre and
-        rotation are not those of the tangent one.
-    enclosing_quaternions : ndarray, shape (N, 4)
-        Its rotation, world from object: a unit quaternion, w first.
-    body_kinds : list of str or None, length N
-        The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"superellipsoid:Q"``.
-    body_axes, enclosing_body_axes : ndarray, shape (N, 3)
-        Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a
-        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one); and of the larger
-        body of the same kind that holds the real object.
-    covariances : ndarray, shape (N, 9, 9)
-        Covariances, in ``covariance_coordinates``.
-    covariance_coordinates : list of str or None, length N
-        ``"center_vech_shape"`` (centre, and vech of the shape matrix) for ellipsoids, else
-        ``"center_rotation_log_axes"``.
-    center_sd : ndarray, shape (N,)
-        Standard deviations of the centres per coordinate, world units.
-    views_used : ndarray of int, shape (N,)
-        Numbers of views that the estimates rest on.
-    rms_residuals : ndarray, shape (N,)
-        Root mean square residuals of the used views, pixels.
-    misfits : ndarray, shape (N,)
-        Root mean square residuals of the used views per degree of freedom, relative to half the size of the boxes; NaN
-        for other methods than ``"map"``.
-    misfit_deviations : ndarray, shape (N,)
-        The same in standard deviations of the scene's noise: about 1 where the object's boxes err like the others.
-    alternatives : list of list of Alternative, length N
-        Other bodies that fit the views about as well, the most probable first; sought for cuboids only. The covariance
-        holds the spread between the answers, and a warning says ``ambiguous``.
-    predicted_ious : ndarray, shape (N,)
-        With ``cross_validate=True``: how well the other views of an object predict the box of each of its views, the
-        mean IoU with the measured boxes; NaN where the others determine no body, as with two views.
-    odd_views : list of str or None, length N
-        With ``cross_validate=True``: the frame whose detection the other views contradict.
-    warnings : list of list of str, length N
-        What makes an estimate weak.
-    doubtful : list of str or None, length N
-        Where identities were found: why an object may not be one standing object.
-    object_indices : ndarray of int, shape (M,)
-        For each detection the row of its object, -1 where it shows none.
-    inliers : ndarray of bool, shape (M,)
-        Which detections count for their object; the others are outliers or took no part.
-    residuals : ndarray, shape (M,)
-        Root mean square distances between measured and predicted edges, pixels.
-    rejected_because : list of str or None, length M
-        Why a detection is an outlier: ``"residual"`` (it is farther from the body than the noise explains) or
-        ``"behind_camera"`` (the body does not lie wholly in front of the camera). None for all others.
-    body : str
-        The kind of body that was fitted, ``"mixed"`` where objects differ (see ``body_kinds``).
-    noise : dict
-        Noise levels that the residuals show, by name; empty for other methods than ``"map"``. Standard deviations:
-        ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
-        ellipses as shares of the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
-        ``ellipse_correlation`` are correlations between views that follow each other. ``edge_common`` and others that
-        end so are errors that the views of an object have in common, in units of the noise; ``residual_level`` and
-        ``residual_spread`` tell how much objects differ. These enter covariances only.
-    cross_validation : dict or None
-        How well left-out views are predicted, over the scene: `iou` (mean, of the predicted and the measured boxes),
-        `edge_error` (median, relative to half the box's size), the numbers of `views` and `objects`, and the `extent`:
-        ``"sample"``, or ``"all"`` with ``cross_validate=True``. None where no view can be left out.
-    calibration : dict or None
-        With ``calibration=...``: the number of `objects` with a known truth, the `results` and `truths`, and
-        `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared distance, in
-        units of the covariance, that holds the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and
-        ``"0.99"``; None where the objects are too few. The centre is that of the reported body.
-    skipped : dict
-        Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
-        where the lens cannot be undistorted), `without_measurement` (they lack what `measurements` asks for).
-    diagnosis : dict
-        Whether the scene agrees with itself: `consistent`, `score` (by how much of their half size boxes typically miss
-        their object; None where no object has two boxes) and `causes`, the usual mistakes that explain it, the best
-        first: `name`, `value`, `before` and `after` (the score, and the one with the mistake undone), `option` of the
-        program that mends it (a keyword of `Scene.corrected` too).
-    association : dict or None
-        What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
-        nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
-        `skipped` (by reason), `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
-    problems : list of str
-        Masks that could not be read.
-    seconds : float
-        The time that the library took, without the conversion of arrays.
-    """
+class EstimateArrays:
+    """The arrays of `Estimates`, which documents them."""
 
     object_ids: NDArray[Any]
     categories: list[str | None]
@@ -222,7 +116,7 @@ class Estimates:
     _localized: _core.Localized
 
     @classmethod
-    def _of(cls, localized: _core.Localized, ids: str = "found") -> Estimates:
+    def _of(cls, localized: _core.Localized, ids: str = "found") -> Self:
         """The arrays of a result; `ids` tells whether they are "numbers", "texts" (sorted both) or as "found"."""
         found = localized.arrays()
         names: list[str] = found["object_ids"]
@@ -286,14 +180,14 @@ class Estimates:
             _localized=localized,
         )._read_only()
 
-    def _read_only(self) -> Estimates:
+    def _read_only(self) -> Self:
         """The estimates, with arrays that cannot be changed in place: a result file would not change with them."""
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
         return self
 
-    def _warned(self, stacklevel: int) -> Estimates:
+    def _warned(self, stacklevel: int) -> Self:
         """The estimates, once a scene that does not agree with itself has been told."""
         warn_if_inconsistent(self.diagnosis, self._localized.diagnosis[1], stacklevel + 1)
         return self
@@ -383,61 +277,6 @@ class Estimates:
             }
         )
 
-    def to_scene(self) -> Scene:
-        """The cameras and frames with the estimates as objects, as the program writes it.
-
-        Returns
-        -------
-        Scene
-            Without detections, unless their identities were found.
-        """
-        from ._scene import Scene
-
-        return Scene(self._localized.to_scene())
-
-    def report(self, path: str | os.PathLike[str], truth: Scene | None = None, *, title: str = "quadlift") -> None:
-        """Writes a page that shows the result in any browser.
-
-        Parameters
-        ----------
-        path : path-like
-            The page, an HTML file.
-        truth : Scene, optional
-            A scene whose objects are the truth, shown beside the estimates, with their scores.
-        title : str
-            Title of the page.
-        """
-        of_truth = _checks.optional(_checks.scene, "truth", truth)
-        self._check_output(path, of_truth)
-        page = self._localized.report(_checks.text("title", title), of_truth)
-        _core.write_text(path, page)
-
-    def to_rerun(self, path: str | os.PathLike[str] | None = None, *, truth: Scene | None = None) -> None:
-        """Logs frames, detections and estimates with Rerun (https://rerun.io); needs its SDK.
-
-        Parameters
-        ----------
-        path : path-like, optional
-            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
-        truth : Scene, optional
-            A scene whose objects are the truth, logged beside the estimates.
-        """
-        given = self._localized.given
-        of_truth = _checks.optional(_checks.scene, "truth", truth)
-        if path is not None:
-            self._check_output(path, of_truth)
-        recorded = self._localized.recording(given.name or "quadlift", of_truth)
-        _rerun.log_recorded(recorded, given, path)
-
-    def _check_output(self, path: str | os.PathLike[str], truth: _core.Scene | None) -> None:
-        """Refuses to write over what was read."""
-        for scene in (self._localized.given, truth):
-            if scene is not None:
-                scene.check_output(path)
-
-    def _repr_html_(self) -> str:
-        return in_notebook(self._localized.report("quadlift", None))
-
 
 def _alternative(center: list[float], axes: list[float], quaternion: list[float], log_odds: float) -> Alternative:
     return Alternative(np.array(center), np.array(axes), np.array(quaternion), log_odds)
@@ -494,11 +333,3 @@ class Evaluation:
     found: dict[str, Any] | None
     identities: dict[str, Any] | None
     notes: list[str]
-
-
-def in_notebook(page: str) -> str:
-    """A page of HTML as it stands in the cell of a notebook."""
-    return (
-        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" loading="lazy" '
-        'style="width: 100%; height: 640px; border: 0"></iframe>'
-    )

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _options
-from ._estimates import Estimates
-from ._scene import Scene
+from ._scene import Estimates, Scene
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,21 +5,28 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict
 
 import numpy as np
 
 from . import _checks, _core
+from ._checks import Path
 from ._core import QuadliftError
 
 if TYPE_CHECKING:
-    from ._estimates import Estimates
-    from ._scene import Scene
+    from ._scene_data import SceneData
 
-Path = str | os.PathLike[str]
 Progress = Callable[[int, int], object]
 Ids = Literal["trust", "evidence", "ignore"]
 Segmenter = Literal["sca+cut", "sca", "graphcut", "masks", "box"]
+
+
+class Result(Protocol):
+    """What a localisation gives: `Estimates`."""
+
+    def to_scene(self) -> SceneData:
+        """The scene with the estimates as objects."""
+        ...
 
 
 class Prior(TypedDict, total=False):
@@ -72,7 +79,7 @@ class Options(TypedDict, total=False):
     sigmas: Mapping[str, float] | None
     """Noise levels, such as `Estimates.noise` of other detections of the same detector, instead of estimating them from
     all objects of the call. With them an object's estimate depends on its own views only."""
-    calibration: Sequence[tuple[Scene | Estimates, Scene]]
+    calibration: Sequence[tuple[SceneData | Result, SceneData]]
     """Results of the same detector, options and kind of scenes, each with a scene that holds its truth:
     `Estimates.calibration` then says how large regions must be to hold the truth as often as they promise."""
     accept_inconsistent: bool

@@ -1,25 +1,25 @@
-"""Scenes: posed frames, detections and objects, and what is done with them."""
+"""Scenes and what is done with them: above all, estimates."""
 
 from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from . import _adapters, _arrays, _checks, _core, _estimates, _options, _rerun
-from ._core import QuadliftError
+from . import _checks, _core, _estimates, _notebook, _options, _rerun
+from ._adapters import FromOtherPackages
+from ._estimates import EstimateArrays
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Unpack
 
-    from ._options import Path
+    from ._checks import Path
 
 
-class Scene:
+class Scene(FromOtherPackages):
     """Posed frames, detections in them, and objects (the truth, or estimates). A scene never changes.
 
     Make one with `read`, `from_arrays`, `from_colmap`, `from_coco`, `from_detections`, `from_supervision` or
@@ -27,205 +27,9 @@ class Scene:
     and what was expected.
     """
 
-    def __init__(self, core: _core.Scene) -> None:
-        self._core = core
-
-    # Files
-
-    @classmethod
-    def read(cls, path: Path) -> Scene:
-        """Reads a scene file.
-
-        Parameters
-        ----------
-        path : path-like
-            The file, JSON of the format ``quadlift.scene``.
-
-        Raises
-        ------
-        QuadliftError
-            Names the file, the place in it, what was found and what was expected.
-        """
-        return cls(_core.Scene.read(path))
-
-    @classmethod
-    def from_dict(cls, document: Mapping[str, Any]) -> Scene:
-        """The scene of a document as in a scene file; NumPy's numbers and arrays may stand for plain ones."""
-        try:
-            text = json.dumps(document, default=_plain)
-        except (TypeError, ValueError, RecursionError) as error:
-            raise QuadliftError(f"the document is no JSON: {error}") from error
-        return cls(_core.Scene.parse(text.encode(), ""))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The document of the scene file."""
-        document: dict[str, Any] = json.loads(self._core.to_json())
-        return document
-
-    def write(self, path: Path) -> None:
-        """Writes a scene file; paths of images and masks become absolute where it goes to another folder.
-
-        Parameters
-        ----------
-        path : path-like
-            The file. One that exists is replaced when the new one is complete.
-
-        Raises
-        ------
-        QuadliftError
-            Where the file is an image or a mask of the scene; or the file of the scene that was localised, where this
-            one holds its estimates, but not its detections.
-        """
-        self._core.write(path)
-
-    # Arrays
-
-    @classmethod
-    def from_arrays(
-        cls,
-        *,
-        projections: ArrayLike | None = None,
-        intrinsics: ArrayLike | None = None,
-        cam_from_world: ArrayLike | None = None,
-        image_sizes: ArrayLike | None = None,
-        frame_ids: Sequence[str] | None = None,
-        images: Sequence[str] | None = None,
-        name: str | None = None,
-        up: ArrayLike | None = None,
-        length_unit: str | None = None,
-    ) -> Scene:
-        """Posed frames; `with_detections` adds detections.
-
-        Parameters
-        ----------
-        projections : array_like, shape (F, 3, 4)
-            World to pixels. Either these, or `intrinsics` and `cam_from_world`.
-        intrinsics : array_like, shape (3, 3) or (F, 3, 3)
-            Pinhole cameras in pixels, one for all frames or one for each.
-        cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
-            Poses, world to camera, OpenCV's axes.
-        image_sizes : array_like, shape (2,) or (F, 2), optional
-            Width and height in pixels.
-        frame_ids : sequence of str, length F, optional
-            Names of the frames; "0", "1", ... without it.
-        images : sequence of str, length F, optional
-            Paths of the images, for `segment` and for pages.
-        name : str, optional
-            Name of the scene.
-        up : array_like, shape (3,), optional
-            World direction against gravity.
-        length_unit : str, optional
-            World unit, such as "m".
-        """
-        frames = _arrays.frames(
-            projections=projections,
-            intrinsics=intrinsics,
-            cam_from_world=cam_from_world,
-            image_sizes=image_sizes,
-            frame_ids=frame_ids,
-            images=images,
-            name=name,
-            up=up,
-            length_unit=length_unit,
-        )
-        return cls(_core.Scene.from_frames(frames))
-
-    def with_detections(
-        self,
-        *,
-        frame: ArrayLike,
-        boxes: ArrayLike | None = None,
-        ellipses: ArrayLike | None = None,
-        masks: Sequence[Any] | None = None,
-        object: ArrayLike | None = None,
-        scores: ArrayLike | None = None,
-        categories: ArrayLike | None = None,
-        source: str | None = None,
-    ) -> Scene:
-        """The scene with M more detections.
-
-        Parameters
-        ----------
-        frame : array_like of int, shape (M,)
-            Indices of the frames, 0 to F - 1.
-        boxes : array_like, shape (M, 4), optional
-            ``[x0, y0, x1, y1]`` in pixels; a row of NaN stands for none.
-        ellipses : array_like, shape (M, 5), optional
-            Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
-            stands for none. Each detection needs a box or an ellipse.
-        masks : sequence of (H, W) arrays or None, length M, optional
-            Non-zero where the object is.
-        object : array_like of int or str, shape (M,), optional
-            The objects; negative numbers, None and "" stand for unknown. A source shows each once in a frame at most.
-        scores : array_like, shape (M,), optional
-            Scores; NaN stands for none.
-        categories : array_like of int or str, shape (M,), optional
-            Categories, by number or name; as for objects, some stand for unknown.
-        source : str, optional
-            Name of the detector.
-        """
-        detections = _arrays.detections(
-            frame=frame,
-            boxes=boxes,
-            ellipses=ellipses,
-            masks=masks,
-            object=object,
-            scores=scores,
-            categories=categories,
-            source=source,
-        )
-        return Scene(self._core.with_detections(detections))
-
-    # From other packages: plain functions of `_adapters`, with their documentation
-
-    from_colmap = classmethod(_adapters.from_colmap)
-    from_detections = classmethod(_adapters.from_detections)
-    from_coco = classmethod(_adapters.from_coco)
-    from_supervision = classmethod(_adapters.from_supervision)
-    from_ultralytics = classmethod(_adapters.from_ultralytics)
-
-    # What it holds
-
-    def __reduce__(self) -> Any:
-        return _read_again, (self._core.to_json(), self._core.path)
-
-    def __len__(self) -> int:
-        """Number of detections."""
-        return len(self._core)
-
-    def __repr__(self) -> str:
-        name = f" {self.name!r}" if self.name else ""
-        counts = f"{len(self.frame_ids)} frames, {len(self)} detections, {self.objects} objects"
-        return f"<quadlift.Scene{name}: {counts}>"
-
-    @property
-    def name(self) -> str | None:
-        """Name of the scene."""
-        return self._core.name
-
-    @property
-    def length_unit(self) -> str | None:
-        """World unit."""
-        return self._core.length_unit
-
-    @property
-    def frame_ids(self) -> list[str]:
-        """Ids of the frames."""
-        return self._core.frame_ids
-
-    @property
-    def object_ids(self) -> list[str]:
-        """Ids of the objects that the detections name."""
-        return self._core.object_ids
-
-    @property
-    def objects(self) -> int:
-        """Number of objects in the file: the truth, or estimates."""
-        return self._core.objects
-
     # What to do with it
 
-    def localize(self, **options: Unpack[_options.Options]) -> _estimates.Estimates:
+    def localize(self, **options: Unpack[_options.Options]) -> Estimates:
         """Localises the objects, as the program does; see `quadlift.localize` for the options.
 
         Returns
@@ -234,7 +38,7 @@ class Scene:
             In the order of the objects' first detections.
         """
         keywords, threads, progress = _options.split(options, "Scene.localize")
-        return _estimates.Estimates._of(self._core.localize(keywords, threads, progress))._warned(2)
+        return Estimates._of(self._core.localize(keywords, threads, progress))._warned(2)
 
     def diagnose(self, *, source: str | None = None) -> dict[str, Any]:
         """Whether poses, cameras and boxes fit together, and if not, which of the usual mistakes explains it.
@@ -472,42 +276,163 @@ class Scene:
         scores = self._core.evaluate(_checks.scene("truth", truth), _checks.text("match", match), source)
         return _estimates.Evaluation(**json.loads(scores))
 
-    def report(self, path: Path, *, title: str | None = None) -> None:
-        """Writes a page that shows the scene in any browser.
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates(EstimateArrays):
+    """Estimates of N objects from M detections.
+
+    What an object does not have is NaN. There is a body where the status is ``"ok"`` or ``"inconsistent"``.
+
+    Attributes
+    ----------
+    object_ids : ndarray, shape (N,)
+        The objects: whole numbers or texts, as they were given. In ascending order where they were given as an array;
+        in the order of their first detections otherwise.
+    categories : list of str or None, length N
+        The category of most of the object's detections.
+    status : ndarray of str, shape (N,)
+        ``"ok"``, ``"inconsistent"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
+    centers : ndarray, shape (N, 3)
+        Centres in the world, whenever there is one.
+    semi_axes : ndarray, shape (N, 3)
+        Semi-axes of the ellipsoid that is tangent to the measurements, world units.
+    quaternions : ndarray, shape (N, 4)
+        Rotations of the objects, world from object: unit quaternions, w first.
+    rotations : ndarray, shape (N, 3, 3)
+        The same as matrices, whose columns are the axes in the order of ``semi_axes``.
+    enclosing_semi_axes, enclosing_centers : ndarray, shape (N, 3)
+        Semi-axes and centre of the larger ellipsoid that holds the real object. It is fitted on its own: its centre and
+        rotation are not those of the tangent one.
+    enclosing_quaternions : ndarray, shape (N, 4)
+        Its rotation, world from object: a unit quaternion, w first.
+    body_kinds : list of str or None, length N
+        The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"superellipsoid:Q"``.
+    body_axes, enclosing_body_axes : ndarray, shape (N, 3)
+        Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a
+        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one); and of the larger
+        body of the same kind that holds the real object.
+    covariances : ndarray, shape (N, 9, 9)
+        Covariances, in ``covariance_coordinates``.
+    covariance_coordinates : list of str or None, length N
+        ``"center_vech_shape"`` (centre, and vech of the shape matrix) for ellipsoids, else
+        ``"center_rotation_log_axes"``.
+    center_sd : ndarray, shape (N,)
+        Standard deviations of the centres per coordinate, world units.
+    views_used : ndarray of int, shape (N,)
+        Numbers of views that the estimates rest on.
+    rms_residuals : ndarray, shape (N,)
+        Root mean square residuals of the used views, pixels.
+    misfits : ndarray, shape (N,)
+        Root mean square residuals of the used views per degree of freedom, relative to half the size of the boxes; NaN
+        for other methods than ``"map"``.
+    misfit_deviations : ndarray, shape (N,)
+        The same in standard deviations of the scene's noise: about 1 where the object's boxes err like the others.
+    alternatives : list of list of Alternative, length N
+        Other bodies that fit the views about as well, the most probable first; sought for cuboids only. The covariance
+        holds the spread between the answers, and a warning says ``ambiguous``.
+    predicted_ious : ndarray, shape (N,)
+        With ``cross_validate=True``: how well the other views of an object predict the box of each of its views, the
+        mean IoU with the measured boxes; NaN where the others determine no body, as with two views.
+    odd_views : list of str or None, length N
+        With ``cross_validate=True``: the frame whose detection the other views contradict.
+    warnings : list of list of str, length N
+        What makes an estimate weak.
+    doubtful : list of str or None, length N
+        Where identities were found: why an object may not be one standing object.
+    object_indices : ndarray of int, shape (M,)
+        For each detection the row of its object, -1 where it shows none.
+    inliers : ndarray of bool, shape (M,)
+        Which detections count for their object; the others are outliers or took no part.
+    residuals : ndarray, shape (M,)
+        Root mean square distances between measured and predicted edges, pixels.
+    rejected_because : list of str or None, length M
+        Why a detection is an outlier: ``"residual"`` (it is farther from the body than the noise explains) or
+        ``"behind_camera"`` (the body does not lie wholly in front of the camera). None for all others.
+    body : str
+        The kind of body that was fitted, ``"mixed"`` where objects differ (see ``body_kinds``).
+    noise : dict
+        Noise levels that the residuals show, by name; empty for other methods than ``"map"``. Standard deviations:
+        ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
+        ellipses as shares of the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
+        ``ellipse_correlation`` are correlations between views that follow each other. ``edge_common`` and others that
+        end so are errors that the views of an object have in common, in units of the noise; ``residual_level`` and
+        ``residual_spread`` tell how much objects differ. These enter covariances only.
+    cross_validation : dict or None
+        How well left-out views are predicted, over the scene: `iou` (mean, of the predicted and the measured boxes),
+        `edge_error` (median, relative to half the box's size), the numbers of `views` and `objects`, and the `extent`:
+        ``"sample"``, or ``"all"`` with ``cross_validate=True``. None where no view can be left out.
+    calibration : dict or None
+        With ``calibration=...``: the number of `objects` with a known truth, the `results` and `truths`, and
+        `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared distance, in
+        units of the covariance, that holds the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and
+        ``"0.99"``; None where the objects are too few. The centre is that of the reported body.
+    skipped : dict
+        Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
+        where the lens cannot be undistorted), `without_measurement` (they lack what `measurements` asks for).
+    diagnosis : dict
+        Whether the scene agrees with itself: `consistent`, `score` (by how much of their half size boxes typically miss
+        their object; None where no object has two boxes) and `causes`, the usual mistakes that explain it, the best
+        first: `name`, `value`, `before` and `after` (the score, and the one with the mistake undone), `option` of the
+        program that mends it (a keyword of `Scene.corrected` too).
+    association : dict or None
+        What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
+        nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
+        `skipped` (by reason), `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
+    problems : list of str
+        Masks that could not be read.
+    seconds : float
+        The time that the library took, without the conversion of arrays.
+    """
+
+    def to_scene(self) -> Scene:
+        """The cameras and frames with the estimates as objects, as the program writes it.
+
+        Returns
+        -------
+        Scene
+            Without detections, unless their identities were found.
+        """
+        return Scene(self._localized.to_scene())
+
+    def report(self, path: Path, truth: Scene | None = None, *, title: str = "quadlift") -> None:
+        """Writes a page that shows the result in any browser.
 
         Parameters
         ----------
         path : path-like
-            The page, an HTML file; not the file of the scene, nor one of its images or masks.
-        title : str, optional
-            Its title; the name of the scene without it.
+            The page, an HTML file.
+        truth : Scene, optional
+            A scene whose objects are the truth, shown beside the estimates, with their scores.
+        title : str
+            Title of the page.
         """
-        self._core.check_output(path)
-        _core.write_text(path, self._core.report(_checks.text("title", title or self.name or "quadlift")))
+        of_truth = _checks.optional(_checks.scene, "truth", truth)
+        self._check_output(path, of_truth)
+        page = self._localized.report(_checks.text("title", title), of_truth)
+        _core.write_text(path, page)
 
-    def to_rerun(self, path: Path | None = None) -> None:
-        """Logs frames, detections and objects with Rerun (https://rerun.io); needs its SDK.
+    def to_rerun(self, path: Path | None = None, *, truth: Scene | None = None) -> None:
+        """Logs frames, detections and estimates with Rerun (https://rerun.io); needs its SDK.
 
         Parameters
         ----------
         path : path-like, optional
             A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+        truth : Scene, optional
+            A scene whose objects are the truth, logged beside the estimates.
         """
+        given = self._localized.given
+        of_truth = _checks.optional(_checks.scene, "truth", truth)
         if path is not None:
-            self._core.check_output(path)
-        _rerun.log_recorded(self._core.recording(self.name or "quadlift"), self._core, path)
+            self._check_output(path, of_truth)
+        recorded = self._localized.recording(given.name or "quadlift", of_truth)
+        _rerun.log_recorded(recorded, given, path)
+
+    def _check_output(self, path: Path, truth: _core.Scene | None) -> None:
+        """Refuses to write over what was read."""
+        for scene in (self._localized.given, truth):
+            if scene is not None:
+                scene.check_output(path)
 
     def _repr_html_(self) -> str:
-        return _estimates.in_notebook(self._core.report(self.name or "quadlift"))
-
-
-def _read_again(text: str, path: Path) -> Scene:
-    """A scene that was pickled."""
-    return Scene(_core.Scene.parse(text.encode(), path))
-
-
-def _plain(value: Any) -> Any:
-    """NumPy's numbers and arrays as plain ones."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    raise TypeError(f"found a {type(value).__name__}")
+        return _notebook.in_notebook(self._localized.report("quadlift", None))

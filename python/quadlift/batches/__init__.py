@@ -19,7 +19,7 @@ import numpy as np
 from .. import _checks
 from .._arrow import pa, pc
 from .._core import QuadliftError
-from .._estimates import Estimates
+from .._estimates import EstimateArrays
 from . import _tables
 from ._cameras import Cameras
 from ._detections import (
@@ -239,7 +239,7 @@ def _sparse(texts: Mapping[int, str], count: int) -> Any:
     return pa.array(values, pa.string())
 
 
-def _localized(cameras: Cameras, detections: Detections, names: list[str], settings: Settings) -> Estimates:
+def _localized(cameras: Cameras, detections: Detections, names: list[str], settings: Settings) -> EstimateArrays:
     """The estimates of objects, whose names may repeat, in their order."""
     used, frame = np.unique(detections.camera, return_inverse=True)
     # What is not known to be hidden is not: other boxes of the frame may be in other batches.
@@ -247,7 +247,7 @@ def _localized(cameras: Cameras, detections: Detections, names: list[str], setti
     if detections.hidden is not None:
         hidden = (detections.hidden[:, np.newaxis] & EDGES) != 0
     of_core = detections.dictionary(frame.astype(np.int64), names, hidden)
-    return Estimates._of(settings.localized(cameras.frames(used), of_core))
+    return EstimateArrays._of(settings.localized(cameras.frames(used), of_core))
 
 
 def _estimates(
@@ -353,5 +353,5 @@ def _scene(cameras: Cameras, used: NDArray[np.int64], detections: Detections, se
     if not len(detections.row):
         return schema().empty_table()
     of_core = detections.dictionary(np.searchsorted(used, detections.camera), None, None)
-    estimates = Estimates._of(settings.localized(cameras.frames(used), of_core)).to_arrow()
+    estimates = EstimateArrays._of(settings.localized(cameras.frames(used), of_core)).to_arrow()
     return estimates.append_column("problem", pa.nulls(len(estimates), pa.string()))

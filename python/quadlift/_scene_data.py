@@ -1,0 +1,252 @@
+"""Posed frames, detections and objects as data: files, arrays, pages."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _arrays, _checks, _core, _notebook, _rerun
+from ._core import QuadliftError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from typing_extensions import Self
+
+    from ._checks import Path
+
+
+class SceneData:
+    """What a `Scene` holds; it never changes."""
+
+    def __init__(self, core: _core.Scene) -> None:
+        self._core = core
+
+    # Files
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Reads a scene file.
+
+        Parameters
+        ----------
+        path : path-like
+            The file, JSON of the format ``quadlift.scene``.
+
+        Raises
+        ------
+        QuadliftError
+            Names the file, the place in it, what was found and what was expected.
+        """
+        return cls(_core.Scene.read(path))
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Self:
+        """The scene of a document as in a scene file; NumPy's numbers and arrays may stand for plain ones."""
+        try:
+            text = json.dumps(document, default=_plain)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise QuadliftError(f"the document is no JSON: {error}") from error
+        return cls(_core.Scene.parse(text.encode(), ""))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document of the scene file."""
+        document: dict[str, Any] = json.loads(self._core.to_json())
+        return document
+
+    def write(self, path: Path) -> None:
+        """Writes a scene file; paths of images and masks become absolute where it goes to another folder.
+
+        Parameters
+        ----------
+        path : path-like
+            The file. One that exists is replaced when the new one is complete.
+
+        Raises
+        ------
+        QuadliftError
+            Where the file is an image or a mask of the scene; or the file of the scene that was localised, where this
+            one holds its estimates, but not its detections.
+        """
+        self._core.write(path)
+
+    # Arrays
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        projections: ArrayLike | None = None,
+        intrinsics: ArrayLike | None = None,
+        cam_from_world: ArrayLike | None = None,
+        image_sizes: ArrayLike | None = None,
+        frame_ids: Sequence[str] | None = None,
+        images: Sequence[str] | None = None,
+        name: str | None = None,
+        up: ArrayLike | None = None,
+        length_unit: str | None = None,
+    ) -> Self:
+        """Posed frames; `with_detections` adds detections.
+
+        Parameters
+        ----------
+        projections : array_like, shape (F, 3, 4)
+            World to pixels. Either these, or `intrinsics` and `cam_from_world`.
+        intrinsics : array_like, shape (3, 3) or (F, 3, 3)
+            Pinhole cameras in pixels, one for all frames or one for each.
+        cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
+            Poses, world to camera, OpenCV's axes.
+        image_sizes : array_like, shape (2,) or (F, 2), optional
+            Width and height in pixels.
+        frame_ids : sequence of str, length F, optional
+            Names of the frames; "0", "1", ... without it.
+        images : sequence of str, length F, optional
+            Paths of the images, for `segment` and for pages.
+        name : str, optional
+            Name of the scene.
+        up : array_like, shape (3,), optional
+            World direction against gravity.
+        length_unit : str, optional
+            World unit, such as "m".
+        """
+        frames = _arrays.frames(
+            projections=projections,
+            intrinsics=intrinsics,
+            cam_from_world=cam_from_world,
+            image_sizes=image_sizes,
+            frame_ids=frame_ids,
+            images=images,
+            name=name,
+            up=up,
+            length_unit=length_unit,
+        )
+        return cls(_core.Scene.from_frames(frames))
+
+    def with_detections(
+        self,
+        *,
+        frame: ArrayLike,
+        boxes: ArrayLike | None = None,
+        ellipses: ArrayLike | None = None,
+        masks: Sequence[Any] | None = None,
+        object: ArrayLike | None = None,
+        scores: ArrayLike | None = None,
+        categories: ArrayLike | None = None,
+        source: str | None = None,
+    ) -> Self:
+        """The scene with M more detections.
+
+        Parameters
+        ----------
+        frame : array_like of int, shape (M,)
+            Indices of the frames, 0 to F - 1.
+        boxes : array_like, shape (M, 4), optional
+            ``[x0, y0, x1, y1]`` in pixels; a row of NaN stands for none.
+        ellipses : array_like, shape (M, 5), optional
+            Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
+            stands for none. Each detection needs a box or an ellipse.
+        masks : sequence of (H, W) arrays or None, length M, optional
+            Non-zero where the object is.
+        object : array_like of int or str, shape (M,), optional
+            The objects; negative numbers, None and "" stand for unknown. A source shows each once in a frame at most.
+        scores : array_like, shape (M,), optional
+            Scores; NaN stands for none.
+        categories : array_like of int or str, shape (M,), optional
+            Categories, by number or name; as for objects, some stand for unknown.
+        source : str, optional
+            Name of the detector.
+        """
+        detections = _arrays.detections(
+            frame=frame,
+            boxes=boxes,
+            ellipses=ellipses,
+            masks=masks,
+            object=object,
+            scores=scores,
+            categories=categories,
+            source=source,
+        )
+        return type(self)(self._core.with_detections(detections))
+
+    # What it holds
+
+    def __reduce__(self) -> Any:
+        return _read_again, (type(self), self._core.to_json(), self._core.path)
+
+    def __len__(self) -> int:
+        """Number of detections."""
+        return len(self._core)
+
+    def __repr__(self) -> str:
+        name = f" {self.name!r}" if self.name else ""
+        counts = f"{len(self.frame_ids)} frames, {len(self)} detections, {self.objects} objects"
+        return f"<quadlift.Scene{name}: {counts}>"
+
+    @property
+    def name(self) -> str | None:
+        """Name of the scene."""
+        return self._core.name
+
+    @property
+    def length_unit(self) -> str | None:
+        """World unit."""
+        return self._core.length_unit
+
+    @property
+    def frame_ids(self) -> list[str]:
+        """Ids of the frames."""
+        return self._core.frame_ids
+
+    @property
+    def object_ids(self) -> list[str]:
+        """Ids of the objects that the detections name."""
+        return self._core.object_ids
+
+    @property
+    def objects(self) -> int:
+        """Number of objects in the file: the truth, or estimates."""
+        return self._core.objects
+
+    # Pages
+
+    def report(self, path: Path, *, title: str | None = None) -> None:
+        """Writes a page that shows the scene in any browser.
+
+        Parameters
+        ----------
+        path : path-like
+            The page, an HTML file; not the file of the scene, nor one of its images or masks.
+        title : str, optional
+            Its title; the name of the scene without it.
+        """
+        self._core.check_output(path)
+        _core.write_text(path, self._core.report(_checks.text("title", title or self.name or "quadlift")))
+
+    def to_rerun(self, path: Path | None = None) -> None:
+        """Logs frames, detections and objects with Rerun (https://rerun.io); needs its SDK.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+        """
+        if path is not None:
+            self._core.check_output(path)
+        _rerun.log_recorded(self._core.recording(self.name or "quadlift"), self._core, path)
+
+    def _repr_html_(self) -> str:
+        return _notebook.in_notebook(self._core.report(self.name or "quadlift"))
+
+
+def _read_again(cls: type[SceneData], text: str, path: Path) -> SceneData:
+    """A scene that was pickled."""
+    return cls(_core.Scene.parse(text.encode(), path))
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers and arrays as plain ones."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"found a {type(value).__name__}")
