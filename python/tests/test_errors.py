@@ -94,7 +94,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "no objects": ({"object": -np.ones(10, int), "associate": "never"}, "10 detections name no object"),
     "method": ({"method": "magic"}, 'method is "magic"; expected one of "map", "planes"'),
     "body": ({"body": "ball"}, 'body is "ball"; expected "auto", "ellipsoid"'),
-    "exponent": ({"body": "superellipsoid:3"}, "the support exponent of a superellipsoid is 3"),
+    "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
     "method of a body": ({"method": "lfd", "body": "cuboid"}, "only the method map fits bodies other than ellipsoids"),
     "method of priors": ({"method": "lfd", "priors": "builtin"}, 'priors is an argument of method="map" only'),
     "lambda": ({"reg_lambda": 1.0}, 'reg_lambda is an argument of method="reg" only'),
