@@ -23,3 +23,6 @@ if command -v timeout >/dev/null; then
     limit=(timeout --verbose --kill-after=30 "${QUADLIFT_TEST_MINUTES:-90}m")
 fi
 "${limit[@]}" cargo test --workspace "${features[@]}" --locked --no-fail-fast "$@"
+if [ $# -eq 0 ]; then
+    scripts/test_examples.sh
+fi
