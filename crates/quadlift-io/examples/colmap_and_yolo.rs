@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 
-use quadlift_io::read::colmap::read_colmap;
+use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::detections::yolo::{YoloOptions, read_yolo};
 use quadlift_io::read::detections::{AddOptions, add_detections};
 use quadlift_io::write_scene_file;
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [model, labels, output] = arguments.as_slice() else {
         return Err("usage: colmap_and_yolo MODEL LABELS OUT.json".into());
     };
-    let import = read_colmap(model)?;
+    let import = read_colmap(model, DEFAULT_POINTS)?;
     let mut scene = import.scene;
     let detections = read_yolo(labels, &YoloOptions::default())?;
     // Label files and images are matched by their names.

@@ -35,6 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         truth: None,
         source: None,
         scores: None,
+        points: &[],
     };
     let report = report(&content)?;
     std::fs::write(html, page(&report)?)?;
