@@ -131,7 +131,7 @@ fn draw(crop: &Crop, found: Option<&Found>) -> RgbImage {
     let small = RgbImage::from_fn(grid, grid, |x, y| Rgb(colors[(y * grid + x) as usize]));
     let mut drawing = resize(&small, width, height, FilterType::Triangle);
     let scale = Vector2::new(f64::from(width), f64::from(height)).component_div(&size);
-    let corner = Vector2::new(window.x0, window.y0);
+    let corner = Vector2::new(window.x0(), window.y0());
     draw_ellipse(&mut drawing, &Ellipse::inscribed_in(crop.bounding_box()), &corner, &scale, BOX_ELLIPSE);
     let Some(found) = found else { return drawing };
     let inside = |x: i64, y: i64| {
@@ -150,12 +150,12 @@ fn draw(crop: &Crop, found: Option<&Found>) -> RgbImage {
 }
 
 fn draw_ellipse(image: &mut RgbImage, ellipse: &Ellipse, corner: &Vector2<f64>, scale: &Vector2<f64>, color: Rgb<u8>) {
-    let axis = Vector2::new(ellipse.angle.cos(), ellipse.angle.sin());
+    let axis = Vector2::new(ellipse.angle().cos(), ellipse.angle().sin());
     let other = Vector2::new(-axis.y, axis.x);
     const POINTS: usize = 1000;
     for k in 0..POINTS {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / POINTS as f64).sin_cos();
-        let point = ellipse.center + axis * (ellipse.semi_axes.x * cos) + other * (ellipse.semi_axes.y * sin);
+        let point = ellipse.center() + axis * (ellipse.semi_axes().x * cos) + other * (ellipse.semi_axes().y * sin);
         let place = (point - corner).component_mul(scale);
         if place.min() >= 0.0 && place.x < f64::from(image.width()) && place.y < f64::from(image.height()) {
             image.put_pixel(place.x as u32, place.y as u32, color);

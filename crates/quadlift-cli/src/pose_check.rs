@@ -53,7 +53,7 @@ fn objects(scene: &Scene) -> Vec<Seen> {
                 .filter_map(|&index| {
                     let detection = &scene.detections[index as usize];
                     let ellipse = scene.view(detection).ellipse_or_inscribed()?;
-                    Some((detection.frame_index as usize, ellipse.center))
+                    Some((detection.frame_index as usize, ellipse.center()))
                 })
                 .collect();
             if views.len() >= FEWEST_VIEWS {

@@ -154,8 +154,15 @@ fn detections_by_frame(
         let view = object.and_then(|index| views.remove(&(index, frame)));
         let list = &mut detections[frame];
         if let Some(e) = &detection.ellipse {
-            let (center, axes) = (e.center.map(tenths), e.semi_axes.map(tenths));
-            list.ellipses.push((list.object.len(), center.x, center.y, axes.x, axes.y, (1e4 * e.angle).round() / 1e4));
+            let (center, axes) = (e.center().map(tenths), e.semi_axes().map(tenths));
+            list.ellipses.push((
+                list.object.len(),
+                center.x,
+                center.y,
+                axes.x,
+                axes.y,
+                (1e4 * e.angle()).round() / 1e4,
+            ));
         }
         list.push(
             Some(detection_index),

@@ -29,10 +29,10 @@ pub fn outline(projection: &Projection, body: &Body) -> Option<Outline> {
 
 /// Points on an ellipse, round about.
 pub fn ellipse_points(ellipse: &Ellipse) -> Vec<Vector2<f64>> {
-    let turn = rotation(ellipse.angle);
+    let turn = rotation(ellipse.angle());
     let point = |k: usize| {
         let (sin, cos) = (TAU * k as f64 / POINTS as f64).sin_cos();
-        ellipse.center + turn * Vector2::new(ellipse.semi_axes.x * cos, ellipse.semi_axes.y * sin)
+        ellipse.center() + turn * Vector2::new(ellipse.semi_axes().x * cos, ellipse.semi_axes().y * sin)
     };
     (0..POINTS).map(point).collect()
 }
@@ -124,9 +124,9 @@ mod tests {
         let polygon = tangent_polygon(&camera(), &body).unwrap();
         let ellipsoid = Ellipsoid { center: body.center, semi_axes: body.semi_axes, rotation: body.rotation };
         let ellipse = project_ellipsoid(&camera(), &ellipsoid).unwrap();
-        let turn = rotation(-ellipse.angle);
+        let turn = rotation(-ellipse.angle());
         for corner in &polygon {
-            let radius = (turn * (corner - ellipse.center)).component_div(&ellipse.semi_axes).norm();
+            let radius = (turn * (corner - ellipse.center())).component_div(&ellipse.semi_axes()).norm();
             // Corners of a polygon about a curve lie a little outside.
             assert!((1.0 - 1e-9..1.01).contains(&radius), "{radius}");
         }

@@ -104,7 +104,7 @@ impl Mask {
     /// The tight box of the object's pixel squares; `None` when there are none.
     pub fn bounding_box(&self) -> Option<BoundingBox> {
         let [x0, y0, x1, y1] = self.extent()?.map(f64::from);
-        Some(BoundingBox { x0, y0, x1, y1 })
+        BoundingBox::new([x0, y0, x1, y1]).ok()
     }
 
     /// The same pixels in another window `[x0, y0, x1, y1]` (end not included) of the image; pixels outside of it are

@@ -215,7 +215,7 @@ fn view(crop: &Crop, labelled: Labelled, fall_back: bool) -> ViewSegmentation {
     let on_grid = Mask { origin: [0, 0], width: grid as u32, height: grid as u32, inside };
     let window = crop.window();
     let ellipse = Moments::of_mask(&on_grid, PixelTerm::Centers)
-        .and_then(|moments| moments.mapped(&crop.scale(), &Vector2::new(window.x0, window.y0)).ellipse());
+        .and_then(|moments| moments.mapped(&crop.scale(), &Vector2::new(window.x0(), window.y0())).ellipse());
     match ellipse {
         Some(ellipse) => ViewSegmentation {
             mask: crop.mask_in_image(&on_grid.inside),
@@ -233,7 +233,7 @@ fn of_box(crop: &Crop, status: SegmentStatus) -> ViewSegmentation {
     let grid = crop.grid();
     let inside: Vec<bool> = (0..grid * grid)
         .map(|i| crop.to_image(&Vector2::new((i % grid) as f64 + 0.5, (i / grid) as f64 + 0.5)))
-        .map(|place| (place - ellipse.center).component_div(&(crop.bounding_box().size() * 0.5)).norm() <= 1.0)
+        .map(|place| (place - ellipse.center()).component_div(&(crop.bounding_box().size() * 0.5)).norm() <= 1.0)
         .collect();
     ViewSegmentation { mask: crop.mask_in_image(&inside), ellipse, confidence: 0.0, status }
 }

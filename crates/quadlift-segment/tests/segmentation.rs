@@ -27,7 +27,7 @@ fn noise(x: u32, y: u32, salt: u32) -> f64 {
 fn view(ellipse: &Ellipse, salt: u32) -> RgbImage {
     let inverse = ellipse.shape().try_inverse().unwrap();
     RgbImage::from_fn(320, 240, |x, y| {
-        let d = Vector2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - ellipse.center;
+        let d = Vector2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - ellipse.center();
         let color = if d.dot(&(inverse * d)) <= 1.0 {
             if x / 4 % 2 == 0 { [210.0, 120.0, 40.0] } else { [180.0, 90.0, 50.0] }
         } else if noise(x / 16, y / 16, 7) < 0.5 {
@@ -61,9 +61,9 @@ fn with(method: SegmentMethod) -> SegmentOptions {
 
 fn is_finite(view: &ViewSegmentation) -> bool {
     let e = &view.ellipse;
-    e.center.iter().chain(&e.semi_axes).all(|x| x.is_finite())
-        && e.semi_axes.min() > 0.0
-        && e.angle.is_finite()
+    e.center().iter().chain(&e.semi_axes()).all(|x| x.is_finite())
+        && e.semi_axes().min() > 0.0
+        && e.angle().is_finite()
         && (0.0..=1.0).contains(&view.confidence)
 }
 
@@ -78,8 +78,8 @@ fn an_object_of_two_colours_is_found() {
             let iou = ellipse_iou(&view.ellipse, truth);
             assert!(iou > 0.93, "{method:?}: {iou}");
             // sin of the difference: an angle and its opposite are the same.
-            assert!((view.ellipse.angle - truth.angle).sin().abs() < 0.05, "{method:?}: {view:?}");
-            let area = std::f64::consts::PI * truth.semi_axes.product();
+            assert!((view.ellipse.angle() - truth.angle()).sin().abs() < 0.05, "{method:?}: {view:?}");
+            let area = std::f64::consts::PI * truth.semi_axes().product();
             assert!((view.mask.count() as f64 / area - 1.0).abs() < 0.08, "{method:?}: {}", view.mask.count());
             assert!(view.confidence > 0.6);
         }
@@ -179,7 +179,7 @@ fn what_lies_outside_of_the_image_is_not_in_the_mask() {
     let crop = Crop::cut(&view(&ellipse, 1), &ellipse.bounding_box(), &CropOptions::default()).unwrap();
     let found = &segment_object(&[crop], &SegmentOptions { fall_back: false, ..Default::default() }).unwrap()[0];
     // The centre of the visible part, not of the whole.
-    assert!(found.ellipse.center.x > 25.0, "{found:?}");
+    assert!(found.ellipse.center().x > 25.0, "{found:?}");
     assert!((f64::from(found.mask.extent().unwrap()[2]) - 70.0).abs() < 3.0);
 }
 

@@ -200,11 +200,11 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
         let (Some(b), Some(size)) = (in_image, scene.frames[detection.frame_index as usize].image_size) else {
             continue;
         };
-        if b.x1 <= 0.0 || b.y1 <= 0.0 || b.x0 >= size.x || b.y0 >= size.y {
+        if b.x1() <= 0.0 || b.y1() <= 0.0 || b.x0() >= size.x || b.y0() >= size.y {
             outside += 1;
-        } else if b.x0.min(b.y0) < -OUTSIDE_TOLERANCE
-            || b.x1 > size.x + OUTSIDE_TOLERANCE
-            || b.y1 > size.y + OUTSIDE_TOLERANCE
+        } else if b.x0().min(b.y0()) < -OUTSIDE_TOLERANCE
+            || b.x1() > size.x + OUTSIDE_TOLERANCE
+            || b.y1() > size.y + OUTSIDE_TOLERANCE
         {
             beyond += 1;
         }

@@ -152,7 +152,7 @@ fn with_scale_jump(scene: &Scene, factor: f64) -> Option<Scene> {
 
 fn with_mixed_ids(scene: &Scene) -> Option<Scene> {
     let mut wrong = scene.clone().into_parts();
-    let left = |d: &Detection| d.bounding_box.map_or(0.0, |b| b.x0);
+    let left = |d: &Detection| d.bounding_box.map_or(0.0, |b| b.x0());
     wrong.detections.sort_by(|a, b| a.frame_index.cmp(&b.frame_index).then(left(a).total_cmp(&left(b))));
     let (mut frame, mut next) = (u32::MAX, 0);
     for detection in &mut wrong.detections {

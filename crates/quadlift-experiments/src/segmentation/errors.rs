@@ -28,14 +28,14 @@ impl ViewErrors {
     /// The errors of a view; none where the true mask has no ellipse.
     pub fn of(view: &ViewSegmentation, truth: &Mask) -> Option<Self> {
         let true_ellipse: Ellipse = Moments::of_mask(truth, PixelTerm::Centers)?.ellipse()?;
-        let (axes, found) = (true_ellipse.semi_axes, view.ellipse.semi_axes);
+        let (axes, found) = (true_ellipse.semi_axes(), view.ellipse.semi_axes());
         let turn = (long_axis(&view.ellipse) - long_axis(&true_ellipse)).rem_euclid(std::f64::consts::PI);
         let angle = turn.min(std::f64::consts::PI - turn).to_degrees();
         Some(Self {
             mask_iou: view.mask.iou(truth),
             ellipse_iou: ellipse_iou(&view.ellipse, &true_ellipse),
             angle: (axes.max() > ROUND * axes.min()).then_some(angle),
-            center: (view.ellipse.center - true_ellipse.center).norm() / (axes.x * axes.y).sqrt(),
+            center: (view.ellipse.center() - true_ellipse.center()).norm() / (axes.x * axes.y).sqrt(),
             log_area: ((found.x * found.y) / (axes.x * axes.y)).ln().abs(),
             fell_back: matches!(view.status, SegmentStatus::FellBack(_)),
         })
@@ -44,8 +44,8 @@ impl ViewErrors {
 
 /// The direction of the longer axis.
 fn long_axis(ellipse: &Ellipse) -> f64 {
-    let turned = ellipse.semi_axes.y > ellipse.semi_axes.x;
-    if turned { ellipse.angle + std::f64::consts::FRAC_PI_2 } else { ellipse.angle }
+    let turned = ellipse.semi_axes().y > ellipse.semi_axes().x;
+    if turned { ellipse.angle() + std::f64::consts::FRAC_PI_2 } else { ellipse.angle() }
 }
 
 /// Columns of the table of masks, after method and setting.

@@ -219,7 +219,7 @@ pub struct EllipseRecord {
 
 impl From<Ellipse> for EllipseRecord {
     fn from(ellipse: Ellipse) -> Self {
-        let Ellipse { center, semi_axes, angle } = ellipse;
+        let (center, semi_axes, angle) = (ellipse.center(), ellipse.semi_axes(), ellipse.angle());
         Self { center: center.into(), semi_axes: semi_axes.into(), angle, extra: Map::new() }
     }
 }

@@ -44,7 +44,7 @@ pub fn coco(scene: &CheckedScene, only_detected: bool) -> Document {
                 "id": index + 1,
                 "image_id": seen.frame_index + 1,
                 "category_id": category_indices[object.category_name()] + 1,
-                "bbox": [corner.x0, corner.y0, size.x, size.y],
+                "bbox": [corner.x0(), corner.y0(), size.x, size.y],
                 "area": size.x * size.y,
                 "iscrowd": 0,
                 "segmentation": [],
@@ -91,7 +91,7 @@ mod tests {
         assert_eq!((&last["image_id"], &last["category_id"], &last["track_id"]), (&json!(2), &json!(3), &json!(3)));
         let expected = project_bounding_box(&scene.scene.frames[1].projection, &scene.objects[2].body).unwrap();
         let bbox: [f64; 4] = serde_json::from_value(last["bbox"].clone()).unwrap();
-        assert!((bbox[0] + bbox[2] - expected.x1).abs() < 1e-9 && (bbox[1] - expected.y0).abs() < 1e-9);
+        assert!((bbox[0] + bbox[2] - expected.x1()).abs() < 1e-9 && (bbox[1] - expected.y0()).abs() < 1e-9);
         assert_eq!(last["area"].as_f64().unwrap(), bbox[2] * bbox[3]);
         assert_eq!(coco(&scene, true).counts[1], ("box", 3));
     }

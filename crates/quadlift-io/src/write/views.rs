@@ -82,7 +82,7 @@ mod tests {
             let seen = seen(&file, false);
             let first = seen.iter().find(|s| (s.frame_index, s.object_index) == (0, 0));
             assert_eq!(seen.iter().filter(|s| s.frame_index == 0).count(), count - 3, "{center:?}");
-            assert_eq!(first.map(|s| s.bounding_box.x0), (count == 6).then_some(x0), "{center:?}");
+            assert_eq!(first.map(|s| s.bounding_box.x0()), (count == 6).then_some(x0), "{center:?}");
         }
     }
 
@@ -94,8 +94,8 @@ mod tests {
         file.cameras[0].params = vec![500.0, 320.0, 240.0, -0.5];
         let bent = seen(&file, false)[0].bounding_box;
         // The right edge is at x = 1.5 of about 10.5: the lens moves it towards the middle by 0.5 r^2 of its distance.
-        let r = (straight.x1 - 320.0) / 500.0;
-        assert!((bent.x1 - (320.0 + 500.0 * r * (1.0 - 0.5 * r * r))).abs() < 0.5, "{straight:?} {bent:?}");
+        let r = (straight.x1() - 320.0) / 500.0;
+        assert!((bent.x1() - (320.0 + 500.0 * r * (1.0 - 0.5 * r * r))).abs() < 0.5, "{straight:?} {bent:?}");
     }
 
     #[test]

@@ -177,7 +177,7 @@ impl Picture<'_> {
             }
         }
         for &(row, x, y, a, b, angle) in &detections.ellipses {
-            let ellipse = Ellipse { center: Vector2::new(x, y), semi_axes: Vector2::new(a, b), angle };
+            let Ok(ellipse) = Ellipse::new(Vector2::new(x, y), Vector2::new(a, b), angle) else { continue };
             let mut points = ellipse_points(&ellipse);
             points.push(points[0]);
             lines.push((row, points));

@@ -262,8 +262,8 @@ fn window(solid: &Solid, projection: &Projection, frame: &SyntheticFrame) -> Opt
     match solid.bounds(projection) {
         Ok(bounds) => {
             let clip = |x: f64, size: u32| x.clamp(0.0, f64::from(size)) as u32;
-            let [x0, y0] = [clip(bounds.x0.floor(), frame.width), clip(bounds.y0.floor(), frame.height)];
-            let [x1, y1] = [clip(bounds.x1.ceil(), frame.width), clip(bounds.y1.ceil(), frame.height)];
+            let [x0, y0] = [clip(bounds.x0().floor(), frame.width), clip(bounds.y0().floor(), frame.height)];
+            let [x1, y1] = [clip(bounds.x1().ceil(), frame.width), clip(bounds.y1().ceil(), frame.height)];
             (x0 < x1 && y0 < y1).then_some([x0, y0, x1, y1])
         }
         Err(ProjectionError::StraddlesCameraPlane) => Some([0, 0, frame.width, frame.height]),

@@ -58,7 +58,7 @@ fn a_lone_ellipsoid_is_where_its_projection_is() {
             let exact = project_ellipsoid(projection, &body.ellipsoid()).unwrap();
             let mask = rendered.labels[frame].mask(1);
             let fitted = Moments::of_mask(&mask, PixelTerm::Centers).unwrap().ellipse().unwrap();
-            assert!((fitted.center - exact.center).norm() < 0.1);
+            assert!((fitted.center() - exact.center()).norm() < 0.1);
             assert!((fitted.shape() - exact.shape()).norm() < 5e-3 * exact.shape().norm());
             seen_whole += 1;
         }

@@ -17,14 +17,10 @@ pub enum BoundingBoxError {
 /// An axis-aligned box by its edges, in pixels (origin at the top-left corner of the image).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoundingBox {
-    /// Left edge.
-    pub x0: f64,
-    /// Top edge.
-    pub y0: f64,
-    /// Right edge.
-    pub x1: f64,
-    /// Bottom edge.
-    pub y1: f64,
+    pub(crate) x0: f64,
+    pub(crate) y0: f64,
+    pub(crate) x1: f64,
+    pub(crate) y1: f64,
 }
 
 impl BoundingBox {
@@ -41,6 +37,26 @@ impl BoundingBox {
             return Err(BoundingBoxError::Empty(edges));
         }
         Ok(Self { x0, y0, x1, y1 })
+    }
+
+    /// Left edge.
+    pub fn x0(&self) -> f64 {
+        self.x0
+    }
+
+    /// Top edge.
+    pub fn y0(&self) -> f64 {
+        self.y0
+    }
+
+    /// Right edge.
+    pub fn x1(&self) -> f64 {
+        self.x1
+    }
+
+    /// Bottom edge.
+    pub fn y1(&self) -> f64 {
+        self.y1
     }
 
     /// The edges `[x0, y0, x1, y1]`.

@@ -18,12 +18,9 @@ pub enum EllipseError {
 /// An ellipse in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ellipse {
-    /// Centre in pixels.
-    pub center: Vector2<f64>,
-    /// Semi-axes in pixels; the first one has the direction of `angle`.
-    pub semi_axes: Vector2<f64>,
-    /// Direction of the first semi-axis in radians, from x towards y (clockwise on the screen).
-    pub angle: f64,
+    pub(crate) center: Vector2<f64>,
+    pub(crate) semi_axes: Vector2<f64>,
+    pub(crate) angle: f64,
 }
 
 impl Ellipse {
@@ -39,6 +36,21 @@ impl Ellipse {
             return Err(EllipseError::NotAnEllipse);
         }
         Ok(Self { center, semi_axes, angle })
+    }
+
+    /// Centre in pixels.
+    pub fn center(&self) -> Vector2<f64> {
+        self.center
+    }
+
+    /// Semi-axes in pixels; the first one has the direction of [`Ellipse::angle`].
+    pub fn semi_axes(&self) -> Vector2<f64> {
+        self.semi_axes
+    }
+
+    /// Direction of the first semi-axis in radians, from x towards y (clockwise on the screen).
+    pub fn angle(&self) -> f64 {
+        self.angle
     }
 
     /// The ellipse with centre `c` and shape `S`, that is `(x - c)^T S^-1 (x - c) = 1`.

@@ -58,7 +58,7 @@ fn a_false_box_is_the_odd_view() {
             scene.detections.iter().position(|d| d.object_index == Some(2) && d.frame_index == false_view).unwrap();
         let b = scene.detections[wrong].bounding_box.unwrap();
         let size = b.size();
-        let edges = [b.x0 + 0.8 * size.x, b.y0 - 0.5 * size.y, b.x1 + 1.2 * size.x, b.y1 - 0.1 * size.y];
+        let edges = [b.x0() + 0.8 * size.x, b.y0() - 0.5 * size.y, b.x1() + 1.2 * size.x, b.y1() - 0.1 * size.y];
         let wrong_box = BoundingBox::new(edges).ok();
         scene.edit(|parts| parts.detections[wrong].bounding_box = wrong_box).unwrap();
         let checked = all(&scene);

@@ -36,7 +36,7 @@ fn rolled(scene: &Scene, quarters: impl Fn(usize) -> usize) -> Scene {
             frame.image_size = Some(Vector2::new(size.y, size.x));
             for detection in parts.detections.iter_mut().filter(|d| d.frame_index as usize == index) {
                 let b = detection.bounding_box.unwrap();
-                detection.bounding_box = BoundingBox::new([size.y - b.y1, b.x0, size.y - b.y0, b.x1]).ok();
+                detection.bounding_box = BoundingBox::new([size.y - b.y1(), b.x0(), size.y - b.y0(), b.x1()]).ok();
             }
         }
     }

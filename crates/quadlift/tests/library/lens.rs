@@ -43,9 +43,9 @@ fn distorted_box(camera: &Camera, outline: &Ellipse) -> Option<BoundingBox> {
     let mut edges = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
     for i in 0..720 {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 720.0).sin_cos();
-        let turn = nalgebra::Rotation2::new(outline.angle);
-        let offset = turn * Vector2::new(outline.semi_axes.x * cos, outline.semi_axes.y * sin);
-        let pixel = camera.distort_point(&(outline.center + offset))?;
+        let turn = nalgebra::Rotation2::new(outline.angle());
+        let offset = turn * Vector2::new(outline.semi_axes().x * cos, outline.semi_axes().y * sin);
+        let pixel = camera.distort_point(&(outline.center() + offset))?;
         for axis in 0..2 {
             edges[axis] = edges[axis].min(pixel[axis]);
             edges[axis + 2] = edges[axis + 2].max(pixel[axis]);

@@ -16,8 +16,8 @@ fn synthetic(observations: Observations, noise: Vec<Noise>) -> SyntheticScene {
 fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<SupportLines>> {
     let outline = (0..3600).map(|i| {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 3600.0).sin_cos();
-        let offset = Vector2::new(ellipse.semi_axes.x * cos, ellipse.semi_axes.y * sin);
-        let point = ellipse.center + Rotation2::new(ellipse.angle) * offset;
+        let offset = Vector2::new(ellipse.semi_axes().x * cos, ellipse.semi_axes().y * sin);
+        let point = ellipse.center() + Rotation2::new(ellipse.angle()) * offset;
         (Vector2::new(point.x.min(x), point.y), OutlineEnd { cut_off: point.x > x - 1.0, hidden: false })
     });
     SupportLines::of_outline(&outline.collect::<Vec<_>>()).map(Box::new)
@@ -69,7 +69,8 @@ fn what_the_border_cuts_off_tells_only_that_the_object_reaches_so_far() {
         .edit(|parts| {
             for (index, detection) in parts.detections.iter_mut().enumerate() {
                 let ellipse = detection.ellipse.unwrap();
-                let x = if index % 2 == 0 { ellipse.center.x + 0.3 * ellipse.semi_axes.min() } else { f64::INFINITY };
+                let x =
+                    if index % 2 == 0 { ellipse.center().x + 0.3 * ellipse.semi_axes().min() } else { f64::INFINITY };
                 detection.support_lines = lines(&ellipse, x);
             }
         })
@@ -97,9 +98,10 @@ fn ellipses_of_parts_do_less_harm_when_they_are_known_as_such() {
     scene
         .edit(|parts| {
             for detection in parts.detections.iter_mut().step_by(4) {
-                let ellipse = detection.ellipse.as_mut().unwrap();
-                ellipse.center.x -= 0.5 * ellipse.semi_axes.min();
-                ellipse.semi_axes.y *= 0.5;
+                let ellipse = detection.ellipse.unwrap();
+                let center = ellipse.center() - Vector2::new(0.5 * ellipse.semi_axes().min(), 0.0);
+                let semi_axes = ellipse.semi_axes().component_mul(&Vector2::new(1.0, 0.5));
+                detection.ellipse = Ellipse::new(center, semi_axes, ellipse.angle()).ok();
             }
         })
         .unwrap();

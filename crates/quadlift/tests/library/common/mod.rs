@@ -49,11 +49,11 @@ pub fn random_ellipsoid(rng: &mut ChaCha8Rng) -> Ellipsoid {
 /// The outline of an ellipsoid with its centre moved by up to `noise` of the mean semi-axis, its size by the factor
 /// `1 +- noise`.
 pub fn observe(projection: Projection, body: &Ellipsoid, noise: f64, rng: &mut ChaCha8Rng) -> (Projection, Ellipse) {
-    let mut ellipse = project_ellipsoid(&projection, body).unwrap();
+    let ellipse = project_ellipsoid(&projection, body).unwrap();
     let mut draw = || if noise > 0.0 { rng.random_range(-noise..noise) } else { 0.0 };
-    ellipse.center += ellipse.semi_axes.mean() * Vector2::new(draw(), draw());
-    ellipse.semi_axes *= 1.0 + draw();
-    (projection, ellipse)
+    let center = ellipse.center() + ellipse.semi_axes().mean() * Vector2::new(draw(), draw());
+    let semi_axes = ellipse.semi_axes() * (1.0 + draw());
+    (projection, Ellipse::new(center, semi_axes, ellipse.angle()).unwrap())
 }
 
 /// A random ellipsoid seen from the paper's arc.
@@ -67,12 +67,12 @@ pub fn scene(count: usize, noise: f64, seed: u64) -> (Views, Ellipsoid) {
 /// The same observations in well-scaled coordinates: each ellipse becomes the unit circle, the object has the centre
 /// `t` (nearly) and the radius 1, its depth is 1.
 pub fn normalised(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
-    let circle = Ellipse { center: Vector2::zeros(), semi_axes: Vector2::repeat(1.0), angle: 0.0 };
+    let circle = Ellipse::new(Vector2::zeros(), Vector2::repeat(1.0), 0.0).unwrap();
     let normalise = |(projection, ellipse): &(Projection, Ellipse)| {
         let inverse = ellipse.shape().cholesky().unwrap().l().try_inverse().unwrap();
         let mut h = Matrix3::identity();
         h.fixed_view_mut::<2, 2>(0, 0).copy_from(&inverse);
-        h.fixed_view_mut::<2, 1>(0, 2).copy_from(&(-inverse * ellipse.center));
+        h.fixed_view_mut::<2, 1>(0, 2).copy_from(&(-inverse * ellipse.center()));
         let mut p = h * projection.matrix();
         let moved = p.fixed_columns::<3>(0) * t + p.column(3);
         p.set_column(3, &moved);
