@@ -1,4 +1,4 @@
-//! What was found about identities ([`mod@quadlift::associate`]), as records of scene files and in words.
+//! Results of an association ([`mod@quadlift::associate`]) as records of scene files and as text.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! Writing a file as a whole or not at all.
+//! Atomic writes: a file is written completely or not at all.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -99,7 +99,7 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
 ///
 /// # Errors
 /// [`WriteError`] when the folder above does not exist, when there is a file or a folder with files of this name, or when
-/// the system or `fill` fails; then nothing is left behind. Errors of `fill` about paths in the temporary folder are told
+/// the system or `fill` fails; then nothing is left behind. Errors of `fill` about paths in the temporary folder are reported
 /// with the path that they would have had.
 pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> Result<(), WriteError>) -> Result<(), WriteError> {
     let fail = |error: io::Error| WriteError::new(path, plain(&error));
@@ -130,7 +130,7 @@ pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> Result<(), WriteErr
     sync_folder(above).map_err(fail)
 }
 
-/// The error's text without the name of the temporary file, which tells nobody anything.
+/// The error's text without the name of the temporary file, which means nothing to the user.
 fn plain(error: &io::Error) -> String {
     match error.raw_os_error().or_else(|| inner_code(error)) {
         Some(code) => io::Error::from_raw_os_error(code).to_string(),

@@ -1,4 +1,4 @@
-//! Regions calibrated on results whose truth is known: from files to limits, and what a result says about them.
+//! Regions calibrated on results with known truth: from files to limits, and their record in a result.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Outputs that are no files of their own: the standard streams and other open files.
+//! Outputs to standard streams and other open files.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Which format a file or folder of another program has, by names in it and by its first line.
+//! Detects the format of a file or folder of another program from the names in it and its first line.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -159,7 +159,7 @@ fn detections_in_folder(folder: &Path) -> Result<Option<DetectionFormat>, ReadEr
     if folder.join("gt/gt.txt").is_file() || folder.join("det/det.txt").is_file() {
         return Ok(Some(DetectionFormat::Mot));
     }
-    // The first file that holds something tells.
+    // The first file with content decides.
     for (extension, formats) in
         [("txt", [DetectionFormat::Yolo, DetectionFormat::Kitti].as_slice()), ("json", &[DetectionFormat::LabelMe])]
     {

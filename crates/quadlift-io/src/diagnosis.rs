@@ -1,4 +1,4 @@
-//! What the self-check of a scene found ([`quadlift::diagnose`]), in words, as options that mend it, and as JSON.
+//! Results of the self-check ([`quadlift::diagnose`]) as text, as options that correct the mistake, and as JSON.
 
 use quadlift::Localization;
 use quadlift::diagnosis::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
@@ -15,9 +15,9 @@ use crate::scene_file::SceneFile;
 pub struct Context {
     /// Width and height of all images in pixels, where they are known and the same.
     pub image_size: Option<[f64; 2]>,
-    /// The size of the images in which the boxes were measured, in pixels, where an option has told it.
+    /// The size of the images in which the boxes were measured, in pixels, where an option gives it.
     measured_size: Option<[f64; 2]>,
-    /// The factor on the focal lengths that an option has told; 0 where none has.
+    /// The factor on the focal lengths that an option gives; 0 where none does.
     focal_factor: f64,
     /// The number that the detections give to frame 0, see [`crate::read::detections::AddedDetections::frame_offset`].
     pub frame_offset: i64,
@@ -143,7 +143,7 @@ pub fn diagnosis_in_words(diagnosis: &Diagnosis, context: &Context) -> Option<St
 /// A cause with the agreement before and after it is undone, and the option that does that.
 fn cause_with_evidence(cause: &Cause, option: Option<&str>) -> String {
     let mut text = cause_in_words(cause);
-    // Boxes tell nothing of the direction of gravity and of units.
+    // Boxes do not show the direction of gravity or the unit of length.
     if !matches!(cause.name, CauseName::Up | CauseName::LengthUnit) {
         text.push_str(&format!(": {}", miss_in_words(cause.before)));
     }

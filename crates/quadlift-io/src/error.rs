@@ -33,7 +33,7 @@ impl ReadError {
         }
     }
 
-    /// The problem is at this line and column, both from 1; zero stands for "not known".
+    /// Adds the line and column of the problem, both from 1; zero means "unknown".
     #[must_use]
     pub fn at(mut self, line: usize, column: usize) -> Self {
         self.line = (line > 0).then_some(line);
@@ -119,7 +119,7 @@ impl EntryError {
     }
 }
 
-/// Why a file cannot be written. The earlier file of this name, if there was one, is as it was.
+/// Why a file cannot be written. An existing file of this name is unchanged.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("cannot write {}: {problem}", escape(&path.display().to_string()))]
 pub struct WriteError {

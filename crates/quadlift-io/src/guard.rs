@@ -1,6 +1,6 @@
 //! Files that a run has read are not overwritten by it.
 //!
-//! Off by default: a library's user may well save a scene where it was read. The program switches it on.
+//! Off by default, because users of the library may want to save a scene where it was read. The program switches it on.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::Metadata;
@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::WriteError;
 
-/// What tells files apart, whatever the paths and links that lead to them: device and inode, or the real path where there
+/// The identity of a file, independent of paths and links: device and inode, or the real path where there
 /// are no inodes.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Identity {

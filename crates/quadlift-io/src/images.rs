@@ -1,4 +1,4 @@
-//! Image files: photographs and label images in, PNG out.
+//! Reads photographs and label images; writes PNG and JPEG.
 
 use std::io::Cursor;
 use std::path::Path;

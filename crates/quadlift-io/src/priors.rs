@@ -1,4 +1,4 @@
-//! What is known beforehand about categories: a TOML file with one table per category.
+//! Priors on categories: a TOML file with one table per category.
 //!
 //! ```toml
 //! [car]

@@ -1,4 +1,4 @@
-//! What went wrong with single detections: told once for each message, while all others are done.
+//! Problems with single detections: each message is reported once, and the other detections are processed.
 
 use std::collections::HashMap;
 

@@ -40,7 +40,7 @@ pub(crate) struct Temporary {
 impl Temporary {
     /// A new file in a folder, open for writing.
     pub fn file_in(folder: &Path) -> io::Result<(Self, File)> {
-        // Temporary files are private by default; the finished one shall be as readable as any other new file.
+        // Temporary files are private by default; the finished one must be as readable as any other new file.
         Self::make(folder, 0o666, |builder| {
             let (file, path) = builder.tempfile_in(folder)?.keep().map_err(|error| error.error)?;
             Ok((path, file))
@@ -84,7 +84,7 @@ impl Temporary {
         &self.path
     }
 
-    /// Gives it its name, in place of what has it.
+    /// Renames it to its final name, replacing an existing file.
     pub fn persist(mut self, path: &Path) -> io::Result<()> {
         fs::rename(&self.path, path)?;
         self.persisted = true;

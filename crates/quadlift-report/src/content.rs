@@ -1,4 +1,4 @@
-//! What a report is made of, and how much of it a page shows.
+//! The contents of a report, and how much of them a page shows.
 
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
@@ -6,16 +6,16 @@ use quadlift_io::scene_file::SceneImages;
 
 use crate::scores::Scores;
 
-/// Bytes that a page should not exceed: images fill what the rest leaves.
+/// Target size of a page in bytes: images fill what the other data leave.
 pub const MOST_BYTES: usize = 30_000_000;
-/// Frames in a report; of more an evenly spread choice is shown.
+/// Largest number of frames in a report; of more, an evenly spread selection is shown.
 pub const MOST_FRAMES: usize = 10_000;
-/// Objects in a report; of more the first are shown.
+/// Largest number of objects in a report; of more, the first are shown.
 pub const MOST_OBJECTS: usize = 10_000;
 /// Detections in a report; with more, only every second frame keeps its own, or every third, and so on.
 pub const MOST_DETECTIONS: usize = 500_000;
 
-/// What a report is made of.
+/// The contents of a report.
 #[derive(Debug, Clone, Copy)]
 pub struct Content<'a> {
     /// Title of the page.
@@ -28,7 +28,7 @@ pub struct Content<'a> {
     pub estimate: Option<&'a SceneFile>,
     /// A scene whose objects are the truth.
     pub truth: Option<&'a SceneFile>,
-    /// The only source whose detections are shown; where it is not given, the one that the estimate was made of.
+    /// Show only the detections of this source; by default that of the estimate.
     pub source: Option<&'a str>,
     /// Points of the scene's surfaces in the world, shown as context.
     pub points: &'a [[f64; 3]],

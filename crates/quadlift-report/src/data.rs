@@ -152,7 +152,7 @@ pub struct ReportBody {
     pub half: [f64; 3],
     /// Unit quaternion, w first.
     pub rotation: [f64; 4],
-    /// Exponent of the support function, in [1, 2]; of a cylinder 1, which tells nothing.
+    /// Exponent of the support function, in [1, 2]; 1 for a cylinder, where it has no meaning.
     pub exponent: f64,
 }
 

@@ -14,7 +14,7 @@ use crate::page::EMPTY_PAGE;
 use crate::run::{run_banner, run_notes, run_overview, run_region, run_settings, run_source};
 use crate::thumbnails::{evenly_spread, thumbnails};
 
-/// Gathers the data of a report and reads its images. An image that cannot be read is told in the notes.
+/// Gathers the data of a report and reads its images. Images that cannot be read are named in the notes.
 ///
 /// # Errors
 /// [`EntryError`] names the first object of the estimate or of the truth that is wrong.
@@ -39,7 +39,7 @@ pub fn report(content: &Content) -> Result<Report, EntryError> {
     Ok(report)
 }
 
-/// The data of a report that has these frames only, without images.
+/// The data of a report with only these frames, without images.
 ///
 /// # Errors
 /// As [`report()`].
@@ -115,7 +115,7 @@ fn bytes_left(report: &Report) -> usize {
     MOST_BYTES.saturating_sub(data + EMPTY_PAGE + 100_000)
 }
 
-/// The size of a frame of which nothing is known: it holds all of its detections.
+/// The size of a frame of unknown size: large enough for all of its detections.
 fn extent(detections: &ReportDetections) -> [f64; 2] {
     let mut size = [4.0f64, 3.0];
     let mut hold = |x: f64, y: f64| size = [size[0].max(x), size[1].max(y)];
@@ -206,7 +206,7 @@ impl ReportDetections {
     }
 }
 
-/// Empties frames evenly until few enough detections are left in those that are shown; tells what was left out.
+/// Empties frames evenly until few enough detections are left in those that are shown; returns a note about what was left out.
 fn thin_out(detections: &mut [ReportDetections], frames: &[usize]) -> Option<String> {
     let total: usize = frames.iter().map(|&frame| detections[frame].object.len()).sum();
     let step = total.div_ceil(MOST_DETECTIONS);

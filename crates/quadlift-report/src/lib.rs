@@ -1,4 +1,4 @@
-//! Looking at scenes and results: pages that can be opened in any browser ([`report()`], [`page()`]) and pictures of
+//! Views of scenes and results: pages that open in any browser ([`report()`], [`page()`]) and pictures of
 //! single frames ([`Picture`]), and what a recording for Rerun holds ([`recording()`]).
 //!
 //! A page is one HTML file. What draws it is a small TypeScript program (`viewer/` in the repository), whose built form

@@ -65,7 +65,7 @@ pub struct RecordingObject {
 pub struct RecordingBody {
     /// What the body is: `ellipsoid`, `cuboid` or `superellipsoid`.
     pub kind: &'static str,
-    /// What the numbers describe: `cuboid`, or `ellipsoid`; of a superellipsoid the ellipsoid that stands for it (see
+    /// What the numbers describe: `cuboid`, or `ellipsoid`; for a superellipsoid its equivalent ellipsoid (see
     /// [`Body::ellipsoid`]).
     pub shape: &'static str,
     /// Centre in the world.

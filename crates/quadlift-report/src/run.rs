@@ -73,7 +73,7 @@ fn percent(share: f64) -> String {
     if percent < 9.95 { format!("{percent:.1} %") } else { format!("{percent:.0} %") }
 }
 
-/// That the scene does not agree with itself, and what mends it.
+/// That the scene is inconsistent, and how to correct it.
 pub fn run_banner(file: &SceneFile) -> Option<String> {
     let words = record_in_words(file.localization.as_ref()?.get("diagnosis")?)?;
     Some(format!("The scene does not agree with itself: {words}. No place or size on this page can be trusted."))
@@ -119,7 +119,7 @@ fn calibrated_limit(file: &SceneFile) -> Option<f64> {
     file.localization.as_ref()?.pointer("/calibration/squared_distance/center/0.95")?.as_f64().filter(|x| *x > 0.0)
 }
 
-/// What took no part, in sentences.
+/// What was not used, in sentences.
 pub fn run_notes(file: &SceneFile) -> Vec<String> {
     // Files of version 0.1.0 say "left_out".
     let skipped = |name: &str| {

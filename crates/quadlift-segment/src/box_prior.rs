@@ -1,4 +1,4 @@
-//! Where in its box an object is likely to be, before any colour is looked at.
+//! Where in its box an object is likely to be, before colours are used (docs/method.md, section 18).
 
 /// Likely places of an object on the grid of crops that were cut with the same margin (ours).
 #[derive(Debug, Clone, PartialEq)]

@@ -1,4 +1,4 @@
-//! What is left of a labelling: its large parts, without holes.
+//! Cleans up a labelling: keeps its large parts and fills holes.
 
 /// Parts with less of the largest part's area are dropped.
 const SMALLEST_PART: f64 = 0.2;

@@ -1,11 +1,11 @@
-//! How much a mask on the grid is worth.
+//! How reliable a mask is, and when it is rejected.
 
-/// Why a mask was given up for the box's ellipse.
+/// Why a mask was replaced by the box's ellipse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Failure {
     /// It covers too little of the box.
     TooSmall,
-    /// It fills the box: no background was told apart.
+    /// It fills the box: no background was found.
     FillsTheBox,
     /// Much of it lies outside of the box.
     LeavesTheBox,
@@ -16,7 +16,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// What happened, for a table or a message.
+    /// The reason in words, for a table or a message.
     pub fn name(self) -> &'static str {
         match self {
             Self::TooSmall => "too small",
@@ -47,7 +47,7 @@ pub(crate) fn decidedness(log_odds: &[f32], in_box: &[bool]) -> f64 {
     if count == 0 { 0.0 } else { total / f64::from(count) }
 }
 
-/// Why the mask is not to be trusted, if so. `in_box` are the pixels of the box that lie in the image.
+/// Why the mask is not trustworthy, if so. `in_box` are the pixels of the box that lie in the image.
 pub(crate) fn failure(inside: &[bool], in_box: &[bool], decidedness: f64, grid: usize) -> Option<Failure> {
     let count = |pixels: &[bool]| pixels.iter().filter(|&&inside| inside).count() as f64;
     let (area, box_area) = (count(inside), count(in_box));

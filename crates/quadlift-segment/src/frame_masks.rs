@@ -1,4 +1,4 @@
-//! All masks of one image together: where they touch each other, and what that says of each of them.
+//! All masks of one image: where they touch each other, and which of them may be of a part.
 
 use nalgebra::Vector2;
 use quadlift::geometry::{Camera, OutlineEnd, SupportLines};
@@ -11,7 +11,7 @@ use crate::mask::Mask;
 /// keep a gap of a pixel.
 const TOUCHING: u32 = 2;
 
-/// How many masks of an image cover each of its pixels; 255 stands for that many and more.
+/// How many masks of an image cover each of its pixels; 255 means 255 or more.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct FrameMasks {
     width: u32,

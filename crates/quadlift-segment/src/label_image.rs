@@ -1,4 +1,4 @@
-//! Label images: one number for each pixel, which says whose it is.
+//! Label images: one number for each pixel, that of its object.
 
 use std::collections::BTreeMap;
 

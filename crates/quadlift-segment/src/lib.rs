@@ -1,8 +1,8 @@
 //! Object masks from images by co-segmentation, and ellipses from masks.
 //!
-//! A [`Crop`] is cut for each detection of an object, one image at a time; [`segment_object`] then tells object and
-//! background apart in all crops together and gives a [`Mask`] and an ellipse for each. Masks of other programs come in
-//! as a [`LabelImage`], [`Rle`] or [`Polygons`]; their [`Moments`] have an ellipse too.
+//! A [`Crop`] is cut for each detection of an object, one image at a time; [`segment_object`] then separates
+//! object and background in all crops jointly and returns a [`Mask`] and an ellipse for each. Masks of other programs are
+//! read as a [`LabelImage`], [`Rle`] or [`Polygons`]; their [`Moments`] have an ellipse too.
 //!
 //! ```
 //! use image::{Rgb, RgbImage};

@@ -5,7 +5,7 @@ use quadlift::geometry::Ellipse;
 
 use crate::mask::Mask;
 
-/// What the pixels of a mask stand for, which decides whether their own extent counts.
+/// How the pixels of a mask are to be read, which decides whether their own extent counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum PixelTerm {
     /// A pixel is the object's when its centre is: the pixels are samples of the outline's inside, and their moments

@@ -174,7 +174,7 @@ pub(crate) fn color_products([x, y, z]: [&[f32]; 3], products: &mut [Vec<f32>; 6
     }
 }
 
-/// Draws `count` indices with probabilities in proportion to the weights (none of which is negative); empty when all
+/// Draws `count` indices with probabilities proportional to the (non-negative) weights; empty when all
 /// are zero.
 pub(crate) fn draw_indices(weights: impl Iterator<Item = f64>, count: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let mut total = 0.0;
@@ -247,7 +247,7 @@ const ROW: usize = 64;
 /// Rounds of EM after the clusters are found.
 const ROUNDS: usize = 8;
 
-/// Fits a mixture of `count` Gaussians to colours, of which there must be at least one.
+/// Fits a mixture of `count` Gaussians to at least one colour.
 pub(crate) fn fit_palette(colors: &Colors, count: usize, rng: &mut ChaCha8Rng) -> Palette {
     let n = colors[0].len();
     let nothing = Gaussian { weight: 0.0, mean: Vector3::zeros(), covariance: Matrix3::identity() };

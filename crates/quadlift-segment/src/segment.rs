@@ -18,7 +18,7 @@ use crate::parallel::map_indices;
 use crate::pooled::{Labelled, Start, pooled_cuts, start_from_box};
 use crate::sca::{self, PixelOdds, ScaOptions};
 
-/// How the pixels of crops are told apart.
+/// How object and background are separated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SegmentMethod {
     /// Stel Component Analysis: a pixel is the object's when its posterior is above 1/2.
@@ -51,18 +51,18 @@ impl SegmentMethod {
     }
 }
 
-/// Everything that can be chosen for a segmentation.
+/// Options of a segmentation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SegmentOptions {
-    /// How pixels are told apart.
+    /// The method.
     pub method: SegmentMethod,
     /// Settings of the methods `sca`, `sca+cut` and `gmm`.
     pub sca: ScaOptions,
     /// Cost of a label that changes between neighbours of the same colour, where labels are smoothed; 0 to 100.
     pub smoothing: f64,
-    /// Whether a mask that looks wrong is given up for the box's ellipse.
+    /// Whether a mask that looks wrong is replaced by the box's ellipse.
     pub fall_back: bool,
-    /// Seed of everything that is drawn at random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
@@ -89,7 +89,7 @@ pub enum SegmentError {
     Cancelled,
 }
 
-/// What came of a view.
+/// The result for a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SegmentStatus {
     /// A mask was found, and the ellipse is that of its moments.
@@ -113,10 +113,10 @@ pub struct ViewSegmentation {
     pub status: SegmentStatus,
 }
 
-/// Segments an object by its crops: one entry for each crop, in this order.
+/// Segments an object in its crops; one entry for each crop, in their order.
 ///
-/// The frames are segmented together: what the object and its surroundings look like is learned from all of them. The
-/// result depends on nothing but the crops and the options. All crops must have been cut with the same
+/// The frames are segmented jointly: the appearance of the object and of its surroundings is learned from all of them. The
+/// result depends only on the crops and the options. All crops must have been cut with the same
 /// [`CropOptions`]. Takes about 50 kilobytes for each crop while it works.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Labels that keep together where colours do: the graph cut of log-odds.
+//! Smooth labels: the graph cut of log-odds with a contrast term.
 
 use std::ops::Range;
 

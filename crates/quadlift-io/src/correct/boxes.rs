@@ -101,7 +101,7 @@ fn map(
         return Ok(());
     }
     if let Some(ellipse) = &mut record.ellipse {
-        // What is no ellipse is left for `to_scene` to tell.
+        // `to_scene` reports invalid ellipses.
         let given = Ellipse::new(ellipse.center.into(), ellipse.semi_axes.into(), ellipse.angle).ok();
         if let Some(corrected) = given.and_then(|given| correction.ellipse(&given, image_size)) {
             let extra = std::mem::take(&mut ellipse.extra);

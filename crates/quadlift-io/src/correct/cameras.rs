@@ -18,7 +18,7 @@ pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<u
         )
     };
     for (index, record) in file.cameras.iter_mut().enumerate() {
-        // What is no camera is left for `to_scene` to tell.
+        // `to_scene` reports invalid cameras.
         let Some((model, intrinsics)) = intrinsics_of(record) else { continue };
         let corrected = correction.intrinsics(&intrinsics, size(record.width, record.height));
         set_intrinsics(record, model, &corrected.ok_or_else(|| failed(format!("cameras[{index}]")))?);

@@ -21,7 +21,7 @@ pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> String {
             true
         }
         Some(None) => false,
-        // An unknown frame is for `to_scene` to tell.
+        // `to_scene` reports unknown frames.
         None => true,
     });
     let (after, moved) = (file.detections.len(), "moved to another frame");

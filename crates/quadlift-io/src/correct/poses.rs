@@ -14,7 +14,7 @@ pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<u
 
 /// Multiplies the translations of all poses; returns their number.
 pub(super) fn scale(file: &mut SceneFile, factor: f64) -> usize {
-    // No entry can be wrong: what is no projection is left for `to_scene` to tell.
+    // No entry can be wrong here: `to_scene` reports invalid projections.
     change(file, |rotation, translation| (*rotation, translation * factor)).unwrap_or_default()
 }
 
@@ -33,7 +33,7 @@ fn change(
             changed += 1;
         }
         if let Some(rows) = &mut frame.projection {
-            // What is no projection is left for `to_scene` to tell.
+            // `to_scene` reports invalid projections.
             let parts = Projection::from_matrix(matrix(rows)).ok().as_ref().and_then(CameraParts::from_projection);
             let Some(parts) = parts else { continue };
             let (rotation, translation) = map(&parts.rotation, &parts.translation);

@@ -1,4 +1,4 @@
-//! Scores of how detections were divided into objects: the detections that two scene files have in common.
+//! Scores an association of detections, over the detections that two scene files have in common.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;

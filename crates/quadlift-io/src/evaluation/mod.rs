@@ -1,5 +1,5 @@
-//! Scores of one scene file against another one, which holds the truth: of objects, and of how detections were divided
-//! into objects ([`identities`]).
+//! Scores a scene file against one with ground truth: its objects, and how its detections were associated
+//! ([`identities`]).
 
 pub mod identities;
 mod scores;
@@ -47,7 +47,7 @@ pub enum EvaluateError {
     NoCommonId(String),
 }
 
-/// Scores the objects of a result against those of a scene that holds the truth, and tells how many were found.
+/// Scores the objects of a result against those of a scene with ground truth, and counts how many were found.
 ///
 /// The cameras for the agreement in the images are those of the truth, or of the estimate where the truth has none.
 /// Messages name the paths.

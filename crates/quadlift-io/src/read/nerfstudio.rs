@@ -1,7 +1,7 @@
 //! nerfstudio's and instant-ngp's `transforms.json`.
 //!
 //! Poses are camera-to-world with OpenGL axes (x right, y up, z backwards); they become world-to-camera with OpenCV
-//! axes. `applied_transform` and `applied_scale`, which tell how nerfstudio turned and scaled the world, are undone, so
+//! axes. `applied_transform` and `applied_scale`, the rotation and scale that nerfstudio applied to the world, are undone, so
 //! that the world is that of the COLMAP model the file was made of. Convention: docs.nerf.studio, "Data conventions";
 //! `nerfstudio_dataparser.py`.
 
@@ -39,7 +39,7 @@ pub fn read_nerfstudio(path: &Path, pixel_centers: PixelCenters) -> Result<Impor
     Ok(import)
 }
 
-/// The cameras in the bytes of `transforms.json`; the path serves for messages. `exists` tells whether there is an image
+/// The cameras in the bytes of `transforms.json`; the path serves for messages. `exists` says whether there is an image
 /// of a name, `size_of` its width and height.
 ///
 /// # Errors

@@ -44,7 +44,7 @@ pub struct ObjectBodies {
 }
 
 impl ObjectBodies {
-    /// The body that was estimated, of its kind: not the ellipsoid that stands for a cuboid.
+    /// The body that was estimated, of its kind: not the equivalent ellipsoid of a cuboid.
     pub fn body(&self) -> Option<Body> {
         (self.superellipsoid.map(Body::Superellipsoid))
             .or(self.cylinder.map(Body::Cylinder))

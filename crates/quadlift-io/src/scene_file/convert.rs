@@ -1,4 +1,4 @@
-//! From a scene file to the library's scene: cameras are resolved, every number and every id is checked.
+//! Converts a scene file to the library's scene: resolves cameras, checks every number and id.
 
 use std::collections::HashMap;
 

@@ -19,7 +19,7 @@ use crate::images::{check_pixels, read_image_of_size, read_label_image_of_size};
 /// Most pixels of the masks that are held at once.
 const MOST_MASK_PIXELS: u64 = 1 << 31;
 
-/// With more pixels, label images that were read are let go of before the next one is read.
+/// With more pixels, label images are dropped from the cache before the next one is read.
 const MOST_CACHED_PIXELS: u64 = 1 << 28;
 
 /// Polygons in a frame of unknown size are cut off here, in pixels.
@@ -94,7 +94,7 @@ impl SceneFile {
         };
         Ok(SceneImages {
             scene_file: path.to_owned(),
-            // Wrong ones are for `to_scene` to tell.
+            // `to_scene` reports invalid ones.
             boxes: self.detections.iter().map(|d| BoundingBox::new(d.bounding_box?).ok()).collect(),
             images: self.frames.iter().map(|frame| frame.image.as_ref().map(|image| folder.join(image))).collect(),
             masks: self.detections.iter().map(|d| &d.mask).enumerate().map(mask).collect::<Result<_, _>>()?,

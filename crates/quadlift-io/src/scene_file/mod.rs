@@ -1,4 +1,4 @@
-//! The scene file: `quadlift.scene`, version 1, a JSON document that holds what goes in and what comes out.
+//! The scene file: `quadlift.scene`, version 1, a JSON document for inputs and results.
 //!
 //! [`read_scene_file`] gives a [`SceneFile`] (plain records, as written); [`SceneFile::to_scene`] and
 //! [`SceneFile::to_objects`] check it and give the library's types; [`estimates_to_objects`],

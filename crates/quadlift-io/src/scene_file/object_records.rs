@@ -268,7 +268,7 @@ impl From<&Superellipsoid> for SuperellipsoidRecord {
 }
 
 impl ObjectRecord {
-    /// Sets the body of its kind, and the ellipsoid that stands for it.
+    /// Sets the body of its kind and its equivalent ellipsoid.
     pub fn set_body(&mut self, body: &Body) {
         self.ellipsoid = Some((&body.ellipsoid()).into());
         match body {

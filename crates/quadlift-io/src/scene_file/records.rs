@@ -224,14 +224,14 @@ impl From<Ellipse> for EllipseRecord {
     }
 }
 
-/// How the ellipse and the mask of a detection were found in its image (`quadlift segment`), and what they are worth.
+/// How the ellipse and the mask of a detection were found in its image (`quadlift segment`), and their quality.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}")]
 pub struct SegmentationRecord {
     /// `sca+cut`, `sca`, `graphcut`, `masks` or `box`.
     pub method: String,
     /// `ok`; `fell_back`: no mask could be trusted, ellipse and mask are those of the box; `box`: nothing but the box
-    /// was looked at; `failed`: the detection is as it was.
+    /// was looked at; `failed`: the detection is unchanged.
     pub status: String,
     /// Why, in words, for `fell_back` and `failed`.
     #[serde(default, skip_serializing_if = "Option::is_none")]

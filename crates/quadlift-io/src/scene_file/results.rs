@@ -54,7 +54,7 @@ pub fn estimates_to_objects<'a>(
     objects.map(move |(index, estimate)| object(scene, estimate, of_object(index)))
 }
 
-/// What the cross-validation of an object tells; `None` where no view was predicted.
+/// The cross-validation of an object; `None` if no view was predicted.
 pub fn cross_validation_of_object(scene: &Scene, checked: &ObjectCrossValidation) -> Option<CrossValidationRecord> {
     let frame = |index: usize| scene.frames.get(index).map(|frame| frame.id.clone());
     Some(CrossValidationRecord {

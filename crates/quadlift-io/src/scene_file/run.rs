@@ -59,7 +59,7 @@ pub fn noise_record(localization: &Localization) -> Map<String, Value> {
     levels.map(|(name, level)| (name.to_owned(), Value::from(level))).collect()
 }
 
-/// What the views that were left out tell about a scene; null where none could be predicted.
+/// The cross-validation of a scene; null if no view could be predicted.
 pub fn cross_validation_record(localization: &Localization) -> Value {
     let checked = &localization.cross_validation;
     let Some(iou) = checked.iou() else { return Value::Null };

@@ -67,7 +67,7 @@ pub fn check_unknown(text: &str, most: usize) -> Result<(), String> {
 fn left_of(text: &str, most: usize) -> Option<usize> {
     let mut left = Some(most);
     let mut deserializer = serde_json::Deserializer::from_str(text);
-    // Texts that are wrong are for the reader to tell.
+    // The reader reports invalid texts.
     let _ = Count { left: &mut left, is_record: true }.deserialize(&mut deserializer);
     left
 }

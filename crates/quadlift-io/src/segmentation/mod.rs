@@ -1,5 +1,5 @@
-//! Segmenting one scene: what was chosen, the images one after another, the calls of `quadlift-segment`, and for every
-//! detection what was found or why not. [`add_to_scene`] writes that into the scene file.
+//! Segments one scene: options, images read one at a time, calls of `quadlift-segment`, and a result or a failure for every
+//! detection. [`add_to_scene`] writes that into the scene file.
 
 mod result;
 
@@ -103,7 +103,7 @@ pub struct Settings {
     pub method: Method,
     /// The source whose detections are segmented.
     pub source: Option<String>,
-    /// Seed of everything that is drawn at random.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Whether crops are wanted even where the method does not look at the images: for the contact sheets.
     pub with_crops: bool,
@@ -303,7 +303,7 @@ fn take_masks(scene: &Scene, images: &SceneImages, detections: &[usize], segment
     }
 }
 
-/// Reads the image of a frame and cuts the crops of its detections; the image is let go of again.
+/// Reads the image of a frame, cuts the crops of its detections and drops the image.
 fn cut_crops(scene: &Scene, images: &SceneImages, frame: usize, detections: &[usize], segmentation: &mut Segmentation) {
     let image = match images.read_image(scene, frame) {
         Ok(image) => image,

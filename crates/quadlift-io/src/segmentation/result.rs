@@ -1,4 +1,4 @@
-//! A segmentation as files: the scene with what was found, and label images of the masks.
+//! Writes a segmentation: the scene with its masks and ellipses, and label images of the masks.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -21,7 +21,7 @@ use crate::wording::plain_words;
 
 /// Reads the scene in a folder of tables, as [`super::write_tables`] or another program has written them: columns may
 /// stand in any order, and those of entries that are not there may be missing, as may whole tables. Null and NaN (which
-/// pandas writes) stand for entries that are not there. Columns that are not known are left out and named in the notes.
+/// pandas writes) are missing entries. Unknown columns are ignored and named in the notes.
 ///
 /// # Errors
 /// [`ReadError`] with the table and the row, from 0, and when the scene is not valid.

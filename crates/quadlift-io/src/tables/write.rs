@@ -26,7 +26,7 @@ const ROWS: usize = 50_000;
 ///
 /// # Errors
 /// [`WriteError`] when there is a folder with files already, when the system refuses, when a number is not finite, or
-/// when two objects have one id, so that the residuals of their views could not be told apart.
+/// when two objects have one id, because the residuals of their views would be ambiguous.
 pub fn write_tables(folder: &Path, scene: &SceneFile) -> Result<Vec<(&'static str, usize)>, WriteError> {
     scene.to_objects().map_err(|error| WriteError::new(folder, error))?;
     if let Some(index) = scene.points.iter().position(|point| point.iter().any(|x| !x.is_finite())) {

@@ -1,7 +1,7 @@
 //! COCO: images, categories, and the box of each object in each frame, as annotations `[x, y, width, height]`.
 //!
 //! Boxes are measured from the corner of the image as in scene files, in the image as it is (with its lens distortion),
-//! and end at its border. `track_id` tells objects apart.
+//! and end at its border. `track_id` identifies the objects.
 
 use serde_json::{Value, json};
 

@@ -1,6 +1,6 @@
 //! One colour per category.
 
-/// Colours that are told apart by most people (Okabe and Ito's, without black and white), as sRGB.
+/// Colours that most people can distinguish (Okabe and Ito's, without black and white), as sRGB.
 const PALETTE: [[u8; 3]; 7] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [213, 94, 0], [0, 114, 178], [204, 121, 167], [240, 228, 66]];
 

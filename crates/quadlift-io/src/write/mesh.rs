@@ -9,7 +9,7 @@ use super::{Placement, Shape};
 /// Cells along an edge of the cube from which rounded bodies are made; even, so that the ends of the axes are vertices.
 const DIVISIONS: i32 = 12;
 
-/// Corners of the polygon that stands for the base of a cylinder.
+/// Corners of the polygon that approximates the base of a cylinder.
 const ROUND: u32 = 48;
 
 /// A closed surface of triangles that are counterclockwise seen from outside.

@@ -14,7 +14,7 @@ use super::{CheckedScene, Document, Object, Placement};
 
 type Matrix6 = SMatrix<f64, 6, 6>;
 
-/// Variance of an angle of which nothing is known: uniform between -pi and pi.
+/// Variance of an unknown angle: uniform between -pi and pi.
 const UNKNOWN_ANGLE: f64 = PI * PI / 3.0;
 
 /// A turn with a greater variance (squared radians) than this is not known: the linear law of errors ends there.
@@ -38,7 +38,7 @@ fn detection(object: &Object, metres: f64, header: &Value) -> Value {
         "position": xyz(&(placement.center.coords * metres)),
         "orientation": { "x": x, "y": y, "z": z, "w": w },
     });
-    // All zero stands for "not known" in ROS.
+    // In ROS all zeros mean "unknown".
     let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, metres)).unwrap_or_default();
     json!({
         "header": header,

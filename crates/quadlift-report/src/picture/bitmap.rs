@@ -19,7 +19,7 @@ const LINE: f64 = 1.33;
 
 type Failure = DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
 
-/// An image in the making. The first mistake of the drawing library is told at the end.
+/// An image that is being drawn. The first error of the drawing library is returned at the end.
 pub struct Bitmap {
     image: RgbImage,
     scale: u32,

@@ -5,7 +5,7 @@ use quadlift::geometry::Ellipsoid;
 
 use super::solid::{Shape, Solid};
 
-/// Points that stand for an ellipsoid, and points on each rim of a cylinder.
+/// Points that approximate an ellipsoid, and points on each rim of a cylinder.
 const BALL_POINTS: usize = 150;
 const RIM_POINTS: usize = 24;
 

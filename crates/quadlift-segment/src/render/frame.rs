@@ -195,7 +195,7 @@ impl<'a> View<'a> {
         Self { world, camera, rays: from_camera * from_pixel, targets, hidden, across }
     }
 
-    /// What the ray through a point of the image meets first; `meets` is told of every object that it meets.
+    /// What the ray through a point of the image meets first; `meets` is called for every object that it meets.
     fn trace<'b>(
         &'b self,
         x: f64,

@@ -1,4 +1,4 @@
-//! What can be chosen about a rendered scene, and what is refused.
+//! Options of a rendered scene and their checks.
 
 use quadlift::synthetic::SyntheticError;
 

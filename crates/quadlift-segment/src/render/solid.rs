@@ -1,4 +1,4 @@
-//! The solids of which everything is made: ellipsoids, cuboids and cylinders, met by rays.
+//! Solids: ellipsoids, cuboids and cylinders, intersected with rays.
 
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use quadlift::geometry::{BoundingBox, ConvexBody, Cuboid, Ellipsoid, Projection, ProjectionError};

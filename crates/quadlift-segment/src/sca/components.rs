@@ -9,7 +9,7 @@ use super::stels::Stels;
 use crate::blur::Blur;
 use crate::palette::draw_indices;
 
-/// Times that k-means begins anew.
+/// Restarts of k-means.
 const RESTARTS: usize = 8;
 /// Rounds of k-means at most.
 const ROUNDS: usize = 15;

@@ -1,4 +1,4 @@
-//! Stel Component Analysis (Jojic, Perina, Cristani, Murino, Frey, CVPR 2009), our variation.
+//! Stel Component Analysis (Jojic, Perina, Cristani, Murino, Frey, CVPR 2009), our variant (docs/method.md, section 18).
 //!
 //! The crops of an object (frames t, pixels i) are explained by *stels*, regions s that have a palette of colours
 //! each; stel 0 begins as the object, the others as background. Where the stels are is shared by the frames:

@@ -17,7 +17,7 @@ const DIGITS: i32 = 7;
 /// Bytes of an entry of a track: image and index of the point in it.
 const TRACK_ENTRY: u64 = 8;
 
-/// A point with what tells how well it is known.
+/// A point with figures of its quality.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     id: u64,

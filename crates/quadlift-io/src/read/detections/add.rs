@@ -63,14 +63,14 @@ pub struct AddedDetections {
     pub with_object: usize,
     /// How images were matched with frames.
     pub matched_by: MatchBy,
-    /// The number that the detections give to the frame number 0: as it was told or found where images are matched by
+    /// The number that the detections give to the frame number 0: given or estimated, where images are matched by
     /// number, otherwise as [`AddOptions::frame_offset`] has it.
     pub frame_offset: i64,
     /// Number of images with a frame.
     pub matched_images: usize,
     /// Images without a frame.
     pub images_without_frame: Vec<String>,
-    /// Ids of frames of which the file knows no image.
+    /// Ids of frames without an image in the file.
     pub frames_without_image: Vec<String>,
     /// Detections of the images without a frame.
     pub in_no_frame: usize,

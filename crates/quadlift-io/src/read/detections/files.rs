@@ -1,4 +1,4 @@
-//! What the detections of other programs are read into, and what their readers have in common.
+//! The types that readers of detections return, and the functions that they share.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

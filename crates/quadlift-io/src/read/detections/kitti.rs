@@ -11,7 +11,7 @@ use crate::input::as_utf8;
 use crate::read::kitti_labels::{Benchmark, KittiLabel, parse_labels_of};
 use crate::read::text::lines;
 
-/// Reads a file, or those of a folder. Which benchmark it belongs to is told by the number of fields.
+/// Reads a file, or those of a folder. The number of fields shows which benchmark it belongs to.
 ///
 /// # Errors
 /// [`ReadError`] with the line, what was found and what was expected.

@@ -98,7 +98,7 @@ fn points_of(kind: &str) -> &'static str {
     }
 }
 
-/// Adds a part to an object: polygons are gathered, boxes joined; of other shapes what they have in common, the box, is
+/// Adds a part to an object: polygons are gathered, boxes joined; other shapes are reduced to their box, which is
 /// kept.
 fn add_part(object: &mut Detected, part: Detected) {
     if let (Outline::Polygons(all), Outline::Polygons(more)) = (&mut object.outline, &part.outline) {

@@ -1,4 +1,4 @@
-//! Which frame of a scene an image of another program's file is: by name, number or time.
+//! Matches images of another program's file with the frames of a scene, by name, number or time.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 

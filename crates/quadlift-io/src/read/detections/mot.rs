@@ -132,7 +132,7 @@ pub fn parse_mot(path: &Path, bytes: &[u8], options: &MotOptions) -> Result<Dete
         image.detections.push(Detected {
             track: (track >= 0).then(|| track.to_string()),
             category: class.map(|class| class_name(class, kind, options.names)),
-            // A confidence of -1 stands for none.
+            // A confidence of -1 means none.
             score: confidence.filter(|score| *score != -1.0 && kind != MotKind::GroundTruth),
             bounding_box: Some(edges_of_size(size).map_err(|problem| row.line.error(problem))?),
             visible_fraction: row

@@ -33,7 +33,7 @@ pub fn read_names(path: &Path) -> Result<ClassNames, ReadError> {
     parse_names(path, &read_bytes(path)?)
 }
 
-/// The names in the bytes of a file; the path serves for messages and tells YAML from a list.
+/// The names in the bytes of a file; the path serves for messages and distinguishes YAML from a list.
 ///
 /// # Errors
 /// As [`read_names`].

@@ -1,6 +1,6 @@
 //! supervision's `CSVSink` and `JSONSink`: a row for each detection, with the data that the user has added.
 //!
-//! The sinks write no image of their own accord: one of the added columns must tell which it is
+//! The sinks do not write the image: one of the user's columns must identify it
 //! (`custom_data={"frame_number": ...}`). Format: `detection/tools/csv_sink.py` and `json_sink.py` of the package
 //! supervision.
 

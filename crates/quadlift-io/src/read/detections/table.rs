@@ -33,7 +33,7 @@ const CORNERS: &str = "xyxyxyxy";
 /// What a table does not say.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TableOptions<'a> {
-    /// The column that tells which image a row belongs to: a name, a number or a time. By its name when absent.
+    /// The column that identifies the image of a row by name, number or time; detected by its name when absent.
     pub frame_column: Option<&'a str>,
     /// Names of the classes.
     pub names: Option<&'a ClassNames>,
@@ -149,7 +149,7 @@ impl Table<'_> {
             let edges = edges.map_err(|problem| self.row_error(row, problem))?;
             let text = |column: Option<usize>| Some(row.cells.get(column?)?.as_str()).filter(|text| !text.is_empty());
             let corners = text(corners).and_then(|text| serde_json::from_str::<[[f64; 2]; 4]>(text).ok());
-            // The ids of trackers are whole, but some tables have them as 3.0; -1 stands for none.
+            // The ids of trackers are whole, but some tables have them as 3.0; -1 means none.
             let id = text(track).map(|id| id.strip_suffix(".0").unwrap_or(id)).filter(|id| *id != "-1");
             found.image(key).detections.push(Detected {
                 track: id.map(str::to_owned),
