@@ -69,6 +69,11 @@ function show(page: HTMLElement, report: Report): void {
   );
   const banner = report.banner === null ? [] : [element("p", { class: "banner", role: "alert" }, report.banner)];
   const [w, h] = report.frames[0]?.size ?? [4, 3];
+  const isWide = w / h > WIDE;
+  // Where there is room, frames that are not wide stand in a column beside the 3D view.
+  page.classList.toggle("columns", report.frames.length > 0 && !isWide);
+  const views = element("div", { class: isWide ? "views wide" : "views" }, ...parts);
+  views.style.setProperty("--aspect", `${w / h}`);
   page.replaceChildren(
     element(
       "header",
@@ -79,7 +84,7 @@ function show(page: HTMLElement, report: Report): void {
       element("p", {}, summary(report)),
       ...controls(report, colors, filter),
     ),
-    element("div", { class: w / h > WIDE ? "views wide" : "views" }, ...parts),
+    views,
     element(
       "div",
       { class: "texts", role: "region", "aria-label": "Tables and figures", tabindex: "-1" },

@@ -212,12 +212,38 @@ test("cameras alone are all in sight, and a frame without anything says so", asy
   await page.close();
 });
 
-test("all columns of the objects can be read in a window of medium width", async () => {
+test("all columns of the objects can be read in windows of medium width and wide ones", async () => {
   for (const path of ["demo.html", "plain.html"]) {
-    const { page } = await open(browser, path, { width: 1200, height: 800 });
-    const table = page.locator(".table", { has: page.locator("table[aria-label=Objects]") });
-    const [room, needed] = await table.evaluate((place) => [place.clientWidth, place.scrollWidth]);
-    assert.ok(needed! <= room!, `${path}: ${needed} pixels in ${room}`);
+    const { page } = await open(browser, path, { width: 1100, height: 800 });
+    for (const width of [1100, 1200, 1440, 1480, 1600, 1701, 1920]) {
+      await page.setViewportSize({ width, height: 800 });
+      const table = page.locator(".table", { has: page.locator("table[aria-label=Objects]") });
+      const [room, needed] = await table.evaluate((place) => [place.clientWidth, place.scrollWidth]);
+      assert.ok(needed! <= room!, `${path}, ${width}: ${needed} pixels in ${room}`);
+    }
+    await page.close();
+  }
+});
+
+test("in a window of medium width space and image are large, and nothing is outside of the window", async () => {
+  for (const [width, height, leastSpace, leastImage] of [[1200, 900, 440, 360], [1100, 700, 250, 260]] as const) {
+    const { page } = await open(browser, "demo.html", { width, height });
+    const [stage, image] = await Promise.all([".stage", ".sheet canvas"].map((at) => page.locator(at).boundingBox()));
+    assert.ok(stage!.width >= 0.48 * width && stage!.height > leastSpace, `space: ${stage!.width} x ${stage!.height}`);
+    assert.ok(image!.height > leastImage, `image: ${image!.width} x ${image!.height}`);
+    const page_ = await page.evaluate(() => [document.documentElement.scrollWidth, document.documentElement.scrollHeight]);
+    assert.deepEqual(page_, [width, height], "each part scrolls for itself");
+    // All parts are in sight, and none covers another one.
+    const parts = [".space", ".picture", ".measurements", ".strip", ".texts"];
+    const boxes = await Promise.all(parts.map((at) => page.locator(at).boundingBox()));
+    for (const [k, a] of boxes.entries()) {
+      assert.ok(a!.height > 80 && a!.y + a!.height <= height + 1, `${parts[k]}: ${a!.height} at ${a!.y}`);
+      for (const [l, b] of boxes.entries()) {
+        const apart = a!.x + a!.width <= b!.x + 1 || b!.x + b!.width <= a!.x + 1
+          || a!.y + a!.height <= b!.y + 1 || b!.y + b!.height <= a!.y + 1;
+        assert.ok(k === l || apart, `${parts[k]} covers ${parts[l]} at ${width} x ${height}`);
+      }
+    }
     await page.close();
   }
 });
