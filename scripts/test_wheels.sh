@@ -20,9 +20,8 @@ rm -rf "$dist"
 
 "$tools/bin/maturin" sdist --out "$dist"
 sdist=$(echo "$dist"/quadlift-*.tar.gz)
-# Tables of what it must and must not hold.
 names=$(tar -tzf "$sdist")
-for name in Cargo.lock LICENSE-MIT LICENSE-APACHE README.md python/quadlift/py.typed crates/quadlift-report/assets/viewer.html; do
+for name in Cargo.lock LICENSE-MIT LICENSE-APACHE python/README.md python/quadlift/py.typed crates/quadlift-report/assets/viewer.html; do
     grep -q "/$name\$" <<<"$names" || { echo "error: the source distribution has no $name" >&2; exit 1; }
 done
 if grep -E '/(tests|docs|fuzz)/.*(json|png|jpg|txt)$' <<<"$names"; then

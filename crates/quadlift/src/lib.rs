@@ -64,3 +64,8 @@ pub use names::UnknownName;
 pub use observer::Observer;
 // Its types are part of this API.
 pub use nalgebra;
+
+// The example of the README is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -13,7 +13,8 @@ fn workspace() -> PathBuf {
 
 /// The pages for users and developers, with their texts.
 fn pages() -> Vec<(PathBuf, String)> {
-    let mut folders = vec![workspace(), workspace().join("docs"), workspace().join("docs/formats")];
+    let mut folders =
+        ["", "docs", "docs/formats", "docs/method", "python"].map(|folder| workspace().join(folder)).to_vec();
     folders.extend(std::fs::read_dir(workspace().join("crates")).unwrap().map(|entry| entry.unwrap().path()));
     let mut paths = Vec::new();
     for folder in folders {
@@ -178,9 +179,9 @@ fn files_that_the_pages_for_developers_name_exist() {
     assert!(words > 200, "{words}");
 }
 
-/// The version stands in places that no tool keeps together.
+/// The version and the address of the project stand in places that no tool keeps together.
 #[test]
-fn all_versions_are_that_of_the_program() {
+fn versions_and_addresses_agree() {
     let version = env!("CARGO_PKG_VERSION");
     let manifest = std::fs::read_to_string(workspace().join("Cargo.toml")).unwrap();
     for line in manifest.lines().filter(|line| line.contains("path = \"crates/")) {
@@ -188,4 +189,14 @@ fn all_versions_are_that_of_the_program() {
     }
     let citation = std::fs::read_to_string(workspace().join("CITATION.cff")).unwrap();
     assert!(citation.contains(&format!("\nversion: {version}\n")), "CITATION.cff has not the version {version}");
+    let repository = env!("CARGO_PKG_REPOSITORY");
+    for page in ["pyproject.toml", "README.md"] {
+        let text = std::fs::read_to_string(workspace().join(page)).unwrap();
+        let addresses: Vec<&str> =
+            text.split(['"', '(', ')']).filter(|word| word.starts_with("https://github.com/")).collect();
+        let ours = |address: &&str| {
+            address.strip_prefix(repository).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+        };
+        assert!(!addresses.is_empty() && addresses.iter().all(ours), "{page}: {addresses:?}, expected {repository}");
+    }
 }
