@@ -9,6 +9,8 @@ mod cameras;
 mod frames;
 pub mod options;
 mod poses;
+mod record_correction;
+mod rounding;
 
 #[cfg(test)]
 mod tests;
@@ -19,59 +21,8 @@ use crate::error::EntryError;
 use crate::scene_file::SceneFile;
 use crate::wording::count;
 
-/// What is corrected in the records of a scene file.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RecordCorrection {
-    /// One of the usual mistakes.
-    Known(Correction),
-    /// The boxes were measured in images of this width and height, in pixels; they are scaled to the cameras' images.
-    ImageSize([f64; 2]),
-    /// The boxes were measured in letterboxed images of this width and height, in pixels, that need not be square: the
-    /// image was scaled to fit, keeps its proportions and has equal margins on both sides.
-    Letterbox([f64; 2]),
-    /// The translations of the poses are in a unit of this length in metres; the scene is in metres afterwards.
-    PoseUnit(f64),
-}
-
-impl RecordCorrection {
-    /// What undoes one of the usual mistakes in a scene whose images have one size, in pixels, where that is known. Sizes
-    /// of images that were found by the self-check are rounded: to a usual width where one is near, to whole pixels else.
-    pub fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {
-        match (*correction, image_size) {
-            (Correction::ImageScale(factor), Some([width, height])) => {
-                let measured = usual_width(width / factor);
-                Self::ImageSize([measured, (height * measured / width).round().max(1.0)])
-            }
-            (Correction::Lengths(factor), _) => Self::PoseUnit(options::nearest_unit(factor)),
-            (Correction::Letterbox(side), _) => Self::Known(Correction::Letterbox(usual_width(side))),
-            (other, _) => Self::Known(other),
-        }
-    }
-
-    /// The place in the order in which corrections are applied: the format of boxes before their pixels, everything that
-    /// belongs to a frame before detections move to other frames.
-    fn place(&self) -> u8 {
-        match self {
-            Self::Known(Correction::Boxes(_)) => 0,
-            Self::Known(Correction::FrameOffset(_) | Correction::ReversedFrames) => 3,
-            Self::Known(Correction::AlphabeticalFrames | Correction::NumericFrames) => 2,
-            _ => 1,
-        }
-    }
-}
-
-/// Widths of images are multiples of this as a rule: networks and video codecs ask for it.
-const WIDTH_STEP: f64 = 16.0;
-
-/// Share by which a width that the self-check has found may be wrong.
-const WIDTH_ERROR: f64 = 0.005;
-
-/// The width, in pixels, that is meant by one that was found.
-pub(crate) fn usual_width(found: f64) -> f64 {
-    let usual = (found / WIDTH_STEP).round() * WIDTH_STEP;
-    let is_near = (usual / found - 1.0).abs() < WIDTH_ERROR;
-    if is_near { usual } else { found.round() }.max(1.0)
-}
+pub use record_correction::RecordCorrection;
+pub(crate) use rounding::usual_width;
 
 /// Corrects the records of a scene file; returns what was done, in words. Objects of the file are left as they are.
 ///

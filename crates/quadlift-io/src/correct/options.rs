@@ -2,7 +2,8 @@
 
 use quadlift::diagnosis::{BoxFormat, Correction};
 
-use super::{RecordCorrection, usual_width};
+use super::record_correction::RecordCorrection;
+use super::rounding::{UNITS, nearest_unit, usual_width};
 
 /// The values of `--pose-convention`: what the poses of the file are.
 pub const POSE_CONVENTIONS: [(&str, Correction); 13] = [
@@ -123,12 +124,6 @@ impl RecordCorrection {
     }
 }
 
-/// The values of `--pose-unit`, in metres.
-const UNITS: [(&str, f64); 6] = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3), ("ft", 0.3048), ("in", 0.0254)];
-
-/// A length that was found from sizes is that of a unit when it differs by less than this factor: sizes of things differ.
-const SAME_UNIT: f64 = 1.6;
-
 /// Reads the value of `--pose-unit`: the length of the unit in metres.
 ///
 /// # Errors
@@ -136,15 +131,6 @@ const SAME_UNIT: f64 = 1.6;
 pub fn pose_unit(text: &str) -> Result<f64, String> {
     let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
     length.map_or_else(|| of_name(&UNITS, text).map_err(|error| format!("{error}, or a length in metres")), Ok)
-}
-
-/// The length of the unit that is meant by a length in metres that was found from sizes; the length with two digits where
-/// it is none (the scale of a map that has no unit).
-pub fn nearest_unit(metres: f64) -> f64 {
-    let distance = |unit: f64| (metres / unit).ln().abs();
-    let near = UNITS.iter().map(|(_, unit)| *unit).filter(|unit| distance(*unit) < SAME_UNIT.ln());
-    let digits = 10_f64.powf(1.0 - metres.log10().floor());
-    near.min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or((metres * digits).round() / digits)
 }
 
 /// Reads the value of `--up`: an axis such as `-y`, or a direction X,Y,Z.

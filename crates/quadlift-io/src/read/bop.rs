@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
+use super::import::{Import, camera_id};
 use super::json::{Node, parse_json};
 use super::poses::{check_rigid, inverse, matrix4, rows};
 use super::static_objects::LabelledObjects;
-use super::{Import, camera_id};
 use crate::error::ReadError;
 use crate::images::read_image_size;
 use crate::input::read_bytes;

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector3;
 use quadlift::geometry::CameraModel;
 
-use super::Import;
 use super::bytes::Bytes;
+use super::import::Import;
 use super::poses::{matrix4, rotation_of, rows};
 use super::text::{Fields, Line, lines};
 use crate::error::ReadError;

@@ -9,12 +9,12 @@ use std::path::Path;
 
 use nalgebra::Matrix4;
 
+use super::import::{Import, PixelCenters};
 use super::kitti_geometry::{Oxts, calibration, camera_rows, image_size_of, rect_from_world};
 use super::kitti_labels::{KittiLabel, parse_labels};
 use super::poses::inverse;
 use super::static_objects::LabelledObjects;
 use super::text::lines;
-use super::{Import, PixelCenters};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile};

@@ -8,7 +8,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Matrix4, Rotation3, Vector3};
 use quadlift::geometry::Intrinsics;
 
-use super::PixelCenters;
+use super::import::PixelCenters;
 use super::poses::{check_rigid, inverse, matrix4, rows};
 use super::text::{Line, lines};
 use crate::error::ReadError;

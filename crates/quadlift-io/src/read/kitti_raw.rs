@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix4, Rotation3, Vector3};
 
+use super::import::{Import, PixelCenters};
 use super::kitti::frame_id;
 use super::kitti_geometry::{Oxts, calibration, camera_rows, rect_from_world};
 use super::poses::{inverse, matrix4};
 use super::static_objects::LabelledObjects;
 use super::text::lines;
-use super::{Import, PixelCenters};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};

@@ -10,9 +10,9 @@ use std::path::Path;
 use nalgebra::{Matrix3, Matrix4, Vector3};
 use quadlift::geometry::{Camera, CameraModel};
 
+use super::import::{Import, PixelCenters, camera_id};
 use super::json::{Node, parse_json};
 use super::poses::{check_rigid, from_rows, inverse, rows};
-use super::{Import, PixelCenters, camera_id};
 use crate::error::ReadError;
 use crate::images::read_image_size;
 use crate::input::read_bytes;

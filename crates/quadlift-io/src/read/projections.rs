@@ -10,8 +10,8 @@ use std::path::Path;
 
 use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 
+use super::import::{Import, PixelCenters};
 use super::json::{Node, parse_json};
-use super::{Import, PixelCenters};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::PixelCenters;
 use super::bop::{BopOptions, read_bop};
+use super::import::PixelCenters;
 use super::kitti::{KittiOptions, read_kitti};
 use crate::scene_file::{SceneFile, read_scene_file};
 use crate::test_data::real_data as data;

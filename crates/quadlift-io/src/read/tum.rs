@@ -7,9 +7,9 @@ use nalgebra::Vector3;
 use quadlift::geometry::{Camera, CameraModel};
 
 use super::colmap::camera_fields;
+use super::import::{Import, PixelCenters};
 use super::poses::{inverse, matrix4, rotation_of, rows};
 use super::text::{Line, lines};
-use super::{Import, PixelCenters};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
