@@ -162,7 +162,7 @@ fn detection_input<'a>(
             BoundingBoxError::Empty(_) => {
                 " (if the numbers are x, y, width, height: --box-format xywh; centre and size: --box-format cxcywh)"
             }
-            BoundingBoxError::NotFinite(_) => "",
+            _ => "",
         };
         EntryError::new(entry(".box"), format!("{error}{hint}"))
     })?;

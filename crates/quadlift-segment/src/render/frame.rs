@@ -267,6 +267,6 @@ fn window(solid: &Solid, projection: &Projection, frame: &SyntheticFrame) -> Opt
             (x0 < x1 && y0 < y1).then_some([x0, y0, x1, y1])
         }
         Err(ProjectionError::StraddlesCameraPlane) => Some([0, 0, frame.width, frame.height]),
-        Err(ProjectionError::BehindCamera | ProjectionError::NotFinite) => None,
+        Err(_) => None,
     }
 }

@@ -15,6 +15,7 @@ use nalgebra::Point3;
 
 /// How an association ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
 pub enum Outcome {
     /// There are objects.
     Found,

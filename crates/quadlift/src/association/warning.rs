@@ -5,6 +5,7 @@
 /// A thing that moves seldom looks like clutter: some standing ellipsoid explains its boxes more or less, but that is
 /// oddly long, oddly large or small, or explains them less well than the scene's other objects explain theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum AssociationWarning {
     /// Its body is implausibly long.
     Elongated,

@@ -4,6 +4,7 @@ use nalgebra::Vector2;
 
 /// Why four numbers are no box.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum BoundingBoxError {
     /// A coordinate is NaN or infinite.
     #[error("the box [{}, {}, {}, {}] holds a number that is not finite", .0[0], .0[1], .0[2], .0[3])]

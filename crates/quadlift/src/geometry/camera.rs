@@ -10,6 +10,7 @@ use super::rotation::rotation_defect;
 
 /// Why a camera, a pose or a projection is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CameraError {
     /// A number is NaN or infinite.
     #[error("{what} holds a number that is not finite")]

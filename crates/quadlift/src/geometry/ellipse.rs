@@ -6,6 +6,7 @@ use super::bounding_box::BoundingBox;
 
 /// Why a matrix or a set of numbers is no ellipse.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EllipseError {
     /// A number is NaN or infinite.
     #[error("the ellipse holds a number that is not finite")]

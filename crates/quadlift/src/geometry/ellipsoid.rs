@@ -8,6 +8,7 @@ use super::vech::{unvech4, vech4};
 
 /// Why a matrix is no ellipsoid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EllipsoidError {
     /// A number is NaN or infinite, or the quadric has no finite centre.
     #[error("the quadric holds a number that is not finite, or it has no finite centre")]

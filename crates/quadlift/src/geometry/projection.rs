@@ -10,6 +10,7 @@ use super::ellipsoid::Ellipsoid;
 
 /// Why a body has no outline in an image.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ProjectionError {
     /// The whole body lies behind the camera plane.
     #[error("the object lies behind the camera")]

@@ -4,6 +4,7 @@ use super::Scene;
 
 /// Why it is not clear which source's detections to take.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SourceError {
     /// Several sources and none chosen.
     #[error(

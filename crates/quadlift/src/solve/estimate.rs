@@ -45,6 +45,7 @@ impl Status {
 
 /// Something that makes an estimate weaker than its status says; the text is for people.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Warning {
     /// The viewing rays differ by a small angle only, so that the depth is uncertain.
     NarrowBaseline {

@@ -58,6 +58,7 @@ pub struct Sigmas(BTreeMap<&'static str, f64>);
 
 /// Why noise levels are refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SigmasError {
     /// There is no noise level of this name.
     #[error("\"{0}\" is no noise level; expected one of {names}", names = SIGMA_NAMES.join(", "))]

@@ -226,6 +226,7 @@ impl Noise {
 
 /// Why a synthetic scene cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SyntheticError {
     /// An option is outside of its range.
     #[error("the {what} is {value}; expected {expected}")]

@@ -11,6 +11,7 @@ mod false_boxes;
 mod invariance;
 mod lens;
 mod masks;
+mod observer;
 mod pfd_reference;
 mod sigmas;
 mod surroundings;

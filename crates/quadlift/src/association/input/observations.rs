@@ -4,11 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3x4, Vector2, Vector3};
 
-use crate::geometry::BoundingBox;
-use crate::scene::Scene;
-
-/// Distance from the border of the image, in pixels, within which an edge counts as cut off.
-const BORDER_PX: f64 = 2.0;
+use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
 
 /// Smaller scores count as this one.
 const LEAST_SCORE: f64 = 1e-3;
@@ -136,7 +132,7 @@ impl Observations {
                 category,
                 id: detection.object_index,
                 edges: measured.edges(),
-                cut: cut_edges(&measured, size),
+                cut: edges_at_border(&measured, size, BORDER_TOLERANCE_PX),
                 half_size: 0.5 * (half.x + half.y),
                 log_half: [half.x.ln(), half.y.ln()],
                 score_log_odds: log_odds_against(detection.score),
@@ -214,21 +210,10 @@ impl Observations {
     }
 }
 
-/// The edges that the border of the image cuts off; none where the size of the image is not known.
-fn cut_edges(bounding_box: &BoundingBox, image_size: Option<Vector2<f64>>) -> [bool; 4] {
-    let Some(size) = image_size else { return [false; 4] };
-    [
-        bounding_box.x0 <= BORDER_PX,
-        bounding_box.y0 <= BORDER_PX,
-        bounding_box.x1 >= size.x - BORDER_PX,
-        bounding_box.y1 >= size.y - BORDER_PX,
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Projection;
+    use crate::geometry::{BoundingBox, Projection};
     use crate::scene::{DetectionInput, SceneBuilder};
 
     #[test]

@@ -1,7 +1,8 @@
 //! The most probable ellipsoid for a set of boxes: fast, for the many sets that are tried.
 //!
-//! A compact sibling of [`crate::solve::map`] with one fixed noise: tangent planes, Student's t per edge, priors on
-//! shape and size.
+//! Beside the estimator ([`crate::solve::map`]) it has one noise level, no ellipses and no robust loss over views, so that a
+//! residual costs a third: tangent planes, Student's t per edge, priors on shape and size. Bodies, normal equations and
+//! Levenberg-Marquardt are the same.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -15,7 +16,8 @@ use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::optimize::levenberg_marquardt::{Stop, minimise};
 use crate::optimize::normal_equations::NormalEquations;
 
-/// Standard deviation of the deviation of log semi-axes from their mean.
+/// Standard deviation of the deviation of log semi-axes from their mean. Wider than that of the estimators (0.4): bodies are
+/// compared here by what few boxes say. Not swept.
 pub(crate) const SHAPE_SD: f64 = 0.5;
 
 const STOP: Stop = Stop { evaluations: 40, promised_decrease: 1e-3 };

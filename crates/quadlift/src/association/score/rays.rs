@@ -93,7 +93,7 @@ pub(crate) fn center_covariance(observations: &Observations, boxes: &[u32], sphe
 }
 
 /// The sphere that many boxes show together, from a first guess of its centre; `None` when it is not in front of all.
-pub(crate) fn triangulate(observations: &Observations, boxes: &[u32], guess: &Vector3<f64>) -> Option<Sphere> {
+pub(crate) fn triangulate_sphere(observations: &Observations, boxes: &[u32], guess: &Vector3<f64>) -> Option<Sphere> {
     let mut center = *guess;
     for _ in 0..2 {
         let (mut sum, mut toward) = information(observations, boxes, &center);
@@ -145,7 +145,7 @@ mod tests {
         let (observations, _) = seen_by(9, &ball());
         let center = ball().center.coords - observations.origin;
         let boxes: Vec<u32> = (0..9).collect();
-        let sphere = triangulate(&observations, &boxes, &(center + Vector3::new(20.0, 5.0, -9.0))).unwrap();
+        let sphere = triangulate_sphere(&observations, &boxes, &(center + Vector3::new(20.0, 5.0, -9.0))).unwrap();
         assert!((sphere.center - center).norm() < 0.05 && (sphere.log_radius - 2.0f64.ln()).abs() < 0.01);
         let covariance = center_covariance(&observations, &boxes, &sphere);
         // Nine rays from all around, each 0.2 radii off across: about 0.4 / sqrt(9 * 2 / 3) along every axis.

@@ -5,7 +5,7 @@ use std::collections::{BinaryHeap, HashSet};
 
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::Observations;
-use crate::association::score::rays::{Sphere, center_covariance, pair_sphere, triangulate};
+use crate::association::score::rays::{Sphere, center_covariance, pair_sphere, triangulate_sphere};
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::score::sphere_score::{Score, SphereScorer};
 use crate::parallel::map_indices;
@@ -85,7 +85,7 @@ pub(crate) fn births(
             continue;
         }
         // Better births have taken some of its boxes: it counts what is left.
-        let Some(sphere) = triangulate(observations, &free, &birth.sphere.center) else { continue };
+        let Some(sphere) = triangulate_sphere(observations, &free, &birth.sphere.center) else { continue };
         let ends = vec![free[0], free[free.len() - 1]];
         let again = improve(&scorer, &Birth { sphere, boxes: ends, score: 0.0 }, category, 2);
         if let Some(birth) = again
@@ -226,7 +226,7 @@ fn improve(scorer: &SphereScorer, birth: &Birth, category: usize, rounds: usize)
         if detected < 2 || claimed.is_empty() || round + 1 == rounds {
             break;
         }
-        match triangulate(observations, &claimed, &sphere.center) {
+        match triangulate_sphere(observations, &claimed, &sphere.center) {
             Some(better) => (sphere, boxes) = (better, claimed),
             None => break,
         }

@@ -15,6 +15,7 @@ pub(crate) const FEWEST_VIEWS: usize = 3;
 
 /// Why a closed form has no solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ClosedFormError {
     /// Fewer views than the method needs.
     #[error("{found} views, but at least {needed} are needed")]
