@@ -17,12 +17,12 @@ use crate::words::count;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Corrections of the scene")]
 pub struct Corrections {
-    /// What the poses are instead of OpenCV's cam_from_world: world-from-camera, opengl, opengl-world-from-camera, body,
+    /// Convention of the poses if it is not OpenCV's cam_from_world: world-from-camera, opengl, opengl-world-from-camera, body,
     /// left-handed (Unity), camera-center (as translation), transposed-rotation, quaternion-wxyz, quaternion-xyzw, ...
     #[arg(long, value_name = "NAME", value_parser = options::pose_convention)]
     pose_convention: Option<Correction>,
 
-    /// Unit of the poses' translations: mm, cm, m, km, in, ft or its length in metres; the scene is in metres then
+    /// Unit of the poses' translations: mm, cm, m, km, in, ft or its length in metres; the scene is converted to metres
     #[arg(long, value_name = "UNIT", value_parser = options::pose_unit)]
     pose_unit: Option<f64>,
 
@@ -30,28 +30,28 @@ pub struct Corrections {
     #[arg(long, value_name = "AXIS", value_parser = up, allow_hyphen_values = true)]
     up: Option<Up>,
 
-    /// The focal lengths are to be multiplied by this
+    /// Multiply the focal lengths by this factor
     #[arg(long, value_name = "F", value_parser = args::positive)]
     focal_factor: Option<f64>,
 
-    /// What the intrinsics are instead of pixels: normalized (by width and height) or transposed
+    /// Format of the intrinsics if not pixels: normalized (by width and height) or transposed
     #[arg(long, value_name = "NAME", value_parser = options::intrinsics_format)]
     intrinsics_format: Option<Correction>,
 
-    /// The lens has this radial coefficient (k of COLMAP's SIMPLE_RADIAL), which the cameras lack
+    /// Add lens distortion with this radial coefficient (k of COLMAP's SIMPLE_RADIAL) to the cameras
     #[arg(long, value_name = "K", value_parser = args::finite, allow_negative_numbers = true)]
     radial_distortion: Option<f64>,
 
-    /// What the numbers of boxes are: xywh, cxcywh or yxyx instead of the corners xyxy; or how they were misread:
+    /// Format of the boxes if not the corners xyxy: xywh, cxcywh or yxyx; or how they were misread:
     /// xyxy-as-xywh, cxcywh-as-xywh, xywh-as-cxcywh
     #[arg(long, value_name = "NAME", value_parser = box_format)]
     box_format: Option<BoxNumbers>,
 
-    /// The boxes are shares of the image's width and height
+    /// The boxes are normalized by the width and height of the image
     #[arg(long)]
     normalized_boxes: bool,
 
-    /// The pixels of the boxes are to be multiplied by this
+    /// Multiply the pixel coordinates of the boxes by this factor
     #[arg(long, value_name = "F", value_parser = args::positive)]
     box_scale: Option<f64>,
 
@@ -59,7 +59,7 @@ pub struct Corrections {
     #[arg(long, value_name = "WxH", value_parser = letterbox)]
     letterbox: Option<RecordCorrection>,
 
-    /// The order in which frames were numbered when detections were made: alphabetical, numeric or reversed
+    /// Order in which the frames were numbered for the detector: alphabetical, numeric or reversed
     #[arg(long, value_name = "ORDER", value_parser = options::frame_order)]
     frame_order: Option<Correction>,
 }
@@ -70,7 +70,7 @@ pub struct SceneCorrections {
     #[command(flatten)]
     corrections: Corrections,
 
-    /// Width and height of the images in which the boxes were measured, where they are not those of the cameras
+    /// Size of the images in which the boxes were measured, if it is not that of the cameras
     #[arg(long, value_name = "WxH", value_parser = args::image_size, help_heading = "Corrections of the scene")]
     image_size: Option<[f64; 2]>,
 
@@ -82,11 +82,11 @@ pub struct SceneCorrections {
 /// What the self-check does with a scene that does not agree with itself.
 #[derive(clap::Args)]
 pub struct CheckArgs {
-    /// Apply the correction that the self-check proposes, and again until the scene agrees with itself (3 at most)
+    /// Apply the corrections that the self-check proposes until the scene is consistent (3 at most)
     #[arg(long, help_heading = "Corrections of the scene")]
     pub fix: bool,
 
-    /// Go on with a scene that does not agree with itself, as if it did
+    /// Continue with an inconsistent scene
     #[arg(long, help_heading = "Corrections of the scene")]
     pub accept_inconsistent: bool,
 }

@@ -11,15 +11,15 @@ const LEAST: usize = 46;
 /// What the short help of `localize` shows, in fewer words than the long one.
 const SHORT: [(&str, &str); 10] = [
     ("scenes", "Scene files, folders that hold them, or patterns in quotes"),
-    ("output", "Where the result is written"),
-    ("report", "Page that shows the result, for any browser"),
+    ("output", "Output file"),
+    ("report", "Write a report, an HTML page"),
     ("cameras", "Cameras of another program (COLMAP, nerfstudio, KITTI, ...)"),
     ("detections", "Detections of another program (YOLO, COCO, CSV, ...)"),
-    ("source", "Take the detections of this source only"),
+    ("source", "Use only the detections of this source"),
     ("body", "ellipsoid, cuboid, cylinder, superellipsoid:Q or auto"),
-    ("associate", "Find the identities of objects first: auto, never or always"),
-    ("priors", "Typical sizes of categories: those that come with quadlift, or yours"),
-    ("fix", "Mend the scene where the self-check finds a mistake"),
+    ("associate", "Associate detections first: auto (if any lack an id), never or always"),
+    ("priors", "Typical sizes of categories: the built-in ones or your own"),
+    ("fix", "Apply the corrections that the self-check proposes"),
 ];
 
 /// What stands at the end of the short help of `localize`.
@@ -33,10 +33,10 @@ quadlift localize --help explains all options and exit codes.";
 /// Groups of the other options of `localize`.
 const GROUPS: [(&str, &[&str]); 5] = [
     (
-        "Which detections are used, and what of them",
+        "Selection of detections and measurements",
         &["observations", "ids", "min_views", "max_occluded", "max_truncated"],
     ),
-    ("What is known of the scene", &["no_upright", "ground_plane", "camera_height", "pose_noise", "sigmas"]),
+    ("Knowledge about the scene", &["no_upright", "ground_plane", "camera_height", "pose_noise", "sigmas"]),
     ("Quality of the result", &["cross_validate", "calibration"]),
     ("Running", &["detail", "seed", "threads"]),
     ("For research (the defaults are better)", &["method", "lambda"]),

@@ -42,19 +42,18 @@ use quadlift_io::images::{DEFAULT_MAX_PIXELS, set_max_pixels};
 
 const EXIT_CODES: &str = "\
 Exit codes:
-  0  all is well
+  0  success
   1  a file could not be read or written, a detection could not be segmented, or no object could
      be localised (of several scenes: in at least one)
   2  wrong usage: unknown options, values out of range, options that contradict each other
-  3  a scene does not agree with itself: poses, cameras and boxes do not fit together
-     (--accept-inconsistent goes on)
+  3  the scene is inconsistent: poses, cameras and boxes contradict each other
+     (--accept-inconsistent continues)
 
 Outputs:
-  -o - and /dev/stdout write to the standard output; reports for people go to the standard error
-  stream then.
-  A file that a run reads, or that a scene names as image or mask, is never overwritten.
+  -o - and /dev/stdout write to standard output; messages then go to standard error.
+  Input files, and the images and masks that a scene names, are never overwritten.
 
-Start with:
+To start:
   quadlift demo";
 
 /// Lifts 2D object detections from posed images to 3D objects: ellipsoids and cuboids.
@@ -64,15 +63,15 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    /// Print one JSON document on the standard output, for programs
+    /// Print one JSON document to standard output
     #[arg(long, global = true, help_heading = "Output")]
     json: bool,
 
-    /// Print details (rejected views, noise levels, times) on the standard error stream
+    /// Print details to standard error: rejected views, noise levels, times
     #[arg(short, long, global = true, help_heading = "Output", hide_short_help = true)]
     verbose: bool,
 
-    /// Refuse images and masks with more pixels, before they are decoded
+    /// Reject images and masks with more pixels before they are decoded
     #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_MAX_PIXELS, help_heading = "Limits", hide_short_help = true)]
     max_pixels: u64,
 

@@ -23,7 +23,7 @@ use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
 use crate::words::duration;
 
-/// Find out which detections show the same object
+/// Associate detections that show the same object
 ///
 /// For detectors that give boxes but no identities. The result is the same scene with an `object` in each detection that
 /// belongs to one; the others name none. Objects that look like moving things, or like several, are marked as doubtful.
@@ -40,7 +40,7 @@ Examples:
   quadlift associate street.json -o associated.json --source rrc --min-score 0.5
   quadlift localize associated.json -o objects.json
 
-Exit codes: 0 fine; 1 a file cannot be read or written, or there is too little to associate; 2 wrong usage; 3 the scene does
+Exit codes: 0 success; 1 a file cannot be read or written, or there is too little to associate; 2 wrong usage; 3 the scene does
 not agree with itself, or no object was found because nothing agrees."
 )]
 pub struct Args {
@@ -48,11 +48,11 @@ pub struct Args {
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
 
-    /// Where the scene with objects is written
+    /// Output: the scene with object ids
     #[arg(short, long, value_name = "OUT.json")]
     output: PathBuf,
 
-    /// Take the detections of this source only; needed when the scene has several
+    /// Use only the detections of this source; required if the scene has several
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
@@ -64,15 +64,15 @@ pub struct Args {
     #[arg(long)]
     thorough: bool,
 
-    /// Objects with fewer views are left out
+    /// Skip objects with fewer views
     #[arg(long, value_name = "N", default_value_t = 3)]
     min_views: usize,
 
-    /// Leave out detections with a lower score
+    /// Skip detections with a lower score
     #[arg(long, value_name = "S", value_parser = args::finite)]
     min_score: Option<f64>,
 
-    /// Leave out detections that overlap a better one of the same frame and category by more (intersection over union)
+    /// Skip detections that overlap a better one of the same frame and category by more than this (intersection over union)
     #[arg(long, value_name = "IOU", value_parser = args::finite)]
     max_overlap: Option<f64>,
 

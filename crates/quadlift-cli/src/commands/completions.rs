@@ -6,7 +6,7 @@ use clap_complete::Shell;
 use crate::error::Outcome;
 use crate::output::Output;
 
-/// Print a script that completes commands and options in a shell
+/// Print a script for shell completion
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -58,7 +58,7 @@ pub struct Args {
     /// Score the identities of the detections of this source only; needed when those of the estimate have several
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
-    /// Page that shows estimates, truth and scores, for any browser
+    /// Write a report, an HTML page that shows estimates, truth and scores
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 }

@@ -18,7 +18,7 @@ use crate::output::{Output, one_line};
 use crate::words::{count, some_of};
 use formats::Format;
 
-/// Write the objects of a scene file in another program's format
+/// Export objects and cameras to other formats
 ///
 /// Takes results and truths alike. Objects without a body are left out (CSV and Parquet have them) and counted; what was
 /// converted, assumed or lost is printed.

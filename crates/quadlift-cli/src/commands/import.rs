@@ -16,10 +16,10 @@ use crate::next::Next;
 use crate::output::Output;
 use crate::words::count;
 
-/// Make a scene file of another program's cameras and poses
+/// Convert the cameras and poses of another program to a scene file
 ///
-/// Axes, directions of transforms, pixel origins, quaternions and units become those of the scene file; what was
-/// converted and what was assumed is printed, and kept in the scene's notes.
+/// Axes, transforms, pixel origins, quaternions and units are converted to the conventions of scene files. Conversions and
+/// assumptions are printed and stored in the notes of the scene.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -34,7 +34,7 @@ Examples:
   quadlift import projections projections.csv --image-size 640x480 -o scene.json
   quadlift import parquet tables/ -o scene.json
 
-Exit codes: 0 the scene was written; 1 a file could not be read or written; 2 wrong usage."
+Exit codes: 0 success; 1 a file could not be read or written; 2 wrong usage."
 )]
 pub struct Args {
     #[command(subcommand)]
@@ -44,11 +44,11 @@ pub struct Args {
 /// What every format has.
 #[derive(clap::Args)]
 pub struct Common {
-    /// The scene file to write
+    /// Output: the scene file
     #[arg(short, long, value_name = "SCENE.json")]
     output: PathBuf,
 
-    /// Folder of the images (default: where the format has them)
+    /// Folder of the images (default: that of the format)
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
 }

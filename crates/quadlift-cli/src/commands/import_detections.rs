@@ -19,7 +19,7 @@ use crate::words::{count, some_of};
 pub use formats::{Format, Names};
 pub use matching::Matching;
 
-/// Add the detections in another program's files to a scene
+/// Add the detections of another program to a scene
 ///
 /// The images of the detections are matched with the frames of the scene by name, number or time. Track ids become
 /// objects; where there are none, `quadlift localize` finds out which detections show the same object. The detections

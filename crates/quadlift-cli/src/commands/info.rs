@@ -22,7 +22,7 @@ use crate::words::{count, some_of};
 /// Boxes that reach farther out of the image than this are counted (pixels).
 const OUTSIDE_TOLERANCE: f64 = 1.0;
 
-/// Show what a scene file holds, and what looks wrong in it
+/// Summarise a scene file and report suspicious values
 ///
 /// The file is checked as for localisation; oddities that are no errors are listed and do not change the exit code, not even
 /// that the scene does not agree with itself.

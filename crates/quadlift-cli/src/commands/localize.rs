@@ -37,7 +37,7 @@ use crate::output::{HEADING, Output, one_line};
 use crate::report::{check_report, report_paths, write_localized};
 use crate::words::{count, duration};
 
-/// Localise the objects that the detections of a scene show
+/// Estimate 3D objects from the detections of a scene
 ///
 /// The result is a scene file: the cameras and frames of the scene, the estimated objects with status, uncertainty and
 /// residuals, and the settings. The true objects of a scene, if it has any, are neither read nor copied.
@@ -58,7 +58,7 @@ Examples:
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
 
-Exit codes: 0 fine; 1 a scene failed, or none of its objects could be localised; 2 wrong usage; 3 a scene does not agree
+Exit codes: 0 success; 1 a scene failed, or none of its objects could be localised; 2 wrong usage; 3 a scene does not agree
 with itself (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
 pub struct Args {
@@ -66,11 +66,11 @@ pub struct Args {
     #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     scenes: Vec<PathBuf>,
 
-    /// Where the result is written (of several scenes: a folder); without it, it is only shown
+    /// Output file (for several scenes: a folder); without it the result is only printed
     #[arg(short, long, value_name = "OUT.json")]
     output: Option<PathBuf>,
 
-    /// Page that shows the result, for any browser (of several scenes: a folder)
+    /// Write a report, an HTML page (for several scenes: a folder)
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 
@@ -92,7 +92,7 @@ pub struct Args {
     #[arg(long, value_name = "BODY", default_value = "auto", value_parser = args::body_choice)]
     body: BodyChoice,
 
-    /// Take the detections of this source only; needed when the scene has several
+    /// Use only the detections of this source; required if the scene has several
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
@@ -115,15 +115,15 @@ pub struct Args {
     #[arg(long, value_name = "builtin|FILE.toml")]
     priors: Option<PathBuf>,
 
-    /// Objects with fewer views are not localised
+    /// Skip objects with fewer views
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     min_views: usize,
 
-    /// Leave out detections that are more occluded (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown)
+    /// Skip detections that are more occluded (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown)
     #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
     max_occluded: Option<f64>,
 
-    /// Leave out detections that are more truncated (KITTI: 0 wholly inside of the image)
+    /// Skip detections that are more truncated (KITTI: 0 wholly inside of the image)
     #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
     max_truncated: Option<f64>,
 

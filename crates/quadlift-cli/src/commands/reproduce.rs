@@ -14,7 +14,7 @@ use crate::output::Output;
 use crate::progress::counting_bar;
 use crate::report::check_report;
 
-/// For research: rerun the experiments of the paper and show its figures beside ours
+/// Rerun the experiments of the paper and compare its figures (for research)
 ///
 /// The paper is "3D Pose from Detections" (ICCV 2015). Each table has the paper's printed figures in the rows whose
 /// setting is "paper".

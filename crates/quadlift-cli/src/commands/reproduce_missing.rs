@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use crate::error::{Outcome, usage};
 use crate::output::Output;
 
-/// For research: rerun the experiments of the paper (not in this build)
+/// Rerun the experiments of the paper (for research; not in this build)
 #[derive(clap::Args)]
 #[command(hide = true, disable_help_flag = true)]
 pub struct Args {

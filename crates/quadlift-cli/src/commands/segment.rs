@@ -23,7 +23,7 @@ use crate::segmentation::segment_scene;
 use crate::table::{Cell, Table, number};
 use crate::words::{count, duration};
 
-/// Find the masks of detected objects in their images, and the ellipses of the masks
+/// Segment the detected objects in their images and fit ellipses to the masks
 ///
 /// The crops of one object in all of its frames are segmented together. The result is the same scene with an `ellipse`,
 /// a `mask` and a `segmentation` (how far they can be trusted) in each detection; `localize` takes it from there.
@@ -48,23 +48,23 @@ Examples:
   quadlift segment scene.json -o segmented.json --method masks
   quadlift localize segmented.json -o objects.json
 
-Exit codes: 0 fine; 1 at least one detection could not be segmented, or none; 2 wrong usage; 3 the scene does not agree with
+Exit codes: 0 success; 1 at least one detection could not be segmented, or none; 2 wrong usage; 3 the scene does not agree with
 itself (its masks are written all the same)."
 )]
 pub struct Args {
-    /// The scene file; its frames name their images
+    /// The scene file, whose frames name their images
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
 
-    /// Where the scene with ellipses and masks is written
+    /// Output: the scene with ellipses and masks
     #[arg(short, long, value_name = "OUT.json")]
     output: PathBuf,
 
-    /// Where masks come from: sca+cut, sca, graphcut, masks or box (see below)
+    /// Source of the masks: sca+cut, sca, graphcut, masks or box (see below)
     #[arg(long, value_name = "METHOD", default_value = "sca+cut", value_parser = method)]
     method: Method,
 
-    /// Segment the detections of this source only; needed when the scene has several
+    /// Segment only the detections of this source; required if the scene has several
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
@@ -76,7 +76,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     contact_sheets: Option<PathBuf>,
 
-    /// Page that shows the ellipses in their images, for any browser
+    /// Write a report, an HTML page that shows the ellipses in their images
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 

@@ -20,7 +20,7 @@ use crate::output::Output;
 use crate::rendered_scene::{check_folders, write_images, write_masks};
 use crate::synthetic_file::{scene_file, with_true_ids};
 
-/// Write a synthetic scene whose truth is known
+/// Write a synthetic scene with known truth
 ///
 /// Objects of random place, size and orientation lie in a cube of side 20; the cameras stand 200 away from its centre
 /// and look at it. The truth is written as the `objects` of the scene; no estimator reads it. A detector can be had that

@@ -29,7 +29,7 @@ fn the_demo_finds_what_is_on_the_desk() {
     // The same for programs, over the files of the first run.
     let report: Value = serde_json::from_str(&folder.succeed("demo --overwrite --json --report page.html")).unwrap();
     let desk = &report["desk"];
-    assert!(desk["found"].as_u64() >= Some(12) && desk["things"] == 13, "{desk}");
+    assert!(desk["found"].as_u64() >= Some(12) && desk["true_objects"] == 13, "{desk}");
     let off: Vec<f64> = desk["objects"].as_array().unwrap().iter().filter_map(|o| o["off"].as_f64()).collect();
     assert!(off.len() == 12 && off.iter().all(|off| *off < 0.02), "{off:?}");
     let boxes = &desk["boxes"];

@@ -99,7 +99,7 @@ impl<'a> Findings<'a> {
 
     /// One row for each object: what it is, how often it was seen, its size, how sure that is, and how far off.
     pub fn table(&self) -> String {
-        let mut table = Table::new(["<thing", "seen in", "size [cm]", "place known to", "really off by"]);
+        let mut table = Table::new(["<object", "views", "size [cm]", "centre sd", "centre error"]);
         let millimetres =
             |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{} mm", number(Some(1e3 * x), 0)));
         for (object, body, thing) in self.localised() {
@@ -115,12 +115,12 @@ impl<'a> Findings<'a> {
             let off = self.off(object, thing);
             table.push(vec![
                 Cell::from(name),
-                Cell::from(format!("{views} views")),
+                Cell::from(views.to_string()),
                 Cell::from(sizes.unwrap_or_default()),
                 Cell::from(format!("± {}", millimetres(object.center_sd))),
                 match off {
                     Some(_) => Cell::from(millimetres(off)),
-                    None => Cell::styled("no such thing", DIM),
+                    None => Cell::styled("no true object", DIM),
                 },
             ]);
         }
@@ -145,7 +145,7 @@ impl<'a> Findings<'a> {
             .collect();
         let [found, things] = self.found();
         json!({
-            "things": things,
+            "true_objects": things,
             "found": found,
             "objects": objects,
             "boxes": { "all": boxes.all, "wrong": boxes.wrong, "wrong_refused": boxes.wrong_refused,

@@ -27,22 +27,22 @@ const ESTIMATE: &str = "estimate.json";
 const PAGE: &str = "report.html";
 const MENDED: &str = "mended.json";
 
-/// Find the things on a desk: photographs, boxes of a detector, objects, a page that shows them
+/// Localise the objects on a rendered desk; needs no files
 ///
-/// The photographs are rendered, so that the truth is known. The boxes are those of a simulated detector: they say what
-/// they show but not which one, some are wrong, and some show nothing. A second part gives the same boxes with wrong
-/// camera poses.
+/// The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have categories but
+/// no object ids, and some are wrong or show nothing. A second part runs the self-check on the same boxes with wrong camera
+/// poses.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "\
-Files in DIR, for the other commands to work on:
-  scene.json, images/  what a user brings: photographs with cameras, and boxes
-  estimate.json        the objects that were found (localize)
-  report.html          the page that shows them (localize --report)
+Files written to DIR:
+  scene.json, images/  the input: images, cameras and poses, and boxes
+  estimate.json        the estimated objects (localize)
+  report.html          the report (localize --report)
   truth.json           the true objects
-  wrong-poses.json     the same scene with poses whose axes are those of OpenGL
-  mended.json          the objects that were found in it once that was mended (localize --fix)
+  wrong-poses.json     the same scene with poses in OpenGL axes
+  mended.json          the objects estimated from it after correction (localize --fix)
 
 Next:
   quadlift info quadlift-demo/scene.json
@@ -51,19 +51,19 @@ Next:
   quadlift view quadlift-demo/scene.json quadlift-demo/estimate.json"
 )]
 pub struct Args {
-    /// Folder for the files; it is made if it does not exist
+    /// Output folder; it is created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "quadlift-demo")]
     out: PathBuf,
 
-    /// Write over files of an earlier demo in DIR
+    /// Overwrite the files of an earlier demo in DIR
     #[arg(long)]
     overwrite: bool,
 
-    /// Another place for the page [default: DIR/report.html]
+    /// Path of the report [default: DIR/report.html]
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 
-    /// Open the page in the browser
+    /// Open the report in the browser
     #[arg(long)]
     open: bool,
 }
@@ -92,7 +92,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let wrong = read_scene_file(&path(WRONG))?;
     let scene = wrong.to_scene().map_err(|error| error.in_file(&path(WRONG)))?;
     let check = Check::of(without_ids(&scene, None), Known::of(&wrong, 0), &wrong, None);
-    let said = check.in_words().unwrap_or_else(|| "nothing is wrong with it".to_owned());
+    let said = check.in_words().unwrap_or_else(|| "the scene is consistent".to_owned());
     localize(&path(WRONG), &path(MENDED), None, true)?;
     let mended = read_scene_file(&path(MENDED))?;
     let again = Findings::new(&desk, &mended)?;
@@ -126,13 +126,13 @@ fn first_part(file: &SceneFile, found: &Findings, scene: &Path, page: &Path) -> 
     let ([things, all], boxes) = (found.found(), found.boxes());
     let (frames, images) = (file.frames.len(), scene.with_file_name("images"));
     let missing = found.missing();
-    let missing = if missing.is_empty() { String::new() } else { format!(" (not the {})", missing.join(", ")) };
+    let missing = if missing.is_empty() { String::new() } else { format!(" (missing: {})", missing.join(", ")) };
     format!(
         "{HEADING}1. A desk{HEADING:#}\n\
-         {frames} photographs of {all} things ({}), and {} boxes of a detector. A box says \"can\" or\n\
-         \"book\", but not which one; {} boxes are quite wrong or show nothing at all.\n\n\
-         Found {things} of {all} things{missing}. Refused {} of the {} wrong boxes, and {} of the {} others.\n\n{}\n\
-         The page: {}\n\n",
+         {frames} images of {all} objects ({}) and {} boxes from a simulated detector. Boxes have\n\
+         categories but no object ids; {} of them are false positives or far off.\n\n\
+         Localised {things} of {all} objects{missing}. Rejected {} of the {} wrong boxes and {} of the {} others.\n\n{}\n\
+         Report: {}\n\n",
         images.display(),
         boxes.all,
         boxes.wrong,
@@ -149,8 +149,8 @@ fn second_part(said: &str, mended: &Findings) -> String {
     let [things, all] = mended.found();
     format!(
         "{HEADING}2. The same boxes with wrong camera poses{HEADING:#}\n\
-         {WRONG} has poses as a program writes them whose cameras look along -z. The self-check says:\n\n{}\n\n\
-         With --fix {things} of {all} things are found again.\n",
+         {WRONG} has poses in OpenGL axes, in which cameras look along -z. The self-check reports:\n\n{}\n\n\
+         With --fix, {things} of {all} objects are localised.\n",
         crate::help::fill_indented(said, 2),
     )
 }
@@ -159,9 +159,9 @@ fn next_steps(folder: &Path) -> Next {
     let [scene, estimate, truth, wrong] = [SCENE, ESTIMATE, TRUTH, WRONG].map(|name| folder.join(name));
     let [scene, estimate, truth, wrong] = [&scene, &estimate, &truth, &wrong].map(PathBuf::as_path);
     Next::default()
-        .command(["view".into(), scene.into(), estimate.into()], "look at it in the browser")
-        .command(["info".into(), scene.into()], "what the scene holds")
-        .command(["localize".into(), scene.into(), "-o again.json".into()], "find the things yourself")
+        .command(["view".into(), scene.into(), estimate.into()], "open the report")
+        .command(["info".into(), scene.into()], "summarise the scene")
+        .command(["localize".into(), scene.into(), "-o again.json".into()], "localise the objects again")
         .command(["evaluate".into(), estimate.into(), truth.into()], "compare with the truth")
-        .command(["localize".into(), wrong.into(), "--fix".into()], "mend the wrong poses")
+        .command(["localize".into(), wrong.into(), "--fix".into()], "correct the wrong poses")
 }
