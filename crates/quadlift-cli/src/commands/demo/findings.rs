@@ -117,7 +117,7 @@ impl<'a> Findings<'a> {
                 Cell::from(name),
                 Cell::from(views.to_string()),
                 Cell::from(sizes.unwrap_or_default()),
-                Cell::from(format!("± {}", millimetres(object.center_sd))),
+                Cell::from(millimetres(object.center_sd)),
                 match off {
                     Some(_) => Cell::from(millimetres(off)),
                     None => Cell::styled("no true object", DIM),

@@ -131,7 +131,8 @@ fn first_part(file: &SceneFile, found: &Findings, scene: &Path, page: &Path) -> 
         "{HEADING}1. A desk{HEADING:#}\n\
          {frames} images of {all} objects ({}) and {} boxes from a simulated detector. Boxes have\n\
          categories but no object ids; {} of them are false positives or far off.\n\n\
-         Localised {things} of {all} objects{missing}. Rejected {} of the {} wrong boxes and {} of the {} others.\n\n{}\n\
+         Localised {things} of {all} objects{missing}.\n\
+         Rejected {} of the {} wrong boxes and {} of the {} others.\n\n{}\n\
          Report: {}\n\n",
         images.display(),
         boxes.all,
