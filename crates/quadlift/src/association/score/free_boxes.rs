@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::range_tree::{Part, RangeTree};
 
 /// Squared Mahalanobis distance of a box's middle from the predicted one, at most.
-pub(crate) const GATE_SD: f64 = 25.0;
+pub(crate) const SQUARED_GATE: f64 = 25.0;
 
 /// Fewer boxes than this are looked at one by one: a tree does not pay off.
 const LEAST_INDEXED: usize = 48;
@@ -68,7 +68,7 @@ impl Expected {
         let (d, spread) = (candidate.center - self.place, &self.spread);
         let distance =
             (spread.m22 * d.x * d.x - 2.0 * spread.m12 * d.x * d.y + spread.m11 * d.y * d.y) / self.determinant;
-        if distance > GATE_SD {
+        if distance > SQUARED_GATE {
             return None;
         }
         let [size, aspect] = candidate.size_and_aspect();
@@ -84,7 +84,7 @@ impl Expected {
         let (x, y) = (apart(0), apart(1));
         // The Mahalanobis distance is not less than that of one coordinate alone.
         let distance = (x * x / self.spread.m11).max(y * y / self.spread.m22);
-        if distance > GATE_SD * (1.0 + 1e-9) {
+        if distance > SQUARED_GATE * (1.0 + 1e-9) {
             return f64::NEG_INFINITY;
         }
         let square = distance + apart(2).powi(2) / self.size_variance + apart(3).powi(2) / self.aspect_variance;
@@ -214,7 +214,7 @@ mod tests {
                     best = Some((candidate.index, value));
                 }
             }
-            let reach = (GATE_SD * spread.m11).sqrt();
+            let reach = (SQUARED_GATE * spread.m11).sqrt();
             let found = free.first_near(x, reach, 0).and_then(|first| free.best(&expected, first, reach));
             prop_assert_eq!(found, best);
         }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2};
 
-use super::free_boxes::{Expected, Free, FreeBoxes, GATE_SD};
+use super::free_boxes::{Expected, Free, FreeBoxes, SQUARED_GATE};
 use super::rays::{LOG_RADIUS_SD, RAY_SD, Sphere};
 use super::scene_statistics::SceneStatistics;
 use crate::association::input::context::AssociationContext;
@@ -145,7 +145,7 @@ impl<'a> SphereScorer<'a> {
         let own = (RAY_SD * half_size).powi(2);
         // Most frames have no free box there: one look before anything else is calculated.
         let across = own + (du * covariance).dot(&du);
-        let reach = (GATE_SD * across).sqrt();
+        let reach = (SQUARED_GATE * across).sqrt();
         let free = &self.free[frame];
         let Some(first) = free.first_near(place.x, reach, category as u32) else { return Some(None) };
         let dv = slope(1);

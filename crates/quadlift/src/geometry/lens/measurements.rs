@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::Camera;
+use super::camera::Camera;
 use crate::geometry::{BoundingBox, Ellipse};
 
 /// Points on the outline of an ellipse that are undistorted.

@@ -6,7 +6,8 @@ use rand::{RngExt, SeedableRng};
 
 use super::*;
 use crate::geometry::{
-    BoundingBox, CamFromWorld, Cuboid, Ellipse, Ellipsoid, Projection, project_bounding_box, project_ellipsoid,
+    BoundingBox, CamFromWorld, CameraError, Cuboid, Ellipse, Ellipsoid, Projection, project_bounding_box,
+    project_ellipsoid,
 };
 
 /// A camera of each model, of 1000 x 800 pixels, with the distortion of a real wide lens.
