@@ -1,4 +1,4 @@
-//! Objects that may not be one standing thing.
+//! Marks objects that are unlikely to be one static object (docs/method.md, section 15.8).
 
 use super::input::context::AssociationContext;
 use super::options::Part;

@@ -1,26 +1,23 @@
-//! Association: which detections show the same object, where a detector gives boxes but no identities (ours).
+//! Association: divides detections without object ids into objects and clutter (docs/method.md, section 15).
 //!
-//! All detections of a scene are divided into objects, each with one detection per frame at most, and clutter; the
-//! objects' bodies are estimated at the same time, because a body tells where its boxes should be. Everything is counted
-//! in one currency, the logarithm of a probability:
+//! Each object takes at most one detection per frame. Its body is estimated at the same time, because the body predicts its
+//! boxes. All decisions compare log probabilities:
 //!
-//! 1. `observations`, `clutter`, `frame_order`, `context`: what is known at first. How dense boxes are that belong to no
-//!    object; which frames are near each other.
-//! 2. `growth`: along a chain of near frames each box goes to the object that predicts it (`candidates`, `gain`, `matching`); boxes
-//!    that are left pair up to new objects (`rays`).
-//! 3. `rounds`: boxes are assigned anew (`assignment`), bodies fitted (`fit`), the scene's noise learnt (`statistics`,
-//!    `frame_shift`), objects given up (`evidence`) and merged (`merge`), new ones born of what is left (`births`,
-//!    `sphere_score`).
-//! 4. `search`: all of that twice, the second time with the noise and the shifts that the first time has learnt; the
-//!    result with more evidence stays. A thorough search tries more starts and dissolves weak objects (`reseed`).
+//! 1. `input`: boxes, cameras, neighbouring frames, density of clutter.
+//! 2. `search::growth`: along a chain of neighbouring frames each box goes to the object that predicts it
+//!    (`score::log_likelihood_ratio`); boxes that are left form new objects in pairs (`score::rays`).
+//! 3. `search::em`, rounds: assign the boxes again (`search::assignment`), fit the bodies (`score::fit`), update the scene's
+//!    noise, sizes and clutter (`score::scene_statistics`, `search::frame_shift`), remove weak objects
+//!    (`score::evidence`), merge (`search::merge`), and add new ones (`search::births`).
+//! 4. `search::passes`: all of that twice, the second time with the learnt statistics; the result with more evidence is kept. A
+//!    thorough search tries more starts and searches weak objects again (`search::reseed`).
 //!
-//! Scores of detections count once for an object, where they speak against it (`evidence`): taken as evidence for each box (a
-//! likelihood ratio learnt from what is assigned and what is not) they changed F1 on driving videos by less than 0.01, up as
-//! often as down. So did priors on upright
-//! stance and on a common ground (KITTI 0000, 0001, 0007, 0009: .997 .989 .920 .974 without, .997 .991 .923 .966 with
-//! upright cars, .997 .989 .921 .969 with cars on the ground); only sizes enter the fits (.997 .988 .920 .981).
+//! Scores of detections count once per object, and only against it. As evidence of each box (a likelihood ratio learnt from
+//! assigned and unassigned boxes) they changed F1 on driving videos by less than 0.01 in either direction. So did priors on upright
+//! stance and a common ground plane (KITTI 0000, 0001, 0007, 0009: .997 .989 .920 .974 without, .997 .991 .923 .966 with
+//! upright cars, .997 .989 .921 .969 with cars on the ground). Only size priors enter the fits (.997 .988 .920 .981).
 //!
-//! Nothing is drawn at random: the same input gives the same answer, on any number of threads.
+//! Nothing is drawn at random: the same input gives the same result on any number of threads.
 
 mod implausible;
 mod input;

@@ -1,18 +1,18 @@
-//! What can be chosen about association, and why it refuses a scene.
+//! Options and errors of association.
 
 use super::warning::AssociationWarning;
 use crate::scene::SourceError;
 use crate::solve::CategoryPriors;
 
-/// What the object ids that come with the detections (of a tracker, of a labeller) are worth.
+/// How far to trust object ids that detections already have (from a tracker or a labeller).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum IdUse {
-    /// They are right and stay as they are; only detections without an id are associated.
+    /// Ids are correct and kept; only detections without an id are associated.
     Trust,
-    /// They may be wrong (tracks break, and swap their objects): they count as evidence.
+    /// Ids may be wrong (tracks break and swap objects) and count as evidence.
     #[default]
     Evidence,
-    /// They are not looked at.
+    /// Ids are ignored.
     Ignore,
 }
 
@@ -32,31 +32,30 @@ pub enum Part {
     Warning(AssociationWarning),
 }
 
-/// Everything that can be chosen about association.
+/// Options of association.
 #[derive(Debug, Clone)]
 pub struct AssociateOptions {
     /// Take the detections of this source only; needed when the scene has several.
     pub source: Option<String>,
-    /// What the ids of the detections are worth.
+    /// How far to trust the ids of the detections.
     pub ids: IdUse,
-    /// Probability that an id is wrong, in (0, 1), where ids are evidence.
+    /// Probability that an id is wrong, in (0, 1), for [`IdUse::Evidence`].
     pub wrong_id_share: f64,
     /// Objects with fewer views are not reported; at least 2.
     pub min_views: usize,
-    /// Leave out detections with a lower score; those without a score stay.
+    /// Skip detections with a lower score; those without a score are kept.
     pub min_score: Option<f64>,
-    /// Leave out a detection that overlaps a better one (higher score, else larger) of its frame and category with a
-    /// higher intersection over union than this, in [0, 1].
+    /// Skip a detection whose intersection over union with a better one (higher score, else larger) of its frame and category
+    /// is above this, in [0, 1].
     pub max_overlap: Option<f64>,
-    /// Part of the standard deviation of box edges that does not depend on the size of the box, in pixels: slack for
-    /// bodies that are no ellipsoids and for poses. `None`: 2, 4 or 8, as much as costs little evidence. 1 suits
-    /// exact synthetic boxes. (Learning it from the residuals was tried: it comes out too small, because they do not show
-    /// wrong poses.)
+    /// The part of the standard deviation of box edges that does not depend on the box size, in pixels: slack for bodies that
+    /// are not ellipsoids and for pose errors. `None` selects 2, 4 or 8 (docs/method.md, section 15.7). Use 1 for exact
+    /// synthetic boxes. An estimate from the residuals was tried: it is too small, because they do not show pose errors.
     pub pixel_sd: Option<f64>,
-    /// Sizes by category, where they are known; other priors are not used here, because they do not help.
+    /// Sizes by category, if known. Other priors are not used: they did not help.
     pub priors: CategoryPriors,
-    /// Search from several starts and seek weak objects anew. It takes about eight times as long; it helps where there
-    /// are few views or many misses (F1 .986 to .993 with 6 views, .990 to .998 with 60 % missed) and hardly elsewhere.
+    /// Search from several starts and search weak objects again. About eight times as slow. It helps with few views or many
+    /// misses (F1 .986 to .993 with 6 views, .990 to .998 with 60 % missed) and hardly elsewhere.
     pub thorough: bool,
     /// Leave a part out; not for use, only to measure what it is worth.
     #[doc(hidden)]

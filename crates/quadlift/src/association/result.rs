@@ -1,4 +1,4 @@
-//! What association finds.
+//! Results of association.
 
 use std::collections::{HashMap, HashSet};
 

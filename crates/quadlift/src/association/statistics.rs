@@ -1,4 +1,4 @@
-//! Quantiles, and logarithms of factorials.
+//! Quantiles and log densities.
 
 use crate::geometry::gamma::ln_gamma;
 

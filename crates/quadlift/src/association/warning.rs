@@ -1,4 +1,4 @@
-//! Why an object may not be one standing thing: a closed list that files and programs may rely on.
+//! Reasons why an object is doubtful: a closed list that files and programs may rely on.
 
 /// Why an object may not be one standing thing.
 ///

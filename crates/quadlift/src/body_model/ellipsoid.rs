@@ -1,4 +1,4 @@
-//! An ellipsoid that fits move.
+//! The parametrisation of an ellipsoid (docs/method.md, section 3).
 
 use nalgebra::{Matrix3, SVector, Vector3};
 

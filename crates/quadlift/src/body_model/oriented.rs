@@ -1,4 +1,4 @@
-//! Cuboids, cylinders and superellipsoids that fits move.
+//! The parametrisation of cuboids, cylinders and superellipsoids (docs/method.md, section 3).
 
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 

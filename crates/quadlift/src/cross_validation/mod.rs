@@ -1,4 +1,4 @@
-//! Cross-validation: how good the estimates are, without the truth (ours).
+//! Cross-validation: how good the estimates are, without the truth (docs/method.md, section 14).
 //!
 //! A view of an object is left out, the object is fitted to the others, and its box in the view that was left out is
 //! predicted. How well measured and predicted boxes agree (IoU, errors of the edges) tells about the estimate what its

@@ -1,4 +1,4 @@
-//! Corrections of the usual mistakes: what a wrong convention did to a scene, undone (ours).
+//! Corrections of the usual mistakes: what a wrong convention did to a scene, undone (docs/method.md, section 16.2).
 //!
 //! Each correction is a pure map of one part of the input: poses, intrinsics, boxes or the frames of detections. Scenes
 //! in memory and records of files are corrected by the same maps.

@@ -1,4 +1,4 @@
-//! Are lengths in the unit that the priors on sizes have? Boxes and poses alone cannot tell.
+//! Checks the unit of length against priors on sizes; boxes and poses alone do not determine it.
 
 use super::cause::Cause;
 use super::correction::Correction;

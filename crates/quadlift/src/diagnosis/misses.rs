@@ -1,4 +1,4 @@
-//! By how much the rays through the centres of an object's boxes miss each other, as given and after a correction.
+//! Distances between the rays through the centres of an object's boxes, before and after a correction.
 
 use nalgebra::Vector2;
 

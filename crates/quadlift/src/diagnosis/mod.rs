@@ -1,14 +1,14 @@
-//! The self-check: does a scene agree with itself, and if not, which of the usual mistakes explains it (ours)?
+//! The self-check: does a scene agree with itself, and if not, which of the usual mistakes explains it (docs/method.md, section 16)?
 //!
-//! 1. `sample`: some objects with their boxes, those that the border of the image cuts left out.
-//! 2. `rays`, `misses`, `agreement`: how far the rays through the middles of an object's boxes miss each other, in half sizes of the
-//!    boxes.
-//! 3. `correction`, `hypotheses`, `search`: the usual mistakes are undone one by one; the one that makes the scene agree
-//!    much better is its cause.
-//! 4. `trajectory`, `object_ids`: where no correction explains it, whether poses repeat, the scale jumps, or ids do not
-//!    stay with their objects.
-//! 5. `with_ids`: all of that, for a scene whose detections name their objects. `without_ids`, `trials`: where no objects are known, they are sought under each hypothesis.
-//! 6. `upright`, `lengths`: what boxes and poses alone do not tell, against the cameras and against priors on sizes.
+//! 1. `sample`: some objects with their boxes, without boxes cut by the image border.
+//! 2. `rays`, `misses`, `agreement`: how far the rays through the centres of an object's boxes miss each other, in half sizes
+//!    of the boxes.
+//! 3. `correction`, `hypotheses`, `search`: undoes the usual mistakes one by one; the one after which the scene agrees much
+//!    better is its cause.
+//! 4. `trajectory`, `object_ids`: if no correction explains it, whether poses repeat, the scale jumps, or ids change between objects.
+//! 5. `with_ids` combines these for scenes with object ids. Without ids, `without_ids` and `trials` associate the detections under
+//!    each hypothesis.
+//! 6. `upright`, `lengths`: `up` against the cameras, lengths against priors on sizes, which boxes and poses do not determine.
 
 mod agreement;
 mod apply;

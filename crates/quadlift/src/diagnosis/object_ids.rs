@@ -1,5 +1,5 @@
-//! Do the ids of objects stay with their objects? Numbers that start anew in each frame do not: then association without
-//! them finds objects that agree, each made of many ids.
+//! Checks whether object ids persist across frames. Numbers that restart in each frame do not: association without the
+//! ids then finds consistent objects that are made of many ids.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Rays through the middles of boxes, and the points where those of an object meet.
+//! Rays through the centres of boxes and the point nearest to those of an object (docs/method.md, section 16.1).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 

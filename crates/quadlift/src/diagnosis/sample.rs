@@ -1,4 +1,4 @@
-//! What is looked at: some objects of a scene with their boxes and cameras, taken apart.
+//! The sample that is checked: some objects with their boxes and cameras.
 
 use nalgebra::Vector2;
 

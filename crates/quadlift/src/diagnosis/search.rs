@@ -1,4 +1,4 @@
-//! The search for the mistake that explains a scene whose objects are known.
+//! Searches for the mistake that explains a scene whose objects are known.
 
 use super::agreement::Improvement;
 use super::correction::Correction;

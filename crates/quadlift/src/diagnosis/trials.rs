@@ -1,4 +1,4 @@
-//! A part of a scene that is corrected and associated again and again, for scenes whose detections name no objects.
+//! Corrects and associates a part of a scene under each hypothesis, where detections carry no object ids.
 
 use nalgebra::Vector2;
 

@@ -1,4 +1,4 @@
-//! Does `up` agree with the cameras? People and robots hold them upright: the horizon is level in the image.
+//! Checks `up` against the cameras: people and robots hold cameras upright, so that the horizon is level in the image.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,4 +1,4 @@
-//! What the self-check answers, and how it follows from a search.
+//! The result of the self-check.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! What every body can do: answer how far it reaches in a direction.
+//! The trait of convex bodies: their support function.
 
 use nalgebra::{Point3, Vector3};
 

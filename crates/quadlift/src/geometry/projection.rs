@@ -1,4 +1,4 @@
-//! Bodies in images: where an ellipsoid's outline falls, and the tight box of any convex body.
+//! Projection of bodies: the outline of an ellipsoid, the tight box of any convex body.
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
 

@@ -1,4 +1,4 @@
-//! The ellipsoid that stands for another body (ours).
+//! The ellipsoid that stands for another body (docs/method.md, section 3).
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -1,4 +1,4 @@
-//! Supporting lines of what an object covers in an image: what a mask tells about its extent, beyond a box.
+//! Supporting lines of a mask: its extent in eight directions.
 
 use nalgebra::Vector2;
 
@@ -10,7 +10,7 @@ pub const SUPPORT_DIRECTIONS: usize = 8;
 /// Cosine of 45 degrees; a constant, so that opposite directions are opposite to the last bit.
 const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// The supporting lines of an outline's convex hull in eight directions, every 45 degrees (ours). The lines to the
+/// The supporting lines of an outline's convex hull in eight directions, every 45 degrees (docs/method.md, section 2.2). The lines to the
 /// right, bottom, left and top are the edges of its tight box; the diagonal ones cut the corners in which the object is
 /// not.
 #[derive(Debug, Clone, Copy, PartialEq)]

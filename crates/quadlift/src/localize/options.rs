@@ -1,4 +1,4 @@
-//! What can be chosen about a localisation.
+//! Options of a localisation.
 
 use super::measurement_kind::MeasurementKind;
 use crate::cross_validation::CrossValidationOptions;

@@ -1,4 +1,4 @@
-//! Options outside of their ranges, or that do not fit the scene, are refused before anything is calculated.
+//! Checks of the options of a localisation.
 
 use super::measurement_kind::MeasurementKind;
 use super::options::LocalizeOptions;

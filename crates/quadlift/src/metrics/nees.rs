@@ -1,4 +1,4 @@
-//! Whether a stated uncertainty is honest.
+//! Normalised estimation error squared: whether a covariance is consistent with the error.
 
 use nalgebra::SVector;
 

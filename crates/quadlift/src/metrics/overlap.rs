@@ -1,4 +1,4 @@
-//! Which found body is which true one, where no ids tell.
+//! Pairs of found and true bodies by overlap, where there are no ids.
 
 use super::iou3d_ellipsoids;
 use crate::geometry::Ellipsoid;

@@ -1,4 +1,4 @@
-//! How far an estimate is from the truth in units of its own covariance: of the centre, of the extents, of the body.
+//! Squared Mahalanobis distances of an estimate from the truth: of the centre, the extents, the whole body.
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 

@@ -1,5 +1,5 @@
-//! Minimisation and what it needs: Levenberg-Marquardt over nine parameters, normal equations, sums of squares of different
-//! numbers of residuals, pairs of two sets with the largest sum.
+//! Optimisation: Levenberg-Marquardt on nine parameters, normal equations, chi-square sums of different sizes, the
+//! assignment problem.
 
 pub(crate) mod chi_square;
 pub(crate) mod levenberg_marquardt;

@@ -1,4 +1,4 @@
-//! Why parts make no scene.
+//! Errors of scenes.
 
 /// Why something cannot be added to a scene.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

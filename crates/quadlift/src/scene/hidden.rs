@@ -1,4 +1,4 @@
-//! Which box edges another detection probably hides (E9, ours).
+//! Box edges that another detection probably hides (docs/method.md, section 2.1).
 
 use nalgebra::{Unit, Vector2, Vector3};
 

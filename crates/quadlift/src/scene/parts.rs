@@ -1,4 +1,4 @@
-//! What a scene holds: frames and detections.
+//! The parts of a scene: frames and detections.
 
 use std::collections::{HashMap, HashSet};
 

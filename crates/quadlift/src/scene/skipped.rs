@@ -1,4 +1,4 @@
-//! Detections that take no part, counted by reason.
+//! Counts of skipped detections, by reason.
 
 /// Detections that took no part in a localisation or an association, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

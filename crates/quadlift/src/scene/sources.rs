@@ -1,4 +1,4 @@
-//! Which detections count where several sources (detectors) see the same objects.
+//! Choice of the source (detector) where a scene has several.
 
 use super::Scene;
 

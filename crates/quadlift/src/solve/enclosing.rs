@@ -8,7 +8,7 @@
 //! The ellipsoid minimises the mean pinball loss of the logarithm of (distance of the plane) / (reach of the ellipsoid),
 //! which makes it the quantile of the planes in each direction (quantile regression: Koenker and Bassett, *Regression
 //! quantiles*, Econometrica 46, 1978). Few planes do not determine its proportions: they are drawn to those of the fitted
-//! body (ours).
+//! body (docs/method.md, section 13).
 
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, SVector, Vector3};
 

@@ -224,21 +224,21 @@ pub struct Estimate {
     pub center: Option<Point3<f64>>,
     /// The body tangent to the measurements.
     pub body: Option<Body>,
-    /// The factor by which `body` must grow to hold the real object (E5): see [`Estimate::enclosing_body`].
+    /// The factor by which `body` must be scaled to enclose the object, see [`Estimate::enclosing_body`].
     pub enclosing_scale: Option<f64>,
-    /// The ellipsoid that holds the real object, with a centre, axes and a direction of its own (E5). Absent where
-    /// fewer than 18 edges were seen: `body` times [`Estimate::enclosing_scale`] takes its place.
+    /// The ellipsoid that encloses the object, from its own fit (docs/method.md, section 13). `None` with fewer than 18 edges:
+    /// use `body` scaled by [`Estimate::enclosing_scale`].
     pub enclosing: Option<Ellipsoid>,
     /// Uncertainty of `body`.
     pub covariance: Option<Covariance>,
-    /// Other bodies that agree with the measurements about as well, the most probable first. Sought for cuboids only;
-    /// the covariance holds the spread between the answers.
+    /// Other bodies that fit the measurements about as well, the most probable first. For cuboids only; the covariance includes
+    /// the spread between them.
     pub alternatives: Vec<Alternative>,
     /// How far the measurements are from the body ([`super::Method::Map`] only).
     pub misfit: Option<Misfit>,
     /// One entry per view, used or rejected.
     pub views: Vec<ViewReport>,
-    /// What makes the estimate weak.
+    /// Reasons why the estimate is weaker than its status says.
     pub warnings: Vec<Warning>,
 }
 
@@ -261,13 +261,13 @@ impl Estimate {
         }
     }
 
-    /// The ellipsoid that stands for the body (see [`Body::ellipsoid`]).
+    /// The body as an ellipsoid, see [`Body::ellipsoid`].
     pub fn ellipsoid(&self) -> Option<Ellipsoid> {
         self.body.as_ref().map(Body::ellipsoid)
     }
 
-    /// The larger body that holds the real object, which fills only part of the body that its boxes touch: of the same kind.
-    /// Ellipsoids have proportions of their own ([`Estimate::enclosing`]), other bodies those of `body`.
+    /// A larger body of the same kind that encloses the object, parts of which may lie outside of `body`. Ellipsoids come from
+    /// their own fit ([`Estimate::enclosing`]), other bodies are `body` scaled.
     pub fn enclosing_body(&self) -> Option<Body> {
         match (self.body.as_ref()?, self.enclosing) {
             (Body::Ellipsoid(_), Some(enclosing)) => Some(Body::Ellipsoid(enclosing)),
@@ -275,7 +275,7 @@ impl Estimate {
         }
     }
 
-    /// The ellipsoid that holds the real object: [`Estimate::enclosing`], else that of [`Estimate::enclosing_body`].
+    /// The ellipsoid that encloses the object: [`Estimate::enclosing`], else that of [`Estimate::enclosing_body`].
     pub fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
         self.enclosing.or_else(|| self.enclosing_body().as_ref().map(Body::ellipsoid))
     }

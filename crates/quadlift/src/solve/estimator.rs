@@ -1,4 +1,4 @@
-//! One object without a scene: views in, an estimate out.
+//! Estimates one object from its views, without a scene.
 
 use nalgebra::{Unit, Vector3};
 

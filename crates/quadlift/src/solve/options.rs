@@ -79,7 +79,7 @@ impl BodyKind {
     }
 }
 
-/// What is known beforehand about the objects of one category.
+/// Prior knowledge about the objects of one category.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CategoryPrior {
     /// Full extents in world units: length, width, height (the height along the object's vertical axis), with the
@@ -114,12 +114,12 @@ impl CategoryPriors {
     }
 }
 
-/// How wrong the poses of the cameras may be: standard deviations of each frame's error, independent of the others'.
+/// Standard deviations of the errors of camera poses, independent between frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseNoise {
-    /// Of the turn about each axis, radians; positive.
+    /// Rotation about each axis, radians; positive.
     pub rotation_sd: f64,
-    /// Of the shift along each axis, world units; positive.
+    /// Translation along each axis, world units; positive.
     pub translation_sd: f64,
 }
 
@@ -129,45 +129,43 @@ pub(crate) const BORDER_MARGIN: f64 = 0.025;
 /// Options of the maximum a posteriori estimator.
 #[derive(Debug, Clone)]
 pub struct MapOptions {
-    /// The kind of body; without one it is chosen for each object, from its boxes and from what the other objects of the scene
-    /// and of its category are: an ellipsoid where nothing else is clear.
+    /// The kind of body. `None` selects it for each object, by the evidence of its boxes and of the other objects of the scene
+    /// and category (docs/method.md, section 9). Ellipsoids are preferred unless the evidence is clear.
     pub body: Option<BodyKind>,
     /// Priors by category; empty by default.
     pub priors: CategoryPriors,
-    /// Standard deviation of the deviation of log semi-axes from their mean: the shape prior. With 0.5 the covariance of
-    /// narrow baselines is too wide (median NEES 7.0 of 8.3, with 0.4 7.2), and real boxes come out no better.
+    /// Shape prior: standard deviation of the log semi-axes about their mean. Tuned: with 0.5 the covariance of narrow
+    /// baselines is too wide (median NEES 7.0 of 8.3; with 0.4 it is 7.2), and real boxes gain nothing.
     pub shape_sd: f64,
-    /// Look for gross outliers among the views where the plain fit's residuals show some.
+    /// Whether to search for gross outliers among the views if the residuals of a plain fit suggest some.
     pub robust: bool,
-    /// Share of the image's larger side within which a box edge counts as cut off by the border, and tells only
-    /// that the object reaches at least so far.
+    /// Distance from the image border, as a share of the image's larger side, within which a box edge counts as cut off: it
+    /// then bounds the object on one side only. Tuned on 27 cars of KITTI.
     pub border_margin: f64,
-    /// Mean half size of a box, in pixels, at which the part of the edge noise that is constant in pixels equals the
-    /// part that is proportional to the size; 0 for noise proportional to the size throughout.
+    /// Mean half size of a box, in pixels, at which the constant part of the edge noise equals the part that is proportional
+    /// to the size. 0 makes the noise proportional to the size. Tuned on 27 cars of KITTI.
     pub pixel_noise_size: f64,
-    /// Whether single edges that do not fit count less (a heavy-tailed loss per edge).
+    /// Whether each edge has a heavy-tailed loss, so that single wrong edges count less.
     pub heavy_tails: bool,
-    /// Whether the correlation of an edge's errors from view to view is estimated, so that many views that err alike
-    /// do not count as many.
+    /// Whether to estimate the correlation of an edge's errors between neighbouring views, which lowers their weight.
     pub correlated_views: bool,
-    /// Whether it is found out which objects stand upright, some axis of theirs along the scene's `up`: those for which the
-    /// measurements of all objects speak. Says nothing where `up` is not known, and of categories that have an
-    /// `upright_sd` or a size.
+    /// Whether to detect objects that stand upright, with one axis along the scene's `up` (docs/method.md, section 10). Has no
+    /// effect without `up`, and on categories with an `upright_sd` or a size.
     pub upright: bool,
-    /// Whether all objects stand on a common ground plane, which is estimated; otherwise those whose category's prior
-    /// says so do. Needs the scene's `up`.
+    /// Whether all objects stand on a common ground plane, which is estimated. Otherwise only objects whose prior has
+    /// [`CategoryPrior::on_ground`]. Needs the scene's `up`.
     pub ground_plane: bool,
-    /// Height of the cameras above the ground plane in world units, where it is known.
+    /// Height of the cameras above the ground plane in world units, if known.
     pub camera_height: Option<f64>,
-    /// Whether box edges that another box probably hides have a noise level of their own.
+    /// Whether edges that another box probably hides have their own noise level.
     pub hidden_edges: bool,
-    /// Estimate a correction of every frame's pose with this prior; poses are taken as exact without it. Worth it only
-    /// where several objects are seen in each frame.
+    /// Prior of pose corrections, one per frame, which are then estimated. `None` takes the poses as exact. It helps only if
+    /// each frame shows several objects.
     pub pose_noise: Option<PoseNoise>,
-    /// Whether covariances know more than the noise of single measurements: errors that the views of an object have in
-    /// common, and how much objects differ. It changes no estimate.
+    /// Whether covariances include errors that the views of an object share, and differences between objects. Estimates do not
+    /// depend on it.
     pub common_errors: bool,
-    /// Noise levels; without them they are estimated from the residuals of all objects together.
+    /// Noise levels. `None` estimates them from the residuals of all objects together.
     pub sigmas: Option<Sigmas>,
 }
 

@@ -1,4 +1,4 @@
-//! Sizes that things of a category do not have (ours).
+//! Warns of implausible sizes.
 
 use super::estimate::{Estimate, Warning};
 use super::options::CategoryPriors;

@@ -1,4 +1,4 @@
-//! Noise levels that are given (ours).
+//! Noise levels by name.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! How dense boxes are that belong to no object.
+//! Density of clutter boxes around each box (docs/method.md, section 15.2).
 
 use nalgebra::Vector2;
 

@@ -1,4 +1,4 @@
-//! What does not change while objects are sought: distances between cameras, densities of clutter, options.
+//! Everything that stays the same during association: near cameras, clutter densities, options.
 
 use nalgebra::Vector3;
 

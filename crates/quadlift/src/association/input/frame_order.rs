@@ -1,4 +1,4 @@
-//! Which frames are neighbours: the order in which objects are grown, and the frames that births look at.
+//! Neighbouring frames: the order in which objects grow, and the frame pairs that births use.
 
 use super::observations::Camera;
 use super::point_tree::PointTree;

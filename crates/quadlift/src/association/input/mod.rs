@@ -1,4 +1,5 @@
-//! What association starts from: detections that take part, boxes and cameras, near frames, density of clutter, sizes.
+//! Input of association: the detections that take part, their boxes and cameras, neighbouring frames, clutter
+//! densities, sizes.
 
 pub(crate) mod clutter;
 pub(crate) mod context;

@@ -1,4 +1,4 @@
-//! The boxes that are associated, sorted by frame, with what is calculated of them once.
+//! The boxes to associate, sorted by frame, with the values that are computed once for each.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Points in space by place: which lie within a distance, without looking at all of them.
+//! A tree of 3D points for range queries.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

@@ -1,4 +1,4 @@
-//! Which detections take part.
+//! Selects the detections that take part.
 
 use crate::association::options::{AssociateError, AssociateOptions};
 use crate::geometry::BoundingBox;

@@ -1,5 +1,5 @@
-//! How much better the boxes of an object are explained by the object than by clutter: one currency for births, merges
-//! and deaths.
+//! Log Bayes factor of an object against clutter: decides about births, merges and removals (docs/method.md, section
+//! 15.3).
 
 use super::fit::SHAPE_SD;
 use super::log_likelihood_ratio::HIDDEN_SHARE;

@@ -1,4 +1,4 @@
-//! The boxes of a frame that belong to no object, and which of them a sphere explains best.
+//! The unassigned boxes of a frame, and the one that a sphere explains best.
 
 use nalgebra::{Matrix2, Vector2};
 

@@ -1,4 +1,4 @@
-//! Ids that come with the detections, as evidence.
+//! Input ids as evidence.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! How much more likely a box is as a detection of an object than as clutter.
+//! Log likelihood ratio of a box: detection of an object against clutter (docs/method.md, section 15.2).
 
 use nalgebra::{SMatrix, Vector3};
 

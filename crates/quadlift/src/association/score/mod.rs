@@ -1,5 +1,5 @@
-//! Scores of hypotheses in one currency, log likelihood ratios: of a box for an object, of spheres from pairs of rays, of an
-//! object against clutter; and the fit of an object's body.
+//! Scores of hypotheses, all as log likelihood ratios: a box and an object, a sphere from two boxes, an object against
+//! clutter. Also the fit of an object's body.
 
 pub(crate) mod evidence;
 pub(crate) mod fit;

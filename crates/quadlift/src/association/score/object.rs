@@ -1,4 +1,4 @@
-//! An object under construction: its boxes, its body and how certain the body is.
+//! An object during the search: its boxes, its body and the body's covariance.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 

@@ -1,4 +1,4 @@
-//! Points with four coordinates by place, with the range of each part: for searches that rule out whole parts.
+//! A tree of 4D points with the range of each node, for branch-and-bound searches.
 
 /// Points in a leaf, at most.
 const LEAF: usize = 8;

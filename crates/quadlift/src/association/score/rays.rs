@@ -1,4 +1,4 @@
-//! Spheres from the rays through boxes: where objects may begin.
+//! Spheres from the rays of boxes: candidates for new objects.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,4 +1,4 @@
-//! What is learnt of the scene as a whole: noise, clutter, sizes, the space that the objects fill.
+//! Statistics learnt from the scene: noise, clutter rate, sizes, volume of the scene.
 
 use nalgebra::Vector2;
 

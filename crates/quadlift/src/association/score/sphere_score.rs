@@ -1,4 +1,4 @@
-//! How well a sphere explains unassigned boxes, without a fit: the test of births.
+//! Scores a sphere on unassigned boxes without a fit: the test of a birth (docs/method.md, section 15.4).
 
 use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2};
 

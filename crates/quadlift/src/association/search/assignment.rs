@@ -1,4 +1,4 @@
-//! Which box is whose: in every frame the pairing of objects and boxes with the greatest total gain.
+//! Assigns boxes to objects: in each frame, the pairs with the largest total log likelihood ratio.
 
 use super::candidates::{Candidate, Candidates};
 use crate::association::input::context::AssociationContext;

@@ -1,4 +1,4 @@
-//! New objects from unassigned boxes: spheres from pairs of boxes, tested in other frames, the best taken first.
+//! New objects from unassigned boxes: spheres from pairs of boxes, tested in other frames, best first.
 
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashSet};

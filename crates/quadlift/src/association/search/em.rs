@@ -1,5 +1,5 @@
-//! Expectation-maximisation: boxes are assigned, bodies fitted, the scene's noise learnt, weak objects given up, new
-//! ones born of what is left.
+//! Rounds of expectation-maximisation: assign boxes, fit bodies, update the scene's statistics, remove weak objects,
+//! add new ones.
 
 use std::ops::ControlFlow;
 

@@ -1,4 +1,4 @@
-//! One shift in the image for each frame, which absorbs errors of its pose.
+//! One image shift per frame, which absorbs errors of its pose (docs/method.md, section 15.6).
 
 use nalgebra::Vector2;
 

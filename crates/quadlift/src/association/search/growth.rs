@@ -1,5 +1,5 @@
-//! Growing objects along a chain of near frames: each box goes to the object that predicts it, leftovers pair up to new
-//! objects.
+//! Grows objects along a chain of neighbouring frames: each box goes to the object that predicts it; boxes that are
+//! left form new objects in pairs.
 
 use std::collections::{HashSet, VecDeque};
 use std::ops::ControlFlow;

@@ -1,4 +1,4 @@
-//! Objects that are one: unions with more evidence than their parts, and bodies inside of each other.
+//! Merges objects whose union has more evidence than the two, and removes bodies inside others.
 
 use nalgebra::Vector3;
 

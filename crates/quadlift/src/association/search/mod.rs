@@ -1,4 +1,4 @@
-//! The search for the best division: boxes to objects, births, merges, rounds of expectation and maximisation, passes.
+//! The search for the best division of the boxes into objects.
 
 pub(crate) mod assignment;
 pub(crate) mod births;

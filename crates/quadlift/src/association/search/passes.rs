@@ -1,4 +1,5 @@
-//! The search as a whole: objects from trusted ids, growth, rounds.
+//! The passes of the search: objects from trusted ids, growth, rounds, and the choice of the slack (docs/method.md,
+//! section 15.7).
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;

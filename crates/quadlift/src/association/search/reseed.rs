@@ -1,4 +1,4 @@
-//! Second thoughts: weak objects and their neighbours are dissolved and sought anew; what has more evidence stays.
+//! Removes weak objects with their neighbours and searches again; the result with more evidence is kept.
 
 use std::ops::ControlFlow;
 

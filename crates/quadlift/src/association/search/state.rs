@@ -1,4 +1,4 @@
-//! Everything that changes while objects are sought, and the steps that change it.
+//! The state of the search and the steps that change it.
 
 use super::assignment::{Assignment, assign, count_visible, owners};
 use super::births::births;

@@ -1,4 +1,4 @@
-//! The system `M w = 0` of *3D Pose from Detections* (PfD section 3), solved exactly in O(F) (ours, E2).
+//! The system `M w = 0` of *3D Pose from Detections* (PfD section 3), solved exactly in O(F) (docs/method.md, section 4.2).
 //!
 //! With `w = (v, beta_1 .. beta_F)`, view f contributes the six equations `G_f v - beta_f c_f = 0`. A Householder
 //! reflection that maps `c_f` onto the first axis leaves one equation with beta_f, `n_f.v - d_f beta_f = 0`

@@ -3,7 +3,7 @@
 //! Minimises `|M w|` over `w = (v, beta_1 .. beta_F)`: view f says `G_f v = beta_f vech C*_f`, with conics scaled to
 //! `C*_33 = -1`, raw pixel coordinates and unscaled projections, as the paper does. The paper computes the last
 //! singular vector of M (6F x (10 + F)) with a dense decomposition in O(F^3); [`pfd`] finds the same vector by
-//! eliminating the betas (see the module `arrowhead`; E2, ours).
+//! eliminating the betas (see the module `arrowhead`; docs/method.md, section 4.2).
 
 use nalgebra::SVector;
 

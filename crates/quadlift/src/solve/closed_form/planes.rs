@@ -1,4 +1,4 @@
-//! Closed form from tangent planes (E4, ours): a box edge is an image line that touches the outline, so its plane
+//! Closed form from tangent planes (docs/method.md, section 4.4): a box edge is an image line that touches the outline, so its plane
 //! `pi = P^T l` touches the body: `pi^T Q* pi = 0`, linear in the dual quadric, with no scale factor per view.
 //!
 //! Unlike an ellipse inscribed in the box this is not biased: exact boxes of ellipsoids give the exact answer from

@@ -1,4 +1,4 @@
-//! What the objects of a scene share before they are fitted.
+//! Input that the objects of a scene share.
 
 use nalgebra::{Point3, Unit, Vector3};
 

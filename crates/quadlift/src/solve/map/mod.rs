@@ -1,12 +1,12 @@
-//! Maximum a posteriori refinement: the default estimator (E5, ours).
+//! Maximum a posteriori refinement: the default estimator (docs/method.md, sections 5 to 12).
 //!
-//! All objects of a scene are solved together, because they share the noise levels: each kind of measurement error has
-//! a standard deviation that is estimated from the residuals of the whole scene (`noise`). One object's problem is
-//! small: nine parameters, minimised by Levenberg-Marquardt (`levenberg_marquardt`) over residuals of tangent planes
-//! and ellipses (`rows`, `ellipse_residual`) and priors (`objective`).
+//! All objects of a scene are estimated together, because they share noise levels: each kind of measurement error has a
+//! standard deviation, estimated from the residuals of the whole scene ([`noise`]). The problem of one object has nine parameters.
+//! Levenberg-Marquardt ([`crate::optimize`]) minimises the residuals of tangent planes and ellipses ([`residuals`]) and the
+//! priors ([`object::objective`]).
 //!
-//! Rounds: fit every object from its starts with default noise; look for outliers where the residuals show some
-//! (`robust`); then alternate between new noise levels and refits until the levels stand.
+//! Rounds ([`scene::scene_fit`]): fit every object from its starts with default noise levels; search for outliers if the residuals
+//! suggest some ([`object::outliers`]); then alternate between new noise levels and refits until the levels converge.
 
 mod context;
 mod noise;

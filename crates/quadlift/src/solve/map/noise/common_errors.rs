@@ -1,4 +1,4 @@
-//! Errors that the views of an object have in common (E6, ours).
+//! Errors that the views of an object have in common (docs/method.md, section 12.4).
 //!
 //! The normal equations of a fit know the noise of single measurements, which averages out over many views. What does
 //! not average out: the body is not quite of its kind, a detector puts the same edge of the same object wrong in the

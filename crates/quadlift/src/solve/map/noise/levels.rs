@@ -1,4 +1,4 @@
-//! Variance components: how large each kind of measurement error is, from the residuals themselves (E5, ours).
+//! Variance components: how large each kind of measurement error is, from the residuals themselves (docs/method.md, section 7.1).
 //!
 //! This is what lets one estimator serve every noise: with orientations that are useless and sizes that are exact it
 //! finds both out and weighs them so.

@@ -1,4 +1,4 @@
-//! The noise level that few residuals and what is usual for detectors ask for together (ours).
+//! The noise level that few residuals and what is usual for detectors ask for together (docs/method.md, section 7.2).
 
 /// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
 /// come from elsewhere. See `TEMPERING` (`noise`).

@@ -1,4 +1,4 @@
-//! Whether an object's measurements agree with its body, given the noise of the scene (ours).
+//! Whether an object's measurements agree with its body, given the noise of the scene (docs/method.md, section 8.3).
 //!
 //! The misfit of an object is its mean squared whitened residual per degree of freedom: about one where its boxes err
 //! like those of the scene. A false box among few views cannot be left out, because there are too few others to

@@ -1,4 +1,4 @@
-//! Two answers: other cuboids that an object's measurements allow about as well (ours).
+//! Two answers: other cuboids that an object's measurements allow about as well (docs/method.md, section 12.5).
 //!
 //! Boxes that are seen over a quarter of a circle or less often fit a cuboid in two directions, and which of them is the
 //! better one is a matter of noise. The starts of the first fit are followed once more under the final noise levels; what

@@ -1,5 +1,5 @@
-//! A false box among three or four views: too few for hypotheses and a redescending loss (see `robust`), but the views
-//! left without it agree, and no others do (ours).
+//! A false box among three or four views: too few for hypotheses and a redescending loss (see [`super::outliers`]), but the other
+//! views agree with each other, and no other choice leaves views that do (docs/method.md, section 8.2).
 
 use std::sync::Arc;
 

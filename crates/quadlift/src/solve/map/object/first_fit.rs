@@ -1,4 +1,4 @@
-//! The first fit of a body of each kind, from an ellipsoid.
+//! The first fit of each kind of body, from a fitted ellipsoid.
 
 use super::model::Model;
 use super::objective::Objective;

@@ -1,4 +1,4 @@
-//! A fitted object, on its way through the rounds to an estimate.
+//! A fitted object: refits under new noise levels, outliers, covariance, estimate.
 
 use std::sync::Arc;
 

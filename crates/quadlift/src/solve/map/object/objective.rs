@@ -1,4 +1,5 @@
-//! What is minimised: whitened residuals of all views, with a robust loss where there are outliers, plus priors.
+//! The objective: whitened residuals of all views, a robust loss where there are outliers, and priors (docs/method.md,
+//! section 5).
 
 use super::prior::ObjectPrior;
 use crate::body_model::BodyModel;

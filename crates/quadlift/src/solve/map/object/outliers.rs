@@ -1,4 +1,4 @@
-//! Gross outliers: found by hypotheses from three views each, kept out by a redescending loss (E5, ours).
+//! Gross outliers: hypotheses from three views each, then a redescending loss (docs/method.md, section 8.1).
 
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};

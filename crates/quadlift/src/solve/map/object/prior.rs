@@ -1,4 +1,4 @@
-//! What is known of an object before it is measured: shape, size of its category, upright, on the ground.
+//! Priors of one object: shape, size of its category, upright stance, ground plane.
 
 use nalgebra::{Unit, Vector3};
 

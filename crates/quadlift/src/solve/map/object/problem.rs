@@ -1,4 +1,4 @@
-//! One object before it is fitted: its measurements and priors in its own frame, and the first ellipsoid.
+//! The estimation problem of one object: measurements and priors in its own frame, and the first ellipsoid.
 
 use nalgebra::{Unit, Vector3};
 

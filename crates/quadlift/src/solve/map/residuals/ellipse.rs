@@ -1,4 +1,4 @@
-//! Residuals of an observed ellipse: centre, size, aspect and angle (E5, ours).
+//! Residuals of an observed ellipse: centre, size, aspect and angle (docs/method.md, section 2.3).
 //!
 //! The image is first mapped so that the observed ellipse has its centre at the origin, mean semi-axis one and its
 //! first axis along x. There the predicted ellipse (centre c, shape S) gives

@@ -1,4 +1,4 @@
-//! What the boxes of an object tell about the kind of its body (E9, ours).
+//! What the boxes of an object tell about the kind of its body (docs/method.md, section 9).
 //!
 //! For each kind the evidence in Laplace's approximation: how well the boxes are fitted, less what the freedom of the body
 //! is worth.

@@ -1,7 +1,7 @@
-//! Objects of unknown kind: which kind of body each is, from what its boxes fit best and what the other objects are (E9,
-//! ours).
+//! Objects of unknown kind: which kind of body each is, from what its boxes fit best and what the other objects are (docs/method.md,
+//! section 9).
 //!
-//! One object seldom tells its kind (`evidence`). How often each kind occurs is therefore estimated from all objects, in each
+//! One object seldom determines its kind ([`super::body_evidence`]). How often each kind occurs is therefore estimated from all objects, in each
 //! category from those of the category as well, and an object takes the kind that is most probable given both. Where all
 //! objects are of one kind they agree on it; where they are not, each goes its own way as far as its views tell.
 

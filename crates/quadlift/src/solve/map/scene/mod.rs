@@ -1,5 +1,5 @@
-//! All objects of a scene together: rounds of noise levels and refits (`scene_fit`), which objects stand upright
-//! (`upright`), which body each object is (`body_evidence`, `body_selection`).
+//! All objects of a scene together: rounds of noise levels and refits ([`scene_fit`]), upright objects ([`upright`]), the kind of
+//! body of each object ([`body_evidence`], [`body_selection`]).
 
 pub(crate) mod body_evidence;
 pub(crate) mod body_selection;

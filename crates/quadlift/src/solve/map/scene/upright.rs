@@ -1,4 +1,4 @@
-//! Which objects stand upright, some axis of theirs along `up`, and which lie anyhow (E9, ours).
+//! Which objects stand upright, some axis of theirs along `up`, and which lie anyhow (docs/method.md, section 10).
 //!
 //! Most things stand or lie on something level, so that one of their three axes is vertical; which one is not known.
 //! Others lean, and where a scene gives a wrong `up`, all do. Each object is fitted both ways under the noise levels of

@@ -1,4 +1,4 @@
-//! The common ground plane: objects that stand on it tell where it is, and it tells where they stand (E9, ours).
+//! The common ground plane: objects that stand on it tell where it is, and it tells where they stand (docs/method.md, section 11.1).
 //!
 //! The plane is `up.x = g0 + g1 (e1.x) + g2 (e2.x)` with two horizontal directions e1, e2, about a reference point.
 //! Its three numbers are found by weighted least squares over the objects' lowest points, and over the cameras where

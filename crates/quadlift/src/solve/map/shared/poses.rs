@@ -1,4 +1,5 @@
-//! Errors of the cameras' poses: every frame is moved a little, as all objects in it together ask for (E9, ours).
+//! Corrections of the camera poses: one small motion per frame, estimated from all objects in it (docs/method.md,
+//! section 11.2).
 
 use std::collections::BTreeMap;
 
