@@ -1,4 +1,4 @@
-//! Results of an association ([`mod@quadlift::associate`]) as records of scene files and as text.
+//! Results of an association ([`quadlift::association`]) as records of scene files and as text.
 
 use std::collections::HashMap;
 

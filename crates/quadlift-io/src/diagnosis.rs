@@ -1,4 +1,4 @@
-//! Results of the self-check ([`quadlift::diagnose`]) as text, as options that correct the mistake, and as JSON.
+//! Results of the self-check ([`quadlift::diagnosis`]) as text, as options that correct the mistake, and as JSON.
 
 use quadlift::Localization;
 use quadlift::diagnosis::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};

@@ -62,7 +62,7 @@ pub struct ReportFrame {
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct ReportDetections {
-    /// Index into [`quadlift::scene::Scene::detections`]; nothing where only the estimate knows of the view. Not in the
+    /// Index into [`quadlift::scene::SceneParts::detections`]; nothing where only the estimate knows of the view. Not in the
     /// page.
     #[serde(skip)]
     pub detection_index: Vec<Option<usize>>,

@@ -79,7 +79,7 @@ pub struct RecordingBody {
 /// A posed image.
 #[derive(Debug, Clone, Serialize)]
 pub struct RecordingFrame {
-    /// Index into [`Scene::frames`]. Not in the file.
+    /// Index into [`quadlift::scene::SceneParts::frames`]. Not in the file.
     #[serde(skip)]
     pub frame_index: usize,
     /// Id.

@@ -1,7 +1,7 @@
 //! Corrections of the usual mistakes in the records of a scene file: conventions of poses, intrinsics, boxes in other
 //! pixels or formats, detections in the wrong frames.
 //!
-//! The mathematics is that of [`quadlift::diagnose`], which finds the mistakes; here its maps are applied to the
+//! The mathematics is that of [`quadlift::diagnosis`], which finds the mistakes; here its maps are applied to the
 //! records, before the scene is built, so that lenses, image borders and masks are right as well.
 
 mod boxes;

@@ -1,4 +1,4 @@
-//! Readers of other programs' files, one format each: cameras and poses become a [`SceneFile`] in the scene file's
+//! Readers of other programs' files, one format each: cameras and poses become a [`crate::SceneFile`] in the scene file's
 //! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image), to which [`detections`] are
 //! added.
 

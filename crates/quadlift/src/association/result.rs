@@ -45,7 +45,7 @@ impl Outcome {
 pub struct AssociatedObject {
     /// Its id: the one that most of its detections came with, where no other object has it, else a new one.
     pub id: String,
-    /// Index into [`Scene::categories`]: the category of most of its detections.
+    /// Index into [`crate::scene::SceneParts::categories`]: the category of most of its detections.
     pub category_index: Option<u32>,
     /// Number of its detections, each in a frame of its own.
     pub views: usize,

@@ -31,10 +31,12 @@ pub use ellipsoid::{DualQuadric, Ellipsoid, EllipsoidError};
 pub use lens::{Camera, CameraModel, WIDEST_ANGLE_DEG};
 pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
 pub use reach::ellipsoid_of_same_reach;
-pub use rotation::{quaternion_from_rotation, random_rotation, rotation_defect, rotation_from_quaternion, skew};
+pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion};
+pub(crate) use rotation::{random_rotation, skew};
 pub use superellipsoid::Superellipsoid;
 pub use support_lines::{OutlineEnd, SUPPORT_DIRECTIONS, SupportLines};
-pub use vech::{VECH3, VECH4, projection_matrix_on_vech, unvech3, unvech4, vech3, vech4};
+pub(crate) use vech::{VECH3, VECH4};
+pub use vech::{projection_matrix_on_vech, vech3, vech4};
 
 /// A body of any kind.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -41,7 +41,7 @@ pub struct Localization {
     pub estimates: Vec<Estimate>,
     /// Detections that took no part.
     pub skipped: SkippedDetections,
-    /// Noise levels that the scene's residuals show, or that were given ([`Method::Map`] only).
+    /// Noise levels that the scene's residuals show, or that were given ([`crate::solve::Method::Map`] only).
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, where [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub pose_noise: Option<PoseNoise>,
@@ -50,7 +50,7 @@ pub struct Localization {
     /// How well the views of an object predict those that were left out.
     pub cross_validation: CrossValidation,
     /// Whether the scene agrees with itself. Where it does not, objects have the status [`Status::Inconsistent`] instead
-    /// of [`Status::Ok`], unless [`Options::accept_inconsistent`] is set.
+    /// of [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
     pub diagnosis: Diagnosis,
 }
 

@@ -16,7 +16,8 @@ pub use hidden::hidden_edges;
 pub use parts::{Detection, Frame, SceneParts, Undistorted};
 pub use skipped::SkippedDetections;
 pub use sources::SourceError;
-pub use views::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
+pub(crate) use views::{BORDER_TOLERANCE_PX, edges_at_border};
+pub use views::{ObjectViews, View};
 
 use std::ops::Deref;
 

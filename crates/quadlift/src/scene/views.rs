@@ -23,7 +23,7 @@ pub fn edges_at_border(bounding_box: &BoundingBox, image_size: Option<Vector2<f6
 /// One object seen in one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
-    /// Index of the frame in [`Scene::frames`]; any number where there is no scene.
+    /// Index of the frame in [`crate::scene::SceneParts::frames`]; any number where there is no scene.
     pub frame_index: usize,
     /// World to pixels.
     pub projection: Projection,
@@ -127,9 +127,9 @@ impl View {
 /// All views of one object, with its names.
 #[derive(Debug, Clone, Default)]
 pub struct ObjectViews {
-    /// Index into [`Scene::object_ids`].
+    /// Index into [`crate::scene::SceneParts::object_ids`].
     pub object_index: usize,
-    /// Index into [`Scene::categories`]: the category of most of its detections, the first of equals.
+    /// Index into [`crate::scene::SceneParts::categories`]: the category of most of its detections, the first of equals.
     pub category_index: Option<usize>,
     /// The views, in the order in which their detections were given.
     pub views: Vec<View>,

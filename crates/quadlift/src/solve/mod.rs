@@ -1,7 +1,7 @@
 //! The method: from the views of one object to its body.
 
 mod closed_form;
-pub mod conditioning;
+pub(crate) mod conditioning;
 mod enclosing;
 mod estimate;
 mod estimator;
@@ -26,7 +26,8 @@ pub use estimator::Estimator;
 pub(crate) use options::BORDER_MARGIN;
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
 pub(crate) use prediction::LARGE_ERROR;
-pub use prediction::{Fold, FoldPrediction, Prediction, predict_fold};
+pub use prediction::Prediction;
+pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};
 pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
 pub use triangulate::triangulate;
 pub use validate::OptionError;

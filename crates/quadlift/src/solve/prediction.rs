@@ -1,9 +1,8 @@
 //! What a body predicts for a view that had no part in it: the box, its overlap with the measured one, and the errors of
 //! its edges (ours).
 
-use super::closed_form::planes::{BORDER_TOLERANCE_PX, edges_at_border};
 use crate::geometry::{Body, BoundingBox, project_bounding_box};
-use crate::scene::{ObjectViews, View};
+use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 
 /// Error of a prediction ([`Prediction::error`]) above which the view may contradict the others.
 pub(crate) const LARGE_ERROR: f64 = 0.2;

@@ -78,7 +78,7 @@ pub(crate) struct Observations {
     pub cameras: Vec<Camera>,
     /// The boxes by frame, in a frame by their left edges.
     pub boxes: Vec<BoxObservation>,
-    /// Index into [`Scene::categories`] for each category.
+    /// Index into [`crate::scene::SceneParts::categories`] for each category.
     pub categories: Vec<Option<u32>>,
     /// Predicted boxes of a smaller half size are not expected to be detected.
     pub least_half_size: f64,

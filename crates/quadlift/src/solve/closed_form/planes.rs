@@ -9,8 +9,7 @@ use nalgebra::{Matrix3x4, Vector3, Vector4};
 use super::lfd::ConditionedSolution;
 use super::streaming_qr::StreamingQr;
 use crate::geometry::{BoundingBox, DualQuadric, SUPPORT_DIRECTIONS, SupportLines, VECH4};
-use crate::scene::View;
-pub use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
+use crate::scene::{BORDER_TOLERANCE_PX, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::Status;
 

@@ -11,8 +11,7 @@ use crate::body_model::oriented::{Form, OrientedModel};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::horizontal_basis;
 use crate::geometry::{DualQuadric, random_rotation};
-use crate::scene::{ObjectViews, View};
-use crate::solve::closed_form::planes::{BORDER_TOLERANCE_PX, edges_at_border};
+use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 
 /// A start's shortest semi-axis is at least this share of its longest one.
