@@ -1,5 +1,5 @@
 //! Where objects lie, by the centres of their boxes: behind their cameras, or farther away than anything is seen. Whether
-//! they agree with the poses is for the self-check ([`quadlift::diagnose`]).
+//! they agree with the poses is for the self-check ([`quadlift::diagnosis`]).
 
 use nalgebra::{Point3, Vector2};
 use quadlift::geometry::Projection;
