@@ -35,6 +35,14 @@
 //! - **How good**: [`metrics`] compare estimates with a truth; [`cross_validation`] needs none.
 //! - **Test data**: [`synthetic::generate`] makes scenes with a known truth.
 //!
+//! | [`Method`](solve::Method) | Measurements | Views | Covariance | One object in 20 views | Source |
+//! | --- | --- | --- | --- | --- | --- |
+//! | `map` (default) | boxes, ellipses, masks | 2 | yes | 1.6 ms; ellipsoids only: 0.2 to 0.5 ms | docs/method.md, sections 5 to 12 |
+//! | `planes` | boxes, masks | 3 | no | 0.1 ms | docs/method.md, section 4.4 |
+//! | `lfd` | ellipses, or those inscribed in boxes | 3 | no | 26 us | LfD (TPAMI 2017) |
+//! | `pfd` | ellipses, or those inscribed in boxes | 3 | no | 9 us | *3D Pose from Detections*, section 3 |
+//! | `reg` | ellipses, or those inscribed in boxes | 2 | no | 20 us | *3D Pose from Detections*, section 4.1 |
+//!
 //! World lengths are in any unit; pixels have their origin at the corner of the first pixel; cameras look along +z with y
 //! down ([`geometry::CamFromWorld`]). Points and matrices are [`nalgebra`]'s, which is re-exported. The library reads no
 //! files (the crate `quadlift-io` does) and prints nothing; results do not depend on the number of threads.
