@@ -21,7 +21,7 @@
 //!     crops.push(Crop::cut(&image, &bounding_box, &CropOptions::default())?);
 //! }
 //! for view in segment_object(&crops, &SegmentOptions::default())? {
-//!     assert!((view.ellipse.semi_axes.x - 20.0).abs() < 1.0 && view.mask.count() > 1000);
+//!     assert!((view.ellipse.semi_axes().x - 20.0).abs() < 1.0 && view.mask.count() > 1000);
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
