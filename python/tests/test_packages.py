@@ -92,8 +92,9 @@ def reconstruction() -> pycolmap.Reconstruction:
         camera_id=3,
     )
     made.add_camera_with_trivial_rig(camera)
-    lines = [line for line in (COLMAP / "images.txt").read_text().splitlines() if line and line[0] != "#"]
-    for line in lines:
+    # Every second line has the points of the image before it.
+    lines = [line for line in (COLMAP / "images.txt").read_text().splitlines() if not line.startswith("#")]
+    for line in lines[::2]:
         number, qw, qx, qy, qz, *translation, _, name = line.split()
         rotation = pycolmap.Rotation3d(np.array([float(q) for q in (qx, qy, qz, qw)]))
         pose = pycolmap.Rigid3d(rotation, np.array([float(t) for t in translation]))

@@ -147,7 +147,7 @@ def test_colmap_and_files_of_detectors(tmp_path: Path) -> None:
     # A reconstruction that can write itself.
     class Reconstruction:
         def write(self, folder: str) -> None:
-            for name in ("cameras", "images"):
+            for name in ("cameras", "images", "points3D"):
                 for source in model.glob(f"{name}.*"):
                     (Path(folder) / source.name).write_bytes(source.read_bytes())
 

@@ -13,7 +13,7 @@ fn a_program_without_it_says_how_to_get_it() {
                        --path crates/quadlift-cli --features reproduce\n";
         assert_eq!(run.stderr, message, "{arguments}");
     }
-    let json = folder.run("reproduce all --json");
+    let json = folder.run("--json reproduce all");
     assert!(json.stdout.contains("--features reproduce"), "{}", json.stdout);
     for help in ["-h", "--help"] {
         assert!(!folder.run(help).stdout.contains("reproduce"));
