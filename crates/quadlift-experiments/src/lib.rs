@@ -27,6 +27,8 @@ mod reg_weight;
 mod report;
 pub mod scores;
 pub mod segmentation;
+#[cfg(feature = "sensitivity")]
+mod sensitivity;
 pub mod sequences;
 mod synthetic;
 pub mod table;
@@ -70,6 +72,9 @@ pub enum Experiment {
     Kinds,
     /// The default beside a level that is given and a closed form, with 2 to 20 views; not in the paper.
     FewViews,
+    /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
+    #[cfg(feature = "sensitivity")]
+    Sensitivity,
 }
 
 impl Experiment {
@@ -118,5 +123,7 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Diagnosis => diagnosis::run(data, diagnosis::Extent::WHOLE, seed, progress),
         Experiment::Kinds => kinds::run(seed, progress),
         Experiment::FewViews => few_views::run(seed, progress),
+        #[cfg(feature = "sensitivity")]
+        Experiment::Sensitivity => sensitivity::run(data, seed, progress),
     }
 }

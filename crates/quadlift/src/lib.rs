@@ -65,6 +65,11 @@ mod parallel;
 pub mod scene;
 pub mod solve;
 pub mod synthetic;
+#[cfg(not(feature = "sensitivity"))]
+mod tuning;
+#[cfg(feature = "sensitivity")]
+#[doc(hidden)]
+pub mod tuning;
 
 pub use association::{associate, associate_observed};
 pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind, localize, localize_observed};

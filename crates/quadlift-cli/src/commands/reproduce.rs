@@ -35,6 +35,7 @@ Experiments:
   diagnosis     the self-check on right scenes and on mistakes (without data: synthetic scenes only)
   kinds         bodies of several kinds, standing and lying (needs no data)
   few-views     the default with 2 to 20 views beside a level that is given and a closed form (needs no data)
+  sensitivity   tuned constants, halved and doubled (needs the feature `sensitivity`; not part of all)
   all           all of them
 
 With --out DIR: NAME.md, NAME.json and the plots as NAME/*.svg and NAME/*.png, where NAME is the experiment, or
@@ -87,6 +88,8 @@ enum Name {
     Diagnosis,
     Kinds,
     FewViews,
+    #[cfg(feature = "sensitivity")]
+    Sensitivity,
     All,
 }
 
@@ -105,6 +108,8 @@ impl Name {
             Self::Diagnosis => vec![Experiment::Diagnosis],
             Self::Kinds => vec![Experiment::Kinds],
             Self::FewViews => vec![Experiment::FewViews],
+            #[cfg(feature = "sensitivity")]
+            Self::Sensitivity => vec![Experiment::Sensitivity],
             Self::All => Experiment::ALL.to_vec(),
         }
     }
@@ -178,6 +183,8 @@ fn name(args: &Args) -> &'static str {
         Name::Diagnosis => "diagnosis",
         Name::Kinds => "kinds",
         Name::FewViews => "few-views",
+        #[cfg(feature = "sensitivity")]
+        Name::Sensitivity => "sensitivity",
         Name::All => "results",
     }
 }

@@ -3,7 +3,7 @@
 mod case;
 mod driving;
 mod parts;
-mod synthetic;
+pub(crate) mod synthetic;
 mod without_ids;
 
 use std::path::Path;

@@ -1,12 +1,11 @@
 //! Box edges that another detection probably hides (docs/method.md, section 2.1).
 
+use crate::tuning::HIDING_OVERLAP;
+use crate::tuning::HIDING_REACH_PX;
 use nalgebra::{Unit, Vector2, Vector3};
 
 use super::{Detection, Scene};
 use crate::geometry::{BoundingBox, Projection};
-
-/// An edge counts as inside another box up to this many pixels beyond it.
-const REACH_PX: f64 = 5.0;
 
 /// A box reaches lower by more than this many pixels.
 const LOWER_PX: f64 = 1.0;
@@ -14,9 +13,6 @@ const LOWER_PX: f64 = 1.0;
 /// In frames with more boxes than this nothing is looked for: every pair is compared, and where so many boxes crowd, all
 /// of them overlap.
 const MOST_BOXES: usize = 1000;
-
-/// Share of the hidden box's height over which the two must overlap.
-const OVERLAP: f64 = 0.3;
 
 impl Scene {
     /// For each detection, which edges of its box (left, top, right, bottom) another detection of its frame probably hides:
@@ -116,11 +112,11 @@ pub fn hidden_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 4]
         for (k, (index, _, far)) in of_frame.iter().enumerate() {
             for (.., near) in &of_frame[..k] {
                 let overlap = far.y1.min(near.y1) - far.y0.max(near.y0);
-                if near.y1 <= far.y1 + LOWER_PX || overlap < OVERLAP * (far.y1 - far.y0) {
+                if near.y1 <= far.y1 + LOWER_PX || overlap < HIDING_OVERLAP.get() * (far.y1 - far.y0) {
                     continue;
                 }
                 for (edge, x) in [(0, far.x0), (2, far.x1)] {
-                    hidden[*index][edge] |= near.x0 - REACH_PX < x && x < near.x1 + REACH_PX;
+                    hidden[*index][edge] |= near.x0 - HIDING_REACH_PX.get() < x && x < near.x1 + HIDING_REACH_PX.get();
                 }
             }
         }

@@ -10,6 +10,7 @@
 //! quantiles*, Econometrica 46, 1978). Few planes do not determine its proportions: they are drawn to those of the fitted
 //! body (docs/method.md, section 13).
 
+use crate::tuning::ENCLOSING_PRIOR_SD;
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, SVector, Vector3};
 
 /// The default of [`crate::LocalizeOptions::enclosing_quantile`].
@@ -20,12 +21,6 @@ use super::conditioning::ObjectFrame;
 use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
-
-/// Standard deviation of the logarithm of the ellipsoid's reach about that of the ellipsoid that stands for the fitted body. Tuned on boxes of YOLO in
-/// frames of LINEMOD's sequences that no scene of the tests has. Mean IoU with the envelope with .02, .05, .1, .2: of 3 views
-/// .721, .719, .720, .719; of 8 .804, .808, .806, .798; of 20 .828, .837, .839, .839; of 50 .839, .846, .846, .845. The scaled
-/// body has .722, .800, .817 and .823.
-const PRIOR_SD: f64 = 0.1;
 
 /// Planes from which on the ellipsoid has proportions of its own: twice its parameters. Below it gains nothing: see the 3
 /// views above.
@@ -228,7 +223,7 @@ impl Loss<'_> {
     /// Weight of a plane of the prior.
     fn prior_weight(&self) -> f64 {
         // Nine parameters, whatever the number of planes.
-        9.0 / self.prior.len() as f64 / (PRIOR_SD * PRIOR_SD)
+        9.0 / self.prior.len() as f64 / (ENCLOSING_PRIOR_SD.get() * ENCLOSING_PRIOR_SD.get())
     }
 
     fn value(&self, fit: &Fit) -> f64 {

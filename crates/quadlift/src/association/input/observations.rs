@@ -1,5 +1,6 @@
 //! The boxes to associate, sorted by frame, with the values that are computed once for each.
 
+use crate::tuning::WRONG_CATEGORY_SHARE;
 use std::ops::Range;
 
 use nalgebra::{Matrix3x4, Vector2, Vector3};
@@ -8,9 +9,6 @@ use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
 
 /// Smaller scores count as this one.
 const LEAST_SCORE: f64 = 1e-3;
-
-/// Share of detections with another category than that of their object.
-const WRONG_CATEGORY_SHARE: f64 = 0.03;
 
 /// The smallest predicted size that a detector is expected to find, relative to the 2 % quantile of the sizes.
 const SMALLEST_SIZE: f64 = 0.7;
@@ -203,9 +201,9 @@ impl Observations {
         if others == 0 {
             0.0
         } else if object == detected {
-            ((1.0 - WRONG_CATEGORY_SHARE) / self.category_share[detected]).ln()
+            ((1.0 - WRONG_CATEGORY_SHARE.get()) / self.category_share[detected]).ln()
         } else {
-            (WRONG_CATEGORY_SHARE / others as f64 / self.category_share[detected]).ln()
+            (WRONG_CATEGORY_SHARE.get() / others as f64 / self.category_share[detected]).ln()
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The passes of the search: objects from trusted ids, growth, rounds, and the choice of the slack (docs/method.md,
 //! section 15.7).
 
+use crate::tuning::MIN_EVIDENCE_SHARE;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -23,15 +24,6 @@ const FIRST_ROUNDS: usize = 2;
 
 /// Slack of edges in pixels: as much as costs little evidence.
 const PIXEL_SDS: [f64; 3] = [2.0, 4.0, 8.0];
-
-/// Share of the evidence that has to be left with twice the slack.
-///
-/// The evidence itself always prefers little slack, also where poses drift and a thing becomes several objects that each
-/// agree; but where there are enough views more slack costs little, and where there are few it costs most of it. Measured
-/// on all real scenes without ids and four drives of KITTI: mean F1 .982 with 2 pixels, .994 with this rule (.993 with .9;
-/// S22 with GPS poses .832 and 1), and on 26 kinds of synthetic scenes, also of 3, 4 and 6 views: only objects that hide each
-/// other by more than .001 worse (.994 and .990).
-const MIN_EVIDENCE_SHARE: f64 = 0.88;
 
 /// Rounds in which it is tried whether more slack is worth a search of its own.
 const TRIAL_ROUNDS: usize = 2;
@@ -63,7 +55,7 @@ pub(crate) fn search(
             let mut trial = best.clone();
             trial.statistics.pixel_sd = *slack;
             trial.settle(context, TRIAL_ROUNDS);
-            let least = MIN_EVIDENCE_SHARE * best.evidence(context);
+            let least = MIN_EVIDENCE_SHARE.get() * best.evidence(context);
             if trial.evidence(context) < least {
                 break;
             }

@@ -1,5 +1,6 @@
 //! Removes weak objects with their neighbours and searches again; the result with more evidence is kept.
 
+use crate::tuning::SUSPECT_SHARE;
 use std::ops::ControlFlow;
 
 use super::assignment::assign;
@@ -9,9 +10,6 @@ use crate::association::input::context::AssociationContext;
 use crate::association::input::point_tree::PointTree;
 use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
 use crate::association::score::object::Object;
-
-/// Share of the objects, those with the least evidence per view, that are dissolved.
-const SUSPECT_SHARE: f64 = 0.3;
 
 /// Objects that are dissolved together, at most.
 const MAX_RESEEDED: usize = 3;
@@ -31,7 +29,7 @@ pub(crate) fn reseed_weak(context: &AssociationContext, state: &mut State) {
     let mut ranked: Vec<(f64, u32)> =
         state.objects.iter().filter(|o| o.trusted_id.is_none()).map(|o| (per_view(o), o.boxes[0])).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    ranked.truncate((SUSPECT_SHARE * ranked.len() as f64).ceil() as usize);
+    ranked.truncate((SUSPECT_SHARE.get() * ranked.len() as f64).ceil() as usize);
     for (_, first_box) in ranked {
         // By a box of theirs, because the list of objects changes.
         let suspect = state.objects.iter().position(|o| o.trusted_id.is_none() && o.boxes.contains(&first_box));

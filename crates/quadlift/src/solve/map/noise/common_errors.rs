@@ -20,6 +20,7 @@
 //! covariance is that of the noise. The field then adds `H^-1 J^T W K W J H^-1` to the covariance of a fit; the fit
 //! itself does not change.
 
+use crate::tuning::CORRELATION_SCALE;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS, Row};
@@ -28,11 +29,6 @@ use crate::solve::estimate::Matrix9;
 /// Kinds of measurements whose errors the views of an object may have in common: those of [`super::levels::NoiseGroup`], hidden edges
 /// with the others.
 pub(crate) const COMMON_CLASSES: usize = 7;
-
-/// Scale of the field's correlation, as a distance between unit vectors. Tuned on LINEMOD, LMO, TUW and KITTI by the
-/// share of true centres inside the 95 % region (all sets together 83, 89, 89, 89 and 89 % at 0.1, 0.2, 0.3, 0.4 and 0.6)
-/// and the median NEES (10.7, 8.4, 7.3, 6.6 and 5.6; 8.34 is honest).
-const CORRELATION_SCALE: f64 = 0.25;
 
 /// Rows of an object that are compared with each other, about: of more, evenly spread views are taken.
 const MOST_ROWS: usize = 320;
@@ -72,7 +68,7 @@ impl CommonRow {
         if (self.class, self.component) != (other.class, other.component) {
             return 0.0;
         }
-        CORRELATION_SCALE / (CORRELATION_SCALE + (self.direction - other.direction).norm())
+        CORRELATION_SCALE.get() / (CORRELATION_SCALE.get() + (self.direction - other.direction).norm())
     }
 }
 
@@ -351,7 +347,7 @@ mod tests {
         let n = rows.len();
         let jacobian = DMatrix::from_fn(n, PARAMETERS, |i, k| rows[i].row[k]);
         let correlation = DMatrix::from_fn(n, n, |i, j| {
-            CORRELATION_SCALE / (CORRELATION_SCALE + (rows[i].direction - rows[j].direction).norm())
+            CORRELATION_SCALE.get() / (CORRELATION_SCALE.get() + (rows[i].direction - rows[j].direction).norm())
         });
         let field = DMatrix::from_fn(n, n, |i, j| correlation[(i, j)] * rows[i].reach * rows[j].reach);
         let pairs = DMatrix::from_fn(n, n, |i, j| {

@@ -6,6 +6,11 @@
 use super::common_errors::{COMMON_CLASSES, Spread};
 use super::usual_level::most_probable;
 use crate::solve::sigmas::{COMMON_NAMES, SIGMA_NAMES, SPREAD_NAMES, Sigmas};
+use crate::tuning::CORRELATED_FROM;
+use crate::tuning::HIDDEN_RATIO;
+use crate::tuning::MANY_VIEWS;
+use crate::tuning::NOISE_FLOOR;
+use crate::tuning::TEMPERING;
 
 /// A kind of measurement error with a standard deviation of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,32 +79,9 @@ const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
 /// Largest correlation between views that is believed.
 pub(crate) const LARGEST_CORRELATION: f64 = 0.9;
 
-/// Smallest standard deviation: larger ones cost accuracy on exact data, smaller ones stability.
-const FLOOR: f64 = 2e-4;
-
 /// Degrees of freedom from which views are told to be correlated.
 const ENOUGH_PAIRS: f64 = 16.0;
 
-/// Share of the degrees of freedom that counts against what is usual. A body that is not quite of the right kind follows the
-/// measurements, and they look better than they are: many residuals do not make a level as certain as their number says
-/// (a tempered likelihood, as Gruenwald and van Ommen 2017 use it for wrong models).
-///
-/// Tuned together with `ANY_LEVEL` (`usual_level`) on TUW, KITTI (RRC boxes with the car prior, mean O3D; exact boxes in three views) and
-/// synthetic boxes in 2 to 20 views. From .015 to .05, with it from .1 to .5: TUW .820 to .822, KITTI .60 to .64
-/// with aligned poses and .46 to .51 with GPS poses (single cars that turn over make most of the difference); synthetic
-/// scenes of 50 objects differ by less than .005.
-const TEMPERING: f64 = 0.015;
-
-/// So many views of an object count twice: a body cannot follow many views as it follows a few. Tuned on scenes of one
-/// synthetic object with 5 % noise, where 10 views gave O3D .756 without it and .807 with it (.815 with the level given).
-const MANY_VIEWS: f64 = 8.0;
-
-/// Correlation between neighbouring views from which many views count no more than few: there the body is wrong in a way
-/// that they share. Tuned on KITTI, whose correlations are .1 (S05) and .35 to .9 (the others).
-const CORRELATED_FROM: f64 = 0.3;
-
-/// How much noisier hidden edges usually are, and the degrees of freedom for which that counts.
-const HIDDEN_RATIO: f64 = 2.0;
 const RATIO_FREEDOM: f64 = 4.0;
 
 /// How much residuals count because of the correlation of views: of edges, of ellipses.
@@ -162,7 +144,7 @@ impl NoiseLevels {
         let of_group = |group: NoiseGroup| sigmas.get(group.name()).map(|x| x / reported_part(group));
         let sd = NoiseGroup::ALL.map(|group| {
             let hidden = (group == NoiseGroup::HiddenEdge).then(|| of_group(NoiseGroup::Edge).map(|edge| 2.0 * edge));
-            of_group(group).or(hidden.flatten()).unwrap_or(DEFAULTS[group as usize]).max(FLOOR)
+            of_group(group).or(hidden.flatten()).unwrap_or(DEFAULTS[group as usize]).max(NOISE_FLOOR.get())
         });
         let edge = [sigmas.get("edge_px"), sigmas.get("edge_relative")];
         let pixel_size = if let [Some(pixels), Some(relative)] = edge { pixels / relative } else { pixel_size };
@@ -224,15 +206,16 @@ impl NoiseLevels {
             let g = group as usize;
             let dof = statistics.dof[g].max(0.0);
             let level = if dof > 0.0 { self.sd[g] * (statistics.squares[g] / dof).sqrt() } else { DEFAULTS[g] };
-            (level.max(FLOOR), dof)
+            (level.max(NOISE_FLOOR.get()), dof)
         };
         // Neighbouring views that err alike tell less.
         let counted = |groups: &[NoiseGroup]| {
             let c = self.correlation[usize::from(!groups[0].is_edge())];
             let independent = (1.0 - c) / (1.0 + c);
             let dof: f64 = groups.iter().map(|group| statistics.dof[*group as usize].max(0.0)).sum();
-            let many_views = (1.0 - c / CORRELATED_FROM).max(0.0) * (statistics.usual_views() / MANY_VIEWS).powi(4);
-            TEMPERING * independent * dof * (1.0 + many_views)
+            let many_views =
+                (1.0 - c / CORRELATED_FROM.get()).max(0.0) * (statistics.usual_views() / MANY_VIEWS.get()).powi(4);
+            TEMPERING.get() * independent * dof * (1.0 + many_views)
         };
         let mut sd = NoiseGroup::ALL.map(|group| {
             let (level, dof) = told(group);
@@ -240,22 +223,22 @@ impl NoiseLevels {
         });
         // What hidden and other edges tell of the level goes together, once it is known how much noisier hidden ones are.
         let ((level, dof), (of_hidden, of_hidden_freedom)) = (told(NoiseGroup::Edge), told(NoiseGroup::HiddenEdge));
-        let mut ratio = HIDDEN_RATIO;
+        let mut ratio = HIDDEN_RATIO.get();
         if dof > 0.0 && of_hidden_freedom > 0.0 {
             // The variance of the logarithm of a level is half of 1 / freedom.
             let share = 1.0 / (1.0 + RATIO_FREEDOM * (1.0 / dof + 1.0 / of_hidden_freedom));
-            ratio = (share * (of_hidden / level).ln() + (1.0 - share) * HIDDEN_RATIO.ln()).exp();
+            ratio = (share * (of_hidden / level).ln() + (1.0 - share) * HIDDEN_RATIO.get().ln()).exp();
         }
         let all = dof + of_hidden_freedom;
         if all > 0.0 {
             let squares = dof * level * level + of_hidden_freedom * (of_hidden / ratio).powi(2);
             let counted = counted(&[NoiseGroup::Edge, NoiseGroup::HiddenEdge]);
             let edge = most_probable((squares / all).sqrt(), all, counted, DEFAULTS[NoiseGroup::Edge as usize]);
-            sd[NoiseGroup::Edge as usize] = edge.max(FLOOR);
-            sd[NoiseGroup::HiddenEdge as usize] = (ratio * edge).max(FLOOR);
+            sd[NoiseGroup::Edge as usize] = edge.max(NOISE_FLOOR.get());
+            sd[NoiseGroup::HiddenEdge as usize] = (ratio * edge).max(NOISE_FLOOR.get());
         }
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
-        let exact = sd[NoiseGroup::Edge as usize] < 2.0 * FLOOR;
+        let exact = sd[NoiseGroup::Edge as usize] < 2.0 * NOISE_FLOOR.get();
         let correlation = statistics.neighbours.map(|[sum, pairs]| {
             let told = pairs > ENOUGH_PAIRS && !exact;
             if told { (sum / pairs).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 }
@@ -420,7 +403,7 @@ mod tests {
         let ratio = |levels: &NoiseLevels| levels.of(NoiseGroup::HiddenEdge) / levels.of(NoiseGroup::Edge);
         assert!((1.0..1.01).contains(&ratio(&levels(&both, 0.03, 4000, 10).0)));
         assert!((1.3..1.9).contains(&ratio(&levels(&both, 0.03, 8, 10).0)));
-        assert_eq!(ratio(&levels(&[NoiseGroup::Edge], 0.03, 100, 10).0), HIDDEN_RATIO);
+        assert_eq!(ratio(&levels(&[NoiseGroup::Edge], 0.03, 100, 10).0), HIDDEN_RATIO.get());
     }
 
     #[test]
@@ -463,6 +446,6 @@ mod tests {
             statistics.add(NoiseGroup::Edge, 0.0, 1.0, 1.0);
         }
         let level = NoiseLevels::new(67.0).updated(&statistics).of(NoiseGroup::Edge);
-        assert!((level / FLOOR - 1.0).abs() < 1e-12, "{level}");
+        assert!((level / NOISE_FLOOR.get() - 1.0).abs() < 1e-12, "{level}");
     }
 }

@@ -1,12 +1,7 @@
 //! The noise level that few residuals and what is usual for detectors ask for together (docs/method.md, section 7.2).
 
-/// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
-/// come from elsewhere. See `TEMPERING` (`noise`).
-const ANY_LEVEL: f64 = 0.3;
-
-/// Standard deviation of the logarithm of the levels of detectors. Tuned on KITTI, with `TEMPERING` (`noise`) .05:
-/// with .5, .7 and 1 O3D is .62, .62 and .59 with aligned poses and .48, .46 and .46 with GPS poses.
-const USUAL_SPREAD: f64 = 0.7;
+use crate::tuning::ANY_LEVEL;
+use crate::tuning::USUAL_SPREAD;
 
 /// No detector errs by so little of the half size of a box (a tenth of a pixel in a box of 100 pixels): such boxes are
 /// computed, and what is usual for detectors says nothing about them.
@@ -29,8 +24,8 @@ pub(crate) fn most_probable(told: f64, dof: f64, counted: f64, usual: f64) -> f6
     }
     // The negative logarithm of the posterior; `x` is the logarithm of the level.
     let cost = |x: f64| {
-        let off = (x - usual.ln()) / USUAL_SPREAD;
-        counted * (x + 0.5 * (2.0 * (told.ln() - x)).exp()) - (ANY_LEVEL + (-0.5 * off * off).exp()).ln()
+        let off = (x - usual.ln()) / USUAL_SPREAD.get();
+        counted * (x + 0.5 * (2.0 * (told.ln() - x)).exp()) - (ANY_LEVEL.get() + (-0.5 * off * off).exp()).ln()
     };
     // Both parts grow outside of the two levels. There may be a minimum near each of them.
     let (low, high) = (told.min(usual).ln(), told.max(usual).ln());
@@ -53,8 +48,8 @@ mod tests {
     fn the_most_probable_level_is_the_lowest_of_a_fine_grid() {
         for (told, counted) in [(0.02, 0.5), (0.02, 3.0), (0.004, 0.3), (0.004, 1.0), (0.5, 2.0), (3.0, 0.4)] {
             let cost = |s: f64| {
-                let off: f64 = (s / 0.1f64).ln() / USUAL_SPREAD;
-                counted * (s.ln() + told * told / (2.0 * s * s)) - (ANY_LEVEL + (-0.5 * off * off).exp()).ln()
+                let off: f64 = (s / 0.1f64).ln() / USUAL_SPREAD.get();
+                counted * (s.ln() + told * told / (2.0 * s * s)) - (ANY_LEVEL.get() + (-0.5 * off * off).exp()).ln()
             };
             let fine = (0..100_000).map(|k| 1e-4 * 1e5f64.powf(f64::from(k) / 1e5));
             let best = fine.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();

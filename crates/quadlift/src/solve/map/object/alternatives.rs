@@ -4,6 +4,7 @@
 //! better one is a matter of noise. The starts of the first fit are followed once more under the final noise levels; what
 //! ends elsewhere, and is not much less probable, is reported.
 
+use crate::tuning::MIN_LOG_ODDS;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::agreement::Reference;
@@ -19,10 +20,6 @@ use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Est
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::options::BodyKind;
-
-/// Log odds below which another answer is not reported: 1 to 7.4. Of 400 synthetic cuboids in 8 views (boxes with 2 and
-/// 5 % noise) 42 have an IoU below 0.6; 37 of them have an alternative, and 131 of the others. With -3 it is 38 and 171.
-const MIN_LOG_ODDS: f64 = -2.0;
 
 /// Other answers that are followed to the end and reported, at most.
 const MAX_ALTERNATIVES: usize = 3;
@@ -99,7 +96,7 @@ impl Fit {
             }
             let Some((model, equations)) = descend(start, POLISH) else { continue };
             let Some(log_odds) = evidence(&equations).map(|other| other - own) else { continue };
-            if let Some(body) = is_new(&model).filter(|_| log_odds > MIN_LOG_ODDS) {
+            if let Some(body) = is_new(&model).filter(|_| log_odds > MIN_LOG_ODDS.get()) {
                 found.push((Alternative { body, log_odds }, Other { model, equations }));
             }
         }

@@ -1,6 +1,7 @@
 //! A false box among three or four views: too few for hypotheses and a redescending loss (see [`super::outliers`]), but the other
 //! views agree with each other, and no other choice leaves views that do (docs/method.md, section 8.2).
 
+use crate::tuning::MIN_COST_GAP;
 use std::sync::Arc;
 
 use super::agreement::{Reference, agrees, is_inconsistent};
@@ -13,10 +14,6 @@ use crate::solve::map::noise::levels::NoiseLevels;
 
 /// Fewest views of which one can be left out.
 const FEWEST_TO_LEAVE_OUT: usize = 3;
-
-/// By how much the squared whitened residuals of the second best choice must exceed those of the best one: odds of
-/// 90 to 1 (ours; with 20 a third of the false boxes stay, with 4 no more are found).
-const MIN_COST_GAP: f64 = 9.0;
 
 impl Fit {
     /// Where this fit to three or four views contradicts them: the fit that leaves one of them out, where the others
@@ -55,7 +52,7 @@ impl Fit {
             }
         }
         let (squares, fit) = best?;
-        if fit.misfit(&level).is_none_or(|misfit| !agrees(&misfit)) || second - squares < MIN_COST_GAP {
+        if fit.misfit(&level).is_none_or(|misfit| !agrees(&misfit)) || second - squares < MIN_COST_GAP.get() {
             return None;
         }
         // All views again, in the frame of those that agree: the loss keeps the other one out.

@@ -1,5 +1,6 @@
 //! The body of a fit: an ellipsoid or an oriented body, each in its own parameters.
 
+use crate::tuning::ROUND_BODIES;
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 
 use super::covariance;
@@ -10,11 +11,6 @@ use crate::geometry::{Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellips
 use crate::optimize::normal_equations::{NormalEquations, Row};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::{CovarianceCoordinates, Matrix9};
-
-/// Subtracted from the log odds that an ellipsoid stands. Bodies are rounder than the shape prior allows for, and a round
-/// one seems to stand: of random ellipsoids in three views of an orbit the log odds are 0.8 on average without it, of
-/// standing ones in six views 1.8 and in many views 3.5 (synthetic scenes, seeds 11 and 12).
-const ROUND_BODIES: f64 = 1.0;
 
 /// A body of any kind, in an object's frame.
 #[derive(Debug, Clone)]
@@ -119,7 +115,7 @@ impl Model {
         match self {
             // Of the two entries of 1/2 log A between `up` and the horizontal, each of which has the variance
             // `shape_sd^2 / 2`.
-            Self::Ellipsoid(_) => (0.5 * (shape_sd / tilt_sd).powi(2)).ln_1p() - ROUND_BODIES,
+            Self::Ellipsoid(_) => (0.5 * (shape_sd / tilt_sd).powi(2)).ln_1p() - ROUND_BODIES.get(),
             // One sixth of a Gaussian about each end of each axis over `1 / (4 pi)`.
             Self::Oriented(_) => -(3.0 * tilt_sd * tilt_sd).ln(),
         }

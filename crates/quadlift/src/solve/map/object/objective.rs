@@ -11,6 +11,7 @@ use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels, NoiseStatistics,
 use crate::solve::map::residuals::measurements::{Measurements, Plane};
 use crate::solve::map::residuals::row::ResidualRow;
 use crate::solve::map::residuals::view_rows::view_rows;
+use crate::tuning::STUDENT_T_DOF;
 
 /// Residuals of a view for which the scale of the loss and limits on its sum of squares are meant: four edges. Sums of
 /// other numbers are compared by their probability ([`chi_square::as_of`]).
@@ -34,10 +35,6 @@ pub(crate) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
 
 /// Median of the chi-square distribution with four degrees of freedom: a view of four edges.
 pub(crate) const CHI2_MEDIAN: f64 = 3.357;
-
-/// Degrees of freedom of Student's t distribution, the likelihood of an edge: near zero it is a Gaussian, beyond three
-/// standard deviations it gives way.
-const STUDENT_T_DOF: f64 = 9.0;
 
 /// Fewest views of which one can be told to be an outlier.
 pub(crate) const FEWEST_VIEWS: usize = 5;
@@ -112,16 +109,17 @@ impl Objective<'_> {
             let squared = row.residual * row.residual;
             if !row.group.is_edge() {
                 let heavy = self.heavy_tails && row.group.has_heavy_tails();
-                others += if heavy { (STUDENT_T_DOF + 1.0) * (squared / STUDENT_T_DOF).ln_1p() } else { squared };
+                others +=
+                    if heavy { (STUDENT_T_DOF.get() + 1.0) * (squared / STUDENT_T_DOF.get()).ln_1p() } else { squared };
             } else if self.heavy_tails && squared < SMALL_ENOUGH {
-                tails *= 1.0 + squared / STUDENT_T_DOF;
+                tails *= 1.0 + squared / STUDENT_T_DOF.get();
             } else if self.heavy_tails {
-                edges += (STUDENT_T_DOF + 1.0) * (squared / STUDENT_T_DOF).ln_1p();
+                edges += (STUDENT_T_DOF.get() + 1.0) * (squared / STUDENT_T_DOF.get()).ln_1p();
             } else {
                 edges += squared;
             }
         }
-        (edges + if tails > 1.0 { (STUDENT_T_DOF + 1.0) * f64::ln(tails) } else { 0.0 }, others)
+        (edges + if tails > 1.0 { (STUDENT_T_DOF.get() + 1.0) * f64::ln(tails) } else { 0.0 }, others)
     }
 
     fn weights(&self) -> Weights {
@@ -131,7 +129,8 @@ impl Objective<'_> {
     #[inline]
     fn row_weight(&self, row: &ResidualRow, weights: &Weights) -> f64 {
         let heavy = self.heavy_tails && row.group.has_heavy_tails();
-        let tails = if heavy { (STUDENT_T_DOF + 1.0) / (STUDENT_T_DOF + row.residual * row.residual) } else { 1.0 };
+        let tails =
+            if heavy { (STUDENT_T_DOF.get() + 1.0) / (STUDENT_T_DOF.get() + row.residual * row.residual) } else { 1.0 };
         weights.of(row.group) * tails
     }
 
@@ -139,7 +138,7 @@ impl Objective<'_> {
     pub(crate) fn relative_slope(&self, group: NoiseGroup, residual: f64) -> f64 {
         let squared = residual * residual;
         if self.heavy_tails && group.has_heavy_tails() {
-            (STUDENT_T_DOF - squared) / (STUDENT_T_DOF + squared)
+            (STUDENT_T_DOF.get() - squared) / (STUDENT_T_DOF.get() + squared)
         } else {
             1.0
         }

@@ -1,9 +1,10 @@
 //! All objects of a scene together: rounds of noise levels, ground plane and refits, until they agree.
 
+use crate::tuning::UPRIGHT_SHARE;
 use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
-use super::upright::{UPRIGHT_SHARE, share_of_upright, stands, was_upright};
+use super::upright::{share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::Body;
@@ -132,7 +133,7 @@ impl SceneFit {
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
-        let (upright_share, upright_noise) = (UPRIGHT_SHARE, noise);
+        let (upright_share, upright_noise) = (UPRIGHT_SHARE.get(), noise);
         Self { fits, noise, statistics, reference, ground: None, poses, upright_share, upright_noise }.again(context)
     }
 

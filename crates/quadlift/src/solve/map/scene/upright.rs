@@ -6,6 +6,7 @@
 //! little where the measurements leave the rotation open anyway. The share of the objects that stand is estimated from
 //! all of them, so that a scene in which none does is not harmed.
 
+use crate::tuning::UPRIGHT_SHARE;
 use std::sync::Arc;
 
 use nalgebra::{Unit, Vector3};
@@ -25,12 +26,6 @@ use crate::solve::map::object::prior::TILT_SD;
 use crate::solve::map::object::problem::{FROM_START, ObjectProblem};
 use crate::solve::map::object::starts::set_upright;
 
-/// Share of the objects that stand before anything is known; where objects do not depend on each other, for good.
-///
-/// Tuned with `reproduce body_kinds` and random bodies in 3 to 20 views: an object that stands and is seen well has odds of 30 to
-/// 130 to 1, so that any share above 0.05 lets it; 0.2 keeps random bodies in three views from being set upright.
-pub(crate) const UPRIGHT_SHARE: f64 = 0.2;
-
 /// Rounds in which the share of the objects that stand and the odds of each are adjusted to each other.
 const SHARE_ROUNDS: usize = 100;
 
@@ -41,10 +36,10 @@ const FEW_VIEWS: usize = 8;
 const ADDED: f64 = 2.0;
 
 /// How often an object of a scene stands, from the logarithms of the odds of each under equal shares: by expectation and
-/// maximisation from one half. [`UPRIGHT_SHARE`] without objects.
+/// maximisation from one half. `UPRIGHT_SHARE` without objects.
 pub(crate) fn share_of_upright(log_odds: &[f64]) -> f64 {
     if log_odds.is_empty() {
-        return UPRIGHT_SHARE;
+        return UPRIGHT_SHARE.get();
     }
     let mut share = 0.5;
     for _ in 0..SHARE_ROUNDS {
@@ -150,7 +145,7 @@ mod tests {
             let share = share_of_upright(&odds);
             assert!(odds.iter().all(|odds| !stands(*odds, share)), "{odds:?} {share}");
         }
-        assert_eq!(share_of_upright(&[]), UPRIGHT_SHARE);
+        assert_eq!(share_of_upright(&[]), UPRIGHT_SHARE.get());
         let one = share_of_upright(&[4.9]);
         assert!(stands(4.9, one), "one object, of which it is clear: {one}");
     }

@@ -4,22 +4,14 @@
 //! Its three numbers are found by weighted least squares over the objects' lowest points, and over the cameras where
 //! their height above the ground is known.
 
+use crate::tuning::CAMERA_HEIGHT_SD;
+use crate::tuning::SLOPE_SD;
+use crate::tuning::UNEVENNESS;
+use crate::tuning::UNEVENNESS_FAR;
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use crate::geometry::linalg::solve_spd;
 use crate::geometry::rotation::horizontal_basis;
-
-/// Standard deviation of the plane's slopes before anything is known.
-const SLOPE_SD: f64 = 0.06;
-
-/// Standard deviation of the height of one camera above the ground, relative to that height.
-const CAMERA_HEIGHT_SD: f64 = 0.03;
-
-/// Standard deviation of an object's lowest point above the plane: this share of a typical object height ...
-const UNEVENNESS: f64 = 0.07;
-
-/// ... and this share of its distance from the nearest camera.
-const UNEVENNESS_FAR: f64 = 0.01;
 
 /// So many objects as expected are added when the unevenness of the ground is estimated.
 const UNEVENNESS_PRIOR: f64 = 4.0;
@@ -51,7 +43,7 @@ pub(crate) struct LowestPoint {
 impl LowestPoint {
     /// Standard deviation of the point's height above the plane.
     pub(crate) fn unevenness(&self) -> f64 {
-        UNEVENNESS * self.height + UNEVENNESS_FAR * self.distance
+        UNEVENNESS.get() * self.height + UNEVENNESS_FAR.get() * self.distance
     }
 }
 
@@ -70,14 +62,15 @@ impl GroundPlane {
             lowest.iter().map(|l| (l.point, l.variance, l.unevenness().powi(2))).collect();
         if let Some(height) = camera_height {
             // Cameras on a path are not independent: together they count as one.
-            let variance = (CAMERA_HEIGHT_SD * height).powi(2) * cameras.len() as f64;
+            let variance = (CAMERA_HEIGHT_SD.get() * height).powi(2) * cameras.len() as f64;
             points.extend(cameras.iter().map(|camera| (camera - up.into_inner() * height, variance, 0.0)));
         }
         let mut plane = Vector3::zeros();
         let mut weights = vec![1.0; points.len()];
         let mut unevenness2 = 1.0f64;
         for _ in 0..5 {
-            let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, SLOPE_SD.powi(-2), SLOPE_SD.powi(-2)));
+            let mut normal =
+                Matrix3::from_diagonal(&Vector3::new(0.0, SLOPE_SD.get().powi(-2), SLOPE_SD.get().powi(-2)));
             let mut right = Vector3::zeros();
             for ((point, variance, uneven), weight) in points.iter().zip(&weights) {
                 let variance = variance + unevenness2 * uneven;
