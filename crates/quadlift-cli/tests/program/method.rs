@@ -36,7 +36,8 @@ fn has(source: &str, name: &str, value: &str) -> bool {
     }
     let value = format!("{value};");
     let is_value = |rest: &str| rest.split_once(" = ").is_some_and(|(_, rest)| rest.starts_with(&value));
-    source.split(&format!("const {name}: ")).skip(1).any(is_value)
+    let tuned = format!(" {name} = {value}");
+    source.split(&format!("const {name}: ")).skip(1).any(is_value) || source.contains(&tuned)
 }
 
 #[test]
