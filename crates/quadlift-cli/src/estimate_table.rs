@@ -7,7 +7,7 @@ use quadlift::Localization;
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
-use quadlift::solve::{Estimate, Method, PoseNoise, Status};
+use quadlift::solve::{Estimate, Method, Status};
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
 
@@ -143,11 +143,7 @@ fn agreement(checked: &CrossValidation) -> Option<String> {
 
 /// The noise levels by the names that results and `--sigmas` have for them; `None` when there are none.
 pub fn noise_levels(localization: &Localization) -> Option<String> {
-    let of_poses = localization.pose_noise.map(|PoseNoise { rotation_sd, translation_sd }| {
-        [("pose_rotation", rotation_sd), ("pose_translation", translation_sd)]
-    });
-    let levels = localization.noise.levels().chain(of_poses.into_iter().flatten());
-    let levels: Vec<String> = levels.map(|(name, x)| format!("{name} {x:.4}")).collect();
+    let levels: Vec<String> = localization.noise_levels().map(|(name, x)| format!("{name} {x:.4}")).collect();
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
 }
 

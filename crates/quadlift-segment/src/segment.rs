@@ -1,10 +1,8 @@
 //! The one call: crops of an object in, masks and ellipses out.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-
 use nalgebra::Vector2;
-use quadlift::Observer;
 use quadlift::geometry::Ellipse;
+use quadlift::{Observer, Watch};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -171,15 +169,13 @@ pub fn segment_objects(
     options: &SegmentOptions,
     observer: &dyn Observer,
 ) -> Vec<Result<Vec<ViewSegmentation>, SegmentError>> {
-    let (done, cancelled) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let watch = Watch::new(observer, objects.len());
     map_indices(objects.len(), |index| {
-        if cancelled.load(Ordering::Relaxed) {
+        if watch.is_cancelled() {
             return Err(SegmentError::Cancelled);
         }
         let views = segment_object(&objects[index], options);
-        if observer.progress(done.fetch_add(1, Ordering::Relaxed) + 1, objects.len()).is_break() {
-            cancelled.store(true, Ordering::Relaxed);
-        }
+        watch.advance(1);
         views
     })
 }

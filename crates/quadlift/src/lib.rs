@@ -74,7 +74,7 @@ pub mod tuning;
 pub use association::{associate, associate_observed};
 pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind, localize, localize_observed};
 pub use names::UnknownName;
-pub use observer::Observer;
+pub use observer::{Observer, Watch};
 // Its types are part of this API.
 pub use nalgebra;
 

@@ -38,8 +38,8 @@ impl Observer for Unobserved {
     }
 }
 
-/// Counts the steps of some work for its observer, and remembers whether it was cancelled.
-pub(crate) struct Watch<'a> {
+/// Counts the steps of some work for its observer, from any thread, and remembers whether it was cancelled.
+pub struct Watch<'a> {
     observer: &'a dyn Observer,
     done: AtomicUsize,
     total: AtomicUsize,
@@ -54,36 +54,45 @@ impl std::fmt::Debug for Watch<'_> {
 
 impl<'a> Watch<'a> {
     /// Of work with so many steps.
-    pub(crate) fn new(observer: &'a dyn Observer, total: usize) -> Self {
+    pub fn new(observer: &'a dyn Observer, total: usize) -> Self {
         let (done, cancelled) = (AtomicUsize::new(0), AtomicBool::new(false));
         Self { observer, done, total: AtomicUsize::new(total), cancelled }
     }
 
     /// So many more steps are done.
-    pub(crate) fn advance(&self, steps: usize) {
+    pub fn advance(&self, steps: usize) {
         let done = self.done.fetch_add(steps, Ordering::Relaxed) + steps;
         self.ask(done);
     }
 
     /// All steps so far are done.
-    pub(crate) fn finish(&self) {
+    pub fn finish(&self) {
         let total = self.total.load(Ordering::Relaxed);
         self.done.store(total, Ordering::Relaxed);
         self.ask(total);
     }
 
     /// There is more to do than was known.
-    pub(crate) fn extend(&self, steps: usize) {
+    pub fn extend(&self, steps: usize) {
         self.total.fetch_add(steps, Ordering::Relaxed);
     }
 
     /// Asks the observer whether to go on.
-    pub(crate) fn poll(&self) {
+    pub fn poll(&self) {
         self.ask(self.done.load(Ordering::Relaxed));
     }
 
+    /// Whether to stop before the item with this index, of many that are done in parallel: the observer is asked at one of
+    /// sixteen.
+    pub fn stops_before(&self, index: usize) -> bool {
+        if index.is_multiple_of(16) {
+            self.poll();
+        }
+        self.is_cancelled()
+    }
+
     /// Whether the observer has cancelled the work.
-    pub(crate) fn is_cancelled(&self) -> bool {
+    pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }
 

@@ -2,7 +2,7 @@
 
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Estimate, Method, PoseNoise, Sigmas, Status};
+use quadlift::solve::{BodyKind, Estimate, Method, Sigmas, Status};
 use quadlift::{Localization, LocalizeOptions};
 use serde_json::{Map, Value, json};
 
@@ -51,12 +51,7 @@ pub fn count_localised(estimates: &[Estimate]) -> usize {
 
 /// The noise levels by name.
 pub fn noise_record(localization: &Localization) -> Map<String, Value> {
-    let of_poses = localization.pose_noise.map(|poses| {
-        let PoseNoise { rotation_sd, translation_sd } = poses;
-        [("pose_rotation", rotation_sd), ("pose_translation", translation_sd)]
-    });
-    let levels = localization.noise.levels().chain(of_poses.into_iter().flatten());
-    levels.map(|(name, level)| (name.to_owned(), Value::from(level))).collect()
+    localization.noise_levels().map(|(name, level)| (name.to_owned(), Value::from(level))).collect()
 }
 
 /// The cross-validation of a scene; null if no view could be predicted.

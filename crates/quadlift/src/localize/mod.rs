@@ -15,8 +15,8 @@ use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BORDER_MARGIN, BodyKind, Estimate, Fold, OptionError, PoseNoise, Sigmas, Status, ViewReport, predict_fold,
-    solve_closed_form,
+    BORDER_MARGIN, BodyKind, Estimate, Fold, FoldPrediction, OptionError, POSE_NOISE_NAMES, PoseNoise, Sigmas, Status,
+    ViewReport, predict_fold, solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.
@@ -52,6 +52,15 @@ pub struct Localization {
     /// Whether the scene agrees with itself. Where it does not, objects have the status [`Status::Inconsistent`] instead
     /// of [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
     pub diagnosis: Diagnosis,
+}
+
+impl Localization {
+    /// The noise levels by their names in results, those of the poses last.
+    pub fn noise_levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let of_poses =
+            self.pose_noise.map(|poses| POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd]));
+        self.noise.levels().chain(of_poses.into_iter().flatten())
+    }
 }
 
 /// Localises every object that the detections name.
@@ -144,12 +153,18 @@ pub fn localize_observed(
     } else {
         let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
         let estimates = map_indices(objects.len(), |k| {
+            if watch.is_cancelled() {
+                return Estimate::cancelled();
+            }
             let estimate = solve(views_of(k));
             watch.advance(1);
             estimate
         });
         let folds = folds_of(&estimates);
         let predicted = map_indices(folds.len(), |index| {
+            if watch.stops_before(index) {
+                return FoldPrediction::default();
+            }
             let Fold { object, views, .. } = &folds[index];
             predict_fold(&views_of(*object), views, BORDER_MARGIN, |others| solve(others).body)
         });

@@ -261,6 +261,11 @@ impl Estimate {
         }
     }
 
+    /// What takes the place of an estimate in work that was cancelled, whose results nobody sees.
+    pub(crate) fn cancelled() -> Self {
+        Self::failed(0, None, Status::Diverged)
+    }
+
     /// The body as an ellipsoid, see [`Body::ellipsoid`].
     pub fn ellipsoid(&self) -> Option<Ellipsoid> {
         self.body.as_ref().map(Body::ellipsoid)

@@ -28,6 +28,7 @@ pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, P
 pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::Prediction;
 pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};
+pub(crate) use sigmas::POSE_NOISE_NAMES;
 pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
 pub use triangulate::triangulate;
 pub use validate::OptionError;

@@ -133,7 +133,7 @@ pub(super) fn largest_viewing_angle(views: &[View], center: &Point3<f64>) -> Opt
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix3x4, Rotation3, Vector2};
+    use nalgebra::{Matrix3x4, Rotation3};
 
     use super::*;
     use crate::geometry::{BoundingBox, Ellipsoid, Projection};
@@ -141,19 +141,10 @@ mod tests {
     /// A camera at the origin that looks along z, with focal length 100 and an image of 200 x 200.
     fn view(bounding_box: [f64; 4]) -> View {
         let matrix = Matrix3x4::new(100.0, 0.0, 100.0, 0.0, 0.0, 100.0, 100.0, 0.0, 0.0, 0.0, 1.0, 0.0);
-        View {
-            frame_index: 0,
-            projection: Projection::from_matrix(matrix).unwrap(),
-            image_size: Some(Vector2::new(200.0, 200.0)),
-            bounding_box: Some(BoundingBox::new(bounding_box).unwrap()),
-            ellipse: None,
-            support_lines: None,
-            partial: false,
-            box_in_image: None,
-            hidden_edges: [false; 4],
-            cut_off: [false; 4],
-        }
-        .with_cut_off_edges(5.0)
+        let bounding_box = BoundingBox::new(bounding_box).unwrap();
+        View::from_box(Projection::from_matrix(matrix).unwrap(), bounding_box)
+            .with_image_size(200.0, 200.0)
+            .with_cut_off_edges(5.0)
     }
 
     fn ball(x: f64, radius: f64) -> Body {

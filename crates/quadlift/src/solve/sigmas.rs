@@ -42,7 +42,7 @@ pub(super) const COMMON_NAMES: [&str; 7] = [
 pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
 
 /// What results report of the cameras' poses, which is not the noise of detections.
-const OF_POSES: [&str; 2] = ["pose_rotation", "pose_translation"];
+pub(crate) const POSE_NOISE_NAMES: [&str; 2] = ["pose_rotation", "pose_translation"];
 
 /// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to the
 /// half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis ratio),
@@ -90,7 +90,7 @@ impl Sigmas {
     pub fn new<'a>(levels: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Self, SigmasError> {
         let mut by_name = BTreeMap::new();
         for (given, value) in levels {
-            if OF_POSES.contains(&given) {
+            if POSE_NOISE_NAMES.contains(&given) {
                 continue;
             }
             let name = (SIGMA_NAMES.into_iter().find(|name| *name == given))

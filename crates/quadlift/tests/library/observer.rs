@@ -62,4 +62,15 @@ fn work_can_be_cancelled_at_any_time() {
     let before_any = |done: usize, _: usize| if done > 0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
     let cancelled = localize_observed(&scene, &LocalizeOptions::default(), &before_any);
     assert_eq!(cancelled.unwrap_err(), LocalizeError::Cancelled);
+    // What is left after that is not done: each thread finishes its object at most.
+    for method in [Method::default(), Method::Planes] {
+        let largest = AtomicUsize::new(0);
+        let after_one = |done: usize, _: usize| {
+            largest.fetch_max(done, Ordering::Relaxed);
+            if done == 0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let cancelled = localize_observed(&scene, &LocalizeOptions::from(method), &after_one);
+        assert_eq!(cancelled.unwrap_err(), LocalizeError::Cancelled);
+        assert!(largest.into_inner() <= 1 + rayon::current_num_threads());
+    }
 }

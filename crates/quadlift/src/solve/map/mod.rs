@@ -84,6 +84,9 @@ pub(crate) fn map(
         _ => body_kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &body_kinds, context)),
     };
     let estimates = map_indices(count, |index| {
+        if context.watch.is_cancelled() {
+            return Estimate::cancelled();
+        }
         let estimate = if index % stride == 0 && index / stride < scene.len() {
             scene.estimate(index / stride, context)
         } else {
@@ -94,6 +97,9 @@ pub(crate) fn map(
     });
     let folds = folds(&estimates);
     let predicted = map_indices(folds.len(), |index| {
+        if context.watch.stops_before(index) {
+            return FoldPrediction::default();
+        }
         let Fold { object, views, warm_start } = &folds[index];
         let whole = &estimates[*object];
         let start = whole.body.filter(|_| *warm_start);

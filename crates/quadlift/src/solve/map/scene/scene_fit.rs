@@ -57,9 +57,6 @@ const SMALL_NOISE_FACTOR: f64 = 0.05;
 const COMMON_PAIRS: usize = 5000;
 const COMMON_SAMPLE: usize = 24;
 
-/// The observer is asked whether to go on at every object of this number in a round.
-const POLLED: usize = 16;
-
 /// The objects of a scene, fitted, with what they share.
 pub(crate) struct SceneFit {
     fits: Vec<Result<Fit, Box<Estimate>>>,
@@ -128,6 +125,9 @@ impl SceneFit {
         context: &MapContext,
     ) -> Self {
         let fits = map_indices(body_kinds.len(), |k| {
+            if context.watch.stops_before(k) {
+                return Err(Box::new(Estimate::cancelled()));
+            }
             Fit::first(ObjectProblem::new(views_of(k), body_kinds[k], context)?, &noise, context)
         });
         let statistics = NoiseStatistics::default();
@@ -178,10 +178,7 @@ impl SceneFit {
             }
             fits = map_indices(fits.len(), |k| {
                 let fit = fits[k].as_ref().map_err(Clone::clone)?;
-                if k.is_multiple_of(POLLED) {
-                    context.watch.poll();
-                }
-                if context.watch.is_cancelled() {
+                if context.watch.stops_before(k) {
                     return Ok(fit.clone());
                 }
                 // Now that the noise of the scene is known, a fit with much larger residuals stands out.
