@@ -32,7 +32,7 @@ pub(crate) fn doubts(context: &AssociationContext, state: &State) -> Vec<Option<
     let objects = &state.objects;
     let per_view: Vec<f64> = objects
         .iter()
-        .map(|o| evidence(context, &state.observations, &state.statistics, o) / o.boxes.len().max(1) as f64)
+        .map(|o| evidence(&context.rate, &state.observations, &state.statistics, o) / o.boxes.len().max(1) as f64)
         .collect();
     let usual_evidence = median(&mut per_view.clone()).unwrap_or(0.0);
     let of_category = |category: usize, feature: fn(&Object) -> f64, least_sd: f64| {

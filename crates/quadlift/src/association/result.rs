@@ -166,7 +166,7 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
             category_index,
             views: members.len(),
             expected_views: object.map_or(0, |o| o.visible).max(members.len()),
-            evidence: object.map(|o| evidence(context, observations, &state.statistics, o)),
+            evidence: object.map(|o| evidence(&context.rate, observations, &state.statistics, o)),
             ellipsoid,
             doubtful: doubt,
         });

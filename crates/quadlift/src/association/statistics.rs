@@ -30,7 +30,7 @@ pub(crate) struct DetectionRate {
 }
 
 impl DetectionRate {
-    /// For up to `most` views.
+    /// Fast for up to `most` views.
     pub fn new(most: usize) -> Self {
         let mut ln_factorial = vec![0.0];
         for n in 1..=most + 2 {
@@ -42,6 +42,10 @@ impl DetectionRate {
     /// For `detected` of `visible` views (at least as many).
     pub fn log_probability(&self, detected: usize, visible: usize) -> f64 {
         let visible = visible.max(detected);
+        if visible + 1 >= self.ln_factorial.len() {
+            let ln_factorial = |n: usize| ln_gamma(n as f64 + 1.0);
+            return ln_factorial(detected) + ln_factorial(visible - detected) - ln_factorial(visible + 1);
+        }
         self.ln_factorial[detected] + self.ln_factorial[visible - detected] - self.ln_factorial[visible + 1]
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::observations::{BoxObservation, Observations};
+use super::observations::{BoxObservation, Camera, Observations};
 use crate::association::statistics::LN_2PI;
 
 /// Other boxes of a frame that are looked at for the density at one; more are sampled evenly.
@@ -11,68 +11,71 @@ const MOST_NEIGHBOURS: usize = 2000;
 /// Boxes of a frame that count as much as the assumption that clutter is anywhere.
 const UNIFORM_WEIGHT: f64 = 3.0;
 
-/// Clutter as a density over boxes: where (more where the frame's other boxes are) and how large (as the scene's).
-#[derive(Debug, Clone)]
-pub(crate) struct Clutter {
-    /// Log density of one clutter box per frame, over its four edges in pixels.
-    edges: Vec<f64>,
-    /// Log density over the logarithms of half the width and half the height.
-    size: Vec<f64>,
+/// How large boxes are: a normal distribution of the logarithms of half the width and half the height.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BoxSizes {
+    mean: f64,
+    sd: f64,
 }
 
-impl Clutter {
-    /// The densities at every box.
-    pub fn new(observations: &Observations) -> Self {
-        let boxes = &observations.boxes;
+/// Standard deviation of the log sizes, at least.
+const LEAST_SD: f64 = 0.3;
+
+impl BoxSizes {
+    /// From the mean and the variance of all log half sizes.
+    pub fn new(mean: f64, variance: f64) -> Self {
+        Self { mean, sd: variance.sqrt().max(LEAST_SD) }
+    }
+
+    /// Of these boxes.
+    pub fn of(boxes: &[BoxObservation]) -> Self {
         let count = (2 * boxes.len()).max(1) as f64;
         let mean = boxes.iter().flat_map(|b| b.log_half).sum::<f64>() / count;
         let square = |b: &BoxObservation| b.log_half.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
-        let sd = (boxes.iter().map(square).sum::<f64>() / count).sqrt().max(0.3);
-        let constant = -LN_2PI - 2.0 * sd.ln();
-        // Cut at three standard deviations.
-        let size: Vec<f64> =
-            boxes.iter().map(|b| (constant - 0.5 * square(b) / (sd * sd)).max(constant - 4.5)).collect();
-        let mut edges = size.clone();
-        for (frame, camera) in observations.cameras.iter().enumerate() {
-            let places = places(observations, frame);
-            for (value, observation) in edges[camera.boxes.clone()].iter_mut().zip(observations.in_frame(frame)) {
-                let wh = observation.log_half[0] + observation.log_half[1] + 4.0f64.ln();
-                *value += place_density(&places, observation, camera.size) - wh;
-            }
-        }
-        Self { edges, size }
+        Self::new(mean, boxes.iter().map(square).sum::<f64>() / count)
     }
 
-    /// Log density of clutter for each edge of a box, at a log number of clutter boxes per frame.
-    pub fn per_edge(&self, index: usize, log_rate: f64) -> f64 {
-        0.25 * (log_rate + self.edges[index])
+    /// Log density over the logarithms of half the width and half the height, cut at three standard deviations.
+    fn log_density(&self, observation: &BoxObservation) -> f64 {
+        let constant = -LN_2PI - 2.0 * self.sd.ln();
+        let square = observation.log_half.iter().map(|x| (x - self.mean) * (x - self.mean)).sum::<f64>();
+        (constant - 0.5 * square / (self.sd * self.sd)).max(constant - 4.5)
     }
+}
 
-    /// For births: log density over the middle and the two log sizes of what else an unassigned box may be, clutter or
-    /// another object near by.
-    pub fn among_neighbours(&self, observations: &Observations, log_rate: f64, used: &[bool]) -> Vec<f64> {
-        let mut densities = self.size.clone();
-        for camera in &observations.cameras {
-            let all: Vec<usize> = camera.boxes.clone().filter(|&i| !used[i]).collect();
-            let step = all.len().div_ceil(MOST_NEIGHBOURS).max(1);
-            let uniform = log_rate.exp() / camera.size.product();
-            for &index in &all {
-                let observation = &observations.boxes[index];
-                let width = 2.0 * observation.half_size;
-                let neighbours = all.iter().step_by(step).filter(|&&i| i != index);
-                let near: f64 = neighbours
-                    .map(|&i| &observations.boxes[i])
-                    .filter(|other| other.category == observation.category)
-                    .map(|other| {
-                        (-0.5 * (other.center() - observation.center()).norm_squared() / (width * width)).exp()
-                    })
-                    .sum();
-                let near = near * step as f64 / (std::f64::consts::TAU * width * width);
-                densities[index] += (near + uniform).ln();
-            }
-        }
-        densities
+/// Sets the log density of clutter at each box of a frame, as if there were one clutter box per frame: where (more where the
+/// frame's other boxes are) and how large (as the scene's boxes), over the four edges in pixels.
+pub(crate) fn set_clutter(boxes: &mut [BoxObservation], camera: &Camera, sizes: &BoxSizes) {
+    let places = places(boxes);
+    for observation in boxes {
+        let wh = observation.log_half[0] + observation.log_half[1] + 4.0f64.ln();
+        observation.log_clutter =
+            sizes.log_density(observation) + (place_density(&places, observation, camera.size) - wh);
     }
+}
+
+/// For births: log density over the middle and the two log sizes of what else an unassigned box may be, clutter or
+/// another object near by.
+pub(crate) fn log_density_among_neighbours(observations: &Observations, log_rate: f64, used: &[bool]) -> Vec<f64> {
+    let mut densities: Vec<f64> = observations.boxes.iter().map(|b| observations.sizes.log_density(b)).collect();
+    for camera in &observations.cameras {
+        let all: Vec<usize> = camera.boxes.clone().filter(|&i| !used[i]).collect();
+        let step = all.len().div_ceil(MOST_NEIGHBOURS).max(1);
+        let uniform = log_rate.exp() / camera.size.product();
+        for &index in &all {
+            let observation = &observations.boxes[index];
+            let width = 2.0 * observation.half_size;
+            let neighbours = all.iter().step_by(step).filter(|&&i| i != index);
+            let near: f64 = neighbours
+                .map(|&i| &observations.boxes[i])
+                .filter(|other| other.category == observation.category)
+                .map(|other| (-0.5 * (other.center() - observation.center()).norm_squared() / (width * width)).exp())
+                .sum();
+            let near = near * step as f64 / (std::f64::consts::TAU * width * width);
+            densities[index] += (near + uniform).ln();
+        }
+    }
+    densities
 }
 
 /// The middles of a frame's boxes and the bandwidth of a kernel density estimate over them.
@@ -82,8 +85,7 @@ struct Places {
     count: f64,
 }
 
-fn places(observations: &Observations, frame: usize) -> Places {
-    let boxes = observations.in_frame(frame);
+fn places(boxes: &[BoxObservation]) -> Places {
     let count = boxes.len() as f64;
     let mean = boxes.iter().map(BoxObservation::center).sum::<Vector2<f64>>() / count;
     let square = |b: &BoxObservation| (b.center() - mean).map(|x| x * x);

@@ -1,8 +1,7 @@
-//! Everything that stays the same during association: near cameras, clutter densities, options.
+//! Everything that stays the same during association: near cameras, detection rates, options.
 
 use nalgebra::Vector3;
 
-use super::clutter::Clutter;
 use super::frame_order::FrameOrder;
 use super::observations::{BoxObservation, Observations};
 use super::point_tree::PointTree;
@@ -26,7 +25,6 @@ pub(crate) struct AssociationContext<'a> {
     pub camera_tree: PointTree,
     /// The order in which objects are grown, and which frames pair up.
     pub order: FrameOrder,
-    pub clutter: Clutter,
     pub rate: DetectionRate,
     /// Longest focal length, pixels.
     pub longest_focal: f64,
@@ -55,7 +53,6 @@ impl<'a> AssociationContext<'a> {
             options,
             order: FrameOrder::new(cameras, &camera_tree),
             camera_tree,
-            clutter: Clutter::new(observations),
             rate: DetectionRate::new(cameras.len().max(observations.boxes.len())),
             longest_focal: cameras.iter().map(|c| c.focal).fold(0.0, f64::max),
             given_sizes: observations.categories.iter().map(given).collect(),

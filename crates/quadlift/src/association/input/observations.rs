@@ -1,17 +1,19 @@
 //! The boxes to associate, sorted by frame, with the values that are computed once for each.
 
+use super::clutter::{BoxSizes, set_clutter};
 use crate::tuning::WRONG_CATEGORY_SHARE;
 use std::ops::Range;
 
-use nalgebra::{Matrix3x4, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Vector2, Vector3};
 
+use crate::geometry::{BoundingBox, Projection};
 use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
 
 /// Smaller scores count as this one.
 const LEAST_SCORE: f64 = 1e-3;
 
 /// The smallest predicted size that a detector is expected to find, relative to the 2 % quantile of the sizes.
-const SMALLEST_SIZE: f64 = 0.7;
+pub(crate) const SMALLEST_SIZE: f64 = 0.7;
 
 /// A posed image.
 #[derive(Debug, Clone)]
@@ -49,6 +51,8 @@ pub(crate) struct BoxObservation {
     pub half_size: f64,
     /// Logarithms of half the width and half the height.
     pub log_half: [f64; 2],
+    /// Log density of clutter at the box, over its four edges in pixels, as if there were one clutter box per frame.
+    pub log_clutter: f64,
     /// Logarithm of the odds that the detector gives it, where they are against it.
     pub score_log_odds: f64,
     /// Points on the ray through the middle are `center + depth * ray`.
@@ -57,7 +61,51 @@ pub(crate) struct BoxObservation {
     pub radius_per_depth: f64,
 }
 
+impl Camera {
+    /// A camera whose centre is at `center` (world), with the world's origin moved to `origin`.
+    pub fn new(projection: &Projection, center: &Vector3<f64>, origin: &Vector3<f64>, size: Vector2<f64>) -> Self {
+        let mut matrix = *projection.matrix();
+        matrix /= matrix.fixed_view::<1, 3>(2, 0).norm();
+        let moved = matrix.column(3) + matrix.fixed_columns::<3>(0) * origin;
+        matrix.set_column(3, &moved);
+        Self {
+            matrix,
+            center: center - origin,
+            axis: matrix.fixed_view::<1, 3>(2, 0).transpose(),
+            focal: projection.focal_length(),
+            size,
+            boxes: 0..0,
+        }
+    }
+}
+
 impl BoxObservation {
+    /// A box (pixels) in a frame; its ray comes with [`BoxObservation::locate`].
+    pub fn new(frame: usize, measured: &BoundingBox, cut: [bool; 4], category: usize) -> Self {
+        let half = measured.size().map(|x| 0.5 * x.max(1e-3));
+        Self {
+            detection: 0,
+            frame,
+            category,
+            id: None,
+            edges: measured.edges(),
+            cut,
+            half_size: 0.5 * (half.x + half.y),
+            log_half: [half.x.ln(), half.y.ln()],
+            log_clutter: 0.0,
+            score_log_odds: 0.0,
+            ray: Vector3::zeros(),
+            radius_per_depth: 0.0,
+        }
+    }
+
+    /// Sets the ray through the middle; `inverse` is that of the first three columns of the camera's matrix.
+    pub fn locate(&mut self, inverse: &Matrix3<f64>, focal: f64) {
+        let center = self.center();
+        self.ray = inverse * Vector3::new(center.x, center.y, 1.0);
+        self.radius_per_depth = (0.5 * (self.log_half[0] + self.log_half[1])).exp() / focal;
+    }
+
     /// The middle of the box, pixels.
     pub fn center(&self) -> Vector2<f64> {
         Vector2::new(0.5 * (self.edges[0] + self.edges[2]), 0.5 * (self.edges[1] + self.edges[3]))
@@ -82,12 +130,14 @@ pub(crate) struct Observations {
     pub least_half_size: f64,
     /// What has been taken off the world's coordinates.
     pub origin: Vector3<f64>,
+    /// How large the boxes are.
+    pub sizes: BoxSizes,
     /// Share of the boxes in each category.
-    category_share: Vec<f64>,
+    pub category_share: Vec<f64>,
 }
 
 /// Logarithm of the odds of a score that is a probability, where it is less than one half; 0 without one.
-fn log_odds_against(score: Option<f64>) -> f64 {
+pub(crate) fn log_odds_against(score: Option<f64>) -> f64 {
     match score {
         Some(score) if (0.0..0.5).contains(&score) => {
             let score = score.max(LEAST_SCORE);
@@ -123,19 +173,12 @@ impl Observations {
             if size.is_none() {
                 extent = extent.sup(&Vector2::new(measured.x1, measured.y1));
             }
-            let half = measured.size().map(|x| 0.5 * x.max(1e-3));
+            let cut = edges_at_border(&measured, size, BORDER_TOLERANCE_PX);
             boxes.push(BoxObservation {
                 detection: index,
-                frame,
-                category,
                 id: detection.object_index,
-                edges: measured.edges(),
-                cut: edges_at_border(&measured, size, BORDER_TOLERANCE_PX),
-                half_size: 0.5 * (half.x + half.y),
-                log_half: [half.x.ln(), half.y.ln()],
                 score_log_odds: log_odds_against(detection.score),
-                ray: Vector3::zeros(),
-                radius_per_depth: 0.0,
+                ..BoxObservation::new(frame, &measured, cut, category)
             });
         }
         boxes.sort_by(|a, b| {
@@ -148,18 +191,9 @@ impl Observations {
             while next < boxes.len() && boxes[next].frame == index {
                 next += 1;
             }
-            let mut matrix = *frame.projection.matrix();
-            matrix /= matrix.fixed_view::<1, 3>(2, 0).norm();
-            let moved = matrix.column(3) + matrix.fixed_columns::<3>(0) * origin;
-            matrix.set_column(3, &moved);
-            cameras.push(Camera {
-                matrix,
-                center: centers[index].map_or(Vector3::zeros(), |c| c - origin),
-                axis: matrix.fixed_view::<1, 3>(2, 0).transpose(),
-                focal: frame.projection.focal_length(),
-                size: frame.image_size.unwrap_or(extent),
-                boxes: first..next,
-            });
+            let size = frame.image_size.unwrap_or(extent);
+            let camera = Camera::new(&frame.projection, &centers[index].unwrap_or(origin), &origin, size);
+            cameras.push(Camera { boxes: first..next, ..camera });
         }
         let mut half_sizes: Vec<f64> = boxes.iter().map(|b| b.half_size).collect();
         let mut category_share = vec![1e-9; categories.len()];
@@ -168,16 +202,14 @@ impl Observations {
         }
         let least_half_size =
             SMALLEST_SIZE * crate::association::statistics::quantile(&mut half_sizes, 0.02).unwrap_or(0.0);
-        let mut observations = Self { cameras, boxes, categories, least_half_size, origin, category_share };
+        let sizes = BoxSizes::of(&boxes);
+        let mut observations = Self { cameras, boxes, categories, least_half_size, origin, sizes, category_share };
         for frame in 0..observations.cameras.len() {
             observations.move_boxes(frame, &Vector2::zeros());
+            let camera = &observations.cameras[frame];
+            set_clutter(&mut observations.boxes[camera.boxes.clone()], camera, &sizes);
         }
         observations
-    }
-
-    /// The boxes of a frame.
-    pub fn in_frame(&self, frame: usize) -> &[BoxObservation] {
-        &self.boxes[self.cameras[frame].boxes.clone()]
     }
 
     /// Moves the boxes of a frame by some pixels.
@@ -188,10 +220,7 @@ impl Observations {
             for (edge, value) in observation.edges.iter_mut().enumerate() {
                 *value += by[edge % 2];
             }
-            let center = observation.center();
-            observation.ray = inverse * Vector3::new(center.x, center.y, 1.0);
-            observation.radius_per_depth =
-                (0.5 * (observation.log_half[0] + observation.log_half[1])).exp() / camera.focal;
+            observation.locate(&inverse, camera.focal);
         }
     }
 
@@ -211,7 +240,6 @@ impl Observations {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{BoundingBox, Projection};
     use crate::scene::{DetectionInput, SceneBuilder};
 
     #[test]

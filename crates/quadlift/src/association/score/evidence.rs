@@ -5,9 +5,8 @@ use super::fit::SHAPE_SD;
 use super::log_likelihood_ratio::HIDDEN_SHARE;
 use super::object::Object;
 use super::scene_statistics::SceneStatistics;
-use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::Observations;
-use crate::association::statistics::{LN_2PI, median, t_constant};
+use crate::association::statistics::{DetectionRate, LN_2PI, median, t_constant};
 
 /// Objects with less evidence (nats) are given up.
 pub(crate) const MIN_EVIDENCE: f64 = 5.0;
@@ -20,7 +19,7 @@ const LOG_SIZE_RANGE: f64 = 6.0;
 /// The term of the detection rate is the Beta-binomial one: whether walls hide the object or the detector is weak, the
 /// rate of its detection is its own.
 pub(crate) fn evidence(
-    context: &AssociationContext,
+    rate: &DetectionRate,
     observations: &Observations,
     statistics: &SceneStatistics,
     object: &Object,
@@ -30,7 +29,7 @@ pub(crate) fn evidence(
     for &index in &object.boxes {
         let index = index as usize;
         let observation = &observations.boxes[index];
-        let log_clutter = statistics.log_clutter(&context.clutter, index);
+        let log_clutter = statistics.log_clutter(observation);
         let (log_sd, size) = (statistics.sd(observation).ln(), observation.size());
         for edge in 0..4 {
             if observation.cut[edge] {
@@ -54,8 +53,14 @@ pub(crate) fn evidence(
         None => -LOG_SIZE_RANGE.ln(),
     };
     let occam = 4.5 * LN_2PI - 0.5 * object.log_det_hessian;
-    let rate = context.rate.log_probability(object.boxes.len(), object.visible);
-    sum + place + shape + size + occam + rate + statistics.objects.max(1.0).ln() + score_log_odds(observations, object)
+    let detected = rate.log_probability(object.views(), object.visible);
+    sum + place
+        + shape
+        + size
+        + occam
+        + detected
+        + statistics.objects.max(1.0).ln()
+        + score_log_odds(observations, object)
 }
 
 /// What the detector says against the object: the median of its boxes' log odds, once. Its boxes show the same thing, so that
@@ -69,19 +74,15 @@ pub(crate) fn score_log_odds(observations: &Observations, object: &Object) -> f6
 mod tests {
     use super::super::fit::{Start, fit};
     use super::*;
-    use crate::association::options::AssociateOptions;
     use crate::association::test_scenes::{ellipsoid, seen_by};
-    use crate::scene::Scene;
 
     fn of_views(views: u32, shift: f64) -> f64 {
         let (mut observations, mut statistics) = seen_by(10, &ellipsoid());
         statistics.volume = 1e5;
         observations.move_boxes(0, &nalgebra::Vector2::new(shift, 0.0));
-        let options = AssociateOptions::default();
-        let context = AssociationContext::new(&Scene::default(), &observations, &options);
         let center = ellipsoid().center.coords - observations.origin;
         let object = fit(&observations, &statistics, (0..views).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-        evidence(&context, &observations, &statistics, &object)
+        evidence(&DetectionRate::new(10), &observations, &statistics, &object)
     }
 
     #[test]
@@ -95,23 +96,21 @@ mod tests {
     fn an_edge_that_is_cut_off_says_nothing_and_one_that_is_hidden_little() {
         let (mut observations, mut statistics) = seen_by(10, &ellipsoid());
         statistics.volume = 1e5;
-        let options = AssociateOptions::default();
-        let context = AssociationContext::new(&Scene::default(), &observations, &options);
         let center = ellipsoid().center.coords - observations.origin;
         let object = fit(&observations, &statistics, (0..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-        let seen = evidence(&context, &observations, &statistics, &object);
+        let seen = evidence(&DetectionRate::new(10), &observations, &statistics, &object);
         let observation = &observations.boxes[3];
         // The t density with 5 degrees of freedom at zero over that of clutter.
         let of_edge =
-            0.3796066898224944f64.ln() - statistics.sd(observation).ln() - statistics.log_clutter(&context.clutter, 3);
+            0.3796066898224944f64.ln() - statistics.sd(observation).ln() - statistics.log_clutter(observation);
         // One in twenty edges is hidden, anywhere in the object.
-        let of_hidden = (0.05 / observation.size().y).ln() - statistics.log_clutter(&context.clutter, 3);
+        let of_hidden = (0.05 / observation.size().y).ln() - statistics.log_clutter(observation);
         statistics.hidden[3][1] = true;
-        let hidden = evidence(&context, &observations, &statistics, &object);
+        let hidden = evidence(&DetectionRate::new(10), &observations, &statistics, &object);
         assert!((seen - hidden - (of_edge - of_hidden)).abs() < 1e-9, "{seen} {hidden}");
         statistics.hidden[3][1] = false;
         observations.boxes[3].cut[1] = true;
-        let cut = evidence(&context, &observations, &statistics, &object);
+        let cut = evidence(&DetectionRate::new(10), &observations, &statistics, &object);
         assert!((seen - cut - of_edge).abs() < 1e-9, "{seen} {cut}");
     }
 
@@ -119,17 +118,15 @@ mod tests {
     fn low_scores_count_once_against_an_object() {
         let (mut observations, mut statistics) = seen_by(10, &ellipsoid());
         statistics.volume = 1e5;
-        let problem_options = AssociateOptions::default();
-        let context = AssociationContext::new(&Scene::default(), &observations, &problem_options);
         let center = ellipsoid().center.coords - observations.origin;
         let object = fit(&observations, &statistics, (0..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-        let without = evidence(&context, &observations, &statistics, &object);
+        let without = evidence(&DetectionRate::new(10), &observations, &statistics, &object);
         for (observation, score) in
             observations.boxes.iter_mut().zip([0.9, 0.04, 0.05, 0.04, 0.04, 0.04, 0.01, 0.04, 0.2, 0.04])
         {
             observation.score_log_odds = if score < 0.5 { f64::ln(score / (1.0 - score)) } else { 0.0 };
         }
-        let low = evidence(&context, &observations, &statistics, &object);
+        let low = evidence(&DetectionRate::new(10), &observations, &statistics, &object);
         assert!((without - low - 24.0_f64.ln()).abs() < 1e-9, "{without} {low}");
     }
 }

@@ -132,6 +132,7 @@ fn follow(
         log_det_hessian,
         covariance,
         category,
+        forgotten: 0,
         visible: 0,
         trusted_id: None,
     })

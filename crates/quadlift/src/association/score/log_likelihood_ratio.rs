@@ -4,7 +4,6 @@ use nalgebra::{SMatrix, Vector3};
 
 use super::object::{Object, Prediction, edge_planes};
 use super::scene_statistics::SceneStatistics;
-use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::Observations;
 use crate::association::statistics::{STUDENT_T_DOF, t_constant};
 
@@ -29,7 +28,6 @@ pub(crate) struct LogLikelihoodRatio {
 /// Calculates gains.
 #[derive(Debug)]
 pub(crate) struct LogLikelihoodRatios<'a> {
-    pub context: &'a AssociationContext<'a>,
     pub observations: &'a Observations,
     pub statistics: &'a SceneStatistics,
     /// Constants of the t distribution in 0 to 4 dimensions.
@@ -37,12 +35,8 @@ pub(crate) struct LogLikelihoodRatios<'a> {
 }
 
 impl<'a> LogLikelihoodRatios<'a> {
-    pub fn new(
-        context: &'a AssociationContext<'a>,
-        observations: &'a Observations,
-        statistics: &'a SceneStatistics,
-    ) -> Self {
-        Self { context, observations, statistics, constants: std::array::from_fn(t_constant) }
+    pub fn new(observations: &'a Observations, statistics: &'a SceneStatistics) -> Self {
+        Self { observations, statistics, constants: std::array::from_fn(t_constant) }
     }
 
     /// The gain of a box (by index) for an object whose outline in the box's frame is predicted; `None` when they do
@@ -54,7 +48,7 @@ impl<'a> LogLikelihoodRatios<'a> {
             return None;
         }
         let (residuals, covariance, edges, count) = self.residuals(object, prediction, index);
-        let log_clutter = self.statistics.log_clutter(&self.context.clutter, index);
+        let log_clutter = self.statistics.log_clutter(observation);
         let log_sd = self.statistics.sd(observation).ln();
         let predicted = prediction.size();
         let mut hidden = [false; 4];
@@ -130,8 +124,8 @@ impl<'a> LogLikelihoodRatios<'a> {
 
 /// Log odds of one detection more of an object: of how often it has been detected to how often it has been missed.
 pub(crate) fn log_rate_odds(object: &Object) -> f64 {
-    let missed = object.visible.saturating_sub(object.boxes.len());
-    ((object.boxes.len() + 1) as f64 / (missed + 1) as f64).ln()
+    let missed = object.visible.saturating_sub(object.views());
+    ((object.views() + 1) as f64 / (missed + 1) as f64).ln()
 }
 
 /// Derivatives of how far a plane (of normal `n`) lies from the body, times a scale, by the parameters in the order of
@@ -202,10 +196,8 @@ fn whiten(residuals: &[f64; 4], covariance: &SMatrix<f64, 4, 4>, kept: &Vec4) ->
 mod tests {
     use super::super::fit::{Start, fit};
     use super::*;
-    use crate::association::options::AssociateOptions;
     use crate::association::test_scenes::{ellipsoid, of_frames, seen_by};
     use crate::geometry::gamma::ln_gamma;
-    use crate::scene::Scene;
 
     /// An object fitted to all boxes but the first, its certainty beyond doubt, and the gain of the first box moved by
     /// some pixels at each edge.
@@ -214,15 +206,13 @@ mod tests {
         view: impl Fn(&LogLikelihoodRatios, &Object, &Prediction, Option<LogLikelihoodRatio>),
     ) {
         let (mut observations, statistics) = seen_by(10, &ellipsoid());
-        let options = AssociateOptions::default();
         let center = ellipsoid().center.coords - observations.origin;
         let mut object = fit(&observations, &statistics, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
         object.covariance *= 1e-12;
         for (edge, by) in observations.boxes[0].edges.iter_mut().zip(moved) {
             *edge += by;
         }
-        let context = AssociationContext::new(&Scene::default(), &observations, &options);
-        let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
+        let gains = LogLikelihoodRatios::new(&observations, &statistics);
         let prediction = object.predict(&observations.cameras[0]).unwrap();
         let gain = gains.gain(&object, &prediction, 0);
         view(&gains, &object, &prediction, gain);
@@ -235,7 +225,7 @@ mod tests {
             let sd = gains.statistics.sd(observation);
             let square: f64 = (0..4).map(|e| ((prediction.edges[e] - observation.edges[e]) / sd).powi(2)).sum();
             let constant = ln_gamma(4.5) - ln_gamma(2.5) - 2.0 * (5.0 * std::f64::consts::PI).ln();
-            let clutter = gains.statistics.log_clutter(&gains.context.clutter, 0);
+            let clutter = gains.statistics.log_clutter(observation);
             let rate = (object.boxes.len() as f64 + 1.0).ln();
             let expected = constant - 4.5 * (1.0 + square / 5.0).ln() - 4.0 * (sd.ln() + clutter) + rate;
             let gain = gain.unwrap();
@@ -260,11 +250,9 @@ mod tests {
     fn an_uncertain_object_bears_what_its_covariance_lets_its_edges_move() {
         // The covariance of the residuals, from differences of predicted edges instead of derivatives of planes.
         let (observations, statistics) = seen_by(10, &ellipsoid());
-        let options = AssociateOptions::default();
         let center = ellipsoid().center.coords - observations.origin;
         let object = fit(&observations, &statistics, (1..4).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-        let context = AssociationContext::new(&Scene::default(), &observations, &options);
-        let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
+        let gains = LogLikelihoodRatios::new(&observations, &statistics);
         let prediction = object.predict(&observations.cameras[0]).unwrap();
         let (_, covariance, ..) = gains.residuals(&object, &prediction, 0);
         let sd = statistics.sd(&observations.boxes[0]);
@@ -295,13 +283,11 @@ mod tests {
     fn an_edge_that_the_border_cuts_off_does_not_hold_the_object_back() {
         let gain = |cut: bool, by: f64| {
             let (mut observations, statistics) = seen_by(10, &ellipsoid());
-            let options = AssociateOptions::default();
             let center = ellipsoid().center.coords - observations.origin;
             let object = fit(&observations, &statistics, (1..10).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-            let context = AssociationContext::new(&Scene::default(), &observations, &options);
             observations.boxes[0].cut[2] = cut;
             observations.boxes[0].edges[2] += by;
-            let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
+            let gains = LogLikelihoodRatios::new(&observations, &statistics);
             let prediction = object.predict(&observations.cameras[0]).unwrap();
             gains.gain(&object, &prediction, 0).unwrap()
         };
@@ -317,18 +303,16 @@ mod tests {
     fn a_category_is_worth_what_its_share_and_that_of_wrong_ones_say() {
         // Seven cups and three plates.
         let category = |frame: usize| if frame < 7 { "cup" } else { "plate" };
-        let (scene, mut observations, statistics) = of_frames(10, |frame| vec![(ellipsoid(), Some(category(frame)))]);
-        let options = AssociateOptions::default();
+        let (_, mut observations, statistics) = of_frames(10, |frame| vec![(ellipsoid(), Some(category(frame)))]);
         let center = ellipsoid().center.coords - observations.origin;
         let object = fit(&observations, &statistics, (0..7).collect(), &[Start::sphere(center, 2.0)]).unwrap();
-        let context = AssociationContext::new(&scene, &observations, &options);
         let cup = observations.boxes[0].category;
         let plate = observations.boxes[9].category;
         assert_eq!(object.category, cup);
         let mut gain = |category: usize| {
             observations.boxes[8].category = category;
             let prediction = object.predict(&observations.cameras[8]).unwrap();
-            LogLikelihoodRatios::new(&context, &observations, &statistics).gain(&object, &prediction, 8).unwrap().value
+            LogLikelihoodRatios::new(&observations, &statistics).gain(&object, &prediction, 8).unwrap().value
         };
         // Of detections of cups 97 % are cups and 3 % plates; of clutter 70 % and 30 %.
         let expected = (0.97f64 / 0.7).ln() - (0.03f64 / 0.3).ln();

@@ -40,6 +40,8 @@ pub(crate) struct Object {
     pub covariance: SMatrix<f64, 9, 9>,
     /// Category of most of its boxes.
     pub category: usize,
+    /// Views besides `boxes` that the fit does not use any more (only [`crate::online`] forgets views).
+    pub forgotten: usize,
     /// Frames in which it should be seen.
     pub visible: usize,
     /// The id whose boxes it keeps, where ids are trusted.
@@ -79,6 +81,11 @@ impl Object {
         let third = camera.matrix.row(2);
         let depth = third.columns(0, 3).transpose().dot(&self.center) + third[3];
         edge_planes(camera, observation).map(|(n, d)| (n.dot(&self.center) + d - self.root.tr_mul(&n).norm()) / depth)
+    }
+
+    /// Number of its detections, also those that are forgotten.
+    pub fn views(&self) -> usize {
+        self.boxes.len() + self.forgotten
     }
 
     /// Length of the longest column of the root: the longest semi-axis.

@@ -3,7 +3,6 @@
 use nalgebra::Vector2;
 
 use super::object::Object;
-use crate::association::input::clutter::Clutter;
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::{BoxObservation, Observations};
 use crate::association::input::sizes::LogSize;
@@ -74,8 +73,8 @@ impl SceneStatistics {
     }
 
     /// Log density of clutter per edge of a box.
-    pub fn log_clutter(&self, clutter: &Clutter, index: usize) -> f64 {
-        clutter.per_edge(index, self.log_clutter_rate)
+    pub fn log_clutter(&self, observation: &BoxObservation) -> f64 {
+        0.25 * (self.log_clutter_rate + observation.log_clutter)
     }
 
     /// Learns everything but the shifts from the objects found so far.
@@ -84,14 +83,15 @@ impl SceneStatistics {
         let (frames, all) = (observations.cameras.len() as f64, observations.boxes.len() as f64);
         let assigned: usize = objects.iter().map(|o| o.boxes.len()).sum();
         self.log_clutter_rate = ((all - assigned as f64) / frames).max(0.02 * all / frames).max(0.02).ln();
-        self.learn_sizes(&context.given_sizes, objects);
+        self.learn_sizes(&context.given_sizes, objects.iter());
         if let Some(volume) = volume_of(observations, objects) {
             self.volume = volume;
         }
         self.objects = objects.len() as f64;
     }
 
-    fn learn_edge_sd(&mut self, observations: &Observations, objects: &[Object]) {
+    /// Learns the noise from the residuals of objects.
+    pub fn learn_edge_sd(&mut self, observations: &Observations, objects: &[Object]) {
         let mut errors = Vec::new();
         for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
             // Nine parameters have been fitted to four edges of each view.
@@ -112,10 +112,11 @@ impl SceneStatistics {
         }
     }
 
-    fn learn_sizes(&mut self, given: &[Option<LogSize>], objects: &[Object]) {
+    /// Learns the sizes that are not given.
+    pub fn learn_sizes<'a>(&mut self, given: &[Option<LogSize>], objects: impl Iterator<Item = &'a Object>) {
         let categories = given.len();
         let mut sizes = vec![Vec::new(); categories];
-        for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
+        for object in objects.filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
             sizes[object.category].push(object.radius.ln());
         }
         let medians: Vec<Option<f64>> = sizes.iter_mut().map(|s| median(s)).collect();
@@ -143,7 +144,7 @@ impl SceneStatistics {
 }
 
 /// The volume in which objects may be; `None` where there is no object.
-fn volume_of(observations: &Observations, objects: &[Object]) -> Option<f64> {
+pub(crate) fn volume_of(observations: &Observations, objects: &[Object]) -> Option<f64> {
     if let [lone] = objects {
         // Nothing tells how far others are apart. The distance of the cameras is a length of the scene's own.
         let depth = |&index: &u32| {

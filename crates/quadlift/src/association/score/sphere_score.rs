@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2};
 use super::free_boxes::{Expected, Free, FreeBoxes, SQUARED_GATE};
 use super::rays::{LOG_RADIUS_SD, RAY_SD, Sphere};
 use super::scene_statistics::SceneStatistics;
+use crate::association::input::clutter::log_density_among_neighbours;
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::statistics::LN_2PI;
@@ -43,7 +44,7 @@ impl<'a> SphereScorer<'a> {
         statistics: &'a SceneStatistics,
         used: &[bool],
     ) -> SphereScorer<'a> {
-        let density = context.clutter.among_neighbours(observations, statistics.log_clutter_rate, used);
+        let density = log_density_among_neighbours(observations, statistics.log_clutter_rate, used);
         let in_frame = |camera: &Camera| {
             let is_free = |&i: &usize| !used[i] && !context.is_trusted(&observations.boxes[i]);
             let free = |i: usize| {

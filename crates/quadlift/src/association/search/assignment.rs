@@ -34,18 +34,18 @@ pub(crate) fn assign(
     } else {
         IdTally::default()
     };
-    let gains = LogLikelihoodRatios::new(context, observations, statistics);
+    let gains = LogLikelihoodRatios::new(observations, statistics);
     let candidates = map_indices(observations.cameras.len(), |frame| {
         let boxes = observations.cameras[frame].boxes.clone();
         let free = boxes.filter(|&i| free(i) && !context.is_trusted(&observations.boxes[i])).map(|i| i as u32);
-        Candidates::new(context, observations, statistics, &free.collect::<Vec<_>>())
+        Candidates::new(observations, statistics, &free.collect::<Vec<_>>())
     });
     let largest_bonus = tally.largest_bonus();
     let found = map_indices(objects.len(), |place| {
         let bonus = |index: u32| {
             tally.bonus(observations.boxes[index as usize].id, place as u32, current[index as usize], objects.len())
         };
-        gaining(&gains, &objects[place], &candidates, bonus, largest_bonus)
+        gaining(context, &gains, &objects[place], &candidates, bonus, largest_bonus)
     });
     let mut by_frame: Vec<Vec<(u32, Candidate)>> = Vec::new();
     by_frame.resize_with(observations.cameras.len(), Vec::new);
@@ -103,13 +103,14 @@ fn trusted_boxes(context: &AssociationContext, observations: &Observations, obje
 
 /// Boxes with a positive gain for an object, and the number of frames in which it should be seen.
 fn gaining(
+    context: &AssociationContext,
     gains: &LogLikelihoodRatios,
     object: &Object,
     candidates: &[Candidates],
     bonus: impl Fn(u32) -> f64,
     largest_bonus: f64,
 ) -> (Vec<Candidate>, usize) {
-    let (context, observations) = (gains.context, gains.observations);
+    let observations = gains.observations;
     let taken: Vec<usize> =
         trusted_boxes(context, observations, object).iter().map(|&i| observations.boxes[i as usize].frame).collect();
     let (mut found, mut visible) = (Vec::new(), 0);

@@ -12,7 +12,6 @@
 
 use nalgebra::SVector;
 
-use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::score::log_likelihood_ratio::{
     HIDDEN_SHARE, LogLikelihoodRatio, LogLikelihoodRatios, derivatives, log_rate_odds,
@@ -76,12 +75,7 @@ struct Bounds {
 
 impl Candidates {
     /// Of some boxes of a frame (ascending).
-    pub fn new(
-        context: &AssociationContext,
-        observations: &Observations,
-        statistics: &SceneStatistics,
-        boxes: &[u32],
-    ) -> Self {
+    pub fn new(observations: &Observations, statistics: &SceneStatistics, boxes: &[u32]) -> Self {
         let (mut listed, mut indexed) = (Vec::new(), Vec::new());
         let constants = SEEN.map(t_constant);
         for &index in boxes {
@@ -93,8 +87,7 @@ impl Candidates {
             let sd = statistics.sd(observation);
             // The category of the object is not known here; its own is worth the most.
             let category = observation.category;
-            let gain = observations.category_log_odds(category, category)
-                - 4.0 * statistics.log_clutter(&context.clutter, index as usize);
+            let gain = observations.category_log_odds(category, category) - 4.0 * statistics.log_clutter(observation);
             let limit = |k: usize| limit(k, constants[k] - SEEN[k] as f64 * sd.ln() + gain);
             let limits = std::array::from_fn(limit);
             indexed.push(Indexed { index, edges: observation.edges, variance: sd * sd, limits });
@@ -300,7 +293,6 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::association::options::AssociateOptions;
     use crate::association::score::fit::{Start, fit};
     use crate::association::test_scenes::{ellipsoid, of_frames};
     use crate::geometry::Ellipsoid;
@@ -324,11 +316,9 @@ mod tests {
     /// boxes were asked, of how many that overlap, and how many gains were positive.
     fn compare(views: u32, bonus: f64) -> [usize; 3] {
         let bodies = crowd(200);
-        let (scene, observations, mut statistics) = of_frames(8, |_| bodies.iter().map(|b| (*b, None)).collect());
+        let (_, observations, mut statistics) = of_frames(8, |_| bodies.iter().map(|b| (*b, None)).collect());
         statistics.edge_sd = 0.03;
-        let options = AssociateOptions::default();
-        let context = AssociationContext::new(&scene, &observations, &options);
-        let gains = LogLikelihoodRatios::new(&context, &observations, &statistics);
+        let gains = LogLikelihoodRatios::new(&observations, &statistics);
         let own_bonus = |index: u32| if index.is_multiple_of(3) { bonus } else { 0.0 };
         let mut totals = [0; 3];
         for body in bodies.iter().step_by(10) {
@@ -361,7 +351,7 @@ mod tests {
                     asked.set(asked.get() + 1);
                     own_bonus(index)
                 };
-                let candidates = Candidates::new(&context, &observations, &statistics, &all);
+                let candidates = Candidates::new(&observations, &statistics, &all);
                 let found = candidates.best(&gains, &object, (camera, &prediction), counted, bonus);
                 let found: Vec<(u32, f64)> = found.iter().map(|c| (c.index, c.gain.value)).collect();
                 assert_eq!(found, expected, "frame {frame}");

@@ -188,8 +188,8 @@ impl Growth<'_> {
     fn gains(&self, frame: usize, slots: &[u32], left: &[u32]) -> (Vec<Pair>, Vec<LogLikelihoodRatio>, Vec<u32>) {
         let observations = self.observations;
         let camera = &observations.cameras[frame];
-        let calculator = LogLikelihoodRatios::new(self.context, observations, self.statistics);
-        let candidates = Candidates::new(self.context, observations, self.statistics, left);
+        let calculator = LogLikelihoodRatios::new(observations, self.statistics);
+        let candidates = Candidates::new(observations, self.statistics, left);
         let largest_bonus = self.tally.as_ref().map_or(0.0, IdTally::largest_bonus);
         let (mut pairs, mut gains, mut seen) = (Vec::new(), Vec::new(), Vec::new());
         for &slot in slots {

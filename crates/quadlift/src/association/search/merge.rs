@@ -39,7 +39,7 @@ pub(crate) fn merge(
     let mut pairs = near_pairs(&objects, is_open, apart, NEAR);
     pairs.sort_by(|a, b| a.2.total_cmp(&b.2).then((a.0, a.1).cmp(&(b.0, b.1))));
     let mut objects: Vec<Option<Object>> = objects.into_iter().map(Some).collect();
-    let own_evidence = |object: &Object| evidence(context, observations, statistics, object);
+    let own_evidence = |object: &Object| evidence(&context.rate, observations, statistics, object);
     for (first, second, _) in pairs {
         let (Some(a), Some(b)) = (&objects[first], &objects[second]) else { continue };
         // Two trusted ids are two objects.
@@ -89,7 +89,7 @@ pub(crate) fn drop_nested(
     statistics: &SceneStatistics,
     objects: Vec<Object>,
 ) -> Vec<Object> {
-    let own_evidence: Vec<f64> = objects.iter().map(|o| evidence(context, observations, statistics, o)).collect();
+    let own_evidence: Vec<f64> = objects.iter().map(|o| evidence(&context.rate, observations, statistics, o)).collect();
     // The centre of one in semi-axes of the other.
     let inside = |a: &Object, b: &Object| {
         let within = |body: &Object, d: Vector3<f64>| body.root.lu().solve(&d).map_or(f64::INFINITY, |x| x.norm());

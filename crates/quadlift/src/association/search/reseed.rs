@@ -25,7 +25,8 @@ const ROUNDS: usize = 3;
 
 /// Dissolves the weakest objects, one after the other, and keeps what is better.
 pub(crate) fn reseed_weak(context: &AssociationContext, state: &mut State) {
-    let per_view = |o: &Object| evidence(context, &state.observations, &state.statistics, o) / o.boxes.len() as f64;
+    let per_view =
+        |o: &Object| evidence(&context.rate, &state.observations, &state.statistics, o) / o.boxes.len() as f64;
     let mut ranked: Vec<(f64, u32)> =
         state.objects.iter().filter(|o| o.trusted_id.is_none()).map(|o| (per_view(o), o.boxes[0])).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -51,7 +52,7 @@ fn reseed(context: &AssociationContext, state: &mut State, suspect: usize) {
         }
     }
     let own_evidence = |state: &State, objects: &[Object]| -> f64 {
-        objects.iter().map(|o| evidence(context, &state.observations, &state.statistics, o).max(0.0)).sum()
+        objects.iter().map(|o| evidence(&context.rate, &state.observations, &state.statistics, o).max(0.0)).sum()
     };
     let old: Vec<Object> = group.iter().map(|&place| state.objects[place].clone()).collect();
     let old_evidence = own_evidence(state, &old);
@@ -133,7 +134,7 @@ fn settle(context: &AssociationContext, state: &mut State, mut objects: Vec<Obje
         let assignments = assign(context, &state.observations, &mut state.statistics, &objects, &is_free);
         objects = refit(context, &state.observations, &state.statistics, &objects, &assignments, false);
         if round + 1 == ROUNDS {
-            objects.retain(|o| evidence(context, &state.observations, &state.statistics, o) > MIN_EVIDENCE);
+            objects.retain(|o| evidence(&context.rate, &state.observations, &state.statistics, o) > MIN_EVIDENCE);
         }
     }
     objects

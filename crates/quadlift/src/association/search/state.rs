@@ -23,7 +23,7 @@ pub(crate) struct State {
 impl State {
     /// Total evidence of the objects.
     pub fn evidence(&self, context: &AssociationContext) -> f64 {
-        self.objects.iter().map(|o| evidence(context, &self.observations, &self.statistics, o).max(0.0)).sum()
+        self.objects.iter().map(|o| evidence(&context.rate, &self.observations, &self.statistics, o).max(0.0)).sum()
     }
 
     /// Assigns all boxes and fits every object to its own; those with too few are given up.
@@ -36,7 +36,7 @@ impl State {
     pub fn give_up_weak(&mut self, context: &AssociationContext) {
         let (observations, statistics) = (&self.observations, &self.statistics);
         self.objects
-            .retain(|o| o.trusted_id.is_some() || evidence(context, observations, statistics, o) > MIN_EVIDENCE);
+            .retain(|o| o.trusted_id.is_some() || evidence(&context.rate, observations, statistics, o) > MIN_EVIDENCE);
     }
 
     /// Learns the scene's noise, clutter and sizes.
