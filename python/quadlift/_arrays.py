@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
@@ -19,59 +19,44 @@ Runs = tuple[list[int], list[int]]
 """Height and width of a mask, and COCO's runs (down the columns, the first one outside of the object)."""
 
 
-# What the core takes, as `crates/quadlift-py` reads it.
+# What the core takes, as `crates/quadlift-py` reads it; what is left out there is none of.
 
 
-def core_frames(
-    frame_ids: list[str],
-    *,
-    projections: NDArray[np.float64] | None = None,
-    intrinsics: NDArray[np.float64] | None = None,
-    cam_from_world: NDArray[np.float64] | None = None,
-    image_sizes: NDArray[np.float64] | None = None,
-    images: list[str] | None = None,
-    name: str | None = None,
-    up: list[float] | None = None,
-    length_unit: str | None = None,
-) -> dict[str, Any]:
-    """F frames: projections (F, 3, 4), or intrinsics (1, 3, 3) or (F, 3, 3) and poses (F, 3, 4); sizes (F, 2)."""
-    return {
-        "frame_ids": frame_ids,
-        "projections": projections,
-        "intrinsics": intrinsics,
-        "cam_from_world": cam_from_world,
-        "image_sizes": image_sizes,
-        "images": images,
-        "name": name,
-        "up": up,
-        "length_unit": length_unit,
-    }
+class FrameArrays(TypedDict, total=False):
+    """F frames; `frame_ids` and either projections, or intrinsics and poses."""
+
+    frame_ids: list[str]
+    projections: NDArray[np.float64] | None
+    """(F, 3, 4)."""
+    intrinsics: NDArray[np.float64] | None
+    """(1, 3, 3) or (F, 3, 3)."""
+    cam_from_world: NDArray[np.float64] | None
+    """(F, 3, 4)."""
+    image_sizes: NDArray[np.float64] | None
+    """(F, 2)."""
+    images: list[str] | None
+    name: str | None
+    up: list[float] | None
+    length_unit: str | None
 
 
-def core_detections(
-    frame: NDArray[np.int64],
-    *,
-    boxes: NDArray[np.float64] | None = None,
-    ellipses: NDArray[np.float64] | None = None,
-    masks: list[Runs | None] | None = None,
-    object: Names = (None, []),
-    category: Names = (None, []),
-    scores: NDArray[np.float64] | None = None,
-    source: str | None = None,
-    hidden_edges: NDArray[np.bool_] | None = None,
-) -> dict[str, Any]:
-    """M detections: frames (M,), boxes (M, 4), ellipses (M, 5), scores (M,), hidden edges (M, 4); NaN for none."""
-    return {
-        "frame": frame,
-        "boxes": boxes,
-        "ellipses": ellipses,
-        "masks": masks,
-        "object": object,
-        "category": category,
-        "scores": scores,
-        "source": source,
-        "hidden_edges": hidden_edges,
-    }
+class DetectionArrays(TypedDict, total=False):
+    """M detections; NaN for none."""
+
+    frame: NDArray[np.int64]
+    """(M,)."""
+    boxes: NDArray[np.float64] | None
+    """(M, 4)."""
+    ellipses: NDArray[np.float64] | None
+    """(M, 5)."""
+    masks: list[Runs | None] | None
+    object: Names
+    category: Names
+    scores: NDArray[np.float64] | None
+    """(M,)."""
+    source: str | None
+    hidden_edges: NDArray[np.bool_] | None
+    """(M, 4)."""
 
 
 # From arguments
@@ -88,30 +73,30 @@ def frames(
     name: str | None,
     up: ArrayLike | None,
     length_unit: str | None,
-) -> dict[str, Any]:
+) -> FrameArrays:
     """Frames of the arguments of `Scene.from_arrays`."""
-    matrices = _matrices(projections, intrinsics, cam_from_world)
-    like, count = next((name, len(rows)) for name, rows in matrices.items())
-    return core_frames(
-        [str(k) for k in range(count)] if frame_ids is None else _checks.texts("frame_ids", frame_ids, count),
+    like, count, matrices = _matrices(projections, intrinsics, cam_from_world)
+    numbers = [str(k) for k in range(count)]
+    return {
         **matrices,
-        image_sizes=None if image_sizes is None else _sizes(image_sizes, like, count),
-        images=None if images is None else _checks.texts("images", images, count),
-        name=_checks.optional(_checks.text, "name", name),
-        up=None if up is None else _checks.array("up", up, (3,)).tolist(),
-        length_unit=_checks.optional(_checks.text, "length_unit", length_unit),
-    )
+        "frame_ids": numbers if frame_ids is None else _checks.texts("frame_ids", frame_ids, count),
+        "image_sizes": None if image_sizes is None else _sizes(image_sizes, like, count),
+        "images": None if images is None else _checks.texts("images", images, count),
+        "name": _checks.optional(_checks.text, "name", name),
+        "up": None if up is None else _checks.array("up", up, (3,)).tolist(),
+        "length_unit": _checks.optional(_checks.text, "length_unit", length_unit),
+    }
 
 
 def _matrices(
     projections: ArrayLike | None, intrinsics: ArrayLike | None, cam_from_world: ArrayLike | None
-) -> dict[str, NDArray[np.float64]]:
-    """The arguments that the core needs; the first one has a row for each frame."""
+) -> tuple[str, int, FrameArrays]:
+    """The name of the argument with a row for each frame, its rows, and the arguments that the core needs."""
     if projections is not None:
         if intrinsics is not None or cam_from_world is not None:
             raise QuadliftError("expected either projections, or intrinsics and cam_from_world; found both")
         matrices = _checks.array("projections", projections, ("F", 3, 4))
-        return {"projections": matrices}
+        return "projections", len(matrices), {"projections": matrices}
     if intrinsics is None or cam_from_world is None:
         found = [k for k, v in (("intrinsics", intrinsics), ("cam_from_world", cam_from_world)) if v is not None]
         words = " and ".join(found) or "none of them"
@@ -122,7 +107,7 @@ def _matrices(
         cameras = cameras[np.newaxis]
     else:
         _checks.rows("intrinsics", len(cameras), "cam_from_world", len(poses))
-    return {"cam_from_world": poses, "intrinsics": cameras}
+    return "cam_from_world", len(poses), {"cam_from_world": poses, "intrinsics": cameras}
 
 
 def _poses(cam_from_world: ArrayLike) -> NDArray[np.float64]:
@@ -158,7 +143,7 @@ def detections(
     scores: ArrayLike | None,
     categories: ArrayLike | None,
     source: str | None,
-) -> dict[str, Any]:
+) -> DetectionArrays:
     """Detections of the arguments of `Scene.with_detections`."""
     indices = _checks.indices("frame", frame)
     count = len(indices)
@@ -172,16 +157,16 @@ def detections(
         _checks.rows(name, len(numbers), "frame", count)
         return numbers
 
-    return core_detections(
-        indices,
-        boxes=rows("boxes", boxes, 4),
-        ellipses=rows("ellipses", ellipses, 5),
-        scores=rows("scores", scores),
-        masks=None if masks is None else _masks(masks, count),
-        object=_checks.names("object", object, count, "frame"),
-        category=_checks.names("categories", categories, count, "frame"),
-        source=_checks.optional(_checks.text, "source", source),
-    )
+    return {
+        "frame": indices,
+        "boxes": rows("boxes", boxes, 4),
+        "ellipses": rows("ellipses", ellipses, 5),
+        "scores": rows("scores", scores),
+        "masks": None if masks is None else _masks(masks, count),
+        "object": _checks.names("object", object, count, "frame"),
+        "category": _checks.names("categories", categories, count, "frame"),
+        "source": _checks.optional(_checks.text, "source", source),
+    }
 
 
 def _masks(masks: Sequence[Any], count: int) -> list[Runs | None]:

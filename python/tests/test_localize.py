@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import quadlift
 from conftest import Arrays, made_scene, made_truth
 from quadlift import _core
+from quadlift._arrays import FrameArrays
 
 
 def test_each_object_has_a_kind_of_body(made: Arrays) -> None:
@@ -106,22 +107,25 @@ def test_bad_rows_are_listed(made: Arrays) -> None:
     frame = made.frame.copy()
     frame[8] = 77
     frame[9] = frame[5] = 0
-    rows: dict[str, Any] = {
-        **dict.fromkeys(("ellipses", "masks", "scores", "source", "hidden_edges")),
-        "frame": frame,
-        "boxes": boxes,
-        "object": (made.object, [str(k) for k in range(4)]),
-        "category": (None, []),
-    }
-    problems = dict(scene._core.detection_problems(rows))
-    assert sorted(problems) == [3, 5, 8, 9]
-    assert problems[9] == 'row 9: the object "1" is detected twice in frame "0" (first in row 1)'
-    frames: dict[str, Any] = {
-        **dict.fromkeys(("intrinsics", "cam_from_world", "image_sizes", "images", "name", "length_unit", "up")),
+    problems = dict(scene._core.detection_problems({"frame": frame, "boxes": boxes}))
+    assert sorted(problems) == [3, 5, 8]
+    frames: FrameArrays = {
         "projections": made.projections * np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0])[:, None, None],
         "frame_ids": list("abcdef"),
     }
     assert [row for row, _ in _core.frame_problems(frames)] == [1]
+
+
+def test_repeated_detections_are_refused_by_row(made: Arrays) -> None:
+    scene = quadlift.Scene.from_arrays(projections=made.projections)
+    twice = 'the object "a" is detected twice in frame'
+    with pytest.raises(quadlift.QuadliftError, match=rf'^row 2: {twice} "0" \(first in row 0\)$'):
+        scene.with_detections(frame=[0, 1, 0], boxes=made.boxes[:3], object=["a", "a", "a"])
+    scene = scene.with_detections(frame=[0, 1], boxes=made.boxes[:2], object=["a", "a"])
+    with pytest.raises(
+        quadlift.QuadliftError, match=rf'^row 1: {twice} "1" \(first by a detection that the scene has\)$'
+    ):
+        scene.with_detections(frame=[2, 1], boxes=made.boxes[:2], object=["a", "a"])
 
 
 def test_without_objects_they_are_found(made: Arrays) -> None:

@@ -22,7 +22,7 @@ pub fn body_choice(text: &str) -> Result<BodyChoice, String> {
         text => text
             .parse()
             .map(|body| BodyChoice(Some(body)))
-            .map_err(|error: UnknownName| format!("expected one of auto, {}", error.expected)),
+            .map_err(|error: UnknownName| format!("expected one of auto, {}", error.expected.join(", "))),
     }
 }
 

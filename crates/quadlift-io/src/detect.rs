@@ -78,6 +78,19 @@ impl DetectionFormat {
             Self::LabelMe => "labelme",
         }
     }
+
+    /// The name in sentences.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Coco => "COCO",
+            Self::Mot => "MOTChallenge",
+            Self::Yolo => "YOLO",
+            Self::Kitti => "KITTI labels",
+            Self::Csv => "a CSV table",
+            Self::Supervision => "supervision",
+            Self::LabelMe => "LabelMe",
+        }
+    }
 }
 
 /// The format of cameras and poses, and the path at which its reader finds them.

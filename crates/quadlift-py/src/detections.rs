@@ -6,7 +6,7 @@ use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
-use quadlift::scene::{self, Detection, Scene, SceneParts, Undistorted};
+use quadlift::scene::{self, Detection, Scene, SceneError, SceneParts, Undistorted};
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord};
 
@@ -15,29 +15,37 @@ use crate::error::refuse;
 /// Height and width, and runs of a mask, as in COCO.
 type Runs = ([u32; 2], Vec<u32>);
 
-/// Detections: M rows.
+/// Detections: M rows, the dictionary `DetectionArrays` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct DetectionArrays<'py> {
     /// (M,): index of the frame.
     frame: PyReadonlyArray1<'py, i64>,
     /// (M, 4); a row of NaN is no box.
+    #[pyo3(default)]
     boxes: Option<PyReadonlyArray2<'py, f64>>,
     /// (M, 5): centre, semi-axes, angle; a row of NaN is no ellipse.
+    #[pyo3(default)]
     ellipses: Option<PyReadonlyArray2<'py, f64>>,
     /// The masks, of detections that have one.
+    #[pyo3(default)]
     masks: Option<Vec<Option<Runs>>>,
+    #[pyo3(default)]
     object: Names<'py>,
+    #[pyo3(default)]
     category: Names<'py>,
     /// (M,); NaN where there is none.
+    #[pyo3(default)]
     scores: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(default)]
     source: Option<String>,
     /// (M, 4): edges that are known to be hidden, see [`Detection::hidden_edges`]. A scene file does not hold them.
+    #[pyo3(default)]
     hidden_edges: Option<PyReadonlyArray2<'py, bool>>,
 }
 
 /// Texts by their index; none where it is negative.
-#[derive(FromPyObject)]
+#[derive(FromPyObject, Default)]
 struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
 
 /// A box and an ellipse, measured in the image as it is.
@@ -80,7 +88,7 @@ impl Originals {
 }
 
 impl DetectionArrays<'_> {
-    /// Adds the detections to a scene.
+    /// Adds the detections to the parts of a scene, which are checked where a scene is made of them.
     pub fn add_to(self, scene: &mut SceneParts) -> PyResult<Originals> {
         let (first, count) = (scene.detections.len(), self.frame.as_array().len());
         if u32::try_from(first + count).is_err() {
@@ -120,38 +128,13 @@ impl DetectionArrays<'_> {
                 ..Default::default()
             });
         }
-        if let Some((_, problem)) = repeated(scene, first, |row| row).into_iter().next() {
-            return Err(refuse(problem));
-        }
         Ok(Originals { measured, masks: self.masks.unwrap_or_default() })
     }
 
-    /// All rows that [`Self::add_to`] would refuse, and why.
-    pub fn problems(&self, scene: &Scene) -> Vec<(usize, String)> {
-        let count = self.frame.as_array().len();
-        let mut scene = SceneParts {
-            frames: scene.frames.clone(),
-            object_ids: scene.object_ids.clone(),
-            detections: scene.detections.clone(),
-            ..Default::default()
-        };
-        let objects = self.object.indices(&mut scene.object_ids);
-        let first = scene.detections.len();
-        let mut problems = Vec::new();
-        let mut good = Vec::with_capacity(count);
-        for row in 0..count {
-            match self.row(row, scene.frames.len()) {
-                Ok((frame_index, _)) => {
-                    let object_index = objects.get(row).copied().flatten();
-                    scene.detections.push(Detection { frame_index, object_index, ..Detection::default() });
-                    good.push(row);
-                }
-                Err(problem) => problems.push((row, problem)),
-            }
-        }
-        problems.extend(repeated(&scene, first, |number| good[number]));
-        problems.sort_by_key(|(row, _)| *row);
-        problems
+    /// All rows whose frame or measurements are wrong, and why.
+    pub fn problems(&self, frames: usize) -> Vec<(usize, String)> {
+        let rows = 0..self.frame.as_array().len();
+        rows.filter_map(|row| Some((row, self.row(row, frames).err()?))).collect()
     }
 
     /// Frame and measurements of a row, checked.
@@ -202,31 +185,15 @@ impl Names<'_> {
     }
 }
 
-/// Detections from the index `first` on that name an object a second time in a frame: their row, and what is wrong.
-/// `row_of` gives the row of such a detection from its number.
-fn repeated(scene: &SceneParts, first: usize, row_of: impl Fn(usize) -> usize) -> Vec<(usize, String)> {
-    let key = |d: &Detection| Some((d.object_index?, d.frame_index, d.source_index));
-    let mut keys = Vec::with_capacity(scene.detections.len());
-    keys.extend(scene.detections.iter().enumerate().filter_map(|(i, d)| Some((key(d)?, i))));
-    keys.sort_unstable();
-    let mut found = Vec::new();
-    for pair in keys.windows(2) {
-        let [(key, earlier), (same, index)] = pair else { continue };
-        if key == same && *index >= first {
-            let (object, frame) = (&scene.object_ids[key.0 as usize], &scene.frames[key.1 as usize].id);
-            let row = row_of(index - first);
-            let place = match earlier.checked_sub(first) {
-                Some(number) => format!("in row {}", row_of(number)),
-                None => "by a detection that the scene has".to_owned(),
-            };
-            found.push((
-                row,
-                format!("row {row}: the object \"{object}\" is detected twice in frame \"{frame}\" (first {place})"),
-            ));
-        }
-    }
-    found.sort();
-    found
+/// Why a scene is refused to which detections were added from the index `first` on: their rows instead of indices.
+pub fn refused(error: SceneError, first: usize) -> PyErr {
+    let SceneError::DuplicateDetection { object, frame, first: earlier, second } = error else { return refuse(error) };
+    let row = second - first;
+    let place = match earlier.checked_sub(first) {
+        Some(row) => format!("in row {row}"),
+        None => "by a detection that the scene has".to_owned(),
+    };
+    refuse(format!("row {row}: the object \"{object}\" is detected twice in frame \"{frame}\" (first {place})"))
 }
 
 /// Which edges (left, top, right, bottom) of M boxes another box of the same frame probably hides: (M, 4). What is no box

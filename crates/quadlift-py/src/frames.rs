@@ -9,22 +9,30 @@ use quadlift_io::scene_file::{CameraRecord, FrameRecord};
 
 use crate::error::refuse;
 
-/// Cameras and poses.
+/// Cameras and poses: the dictionary `FrameArrays` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct FrameArrays<'py> {
     /// (F, 3, 4), instead of intrinsics and poses.
+    #[pyo3(default)]
     projections: Option<PyReadonlyArray3<'py, f64>>,
     /// (1, 3, 3) or (F, 3, 3).
+    #[pyo3(default)]
     intrinsics: Option<PyReadonlyArray3<'py, f64>>,
     /// (F, 3, 4).
+    #[pyo3(default)]
     cam_from_world: Option<PyReadonlyArray3<'py, f64>>,
     /// (F, 2): width and height.
+    #[pyo3(default)]
     image_sizes: Option<PyReadonlyArray2<'py, f64>>,
     frame_ids: Vec<String>,
+    #[pyo3(default)]
     images: Option<Vec<String>>,
+    #[pyo3(default)]
     name: Option<String>,
+    #[pyo3(default)]
     length_unit: Option<String>,
+    #[pyo3(default)]
     up: Option<[f64; 3]>,
 }
 

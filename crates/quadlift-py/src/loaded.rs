@@ -9,7 +9,7 @@ use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::guard::is_same_file;
 
-use crate::detections::{DetectionArrays, Originals};
+use crate::detections::{DetectionArrays, Originals, refused};
 use crate::error::refuse;
 
 /// A checked scene and the scene file that it stands for.
@@ -83,7 +83,7 @@ impl Loaded {
     pub fn with_detections(base: &Arc<Self>, detections: DetectionArrays) -> PyResult<Self> {
         let mut parts = base.scene.clone().into_parts();
         let originals = detections.add_to(&mut parts)?;
-        let scene = Scene::from_parts(parts).map_err(refuse)?;
+        let scene = Scene::from_parts(parts).map_err(|error| refused(error, base.scene.detections.len()))?;
         let source = Source::Added { base: Arc::clone(base), originals, file: OnceLock::new() };
         Ok(Self { scene, path: base.path.clone(), is_result: base.is_result, source })
     }

@@ -222,7 +222,7 @@ pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyRe
 /// The choice of this name; the error names the argument, what was found and what there is.
 fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyResult<T> {
     name.parse().map_err(|error: UnknownName| {
-        let known: Vec<String> = error.expected.split(", ").map(|name| format!("\"{name}\"")).collect();
+        let known: Vec<String> = error.expected.iter().map(|name| format!("\"{name}\"")).collect();
         refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", ")))
     })
 }

@@ -84,9 +84,9 @@ impl PyScene {
         Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, detections)?) })
     }
 
-    /// All rows that `with_detections` would refuse, and why.
+    /// All rows whose frame or measurements `with_detections` would refuse, and why.
     fn detection_problems(&self, detections: DetectionArrays) -> Vec<(usize, String)> {
-        detections.problems(&self.loaded.scene)
+        detections.problems(self.loaded.scene.frames.len())
     }
 
     /// The scene with the detections of another program's file too, whose format is recognised.

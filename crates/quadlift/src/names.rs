@@ -8,18 +8,18 @@ use crate::solve::{BodyKind, MapOptions, Method, RegOptions};
 
 /// A name that stands for none of the choices.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{found:?} is no {what}; expected one of {expected}")]
+#[error("{found:?} is no {what}; expected one of {}", .expected.join(", "))]
 pub struct UnknownName {
     /// What was read.
     pub found: String,
     /// What it should be: "method", "kind of body", "kind of measurement".
     pub what: &'static str,
-    /// What there is.
-    pub expected: String,
+    /// The names that exist.
+    pub expected: &'static [&'static str],
 }
 
-fn unknown(found: &str, what: &'static str, expected: &[&str]) -> UnknownName {
-    UnknownName { found: found.to_owned(), what, expected: expected.join(", ") }
+fn unknown(found: &str, what: &'static str, expected: &'static [&'static str]) -> UnknownName {
+    UnknownName { found: found.to_owned(), what, expected }
 }
 
 impl Method {
@@ -88,6 +88,10 @@ impl FromStr for MeasurementKind {
     }
 }
 
+/// The names of the kinds of bodies, where Q stands for an exponent.
+const BODY_KINDS: [&str; 4] =
+    ["ellipsoid", "cuboid", "cylinder", "superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)"];
+
 impl Display for BodyKind {
     /// `ellipsoid`, `cuboid`, `cylinder`, or `superellipsoid:Q` with the exponent of the support function.
     fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
@@ -110,10 +114,7 @@ impl FromStr for BodyKind {
             ("cuboid", _) => Ok(Self::Cuboid),
             ("cylinder", _) => Ok(Self::Cylinder),
             (_, Some(exponent)) if (1.0..=2.0).contains(&exponent) => Ok(Self::Superellipsoid(exponent)),
-            _ => {
-                let of_superellipsoid = "superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)";
-                Err(unknown(name, "kind of body", &["ellipsoid", "cuboid", "cylinder", of_superellipsoid]))
-            }
+            _ => Err(unknown(name, "kind of body", &BODY_KINDS)),
         }
     }
 }
@@ -138,6 +139,7 @@ mod tests {
     #[test]
     fn other_names_are_refused_with_what_there_is() {
         let error = "mpa".parse::<Method>().unwrap_err();
+        assert_eq!(error.expected, Method::NAMES);
         assert_eq!(error.to_string(), "\"mpa\" is no method; expected one of map, planes, lfd, pfd, reg");
         for wrong in ["sphere", "superellipsoid", "superellipsoid:3", "superellipsoid:NaN", ""] {
             assert!(wrong.parse::<BodyKind>().unwrap_err().to_string().contains("from 1 (cuboid) to 2"), "{wrong}");

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import _arrays, _core
+from .. import _core
 from .._arrow import pa, pc
 from .._core import QuadliftError
 from . import _tables
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from .._arrays import FrameArrays
 
 CAMERA = ("projection", "intrinsics", "cam_from_world", "width", "height")
 
@@ -124,7 +126,7 @@ class Cameras:
         ends = np.searchsorted(self._keys, np.array([number, number + 1]) * len(self._frames))
         return np.array([k for k in range(*ends) if k not in self.broken], dtype=np.int64)
 
-    def frames(self, indices: NDArray[np.int64]) -> dict[str, Any]:
+    def frames(self, indices: NDArray[np.int64]) -> FrameArrays:
         """Cameras as the core takes them."""
         numbers = {name: values[indices] for name, values in self._numbers.items()}
         intrinsics = numbers.get("intrinsics")
@@ -132,13 +134,13 @@ class Cameras:
             fx, fy, cx, cy = intrinsics.T
             zero, one = np.zeros(len(indices)), np.ones(len(indices))
             intrinsics = np.stack([fx, zero, cx, zero, fy, cy, zero, zero, one], axis=1).reshape(-1, 3, 3)
-        return _arrays.core_frames(
-            [str(k) for k in range(len(indices))],
-            projections=_matrices(numbers.get("projection")),
-            intrinsics=intrinsics,
-            cam_from_world=_matrices(numbers.get("cam_from_world")),
-            image_sizes=numbers.get("size"),
-        )
+        return {
+            "frame_ids": [str(k) for k in range(len(indices))],
+            "projections": _matrices(numbers.get("projection")),
+            "intrinsics": intrinsics,
+            "cam_from_world": _matrices(numbers.get("cam_from_world")),
+            "image_sizes": numbers.get("size"),
+        }
 
     def _key(self, scene: Any, row: NDArray[np.int64], frame: Any) -> NDArray[np.int64]:
         """Numbers of pairs of scene and frame, in their order; -1 where one is null or unknown."""

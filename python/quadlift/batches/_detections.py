@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from .. import _arrays, _checks, _core, _options
+from .. import _checks, _core, _options
 from .._arrow import pa, pc
 from .._core import QuadliftError
 from . import _tables
@@ -17,6 +17,8 @@ from ._cameras import Cameras
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from .._arrays import DetectionArrays, FrameArrays, Names
 
 OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_lambda", "seed"})
 """Options that tables of objects take."""
@@ -76,7 +78,7 @@ class Settings:
         settings.localized(_PROBE, probe.dictionary(np.array([0]), ["probe"], None))
         return settings
 
-    def localized(self, frames: dict[str, Any], detections: dict[str, Any]) -> _core.Localized:
+    def localized(self, frames: FrameArrays, detections: DetectionArrays) -> _core.Localized:
         """The result for detections in frames, both as the core takes them."""
         scene = _core.Scene.from_frames({**frames, "up": self.up, "length_unit": self.length_unit})
         return scene.with_detections(detections).localize(self.keywords, 1, None)
@@ -87,7 +89,7 @@ class Settings:
         return bool(is_given or self.keywords["method"] != "map")
 
 
-_PROBE = _arrays.core_frames(["0"], projections=np.eye(3, 4)[np.newaxis])
+_PROBE: FrameArrays = {"frame_ids": ["0"], "projections": np.eye(3, 4)[np.newaxis]}
 
 
 def _may_share_ground(priors: Any) -> bool:
@@ -111,7 +113,7 @@ class Detections:
     """Pixels, (M, 4)."""
     scores: NDArray[np.float64] | None
     """(M,)"""
-    category: _arrays.Names
+    category: Names
     hidden: NDArray[np.int64] | None
     """Sums of `EDGES`, (M,)."""
 
@@ -130,16 +132,16 @@ class Detections:
 
     def dictionary(
         self, frame: NDArray[np.int64], names: list[str] | None, hidden_edges: NDArray[np.bool_] | None
-    ) -> dict[str, Any]:
+    ) -> DetectionArrays:
         """Detections as the core takes them; with names, those of the rows are the objects."""
-        return _arrays.core_detections(
-            frame,
-            boxes=np.ascontiguousarray(self.boxes),
-            object=(None, []) if names is None else (self.row, names),
-            category=self.category,
-            scores=self.scores,
-            hidden_edges=hidden_edges,
-        )
+        return {
+            "frame": frame,
+            "boxes": np.ascontiguousarray(self.boxes),
+            "object": (None, []) if names is None else (self.row, names),
+            "category": self.category,
+            "scores": self.scores,
+            "hidden_edges": hidden_edges,
+        }
 
 
 @dataclass(frozen=True, order=True)

@@ -54,12 +54,12 @@ pub struct Common {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let common = args.format.common();
+    let (format, source, common) = args.format.parts();
     check_file(&common.output)?;
     let Import { mut scene, image_folder, mut notes } = args.format.read()?;
     let is_scene = args.format.is_scene();
     if scene.frames.is_empty() && !is_scene {
-        bail!("{}: there are no frames; expected cameras with poses", args.format.path().display());
+        bail!("{}: there are no frames; expected cameras with poses", source.display());
     }
     match common.images.as_ref().or(image_folder.as_ref()) {
         Some(folder) => {
@@ -76,7 +76,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if scene.name.is_none() && !is_standard_output(&common.output) {
             scene.name = common.output.file_stem().map(|name| name.to_string_lossy().into_owned());
         }
-        scene.notes = Some(format!("Imported from {}: {}.", args.format.name(), notes.join("; ")));
+        scene.notes = Some(format!("Imported from {}: {}.", format, notes.join("; ")));
     }
     write_scene_file(&common.output, &scene)?;
     let (cameras, frames) = (scene.cameras.len(), scene.frames.len());

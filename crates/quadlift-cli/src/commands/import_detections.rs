@@ -69,16 +69,16 @@ pub struct Common {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let (format, common) = (&args.format, args.format.common());
+    let (format, path, common) = args.format.parts();
     check_file(&common.output)?;
     let (mut file, _) = read_scene(&common.scene)?;
-    let detections = format.read()?;
+    let detections = args.format.read()?;
     let source = common.source.as_deref().unwrap_or(format.name());
-    let mut options = common.matching.options(source, format.pixel_centers());
+    let mut options = common.matching.options(source, args.format.pixel_centers());
     options.replace = common.replace;
     let read_notes = detections.notes.clone();
     let added = add_detections(&mut file, detections, &options)?;
-    file.to_scene().map_err(|error| error.in_file(format.path()))?;
+    file.to_scene().map_err(|error| error.in_file(path))?;
     let folder = |path: &Path| path.parent().unwrap_or(Path::new("")).to_owned();
     file.move_paths([&folder(&common.scene), &folder(&common.output)])?;
     let notes = [read_notes, notes(&added)].concat();

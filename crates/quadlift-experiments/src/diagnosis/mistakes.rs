@@ -27,28 +27,18 @@ pub(super) enum NamedMistake {
 
 /// All mistakes, several sizes of those that have a size.
 pub(super) fn all() -> Vec<NamedMistake> {
-    let mut all = vec![
-        Correction::InvertPoses,
-        Correction::OpenGlAxes,
-        Correction::InvertOpenGlPoses,
-        Correction::BodyAxes,
-        Correction::InvertBodyPoses,
-        Correction::LeftHandedAxes,
-        Correction::InvertLeftHandedPoses,
-        Correction::CenterAsTranslation,
-        Correction::TransposedRotation,
+    // The order is that of the tables and of the draws.
+    let (poses, quaternion_orders) = Correction::OF_POSES.split_at(9);
+    let mut all = poses.to_vec();
+    all.extend([
         Correction::NormalizedIntrinsics,
         Correction::CenteredPrincipalPoint,
         Correction::NormalizedBoxes,
         Correction::Letterbox(640.0),
         Correction::Letterbox(1024.0),
         Correction::ReversedFrames,
-    ];
-    for was_wxyz in [true, false] {
-        for world_from_cam in [true, false] {
-            all.push(Correction::QuaternionOrder { was_wxyz, world_from_cam });
-        }
-    }
+    ]);
+    all.extend(quaternion_orders);
     all.extend([0.5, 0.8, 1.25, 2.0].map(Correction::FocalFactor));
     all.extend([0.5, 0.75, 1.5, 2.0].map(Correction::ImageScale));
     all.extend([-0.2, 0.1].map(Correction::RadialDistortion));

@@ -85,6 +85,25 @@ pub enum Correction {
     Lengths(f64),
 }
 
+impl Correction {
+    /// The corrections of poses.
+    pub const OF_POSES: [Self; 13] = [
+        Self::InvertPoses,
+        Self::OpenGlAxes,
+        Self::InvertOpenGlPoses,
+        Self::BodyAxes,
+        Self::InvertBodyPoses,
+        Self::LeftHandedAxes,
+        Self::InvertLeftHandedPoses,
+        Self::CenterAsTranslation,
+        Self::TransposedRotation,
+        Self::QuaternionOrder { was_wxyz: true, world_from_cam: true },
+        Self::QuaternionOrder { was_wxyz: true, world_from_cam: false },
+        Self::QuaternionOrder { was_wxyz: false, world_from_cam: true },
+        Self::QuaternionOrder { was_wxyz: false, world_from_cam: false },
+    ];
+}
+
 /// OpenGL's camera axes, from and to OpenCV's.
 fn opengl() -> Matrix3<f64> {
     Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0))

@@ -150,6 +150,7 @@ impl SceneBuilder {
                 object: input.object.unwrap_or_default().to_owned(),
                 frame: input.frame.to_owned(),
                 first: first as usize,
+                second: next as usize,
             });
         }
         let object_index = intern(input.object, &mut self.objects, &mut self.scene.object_ids);

@@ -24,6 +24,8 @@ pub enum SceneError {
         frame: String,
         /// Index of the first of the two detections.
         first: usize,
+        /// Index of the second one, which may not have been added.
+        second: usize,
     },
     /// An image size is not positive.
     #[error("the image size is {width} x {height}; expected two positive numbers")]

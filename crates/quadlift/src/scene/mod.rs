@@ -50,7 +50,8 @@ impl Scene {
         Ok(Self(parts))
     }
 
-    /// Changes the scene and checks it again.
+    /// Changes the scene and checks it again. A copy is changed, because a change that is refused cannot be undone;
+    /// [`Scene::into_parts`] and [`Scene::from_parts`] change a scene without a copy.
     ///
     /// ```
     /// # let mut scene = quadlift::synthetic::generate(&Default::default()).unwrap().scene;

@@ -135,7 +135,7 @@ pub(super) fn check_parts(parts: &SceneParts) -> Result<(), SceneError> {
         let Some(object) = d.object_index else { continue };
         if let Some(first) = seen.insert((object, d.frame_index, d.source_index), detection) {
             let (object, frame) = (parts.object_ids[object as usize].clone(), &parts.frames[d.frame_index as usize]);
-            return Err(SceneError::DuplicateDetection { object, frame: frame.id.clone(), first });
+            return Err(SceneError::DuplicateDetection { object, frame: frame.id.clone(), first, second: detection });
         }
     }
     Ok(())

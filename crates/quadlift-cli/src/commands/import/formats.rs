@@ -173,44 +173,17 @@ pub struct Part {
 }
 
 impl Format {
-    pub fn common(&self) -> &Common {
+    /// What every format has: its name, the path of what is read, and the options that all share.
+    pub fn parts(&self) -> (&'static str, &Path, &Common) {
         match self {
-            Self::Colmap { common, .. }
-            | Self::Nerfstudio { common, .. }
-            | Self::Tum { common, .. }
-            | Self::Kitti { common, .. }
-            | Self::KittiRaw { common, .. }
-            | Self::Bop { common, .. }
-            | Self::Projections { common, .. }
-            | Self::Parquet { common, .. } => common,
-        }
-    }
-
-    /// The name of the format.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Colmap { .. } => "COLMAP",
-            Self::Nerfstudio { .. } => "nerfstudio",
-            Self::Tum { .. } => "a TUM trajectory",
-            Self::Kitti { .. } => "KITTI tracking",
-            Self::KittiRaw { .. } => "KITTI raw",
-            Self::Bop { .. } => "BOP",
-            Self::Projections { .. } => "projections",
-            Self::Parquet { .. } => "Parquet",
-        }
-    }
-
-    /// The path of what is read.
-    pub fn path(&self) -> &Path {
-        match self {
-            Self::Colmap { path, .. }
-            | Self::Nerfstudio { path, .. }
-            | Self::Tum { path, .. }
-            | Self::Kitti { path, .. }
-            | Self::KittiRaw { path, .. }
-            | Self::Bop { path, .. }
-            | Self::Projections { path, .. }
-            | Self::Parquet { path, .. } => path,
+            Self::Colmap { path, common, .. } => ("COLMAP", path, common),
+            Self::Nerfstudio { path, common, .. } => ("nerfstudio", path, common),
+            Self::Tum { path, common, .. } => ("a TUM trajectory", path, common),
+            Self::Kitti { path, common, .. } => ("KITTI tracking", path, common),
+            Self::KittiRaw { path, common, .. } => ("KITTI raw", path, common),
+            Self::Bop { path, common, .. } => ("BOP", path, common),
+            Self::Projections { path, common, .. } => ("projections", path, common),
+            Self::Parquet { path, common, .. } => ("Parquet", path, common),
         }
     }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use quadlift_io::ReadError;
+use quadlift_io::detect::DetectionFormat;
 use quadlift_io::read::PixelCenters;
 use quadlift_io::read::detections::DetectionFiles;
 use quadlift_io::read::detections::coco::read_coco;
@@ -156,54 +157,16 @@ pub enum YoloColumns {
 }
 
 impl Format {
-    pub fn common(&self) -> &Common {
+    /// What every format has: its name, the file or folder, and the options that all share.
+    pub fn parts(&self) -> (DetectionFormat, &Path, &Common) {
         match self {
-            Self::Coco { common, .. }
-            | Self::Mot { common, .. }
-            | Self::Yolo { common, .. }
-            | Self::Kitti { common, .. }
-            | Self::Csv { common, .. }
-            | Self::Supervision { common, .. }
-            | Self::Labelme { common, .. } => common,
-        }
-    }
-
-    /// The file or folder.
-    pub fn path(&self) -> &Path {
-        match self {
-            Self::Coco { path, .. }
-            | Self::Mot { path, .. }
-            | Self::Yolo { path, .. }
-            | Self::Kitti { path, .. }
-            | Self::Csv { path, .. }
-            | Self::Supervision { path, .. }
-            | Self::Labelme { path, .. } => path,
-        }
-    }
-
-    /// The word for the format, which is the source of its detections.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Coco { .. } => "coco",
-            Self::Mot { .. } => "mot",
-            Self::Yolo { .. } => "yolo",
-            Self::Kitti { .. } => "kitti",
-            Self::Csv { .. } => "csv",
-            Self::Supervision { .. } => "supervision",
-            Self::Labelme { .. } => "labelme",
-        }
-    }
-
-    /// The name of the format.
-    pub fn title(&self) -> &'static str {
-        match self {
-            Self::Coco { .. } => "COCO",
-            Self::Mot { .. } => "MOTChallenge",
-            Self::Yolo { .. } => "YOLO",
-            Self::Kitti { .. } => "KITTI labels",
-            Self::Csv { .. } => "a CSV table",
-            Self::Supervision { .. } => "supervision",
-            Self::Labelme { .. } => "LabelMe",
+            Self::Coco { path, common, .. } => (DetectionFormat::Coco, path, common),
+            Self::Mot { path, common, .. } => (DetectionFormat::Mot, path, common),
+            Self::Yolo { path, common, .. } => (DetectionFormat::Yolo, path, common),
+            Self::Kitti { path, common, .. } => (DetectionFormat::Kitti, path, common),
+            Self::Csv { path, common, .. } => (DetectionFormat::Csv, path, common),
+            Self::Supervision { path, common, .. } => (DetectionFormat::Supervision, path, common),
+            Self::Labelme { path, common, .. } => (DetectionFormat::LabelMe, path, common),
         }
     }
 

@@ -107,30 +107,14 @@ pub(super) fn desk() -> (Vec<Thing>, Vec<Part>) {
     desk.thing("keyboard", "keyboard", [-0.02, -0.11], -0.05);
     desk.part(Full(Cuboid), [0.0, 0.0, 0.009], 0.0, [0.2, 0.065, 0.009], Paint::Keys);
 
-    desk.thing("book", "blue book", [-0.42, -0.02], 0.5);
-    desk.part(
-        Full(Cuboid),
-        [0.0, 0.0, 0.018],
-        0.0,
-        [0.085, 0.12, 0.018],
-        Paint::Cover(srgb(30, 70, 140), srgb(245, 225, 150)),
-    );
-    desk.thing("book", "red book", [-0.41, -0.01], 0.2);
-    desk.part(
-        Full(Cuboid),
-        [0.0, 0.0, 0.05],
-        0.0,
-        [0.075, 0.105, 0.014],
-        Paint::Cover(srgb(170, 40, 45), srgb(250, 240, 225)),
-    );
-    desk.thing("book", "green book", [0.46, -0.2], -0.6);
-    desk.part(
-        Full(Cuboid),
-        [0.0, 0.0, 0.013],
-        0.0,
-        [0.08, 0.11, 0.013],
-        Paint::Cover(srgb(40, 110, 70), srgb(235, 235, 200)),
-    );
+    for (name, at, turn, height, half, cover, title) in [
+        ("blue book", [-0.42, -0.02], 0.5, 0.018, [0.085, 0.12, 0.018], srgb(30, 70, 140), srgb(245, 225, 150)),
+        ("red book", [-0.41, -0.01], 0.2, 0.05, [0.075, 0.105, 0.014], srgb(170, 40, 45), srgb(250, 240, 225)),
+        ("green book", [0.46, -0.2], -0.6, 0.013, [0.08, 0.11, 0.013], srgb(40, 110, 70), srgb(235, 235, 200)),
+    ] {
+        desk.thing("book", name, at, turn);
+        desk.part(Full(Cuboid), [0.0, 0.0, height], 0.0, half, Paint::Cover(cover, title));
+    }
 
     for (name, at, turn, paint) in [
         ("red can", [0.33, 0.06], 0.8, Paint::Can(srgb(190, 30, 35), srgb(250, 248, 240))),
@@ -157,22 +141,13 @@ pub(super) fn desk() -> (Vec<Thing>, Vec<Part>) {
     desk.thing("orange", "orange", [0.09, -0.29], 0.0);
     desk.part(Full(Ellipsoid), [0.0, 0.0, 0.036], 0.0, [0.038, 0.038, 0.036], orange);
 
-    desk.thing("box", "cereal box", [-0.46, 0.25], 0.35);
-    desk.part(
-        Full(Cuboid),
-        [0.0, 0.0, 0.13],
-        0.0,
-        [0.09, 0.032, 0.13],
-        Paint::Carton(srgb(225, 170, 40), srgb(190, 45, 40)),
-    );
-    desk.thing("box", "tea box", [0.52, -0.02], -0.35);
-    desk.part(
-        Full(Cuboid),
-        [0.0, 0.0, 0.035],
-        0.0,
-        [0.06, 0.04, 0.035],
-        Paint::Carton(srgb(120, 70, 140), srgb(240, 220, 160)),
-    );
+    for (name, at, turn, half, colors) in [
+        ("cereal box", [-0.46, 0.25], 0.35, [0.09, 0.032, 0.13], [srgb(225, 170, 40), srgb(190, 45, 40)]),
+        ("tea box", [0.52, -0.02], -0.35, [0.06, 0.04, 0.035], [srgb(120, 70, 140), srgb(240, 220, 160)]),
+    ] {
+        desk.thing("box", name, at, turn);
+        desk.part(Full(Cuboid), [0.0, 0.0, half[2]], 0.0, half, Paint::Carton(colors[0], colors[1]));
+    }
 
     desk.thing("ball", "tennis ball", [-0.14, -0.29], 0.7);
     desk.part(Full(Ellipsoid), [0.0, 0.0, 0.034], 0.0, [0.034; 3], Paint::Tennis(srgb(190, 210, 50)));
