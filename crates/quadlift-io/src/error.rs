@@ -33,6 +33,15 @@ impl ReadError {
         }
     }
 
+    /// A file in a format that a feature reads which is off in this build.
+    #[cfg(not(all(feature = "images", feature = "xml", feature = "yaml")))]
+    pub(crate) fn left_out(path: &Path, format: &str, feature: &str) -> Self {
+        Self::new(
+            path,
+            format!("{format} are left out of this build; the feature \"{feature}\" of quadlift-io has them"),
+        )
+    }
+
     /// Adds the line and column of the problem, both from 1; zero means "unknown".
     #[must_use]
     pub fn at(mut self, line: usize, column: usize) -> Self {

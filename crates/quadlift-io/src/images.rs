@@ -1,25 +1,24 @@
-//! Reads photographs and label images; writes PNG and JPEG.
+//! Reads photographs and label images; writes PNG and JPEG (feature `images`).
 
-use std::io::Cursor;
-use std::path::Path;
+#[cfg(feature = "images")]
+mod codecs;
+#[cfg(not(feature = "images"))]
+mod left_out;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use image::codecs::jpeg::JpegEncoder;
-use image::{EncodableLayout, ImageBuffer, ImageError, ImageFormat, ImageReader, Luma, PixelWithColorType, RgbImage};
-use quadlift_segment::LabelImage;
-
-use crate::atomic::write_file;
-use crate::error::{ReadError, WriteError};
-use crate::input::read_bytes;
+#[cfg(feature = "images")]
+pub use codecs::{read_image, read_image_size, read_label_image, write_jpeg, write_label_image, write_png};
+#[cfg(feature = "images")]
+pub(crate) use codecs::{read_image_of_size, read_label_image_of_size};
+#[cfg(not(feature = "images"))]
+pub(crate) use left_out::{read_image_of_size, read_image_size, read_label_image_of_size, write_label_image};
 
 /// Images with more pixels are refused unless [`set_max_pixels`] says otherwise: those of the largest cameras in use have
 /// 151 million.
 pub const DEFAULT_MAX_PIXELS: u64 = 160_000_000;
 
 static MAX_PIXELS: AtomicU64 = AtomicU64::new(DEFAULT_MAX_PIXELS);
-
-/// Image files with more bytes are refused: no image within the limit of pixels has as many.
-const MOST_BYTES_PER_PIXEL: u64 = 16;
 
 /// Sets how many pixels an image or mask may have in this process. A file of a few kilobytes can hold an image that fills
 /// the memory; its size is looked at before anything is decoded.
@@ -30,11 +29,6 @@ pub fn set_max_pixels(pixels: u64) {
 /// How many pixels an image or mask may have ([`set_max_pixels`]).
 pub fn max_pixels() -> u64 {
     MAX_PIXELS.load(Ordering::Relaxed)
-}
-
-/// How many bytes an image file may have, and its pixels once they are decoded.
-fn max_bytes() -> u64 {
-    max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL)
 }
 
 /// Whether an image of this size (width, height) is read; otherwise the problem.
@@ -48,244 +42,3 @@ pub(crate) fn check_pixels([width, height]: [u32; 2]) -> Result<(), String> {
 
 /// A check of the size (width, height) of an image before its pixels are decoded.
 type SizeCheck<'a> = &'a dyn Fn([u32; 2]) -> Result<(), String>;
-
-/// Reads a PNG or JPEG file as 8-bit RGB.
-///
-/// Grey images become RGB with equal channels, 16 bits are scaled to 8, palettes are looked up, transparency is left
-/// out, CMYK is converted. The pixels are those of the file: an orientation tag is not applied, because cameras are
-/// calibrated on the pixels as they are stored.
-///
-/// # Errors
-/// [`ReadError`] when the file cannot be read, when it is no PNG or JPEG, when it is damaged or cut off, or when it has more
-/// pixels than [`max_pixels`].
-pub fn read_image(path: &Path) -> Result<RgbImage, ReadError> {
-    read_image_of_size(path, &|_| Ok(()))
-}
-
-/// [`read_image`], where the size of the image passes a check.
-pub(crate) fn read_image_of_size(path: &Path, check: SizeCheck) -> Result<RgbImage, ReadError> {
-    let bytes = read_image_bytes(path)?;
-    let format = format(path, &bytes)?;
-    if format == ImageFormat::Jpeg && !has_end_of_jpeg(&bytes) {
-        return Err(ReadError::new(path, "the JPEG image is cut off: it has no end marker"));
-    }
-    let reader = || {
-        let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
-        // Its own limit on memory counts other things, and is lower.
-        let mut limits = image::Limits::default();
-        limits.max_alloc = Some(max_bytes());
-        reader.limits(limits);
-        reader
-    };
-    let failed = |error: ImageError| image_error(path, format, &error);
-    let size = reader().into_dimensions().map_err(failed)?.into();
-    check(size).and_then(|()| check_pixels(size)).map_err(|problem| ReadError::new(path, problem))?;
-    Ok(reader().decode().map_err(failed)?.into_rgb8())
-}
-
-/// The bytes of an image file.
-fn read_image_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
-    let most = max_bytes();
-    match std::fs::metadata(path) {
-        Ok(metadata) if metadata.is_file() && metadata.len() > most => {
-            let found = metadata.len();
-            Err(ReadError::new(path, format!("the file has {found} bytes; expected an image of at most {most} bytes")))
-        }
-        _ => read_bytes(path),
-    }
-}
-
-/// Width and height of a PNG or JPEG file; only its head is looked at.
-///
-/// # Errors
-/// [`ReadError`] when the file cannot be read, or when it is no PNG or JPEG.
-pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
-    let bytes = read_image_bytes(path)?;
-    let format = format(path, &bytes)?;
-    let size = ImageReader::with_format(Cursor::new(&bytes), format).into_dimensions();
-    size.map(Into::into).map_err(|error| image_error(path, format, &error))
-}
-
-/// Reads a label image: a PNG file whose pixels hold numbers, grey with up to 16 bits or with a palette (of which the
-/// indices count, not the colours). A colour image is taken where its three channels agree. Transparency is left out.
-///
-/// # Errors
-/// [`ReadError`] as [`read_image`]; also for JPEG, whose compression changes the numbers, and for colours.
-pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
-    read_label_image_of_size(path, &|_| Ok(()))
-}
-
-/// [`read_label_image`], where the size of the image passes a check.
-pub(crate) fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelImage, ReadError> {
-    let bytes = read_image_bytes(path)?;
-    if format(path, &bytes)? == ImageFormat::Jpeg {
-        let problem = "this is a JPEG image, whose compression changes the numbers of a mask; expected a PNG image";
-        return Err(ReadError::new(path, problem));
-    }
-    let failed = |error: png::DecodingError| match error {
-        png::DecodingError::LimitsExceeded => ReadError::new(path, "the PNG image is too large to read"),
-        error => ReadError::new(path, format!("the PNG image is damaged or cut off ({error})")),
-    };
-    let most_bytes = usize::try_from(max_bytes()).unwrap_or(usize::MAX);
-    let limits = png::Limits { bytes: most_bytes };
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(&bytes), limits);
-    decoder.set_transformations(png::Transformations::IDENTITY);
-    let mut reader = decoder.read_info().map_err(failed)?;
-    let size = [reader.info().width, reader.info().height];
-    check(size).and_then(|()| check_pixels(size)).map_err(|problem| ReadError::new(path, problem))?;
-    let size = reader.output_buffer_size().filter(|&size| size <= most_bytes);
-    let size = size.ok_or_else(|| failed(png::DecodingError::LimitsExceeded))?;
-    let mut buffer = vec![0; size];
-    let frame = reader.next_frame(&mut buffer).map_err(failed)?;
-    let (width, channels) = (frame.width as usize, frame.color_type.samples());
-    let mut values = Vec::with_capacity(width * frame.height as usize);
-    for row in buffer.chunks_exact(frame.line_size.max(1)) {
-        for x in 0..width {
-            let sample = |channel| sample(row, x * channels + channel, frame.bit_depth);
-            let value = sample(0);
-            if channels >= 3 && (sample(1) != value || sample(2) != value) {
-                let problem = "this is a colour image; expected a grey one or one with a palette, whose values tell \
-                               objects apart";
-                return Err(ReadError::new(path, problem));
-            }
-            values.push(value);
-        }
-    }
-    LabelImage::new(frame.width, frame.height, values).map_err(|error| ReadError::new(path, error.to_string()))
-}
-
-/// Writes a PNG file as a whole or not at all.
-///
-/// # Errors
-/// [`WriteError`] when the system refuses (see [`write_file`]).
-pub fn write_png<P>(path: &Path, image: &ImageBuffer<P, Vec<P::Subpixel>>) -> Result<(), WriteError>
-where
-    P: PixelWithColorType,
-    [P::Subpixel]: EncodableLayout,
-{
-    let mut bytes = Vec::new();
-    let encoded = image.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png);
-    encoded.map_err(|error| WriteError::new(path, error))?;
-    write_file(path, |out| out.write_all(&bytes))
-}
-
-/// Writes a JPEG file of this quality (1 to 100) as a whole or not at all.
-///
-/// # Errors
-/// As [`write_png`].
-pub fn write_jpeg(path: &Path, image: &RgbImage, quality: u8) -> Result<(), WriteError> {
-    let mut bytes = Vec::new();
-    let encoded = JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(image);
-    encoded.map_err(|error| WriteError::new(path, error))?;
-    write_file(path, |out| out.write_all(&bytes))
-}
-
-/// Writes a label image as a PNG file with a palette, whose indices are the values and whose colours are for people: 0 is
-/// black, neighbouring values are easily told apart. Where a value is above 255, as a grey one of 16 bits.
-///
-/// # Errors
-/// As [`write_png`].
-pub fn write_label_image(path: &Path, labels: &LabelImage) -> Result<(), WriteError> {
-    if let Some(image) = labels.to_8_bit() {
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, image.width(), image.height());
-        encoder.set_color(png::ColorType::Indexed);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_palette(label_palette());
-        let written = encoder.write_header().and_then(|mut writer| {
-            writer.write_image_data(image.as_raw())?;
-            writer.finish()
-        });
-        written.map_err(|error| WriteError::new(path, error))?;
-        return write_file(path, |out| out.write_all(&bytes));
-    }
-    let image = ImageBuffer::<Luma<u16>, _>::from_raw(labels.width(), labels.height(), labels.values().to_vec());
-    image.map_or_else(|| Err(WriteError::new(path, "the image has no pixels")), |image| write_png(path, &image))
-}
-
-/// Colours of the values of a label image, three bytes each: black, then hues that follow each other in golden sections, in
-/// three degrees of brightness.
-fn label_palette() -> Vec<u8> {
-    let color = |value: u16| -> [u8; 3] {
-        if value == 0 {
-            return [0; 3];
-        }
-        let hue = 6.0 * (f32::from(value) * 0.618_034).fract();
-        let bright = [255.0, 200.0, 150.0][usize::from(value) % 3];
-        // How much of red, green and blue there is at a hue, from 0.2 to 1.
-        [0.0, 2.0, 4.0].map(|offset: f32| {
-            let away = ((hue + offset) % 6.0 - 3.0).abs() - 1.0;
-            (bright * (0.2 + 0.8 * away.clamp(0.0, 1.0))) as u8
-        })
-    };
-    (0..=255).flat_map(color).collect()
-}
-
-/// The number with an index in a row of numbers of a PNG image, as they are packed.
-fn sample(row: &[u8], index: usize, depth: png::BitDepth) -> u16 {
-    let byte = |index: usize| u16::from(row.get(index).copied().unwrap_or(0));
-    // Small numbers are packed from the highest bits down.
-    let packed = |bits: usize| {
-        let (per_byte, mask) = (8 / bits, (1 << bits) - 1);
-        (byte(index / per_byte) >> (8 - bits - index % per_byte * bits)) & mask
-    };
-    match depth {
-        png::BitDepth::One => packed(1),
-        png::BitDepth::Two => packed(2),
-        png::BitDepth::Four => packed(4),
-        png::BitDepth::Eight => byte(index),
-        png::BitDepth::Sixteen => byte(2 * index) << 8 | byte(2 * index + 1),
-    }
-}
-
-/// The format by the content of the file; its name does not matter.
-fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, ReadError> {
-    if bytes.is_empty() {
-        return Err(ReadError::new(path, "the file is empty; expected a PNG or JPEG image"));
-    }
-    match image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => Ok(format),
-        Ok(other) => {
-            let name = other.extensions_str().first().map_or_else(|| format!("{other:?}"), |e| e.to_uppercase());
-            Err(ReadError::new(path, format!("the file holds {name} data; expected a PNG or JPEG image")))
-        }
-        Err(_) => {
-            // What it holds instead is not quoted: a scene of somebody else may name any file.
-            Err(ReadError::new(path, "this is no image: expected PNG or JPEG"))
-        }
-    }
-}
-
-/// What the reader of images says, in words for people.
-fn image_error(path: &Path, format: ImageFormat, error: &ImageError) -> ReadError {
-    let format = if format == ImageFormat::Png { "PNG" } else { "JPEG" };
-    let problem = match error {
-        ImageError::Limits(_) => format!("the {format} image is too large to read ({error})"),
-        ImageError::Unsupported(_) => format!("this kind of {format} image is not supported ({error})"),
-        _ => format!("the {format} image is damaged or cut off ({error})"),
-    };
-    ReadError::new(path, problem)
-}
-
-/// Whether a JPEG file has its end marker after the compressed pixels; readers fill what is missing with grey.
-fn has_end_of_jpeg(bytes: &[u8]) -> bool {
-    // Segments up to the pixels: a marker, and a length that counts itself. A thumbnail in one of them has markers too.
-    let mut at = 2;
-    while let Some(&[0xFF, marker, high, low]) = bytes.get(at..at + 4) {
-        // Between segments there may be any number of bytes 0xFF.
-        if marker == 0xFF {
-            at += 1;
-            continue;
-        }
-        at += 2 + usize::from(u16::from_be_bytes([high, low]));
-        if marker == 0xDA {
-            break;
-        }
-    }
-    // Among the compressed pixels, 0xFF is never followed by the end marker's second byte.
-    bytes.get(at..).is_some_and(|pixels| pixels.windows(2).any(|pair| pair == [0xFF, 0xD9]))
-}
-
-#[cfg(test)]
-#[path = "images/tests.rs"]
-mod tests;

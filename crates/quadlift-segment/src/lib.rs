@@ -59,6 +59,7 @@ pub use contacts::Contacts;
 pub use crop::{Crop, CropError, CropOptions};
 pub use frame_masks::{FrameMasks, reach};
 pub use hull::ConvexHull;
+pub use image;
 pub use label_image::LabelImage;
 pub use mask::{Mask, MaskError};
 pub use moments::{Moments, PixelTerm};

@@ -16,6 +16,7 @@ use super::kitti_geometry::{Oxts, calibration, camera_rows, rect_from_world};
 use super::poses::{inverse, matrix4};
 use super::static_objects::LabelledObjects;
 use super::text::lines;
+use super::xml::{Element, Xml};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
@@ -184,110 +185,28 @@ impl Tracklet {
 /// # Errors
 /// [`ReadError`] with line and column, what was found and what was expected.
 pub fn parse_tracklets(path: &Path, bytes: &[u8]) -> Result<Vec<Tracklet>, ReadError> {
-    // KITTI's files name their type in a DOCTYPE.
-    let text = as_utf8(path, bytes)?;
-    check_attributes(text).map_err(|line| {
-        ReadError::new(path, format!("an element has more than {MOST_ATTRIBUTES} attributes; expected tracklets"))
-            .at(line, 0)
-    })?;
-    let options = roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: 50_000_000, ..Default::default() };
-    let document = roxmltree::Document::parse_with_options(text, options).map_err(|error| {
-        let place = error.pos();
-        ReadError::new(path, format!("this is not valid XML: {error}")).at(place.row as usize, place.col as usize)
-    })?;
-    let xml = Xml { path, document: &document };
-    let tracklets = xml.child(document.root_element(), "tracklets")?;
-    let items = tracklets.children().filter(|node| node.has_tag_name("item"));
-    items.map(|item| xml.tracklet(item)).collect()
+    let xml = Xml::parse(path, bytes, "tracklets")?;
+    xml.child(&xml.root, "tracklets")?.children("item").map(|item| tracklet(&xml, item)).collect()
 }
 
-/// Most attributes of an element: the parser compares each with all others. KITTI's files have four at most.
-const MOST_ATTRIBUTES: usize = 1000;
-
-/// Refuses elements with many attributes; the error is the line of the first.
-fn check_attributes(text: &str) -> Result<(), usize> {
-    let mut rest = text;
-    while let Some(start) = rest.find('<') {
-        rest = &rest[start..];
-        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>")].into_iter().find(|(begin, _)| rest.starts_with(begin));
-        if let Some((_, end)) = skipped {
-            let Some(end) = rest.find(end) else { return Ok(()) };
-            rest = &rest[end..];
-            continue;
+fn tracklet(xml: &Xml, item: &Element) -> Result<Tracklet, ReadError> {
+    let (first, first_element) = xml.text(item, "first_frame")?;
+    let first_frame = first
+        .parse()
+        .map_err(|_| xml.error(first_element, format!("<first_frame> is \"{first}\"; expected a whole number")))?;
+    let pose = |pose: &Element| -> Result<[f64; 6], ReadError> {
+        let mut numbers = [0.0; 6];
+        for (number, name) in numbers.iter_mut().zip(["tx", "ty", "tz", "rx", "ry", "rz"]) {
+            *number = xml.number(pose, name)?;
         }
-        // Texts in quotes may hold a '>'; those of a DOCTYPE may hold elements.
-        let is_declaration = rest.starts_with("<!");
-        let (mut quote, mut attributes, mut end) = (None, 0, rest.len());
-        for (at, byte) in rest.bytes().enumerate().skip(1) {
-            match (quote, byte) {
-                (None, b'>') => {
-                    end = at;
-                    break;
-                }
-                (None, b'"' | b'\'') => quote = Some(byte),
-                (Some(open), byte) if open == byte => quote = None,
-                (None, b'=') => attributes += 1,
-                (Some(_), b'=') if is_declaration => attributes += 1,
-                _ => {}
-            }
-        }
-        if attributes > MOST_ATTRIBUTES {
-            return Err(1 + text[..text.len() - rest.len()].matches('\n').count());
-        }
-        rest = &rest[end..];
-    }
-    Ok(())
-}
-
-struct Xml<'a> {
-    path: &'a Path,
-    document: &'a roxmltree::Document<'a>,
-}
-
-type XmlNode<'a> = roxmltree::Node<'a, 'a>;
-
-impl<'a> Xml<'a> {
-    fn error(&self, node: XmlNode, problem: String) -> ReadError {
-        let place = self.document.text_pos_at(node.range().start);
-        ReadError::new(self.path, problem).at(place.row as usize, place.col as usize)
-    }
-
-    fn child(&self, node: XmlNode<'a>, name: &str) -> Result<XmlNode<'a>, ReadError> {
-        let found = node.children().find(|child| child.has_tag_name(name));
-        found.ok_or_else(|| self.error(node, format!("there is no <{name}> in <{}>", node.tag_name().name())))
-    }
-
-    fn text(&self, node: XmlNode<'a>, name: &str) -> Result<(&'a str, XmlNode<'a>), ReadError> {
-        let child = self.child(node, name)?;
-        Ok((child.text().unwrap_or_default().trim(), child))
-    }
-
-    fn number(&self, node: XmlNode<'a>, name: &str) -> Result<f64, ReadError> {
-        let (text, child) = self.text(node, name)?;
-        let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
-        number.ok_or_else(|| self.error(child, format!("<{name}> is \"{text}\"; expected a number")))
-    }
-
-    fn tracklet(&self, item: XmlNode<'a>) -> Result<Tracklet, ReadError> {
-        let (first, first_node) = self.text(item, "first_frame")?;
-        let first_frame = first
-            .parse()
-            .map_err(|_| self.error(first_node, format!("<first_frame> is \"{first}\"; expected a whole number")))?;
-        let poses = self.child(item, "poses")?;
-        let pose = |pose: XmlNode<'a>| -> Result<[f64; 6], ReadError> {
-            let mut numbers = [0.0; 6];
-            for (number, name) in numbers.iter_mut().zip(["tx", "ty", "tz", "rx", "ry", "rz"]) {
-                *number = self.number(pose, name)?;
-            }
-            Ok(numbers)
-        };
-        Ok(Tracklet {
-            kind: self.text(item, "objectType")?.0.to_owned(),
-            size: [self.number(item, "h")?, self.number(item, "w")?, self.number(item, "l")?],
-            first_frame,
-            poses: poses.children().filter(|node| node.has_tag_name("item")).map(pose).collect::<Result<_, _>>()?,
-        })
-    }
+        Ok(numbers)
+    };
+    Ok(Tracklet {
+        kind: xml.text(item, "objectType")?.0.to_owned(),
+        size: [xml.number(item, "h")?, xml.number(item, "w")?, xml.number(item, "l")?],
+        first_frame,
+        poses: xml.child(item, "poses")?.children("item").map(pose).collect::<Result<_, _>>()?,
+    })
 }
 
 #[cfg(test)]

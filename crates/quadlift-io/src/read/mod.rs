@@ -18,6 +18,7 @@ pub mod projections;
 mod static_objects;
 mod text;
 pub mod tum;
+mod xml;
 
 #[cfg(test)]
 mod real_data_tests;

@@ -6,10 +6,10 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use image::RgbImage;
 use nalgebra::Vector2;
 use quadlift::geometry::BoundingBox;
 use quadlift::scene::Scene;
+use quadlift_segment::image::RgbImage;
 use quadlift_segment::{LabelImage, Mask, Polygons, Rle};
 
 use super::records::{FrameRecord, MaskRecord, RleCounts, SceneFile};

@@ -1,0 +1,29 @@
+//! In the place of `codecs` where the feature `images` is off: what reads or writes an image fails, and names the feature.
+
+use std::path::Path;
+
+use quadlift_segment::LabelImage;
+use quadlift_segment::image::RgbImage;
+
+use super::SizeCheck;
+use crate::error::{ReadError, WriteError};
+
+fn left_out<T>(path: &Path) -> Result<T, ReadError> {
+    Err(ReadError::left_out(path, "PNG and JPEG images", "images"))
+}
+
+pub fn read_image_of_size(path: &Path, _: SizeCheck) -> Result<RgbImage, ReadError> {
+    left_out(path)
+}
+
+pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
+    left_out(path)
+}
+
+pub fn read_label_image_of_size(path: &Path, _: SizeCheck) -> Result<LabelImage, ReadError> {
+    left_out(path)
+}
+
+pub fn write_label_image(path: &Path, _: &LabelImage) -> Result<(), WriteError> {
+    Err(WriteError::new(path, ReadError::left_out(path, "PNG and JPEG images", "images").problem))
+}

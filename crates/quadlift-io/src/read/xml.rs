@@ -1,0 +1,161 @@
+//! XML as a tree of elements with their places (feature `xml`).
+
+use std::path::Path;
+
+use crate::error::ReadError;
+use crate::input::as_utf8;
+
+/// An XML file.
+pub(super) struct Xml<'a> {
+    path: &'a Path,
+    text: &'a str,
+    /// The outermost element.
+    pub root: Element,
+}
+
+/// An element with what is in it.
+pub(super) struct Element {
+    /// Name, without its namespace.
+    pub name: Box<str>,
+    text: Box<str>,
+    /// Where it begins, in bytes.
+    start: usize,
+    elements: Vec<Element>,
+}
+
+impl Element {
+    /// The text before the first element in it, without the white space around it.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The elements of this name in it.
+    pub fn children(&self, name: &str) -> impl Iterator<Item = &Self> {
+        self.elements.iter().filter(move |child| &*child.name == name)
+    }
+}
+
+impl<'a> Xml<'a> {
+    /// Reads a file of which `expected` says what should be in it.
+    #[cfg(feature = "xml")]
+    pub fn parse(path: &'a Path, bytes: &'a [u8], expected: &str) -> Result<Self, ReadError> {
+        let text = as_utf8(path, bytes)?;
+        check_attributes(text).map_err(|line| {
+            ReadError::new(path, format!("an element has more than {MOST_ATTRIBUTES} attributes; expected {expected}"))
+                .at(line, 0)
+        })?;
+        // KITTI's files name their type in a DOCTYPE.
+        let options = roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: 50_000_000, ..Default::default() };
+        let document = roxmltree::Document::parse_with_options(text, options).map_err(|error| {
+            let place = error.pos();
+            ReadError::new(path, format!("this is not valid XML: {error}")).at(place.row as usize, place.col as usize)
+        })?;
+        let mut xml = Self { path, text, root: Element::of(document.root_element()) };
+        xml.root.elements = xml.elements(document.root_element(), 1)?;
+        Ok(xml)
+    }
+
+    /// The elements in a node that is so many levels deep.
+    #[cfg(feature = "xml")]
+    fn elements(&self, node: roxmltree::Node, depth: usize) -> Result<Vec<Element>, ReadError> {
+        let element = |child: roxmltree::Node| {
+            let element = Element::of(child);
+            if depth == DEEPEST {
+                return Err(self.error(&element, format!("elements are nested more than {DEEPEST} levels deep")));
+            }
+            Ok(Element { elements: self.elements(child, depth + 1)?, ..element })
+        };
+        node.children().filter(roxmltree::Node::is_element).map(element).collect()
+    }
+
+    /// Says that XML is not read.
+    #[cfg(not(feature = "xml"))]
+    pub fn parse(path: &'a Path, bytes: &'a [u8], expected: &str) -> Result<Self, ReadError> {
+        let _ = (as_utf8(path, bytes)?, expected);
+        Err(ReadError::left_out(path, "XML files", "xml"))
+    }
+
+    /// A problem with an element.
+    pub fn error(&self, element: &Element, problem: impl Into<String>) -> ReadError {
+        let before = &self.text[..element.start];
+        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        let (line, column) = (1 + before.matches('\n').count(), 1 + before[line_start..].chars().count());
+        ReadError::new(self.path, problem).at(line, column)
+    }
+
+    /// The first element of this name in another one.
+    pub fn child<'e>(&self, element: &'e Element, name: &str) -> Result<&'e Element, ReadError> {
+        let found = element.children(name).next();
+        found.ok_or_else(|| self.error(element, format!("there is no <{name}> in <{}>", element.name)))
+    }
+
+    /// The text in the first element of this name in another one, and that element.
+    pub fn text<'e>(&self, element: &'e Element, name: &str) -> Result<(&'e str, &'e Element), ReadError> {
+        let child = self.child(element, name)?;
+        Ok((&child.text, child))
+    }
+
+    /// The number in the first element of this name in another one.
+    pub fn number(&self, element: &Element, name: &str) -> Result<f64, ReadError> {
+        let (text, child) = self.text(element, name)?;
+        let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
+        number.ok_or_else(|| self.error(child, format!("<{name}> is \"{text}\"; expected a number")))
+    }
+}
+
+#[cfg(feature = "xml")]
+impl Element {
+    /// A node, without the elements in it.
+    fn of(node: roxmltree::Node) -> Self {
+        Self {
+            name: node.tag_name().name().into(),
+            text: node.text().unwrap_or_default().trim().into(),
+            start: node.range().start,
+            elements: Vec::new(),
+        }
+    }
+}
+
+/// Most levels of elements: they are visited recursively. KITTI's files have six.
+#[cfg(feature = "xml")]
+const DEEPEST: usize = 100;
+
+/// Most attributes of an element: the parser compares each with all others. KITTI's files have four at most.
+#[cfg(feature = "xml")]
+const MOST_ATTRIBUTES: usize = 1000;
+
+/// Refuses elements with many attributes; the error is the line of the first.
+#[cfg(feature = "xml")]
+fn check_attributes(text: &str) -> Result<(), usize> {
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start..];
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>")].into_iter().find(|(begin, _)| rest.starts_with(begin));
+        if let Some((_, end)) = skipped {
+            let Some(end) = rest.find(end) else { return Ok(()) };
+            rest = &rest[end..];
+            continue;
+        }
+        // Texts in quotes may hold a '>'; those of a DOCTYPE may hold elements.
+        let is_declaration = rest.starts_with("<!");
+        let (mut quote, mut attributes, mut end) = (None, 0, rest.len());
+        for (at, byte) in rest.bytes().enumerate().skip(1) {
+            match (quote, byte) {
+                (None, b'>') => {
+                    end = at;
+                    break;
+                }
+                (None, b'"' | b'\'') => quote = Some(byte),
+                (Some(open), byte) if open == byte => quote = None,
+                (None, b'=') => attributes += 1,
+                (Some(_), b'=') if is_declaration => attributes += 1,
+                _ => {}
+            }
+        }
+        if attributes > MOST_ATTRIBUTES {
+            return Err(1 + text[..text.len() - rest.len()].matches('\n').count());
+        }
+        rest = &rest[end..];
+    }
+    Ok(())
+}
