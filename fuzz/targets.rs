@@ -14,6 +14,7 @@ use quadlift_io::read::detections::labelme::parse_labelme;
 use quadlift_io::read::detections::mot::{MotOptions, parse_mot};
 use quadlift_io::read::detections::names::parse_names;
 use quadlift_io::read::detections::supervision::parse_supervision;
+use quadlift_io::read::detections::voc::parse_voc;
 use quadlift_io::read::detections::yolo::{YoloOptions, parse_yolo};
 use quadlift_io::read::detections::{AddOptions, DetectionFiles, LabelFile, MatchBy, add_detections};
 use quadlift_io::read::kitti::{KittiFiles, KittiOptions, parse_kitti};
@@ -212,6 +213,12 @@ pub fn labelme(data: &[u8]) -> bool {
     let mut files = label_files(data, "json");
     files.retain(|file| !file.bytes.is_empty());
     check_detections(parse_labelme(Path::new("labels"), &files))
+}
+
+pub fn voc(data: &[u8]) -> bool {
+    let mut files = label_files(data, "xml");
+    files.retain(|file| !file.bytes.is_empty());
+    check_detections(parse_voc(Path::new("labels"), &files))
 }
 
 /// A scene file: what is read is written and read back as it was, and its scene, objects and masks are valid or refused in

@@ -63,8 +63,8 @@ class FromOtherPackages(SceneData):
     ) -> Self:
         """Cameras with the detections of a file of another program, whose format is recognised.
 
-        COCO, MOTChallenge, Ultralytics YOLO, KITTI labels, CSV tables, supervision's sinks and LabelMe are; their
-        images are matched with the frames by name, number or time, as in the program. Track ids become objects.
+        The formats are those of the program (docs/formats/index.md): COCO, Ultralytics YOLO and others. Images are
+        matched with the frames by name, number or time. Track ids become objects.
 
         Parameters
         ----------

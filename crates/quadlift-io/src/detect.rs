@@ -47,6 +47,8 @@ pub enum DetectionFormat {
     Supervision,
     /// LabelMe.
     LabelMe,
+    /// Pascal VOC.
+    Voc,
 }
 
 impl CameraFormat {
@@ -76,6 +78,7 @@ impl DetectionFormat {
             Self::Csv => "csv",
             Self::Supervision => "supervision",
             Self::LabelMe => "labelme",
+            Self::Voc => "voc",
         }
     }
 
@@ -89,6 +92,7 @@ impl DetectionFormat {
             Self::Csv => "a CSV table",
             Self::Supervision => "supervision",
             Self::LabelMe => "LabelMe",
+            Self::Voc => "Pascal VOC",
         }
     }
 }
@@ -147,7 +151,7 @@ fn cameras_in_file(path: &Path) -> Result<Option<CameraFormat>, ReadError> {
         Start::Line(fields) if !fields.commas && fields.words.len() == 8 && fields.all_numbers() => {
             Some(CameraFormat::Tum)
         }
-        Start::Line(_) => None,
+        Start::Xml(_) | Start::Line(_) => None,
     })
 }
 
@@ -163,7 +167,8 @@ pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
             "cannot tell what detections these are: looked for COCO (annotations, or a list with \"image_id\"), \
              MOTChallenge (7 to 10 numbers between commas, or gt/gt.txt), YOLO (a folder of .txt with a class and \
              numbers from 0 to 1), KITTI (15 to 18 fields), CSV (names of columns, or 5 or 6 numbers), supervision (a \
-             column x_min) and LabelMe (\"shapes\"); `quadlift import-detections FORMAT` reads what is named",
+             column x_min), LabelMe (\"shapes\") and Pascal VOC (<annotation>); `quadlift import-detections FORMAT` \
+             reads what is named",
         )
     })
 }
@@ -173,9 +178,11 @@ fn detections_in_folder(folder: &Path) -> Result<Option<DetectionFormat>, ReadEr
         return Ok(Some(DetectionFormat::Mot));
     }
     // The first file with content decides.
-    for (extension, formats) in
-        [("txt", [DetectionFormat::Yolo, DetectionFormat::Kitti].as_slice()), ("json", &[DetectionFormat::LabelMe])]
-    {
+    for (extension, formats) in [
+        ("txt", [DetectionFormat::Yolo, DetectionFormat::Kitti].as_slice()),
+        ("json", &[DetectionFormat::LabelMe]),
+        ("xml", &[DetectionFormat::Voc]),
+    ] {
         for (name, path) in paths_below(folder, extension)? {
             if name.ends_with("classes.txt") || std::fs::metadata(&path).is_ok_and(|data| data.len() < 2) {
                 continue;
@@ -201,6 +208,7 @@ fn detections_in_file(path: &Path) -> Result<Option<DetectionFormat>, ReadError>
                 () => None,
             });
         }
+        Start::Xml(name) => return Ok((name == "annotation").then_some(DetectionFormat::Voc)),
         Start::Line(fields) => fields,
     };
     let (count, numbers) = (fields.words.len(), fields.numbers());
@@ -235,6 +243,8 @@ enum Start<'a> {
     Object(BTreeMap<String, IgnoredAny>),
     /// A JSON list, with the keys of its first entry.
     List(BTreeMap<String, IgnoredAny>),
+    /// XML, with the name of its outermost element.
+    Xml(&'a str),
     /// The first line that is neither empty nor a comment.
     Line(Fields<'a>),
 }
@@ -265,6 +275,12 @@ impl<'a> Start<'a> {
         if let Some(rest) = text.strip_prefix('[') {
             let first = serde_json::Deserializer::from_str(rest).into_iter().next();
             return Self::List(first.and_then(Result::ok).unwrap_or_default());
+        }
+        if text.starts_with('<') {
+            // Before it there may be a declaration, comments and a document type.
+            let is_name = |part: &&str| part.starts_with(|c: char| c.is_alphabetic());
+            let root = text.split('<').find(is_name).unwrap_or_default();
+            return Self::Xml(root.split(|c: char| c.is_whitespace() || "/>".contains(c)).next().unwrap_or_default());
         }
         let line = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
         let line = line.unwrap_or_default();
@@ -342,6 +358,12 @@ mod tests {
             ("d.txt", "0 1 Car 0 0 -1.9 1 2 3 4 1 2 3 4 5 6 1\n", Some(DetectionFormat::Kitti)),
             ("e.txt", "Car 0 0 -1.9 1 2 3 4 1 2 3 4 5 6 1 0.9\n", Some(DetectionFormat::Kitti)),
             ("f.txt", "hello world\n", None),
+            (
+                "a.xml",
+                "<?xml version=\"1.0\"?>\n<!-- a < b -->\n<annotation verified=\"yes\">",
+                Some(DetectionFormat::Voc),
+            ),
+            ("b.xml", "<annotations><version>1.1</version>", None),
         ];
         for (name, text, format) in cases {
             let path = folder.path().join(name);
@@ -360,6 +382,8 @@ mod tests {
         assert_eq!(detect_detections(&folder.path().join("yolo")), Ok(DetectionFormat::Yolo));
         let labelme = make("labelme/a.json", r#"{"shapes": []}"#);
         assert_eq!(detect_detections(&labelme), Ok(DetectionFormat::LabelMe));
+        let voc = make("voc/Annotations/a.xml", "<annotation/>");
+        assert_eq!(detect_detections(&voc), Ok(DetectionFormat::Voc));
         make("mot/det/det.txt", "");
         assert_eq!(detect_detections(&folder.path().join("mot")), Ok(DetectionFormat::Mot));
         let error = detect_detections(&make("other/a.txt", "hello\n")).unwrap_err();

@@ -120,6 +120,11 @@ fn labelme() {
 }
 
 #[test]
+fn voc() {
+    run("voc", targets::voc);
+}
+
+#[test]
 fn scene() {
     run("scene", targets::scene);
 }

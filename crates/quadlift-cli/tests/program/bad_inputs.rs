@@ -388,6 +388,12 @@ fn detections() -> Vec<Case> {
             "{}",
         ),
         file(
+            "a Pascal VOC box without a corner",
+            "import-detections voc a.xml scene.json -o out.json",
+            "a.xml",
+            "<annotation>\n<object><name>cup</name><bndbox><xmin>5</xmin></bndbox></object></annotation>\n",
+        ),
+        file(
             "a KITTI label that is cut off",
             "import-detections kitti a.txt scene.json -o out.json",
             "a.txt",

@@ -13,6 +13,7 @@ use quadlift_io::read::detections::labelme::read_labelme;
 use quadlift_io::read::detections::mot::{MotKind, MotOptions, read_mot};
 use quadlift_io::read::detections::names::{ClassNames, read_names};
 use quadlift_io::read::detections::supervision::read_supervision;
+use quadlift_io::read::detections::voc::read_voc;
 use quadlift_io::read::detections::yolo::{ExtraColumns, YoloKind, YoloOptions, read_yolo};
 
 use super::Common;
@@ -102,6 +103,14 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
+    /// Pascal VOC: XML files with boxes, as labelImg, CVAT and Roboflow write them
+    Voc {
+        /// Folder with a file for each image, or one of them
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        #[command(flatten)]
+        common: Common,
+    },
 }
 
 /// The names of the classes.
@@ -167,6 +176,7 @@ impl Format {
             Self::Csv { path, common, .. } => (DetectionFormat::Csv, path, common),
             Self::Supervision { path, common, .. } => (DetectionFormat::Supervision, path, common),
             Self::Labelme { path, common, .. } => (DetectionFormat::LabelMe, path, common),
+            Self::Voc { path, common, .. } => (DetectionFormat::Voc, path, common),
         }
     }
 
@@ -219,6 +229,7 @@ impl Format {
                 read_supervision(path, &table.options(names.as_ref()))
             }
             Self::Labelme { path, .. } => read_labelme(path),
+            Self::Voc { path, .. } => read_voc(path),
         }
     }
 }

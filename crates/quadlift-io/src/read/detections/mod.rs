@@ -14,6 +14,7 @@ pub mod mot;
 pub mod names;
 pub mod supervision;
 mod table;
+pub mod voc;
 pub mod yolo;
 mod yolo_columns;
 
@@ -56,5 +57,6 @@ pub fn read_detections(
         DetectionFormat::Csv => csv::read_csv(path, options),
         DetectionFormat::Supervision => supervision::read_supervision(path, options),
         DetectionFormat::LabelMe => labelme::read_labelme(path),
+        DetectionFormat::Voc => voc::read_voc(path),
     }
 }

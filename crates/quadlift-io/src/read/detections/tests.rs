@@ -12,6 +12,7 @@ use super::labelme::parse_labelme;
 use super::mot::{MotKind, MotOptions, parse_mot};
 use super::names::parse_names;
 use super::supervision::{parse_supervision, read_supervision};
+use super::voc::parse_voc;
 use super::yolo::{ExtraColumns, YoloKind, YoloOptions, parse_yolo, read_yolo};
 use super::*;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, RleCounts, SceneFile};
@@ -354,6 +355,55 @@ fn shapes_of_labelme() {
     insta::assert_snapshot!(message(r#"{"shapes": [{"label": "a", "points": [[1, 2]], "shape_type": "polygon"}]}"#), @"a.json: shapes[0].points: found 1 points; expected 3 or more of a polygon");
     insta::assert_snapshot!(message(r#"{"shapes": [{"label": "a", "points": [[1, "b\n"]]}]}"#), @r#"a.json: shapes[0].points[0][1]: found the text "b\n", expected a number"#);
     insta::assert_snapshot!(message("{}"), @r#"a.json: there is no "shapes""#);
+}
+
+#[test]
+fn boxes_of_pascal_voc() {
+    let file = |text: &str| LabelFile {
+        name: "labels/a.xml".to_owned(),
+        path: PathBuf::from("a.xml"),
+        bytes: text.as_bytes().to_vec(),
+    };
+    let object = |name: &str, more: &str| format!("<object><name>{name}</name>{more}</object>");
+    let bounds = "<bndbox><xmin>11</xmin><ymin>5.5</ymin><xmax>30</xmax><ymax>25</ymax></bndbox>";
+    // As labelImg writes it.
+    let text = format!(
+        "<annotation verified=\"yes\">\n\t<folder>images</folder>\n\t<filename>a.png</filename><path>/home/me/a.png</path>\
+         <source><database>Unknown</database></source>\
+         <size><width>64</width><height>48</height><depth>3</depth></size><segmented>0</segmented>{}{}</annotation>",
+        object("cup", &format!("<pose>Unspecified</pose><truncated>1</truncated><difficult>0</difficult>{bounds}")),
+        object("kite", "<robndbox><cx>5</cx></robndbox>"),
+    );
+    let files = parse_voc(Path::new("labels"), &[file(&text)]).unwrap();
+    assert_eq!(files.notes, ["1 objects without <bndbox> were left out"]);
+    let records = added(files, &["a.png"]);
+    assert_eq!(records.len(), 1);
+    assert_eq!(records[0].bounding_box, Some([11.0, 5.5, 30.0, 25.0]));
+    assert_eq!(
+        (records[0].category.as_deref(), records[0].truncated, records[0].occluded),
+        (Some("cup"), Some(1.0), None)
+    );
+    // As the challenge writes it: a declaration, pixels from 1, parts of objects with boxes of their own.
+    let part =
+        "<part><name>head</name><bndbox><xmin>12</xmin><ymin>6</ymin><xmax>14</xmax><ymax>7</ymax></bndbox></part>";
+    let text = format!(
+        "<?xml version=\"1.0\"?>\n<annotation><source><database>The VOC2007 Database</database><annotation>PASCAL VOC2007\
+         </annotation></source>{}</annotation>",
+        object("person", &format!("{bounds}{part}<occluded>1</occluded>"))
+    );
+    let files = parse_voc(Path::new("labels"), &[file(&text)]).unwrap();
+    let records = added(files, &["a.png"]);
+    assert_eq!(records.len(), 1);
+    assert_eq!((records[0].bounding_box, records[0].occluded), (Some([10.0, 4.5, 30.0, 25.0]), Some(1.0)));
+    let message = |text: &str| parse_voc(Path::new("a"), &[file(text)]).unwrap_err().to_string();
+    insta::assert_snapshot!(message("<annotations/>"), @"a.xml:1:1: the file holds <annotations>; expected <annotation>");
+    insta::assert_snapshot!(message("<annotation>\n<object><bndbox/></object></annotation>"), @"a.xml:2:9: there is no <xmin> in <bndbox>");
+    insta::assert_snapshot!(message(&format!("<annotation>\n<object>{bounds}</object></annotation>")), @"a.xml:2:1: there is no <name> in <object>");
+    insta::assert_snapshot!(message(&format!("<annotation>{}</annotation>", object("a", &bounds.replace("11", "wide")))), @r#"a.xml:1:43: <xmin> is "wide"; expected a number"#);
+    insta::assert_snapshot!(message(&format!("<annotation>{}</annotation>", object("a", &bounds.replace("11", "40")))), @"a.xml:1:35: the box [40.0, 5.5, 30.0, 25.0] is reversed; expected [x0, y0, x1, y1] with x0 < x1 and y0 < y1");
+    insta::assert_snapshot!(message("<annotation><object>"), @"a.xml:1:1: this is not valid XML: the root node was opened but never closed");
+    let deep = format!("<annotation>{}{}</annotation>", "<a>".repeat(200), "</a>".repeat(200));
+    insta::assert_snapshot!(message(&deep), @"a.xml:1:310: elements are nested more than 100 levels deep");
 }
 
 #[test]
