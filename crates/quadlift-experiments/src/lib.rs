@@ -6,7 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod accv;
-mod association;
+pub mod association;
 mod cross_validation;
 pub mod data;
 pub mod diagnosis;
@@ -20,6 +20,7 @@ mod kitti;
 pub mod methods;
 mod minimal;
 mod noise_curves;
+pub mod online;
 pub mod paper;
 pub mod plot;
 mod progress;

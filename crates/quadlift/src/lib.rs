@@ -60,6 +60,7 @@ mod localize;
 pub mod metrics;
 mod names;
 mod observer;
+pub mod online;
 mod optimize;
 mod parallel;
 pub mod scene;

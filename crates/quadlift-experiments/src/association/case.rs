@@ -120,7 +120,7 @@ impl Case {
     }
 
     /// The true objects that are detected often enough.
-    fn detected_bodies(&self) -> Vec<Ellipsoid> {
+    pub fn detected_bodies(&self) -> Vec<Ellipsoid> {
         let mut views = vec![0; self.bodies.len()];
         self.true_objects.iter().flatten().for_each(|&object| views[object as usize] += 1);
         let often = self.bodies.iter().zip(&views).filter(|(_, views)| **views >= FEWEST_VIEWS);

@@ -1,10 +1,10 @@
 //! Association: objects from detections that name none (ours), beside the figures of our numpy prototype.
 
-mod case;
-mod driving;
+pub mod case;
+pub mod driving;
 mod parts;
-pub(crate) mod synthetic;
-mod without_ids;
+pub mod synthetic;
+pub mod without_ids;
 
 use std::path::Path;
 

@@ -55,6 +55,21 @@ fn hard() -> SyntheticOptions {
     }
 }
 
+impl Condition {
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// A scene of it.
+    ///
+    /// # Errors
+    /// [`Error::Synthetic`].
+    pub fn case(&self, seed: u64) -> Result<Case, Error> {
+        case(&SyntheticOptions { seed, ..self.make.clone() })
+    }
+}
+
 /// All conditions.
 pub fn conditions() -> Vec<Condition> {
     let condition = |name, make, prototype: f64| Condition { name, make, prototype: Some(prototype), aim: None };

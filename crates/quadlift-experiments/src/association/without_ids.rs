@@ -83,6 +83,15 @@ impl Row {
     }
 }
 
+/// All rows without categories, with their names.
+///
+/// # Errors
+/// [`Error::Read`].
+pub fn cases(data: &Path) -> Result<Vec<(String, Case)>, Error> {
+    let named = |row: &Row| Ok((format!("{}, {}", row.file, row.source), row.case(data)?));
+    rows().iter().filter(|row| !row.categories).map(named).collect()
+}
+
 /// Number of steps.
 pub fn steps() -> usize {
     rows().len()

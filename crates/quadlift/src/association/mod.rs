@@ -20,12 +20,12 @@
 //! Nothing is drawn at random: the same input gives the same result on any number of threads.
 
 mod implausible;
-mod input;
+pub(crate) mod input;
 mod options;
 mod result;
-mod score;
-mod search;
-mod statistics;
+pub(crate) mod score;
+pub(crate) mod search;
+pub(crate) mod statistics;
 #[cfg(test)]
 mod test_scenes;
 #[cfg(test)]

@@ -9,6 +9,7 @@ use super::sizes::LogSize;
 use crate::association::options::{AssociateOptions, IdUse};
 use crate::association::statistics::DetectionRate;
 use crate::scene::Scene;
+use crate::solve::CategoryPriors;
 
 /// Ratio of the semi-axes of an ellipsoid that touches about the same planes as a real object to half its extents:
 /// between an ellipsoid's and a cuboid's.
@@ -16,6 +17,17 @@ const TOUCHING_SIZE: f64 = 1.15;
 
 /// Smallest standard deviation of a log radius: real objects touch their boxes in ways of their own.
 const LEAST_SIZE_SD: f64 = 0.25;
+
+/// The size that a prior gives to the objects of a category.
+pub(crate) fn given_size(priors: &CategoryPriors, category: &str) -> Option<LogSize> {
+    let size = priors.of(category)?.size?;
+    let half = size.mean.map(|x| (0.5 * x).ln());
+    let spread: f64 = (0..3).map(|i| (size.sd[i] / size.mean[i]).powi(2)).sum();
+    Some(LogSize {
+        mean: half.iter().sum::<f64>() / 3.0 + TOUCHING_SIZE.ln(),
+        sd: (spread.sqrt() / 3.0).max(LEAST_SIZE_SD),
+    })
+}
 
 /// The part of the input that stays.
 #[derive(Debug)]
@@ -39,16 +51,7 @@ impl<'a> AssociationContext<'a> {
     pub fn new(scene: &Scene, observations: &Observations, options: &'a AssociateOptions) -> Self {
         let cameras = &observations.cameras;
         let camera_tree = PointTree::new(cameras.iter().map(|c| c.center).collect());
-        let given = |category: &Option<u32>| {
-            let name = &scene.categories[(*category)? as usize];
-            let size = options.priors.of(name)?.size?;
-            let half = size.mean.map(|x| (0.5 * x).ln());
-            let spread: f64 = (0..3).map(|i| (size.sd[i] / size.mean[i]).powi(2)).sum();
-            Some(LogSize {
-                mean: half.iter().sum::<f64>() / 3.0 + TOUCHING_SIZE.ln(),
-                sd: (spread.sqrt() / 3.0).max(LEAST_SIZE_SD),
-            })
-        };
+        let given = |category: &Option<u32>| given_size(&options.priors, &scene.categories[(*category)? as usize]);
         Self {
             options,
             order: FrameOrder::new(cameras, &camera_tree),

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Matrix3x4, Vector2, Vector3};
 
-use crate::geometry::{BoundingBox, Projection};
+use crate::geometry::Projection;
 use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
 
 /// Smaller scores count as this one.
@@ -81,14 +81,14 @@ impl Camera {
 
 impl BoxObservation {
     /// A box (pixels) in a frame; its ray comes with [`BoxObservation::locate`].
-    pub fn new(frame: usize, measured: &BoundingBox, cut: [bool; 4], category: usize) -> Self {
-        let half = measured.size().map(|x| 0.5 * x.max(1e-3));
+    pub fn new(frame: usize, edges: [f64; 4], cut: [bool; 4], category: usize) -> Self {
+        let half = Vector2::new(edges[2] - edges[0], edges[3] - edges[1]).map(|x| 0.5 * x.max(1e-3));
         Self {
             detection: 0,
             frame,
             category,
             id: None,
-            edges: measured.edges(),
+            edges,
             cut,
             half_size: 0.5 * (half.x + half.y),
             log_half: [half.x.ln(), half.y.ln()],
@@ -178,7 +178,7 @@ impl Observations {
                 detection: index,
                 id: detection.object_index,
                 score_log_odds: log_odds_against(detection.score),
-                ..BoxObservation::new(frame, &measured, cut, category)
+                ..BoxObservation::new(frame, measured.edges(), cut, category)
             });
         }
         boxes.sort_by(|a, b| {
@@ -240,6 +240,7 @@ impl Observations {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::BoundingBox;
     use crate::scene::{DetectionInput, SceneBuilder};
 
     #[test]

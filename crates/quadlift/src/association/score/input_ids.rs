@@ -9,7 +9,7 @@ use crate::association::input::observations::Observations;
 const MOST_RIVALS: f64 = 20.0;
 
 /// How often each id sits in each object.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct IdTally {
     wrong_share: f64,
     by_id: HashMap<u32, Vec<(u32, u32)>>,
@@ -33,20 +33,43 @@ impl IdTally {
     /// Counts boxes of an object.
     pub fn add(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
         for id in boxes.iter().filter_map(|&b| observations.boxes[b as usize].id) {
-            let counts = self.by_id.entry(id).or_default();
-            match counts.iter_mut().find(|(o, _)| *o == object) {
-                Some((_, count)) => *count += 1,
-                None => counts.push((object, 1)),
-            }
+            self.count(id, object, 1);
         }
+    }
+
+    /// Counts an id in an object, so many times.
+    pub fn count(&mut self, id: u32, object: u32, times: u32) {
+        let counts = self.by_id.entry(id).or_default();
+        match counts.iter_mut().find(|(o, _)| *o == object) {
+            Some((_, count)) => *count += times,
+            None => counts.push((object, times)),
+        }
+    }
+
+    /// Counts an id in an object once less.
+    pub fn uncount(&mut self, id: u32, object: u32) {
+        if let Some(counts) = self.by_id.get_mut(&id)
+            && let Some((_, count)) = counts.iter_mut().find(|(o, _)| *o == object)
+        {
+            *count = count.saturating_sub(1);
+        }
+    }
+
+    /// Forgets an id in an object; returns how often it was counted.
+    pub fn forget(&mut self, id: u32, object: u32) -> u32 {
+        let Some(counts) = self.by_id.get_mut(&id) else { return 0 };
+        let count = counts.iter().find(|(o, _)| *o == object).map_or(0, |&(_, count)| count);
+        counts.retain(|(o, _)| *o != object);
+        if counts.is_empty() {
+            self.by_id.remove(&id);
+        }
+        count
     }
 
     /// Forgets the boxes of an object.
     pub fn remove(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
         for id in boxes.iter().filter_map(|&b| observations.boxes[b as usize].id) {
-            if let Some(counts) = self.by_id.get_mut(&id) {
-                counts.retain(|(o, _)| *o != object);
-            }
+            self.forget(id, object);
         }
     }
 

@@ -50,14 +50,25 @@ impl SceneStatistics {
     pub fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
         let per_frame = observations.boxes.len() as f64 / observations.cameras.len().max(1) as f64;
         Self {
-            edge_sd: FIRST_EDGE_SD,
-            pixel_sd,
-            log_clutter_rate: (per_frame * FIRST_CLUTTER_SHARE).max(0.05).ln(),
+            log_clutter_rate: first_log_clutter_rate(per_frame),
             log_sizes: given_sizes,
-            volume: f64::INFINITY,
-            objects: 1.0,
             hidden: vec![[false; 4]; observations.boxes.len()],
             shifts: vec![Vector2::zeros(); observations.cameras.len()],
+            ..Self::unlearnt(pixel_sd)
+        }
+    }
+
+    /// Before there is any box.
+    pub fn unlearnt(pixel_sd: f64) -> Self {
+        Self {
+            edge_sd: FIRST_EDGE_SD,
+            pixel_sd,
+            log_clutter_rate: first_log_clutter_rate(0.0),
+            log_sizes: Vec::new(),
+            volume: f64::INFINITY,
+            objects: 1.0,
+            hidden: Vec::new(),
+            shifts: Vec::new(),
             shift_sd: LARGEST_SHIFT_SD,
         }
     }
@@ -141,6 +152,11 @@ impl SceneStatistics {
             }
         }
     }
+}
+
+/// Logarithm of the number of clutter boxes per frame before any object is known.
+pub(crate) fn first_log_clutter_rate(boxes_per_frame: f64) -> f64 {
+    (boxes_per_frame * FIRST_CLUTTER_SHARE).max(0.05).ln()
 }
 
 /// The volume in which objects may be; `None` where there is no object.

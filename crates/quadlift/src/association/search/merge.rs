@@ -13,17 +13,17 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::quantile;
 
 /// Objects are tried as one when their centres are nearer than this many times the sum of their radii.
-const NEAR: f64 = 1.2;
+pub(crate) const NEAR: f64 = 1.2;
 
 /// Share of the smaller object's frames in which both may be seen, at most.
-const SHARED_FRAMES: f64 = 0.5;
+pub(crate) const SHARED_FRAMES: f64 = 0.5;
 
 /// Centres nearer than this many semi-axes of each other's bodies are taken for duplicates,
-const SAME_PLACE: f64 = 0.5;
+pub(crate) const SAME_PLACE: f64 = 0.5;
 /// when the logarithms of the radii differ by less than this,
-const SAME_SIZE: f64 = 0.35;
+pub(crate) const SAME_SIZE: f64 = 0.35;
 /// and the weaker one has less than this share of the other's views.
-const FEWER_VIEWS: f64 = 0.6;
+pub(crate) const FEWER_VIEWS: f64 = 0.6;
 
 /// Merges objects whose union has more evidence than they have apart, the nearest first.
 pub(crate) fn merge(
@@ -90,11 +90,7 @@ pub(crate) fn drop_nested(
     objects: Vec<Object>,
 ) -> Vec<Object> {
     let own_evidence: Vec<f64> = objects.iter().map(|o| evidence(&context.rate, observations, statistics, o)).collect();
-    // The centre of one in semi-axes of the other.
-    let inside = |a: &Object, b: &Object| {
-        let within = |body: &Object, d: Vector3<f64>| body.root.lu().solve(&d).map_or(f64::INFINITY, |x| x.norm());
-        within(a, b.center - a.center).max(within(b, b.center - a.center))
-    };
+    let inside = |a: &Object, b: &Object| within(a, &b.center).max(within(b, &a.center));
     let most_views = objects.iter().map(|o| o.boxes.len()).max().unwrap_or(0) as f64;
     let has_few = |object: &Object| (object.boxes.len() as f64) < FEWER_VIEWS * most_views;
     let mut gone = vec![false; objects.len()];
@@ -109,6 +105,11 @@ pub(crate) fn drop_nested(
         }
     }
     objects.into_iter().zip(gone).filter(|(_, gone)| !gone).map(|(object, _)| object).collect()
+}
+
+/// How far a point is from the centre of a body, in its semi-axes.
+pub(crate) fn within(body: &Object, point: &Vector3<f64>) -> f64 {
+    body.root.lu().solve(&(point - body.center)).map_or(f64::INFINITY, |x| x.norm())
 }
 
 /// Pairs of objects of one category that are near each other, with how far they are apart; `is_open` holds for one of

@@ -23,7 +23,7 @@ use crate::parallel::map_indices;
 const FIRST_ROUNDS: usize = 2;
 
 /// Slack of edges in pixels: as much as costs little evidence.
-const PIXEL_SDS: [f64; 3] = [2.0, 4.0, 8.0];
+pub(crate) const PIXEL_SDS: [f64; 3] = [2.0, 4.0, 8.0];
 
 /// Rounds in which it is tried whether more slack is worth a search of its own.
 const TRIAL_ROUNDS: usize = 2;

@@ -1,0 +1,185 @@
+//! New objects from boxes that belong to none, in pairs with those of the last frames.
+
+use super::map::ObjectMap;
+use super::observe::Current;
+use super::recent::RecentBox;
+use super::tracked::Tracked;
+use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
+use super::views::KeptView;
+use crate::association::input::observations::{BoxObservation, Camera};
+use crate::association::score::fit::{Start, fit};
+use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
+use crate::association::score::object::is_visible;
+use crate::association::score::rays::{Sphere, pair_sphere};
+
+/// Disagreement of the boxes of a new object, at most.
+const LARGEST_DISAGREEMENT: f64 = 6.0;
+
+/// The most pairs of boxes that are tested for a frame, and at least for each box.
+const MOST_PAIRS: usize = 100_000;
+const LEAST_PAIRS: usize = 20;
+
+/// New objects of a frame, at most: each costs fits.
+const MOST_BIRTHS: usize = 500;
+
+/// Two boxes that may show one object: box of the frame, recent frame and box in it.
+struct BoxPair {
+    disagreement: f64,
+    new: u32,
+    old: (usize, usize),
+    sphere: Sphere,
+}
+
+impl ObjectMap {
+    /// Begins new objects from the free boxes of the frame.
+    pub(super) fn begin_objects(&mut self, current: &mut Current, update: &mut FrameUpdate) {
+        let mut pairs = self.box_pairs(current);
+        let place = |pair: &BoxPair| (pair.new, pair.old);
+        pairs.sort_by(|a, b| a.disagreement.total_cmp(&b.disagreement).then(place(a).cmp(&place(b))));
+        let mut taken_new: Vec<u32> = Vec::new();
+        for pair in pairs {
+            if taken_new.len() >= MOST_BIRTHS {
+                break;
+            }
+            if taken_new.contains(&pair.new) {
+                continue;
+            }
+            let old = &self.recent[pair.old.0].boxes[pair.old.1];
+            if old.owner.is_some() {
+                continue;
+            }
+            let views = vec![old.view.clone(), current.views[pair.new as usize].clone()];
+            let (observations, statistics) = self.gather(&views);
+            let start = Start::sphere(pair.sphere.center, pair.sphere.log_radius.exp());
+            let Some(object) = fit(&observations, &statistics, vec![0, 1], &[start]) else { continue };
+            let first_time = self.recent[pair.old.0].time;
+            let id = ObjectId(self.next_id);
+            self.next_id += 1;
+            let tracked = Tracked::new(id, object, views, [first_time, current.time]);
+            tracked.views.iter().for_each(|view| self.keyframes.hold(view.keyframe));
+            self.recent[pair.old.0].boxes[pair.old.1].owner = Some(id);
+            taken_new.push(pair.new);
+            update.objects[current.views[pair.new as usize].detection as usize] = Some(id);
+            self.add_object(tracked, update);
+        }
+        current.free.retain(|index| !taken_new.contains(index));
+    }
+
+    /// Pairs of free boxes that may show one object.
+    fn box_pairs(&self, current: &Current) -> Vec<BoxPair> {
+        let camera = &current.observations.cameras[0];
+        // The rays of the free boxes of the last frames, the latest first.
+        let mut others: Vec<(&Camera, BoxObservation, (usize, usize))> = Vec::new();
+        let most = (MOST_PAIRS / current.free.len().max(1)).max(LEAST_PAIRS);
+        for (recent, frame) in self.recent.iter().enumerate().rev() {
+            let Some(keyframe) = self.keyframes.get(frame.key) else { continue };
+            let Some(inverse) = keyframe.camera.matrix.fixed_columns::<3>(0).try_inverse() else { continue };
+            for (place, RecentBox { view, .. }) in frame.boxes.iter().enumerate().filter(|(_, b)| b.owner.is_none()) {
+                if others.len() >= most {
+                    break;
+                }
+                let mut observation = view.observation(0, &keyframe.shift);
+                observation.locate(&inverse, keyframe.camera.focal);
+                others.push((&keyframe.camera, observation, (recent, place)));
+            }
+        }
+        let mut pairs = Vec::new();
+        for &new in &current.free {
+            let observation = &current.observations.boxes[new as usize];
+            for (other_camera, other, old) in &others {
+                if other.category != observation.category {
+                    continue;
+                }
+                let Some(pair) = pair_sphere((camera, observation), (other_camera, other)) else { continue };
+                let mut disagreement = pair.disagreement;
+                if let Some(size) = self.running.statistics.log_sizes[observation.category] {
+                    disagreement += 0.5 * ((pair.sphere.log_radius - size.mean) / size.sd).powi(2);
+                }
+                if disagreement < LARGEST_DISAGREEMENT {
+                    if self.weighs_ids() {
+                        disagreement -= self.tally.pair_bonus(observation.id, other.id);
+                    }
+                    pairs.push(BoxPair { disagreement, new, old: *old, sphere: pair.sphere });
+                }
+            }
+        }
+        pairs
+    }
+
+    /// Puts a new object into the map, with the boxes of the last frames that fit it.
+    fn add_object(&mut self, mut tracked: Tracked, update: &mut FrameUpdate) {
+        let slot = match self.free_slots.pop() {
+            Some(slot) => slot,
+            None => {
+                self.slots.push(None);
+                (self.slots.len() - 1) as u32
+            }
+        };
+        let id = tracked.id;
+        self.running.assigned += tracked.views.len() as i64;
+        self.look_back(&mut tracked);
+        let detections: Vec<DetectionRef> =
+            tracked.views[..tracked.views.len() - 1].iter().filter_map(|view| self.detection_of(view)).collect();
+        for view in &tracked.views {
+            if let Some(id) = view.input_id {
+                self.tally.count(id, slot, 1);
+            }
+        }
+        self.slots[slot as usize] = Some(tracked);
+        self.slot_of_id.insert(id, slot);
+        self.index(slot);
+        update.events.push(Event::New { object: id, detections });
+        self.forget_beyond_limit(id, update);
+    }
+
+    /// Gives free boxes of the last frames to an object of two views, the latest first, and counts in which of these frames it
+    /// should be seen.
+    fn look_back(&mut self, tracked: &mut Tracked) {
+        for recent in (0..self.recent.len()).rev() {
+            let key = self.recent[recent].key;
+            let first = tracked.views[0].keyframe;
+            let Some(camera) = self.keyframes.camera(key) else { continue };
+            let Some(prediction) = tracked.object.predict(camera) else { continue };
+            if tracked.is_seen_in(key) {
+                continue;
+            }
+            let boxes = &self.recent[recent].boxes;
+            let places: Vec<usize> = (0..boxes.len()).filter(|&k| boxes[k].owner.is_none()).collect();
+            let (observations, statistics) = self.gather(places.iter().map(|&k| &boxes[k].view));
+            let visible = is_visible(&prediction, camera, observations.least_half_size);
+            let ratios = LogLikelihoodRatios::new(&observations, &statistics);
+            let best = (0..observations.boxes.len())
+                .filter_map(|index| ratios.gain(&tracked.object, &prediction, index).map(|ratio| (index, ratio)))
+                .filter(|(_, ratio)| ratio.value > 0.0)
+                .max_by(|a, b| a.1.value.total_cmp(&b.1.value).then(b.0.cmp(&a.0)));
+            if let Some((index, ratio)) = best {
+                let mut view = boxes[places[index]].view.clone();
+                view.hidden = ratio.hidden;
+                let mut longer = tracked.clone();
+                longer.add_view(view);
+                let (observations, statistics) = self.gather(&longer.views);
+                let start = Start::body(&tracked.object);
+                if let Some(fitted) = fit(&observations, &statistics, longer.object.boxes.clone(), &[start]) {
+                    longer.replace_fit(fitted);
+                    longer.object.visible += 1;
+                    *tracked = longer;
+                    self.keyframes.hold(key);
+                    self.recent[recent].boxes[places[index]].owner = Some(tracked.id);
+                    tracked.first_time = tracked.first_time.min(self.recent[recent].time);
+                    self.running.assigned += 1;
+                    continue;
+                }
+            }
+            // Before it came up it was perhaps not in view yet.
+            if visible && key > first {
+                tracked.object.visible += 1;
+            }
+        }
+    }
+
+    /// A view's detection, for people.
+    pub(super) fn detection_of(&self, view: &KeptView) -> Option<DetectionRef> {
+        let frame = self.keyframes.get(view.keyframe)?.frame.id.clone();
+        Some(DetectionRef { frame, detection: view.detection as usize })
+    }
+}

@@ -1,0 +1,116 @@
+//! What an object map observes: posed images and the detections in them.
+
+use nalgebra::Vector2;
+
+use crate::geometry::{BoundingBox, Camera, Projection};
+use crate::scene;
+use crate::solve::PoseNoise;
+
+/// A posed image at an instant.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Its id, by which [`super::ObjectMap::update_poses`] finds it again.
+    pub id: String,
+    /// Time in seconds, from any origin. It never goes back.
+    pub time: f64,
+    /// World to pixels; where there is a lens, to those of its pinhole camera ([`Camera::pinhole`]).
+    pub projection: Projection,
+    /// Width and height of the image in pixels, where known.
+    pub image_size: Option<Vector2<f64>>,
+    /// The camera that made the image, where it has lens distortion.
+    pub lens: Option<Camera>,
+    /// Standard deviations of the pose, where known.
+    pub pose_noise: Option<PoseNoise>,
+}
+
+impl Frame {
+    /// A frame of a scene, at some time.
+    pub fn of_scene(frame: &scene::Frame, time: f64) -> Self {
+        Self {
+            id: frame.id.clone(),
+            time,
+            projection: frame.projection,
+            image_size: frame.image_size,
+            lens: frame.lens,
+            pose_noise: None,
+        }
+    }
+
+    /// The frame as a scene has it.
+    pub(super) fn to_scene(&self) -> scene::Frame {
+        scene::Frame { id: self.id.clone(), projection: self.projection, image_size: self.image_size, lens: self.lens }
+    }
+}
+
+/// A detection in a frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Detection<'a> {
+    /// The box in the image as it is, pixels.
+    pub bounding_box: BoundingBox,
+    /// Category.
+    pub category: Option<&'a str>,
+    /// Score of the detector, in [0, 1] by custom.
+    pub score: Option<f64>,
+    /// Id of the object, of a tracker for example.
+    pub id: Option<&'a str>,
+}
+
+impl Detection<'_> {
+    /// A detection of which only the box is known.
+    pub fn from_box(bounding_box: BoundingBox) -> Self {
+        Self { bounding_box, category: None, score: None, id: None }
+    }
+}
+
+/// Why a frame was not taken. The map is as it was before.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ObserveError {
+    /// A frame of this id is in the map.
+    #[error("frame {0:?} was observed before")]
+    DuplicateFrame(String),
+    /// The time is not a number.
+    #[error("the time of frame {0:?} is not a finite number")]
+    Time(String),
+    /// The time is earlier than that of the frame before.
+    #[error(
+        "frame {id:?} is of time {time}, but the frame before it is of time {last}; expected frames in the order of time"
+    )]
+    TimeWentBack {
+        /// Id of the frame.
+        id: String,
+        /// Its time.
+        time: f64,
+        /// The time of the last frame.
+        last: f64,
+    },
+    /// The image size is not positive.
+    #[error("the image size of frame {id:?} is {width} x {height}; expected positive numbers")]
+    ImageSize {
+        /// Id of the frame.
+        id: String,
+        /// Width.
+        width: f64,
+        /// Height.
+        height: f64,
+    },
+    /// The projection has no centre in the world.
+    #[error("the camera of frame {0:?} has no finite centre")]
+    NoCenter(String),
+    /// Too many detections.
+    #[error("frame {id:?} has {count} detections; expected {} at most", super::MAX_DETECTIONS)]
+    TooManyDetections {
+        /// Id of the frame.
+        id: String,
+        /// Number of its detections.
+        count: usize,
+    },
+    /// The score of a detection is not a number.
+    #[error("the score of detection {detection} of frame {id:?} is not a finite number")]
+    Score {
+        /// Id of the frame.
+        id: String,
+        /// Index of the detection.
+        detection: usize,
+    },
+}

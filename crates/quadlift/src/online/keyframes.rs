@@ -1,0 +1,77 @@
+//! Frames that the views of objects refer to.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Vector2, Vector3};
+
+use super::input::Frame;
+use crate::association::input::observations::Camera;
+
+/// A frame that some kept view refers to, or that is recent.
+#[derive(Debug, Clone)]
+pub(super) struct Keyframe {
+    pub frame: Frame,
+    pub camera: Camera,
+    /// Shift of its boxes against the map, pixels, which is taken off them.
+    pub shift: Vector2<f64>,
+    /// Views and lists that refer to it.
+    pub references: u32,
+}
+
+impl Keyframe {
+    /// The frame in a map with this origin; `extent` is the size of the image where it is not known.
+    pub fn new(frame: Frame, origin: &Vector3<f64>, extent: Vector2<f64>) -> Self {
+        let center = frame.projection.center_in_world().map_or(*origin, |c| c.coords);
+        let camera = Camera::new(&frame.projection, &center, origin, frame.image_size.unwrap_or(extent));
+        Self { frame, camera, shift: Vector2::zeros(), references: 0 }
+    }
+}
+
+/// Frames by keys that grow with time.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Keyframes {
+    by_key: BTreeMap<u64, Keyframe>,
+}
+
+impl Keyframes {
+    pub fn insert(&mut self, key: u64, keyframe: Keyframe) {
+        self.by_key.insert(key, keyframe);
+    }
+
+    pub fn get(&self, key: u64) -> Option<&Keyframe> {
+        self.by_key.get(&key)
+    }
+
+    pub fn get_mut(&mut self, key: u64) -> Option<&mut Keyframe> {
+        self.by_key.get_mut(&key)
+    }
+
+    pub fn camera(&self, key: u64) -> Option<&Camera> {
+        self.by_key.get(&key).map(|k| &k.camera)
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = (u64, &Keyframe)> {
+        self.by_key.iter().map(|(&key, keyframe)| (key, keyframe))
+    }
+
+    pub fn len(&self) -> usize {
+        self.by_key.len()
+    }
+
+    /// One reference more.
+    pub fn hold(&mut self, key: u64) {
+        if let Some(keyframe) = self.by_key.get_mut(&key) {
+            keyframe.references += 1;
+        }
+    }
+
+    /// One reference less; without any the frame is forgotten.
+    pub fn release(&mut self, key: u64) {
+        if let Some(keyframe) = self.by_key.get_mut(&key) {
+            keyframe.references = keyframe.references.saturating_sub(1);
+            if keyframe.references == 0 {
+                self.by_key.remove(&key);
+            }
+        }
+    }
+}

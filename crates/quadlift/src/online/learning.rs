@@ -1,0 +1,108 @@
+//! Noise, clutter and sizes, learnt from a sample of the objects whenever the map has grown.
+
+use super::map::ObjectMap;
+use super::tracked::{Presence, Tracked};
+use crate::association::score::evidence::evidence;
+use crate::association::score::fit::{Start, fit};
+use crate::association::score::object::Object;
+use crate::association::score::scene_statistics::volume_of;
+use crate::association::search::passes::PIXEL_SDS;
+use crate::tuning::MIN_EVIDENCE_SHARE;
+
+/// Statistics are learnt again when objects have so many times as many boxes.
+const LEARNING_GROWTH: f64 = 1.1;
+
+/// The slack of edges is chosen again when objects have so many times as many boxes.
+const SLACK_GROWTH: f64 = 2.0;
+
+/// Objects that are looked at for noise and sizes, and for the slack, at most; evenly over the map.
+const SAMPLE: usize = 128;
+const SLACK_SAMPLE: usize = 24;
+
+impl ObjectMap {
+    /// Learns the statistics of the map where it has grown enough.
+    pub(super) fn learn_if_due(&mut self) {
+        self.running.learn_clutter();
+        if self.running.assigned < self.running.next_learning {
+            return;
+        }
+        self.running.next_learning = (LEARNING_GROWTH * self.running.assigned as f64) as i64 + 1;
+        self.learn();
+        if self.options.pixel_sd.is_none() && self.running.assigned >= self.running.next_slack {
+            self.running.next_slack = (SLACK_GROWTH * self.running.assigned as f64) as i64;
+            self.choose_slack();
+        }
+    }
+
+    /// Objects with enough views, at most so many, evenly over the map.
+    fn sample(&self, most: usize) -> Vec<&Tracked> {
+        let enough = |t: &&Tracked| t.object.views() >= self.options.min_views;
+        let all: Vec<&Tracked> = self.tracked().filter(enough).collect();
+        let step = all.len().div_ceil(most).max(1);
+        all.into_iter().step_by(step).collect()
+    }
+
+    /// The objects of a sample with their boxes in one list.
+    fn learn(&mut self) {
+        let sample = self.sample(SAMPLE);
+        let count = self.tracked().filter(|t| t.object.views() >= self.options.min_views).count();
+        let (observations, statistics) = self.gather(sample.iter().flat_map(|t| &t.views));
+        let mut next = 0;
+        let objects: Vec<Object> = sample
+            .iter()
+            .map(|t| {
+                let first = next;
+                next += t.views.len() as u32;
+                Object { boxes: (first..next).collect(), ..t.object.clone() }
+            })
+            .collect();
+        let mut learnt = statistics;
+        learnt.learn_edge_sd(&observations, &objects);
+        learnt.learn_sizes(&self.running.given_sizes, objects.iter());
+        if let Some(volume) = volume_of(&observations, &objects) {
+            learnt.volume = volume;
+        }
+        learnt.objects = count as f64;
+        learnt.hidden.clear();
+        self.running.statistics = learnt;
+    }
+
+    /// Chooses the slack of edges as batch does: as much as costs little evidence.
+    fn choose_slack(&mut self) {
+        let sample: Vec<Tracked> =
+            self.sample(SLACK_SAMPLE).into_iter().filter(|t| t.presence == Presence::Confirmed).cloned().collect();
+        if sample.is_empty() {
+            return;
+        }
+        let (mut chosen, mut best) = (PIXEL_SDS[0], self.evidence_with_slack(&sample, PIXEL_SDS[0]));
+        for slack in &PIXEL_SDS[1..] {
+            let evidence = self.evidence_with_slack(&sample, *slack);
+            if evidence < MIN_EVIDENCE_SHARE.get() * best {
+                break;
+            }
+            (chosen, best) = (*slack, evidence);
+        }
+        if chosen != self.running.statistics.pixel_sd {
+            self.running.statistics.pixel_sd = chosen;
+            self.learn();
+        }
+    }
+
+    /// Evidence of some objects, fitted and with noise learnt at a slack of edges.
+    fn evidence_with_slack(&self, sample: &[Tracked], slack: f64) -> f64 {
+        let (observations, mut statistics) = self.gather(sample.iter().flat_map(|t| &t.views));
+        statistics.pixel_sd = slack;
+        let mut next = 0;
+        let fitted: Vec<Object> = sample
+            .iter()
+            .filter_map(|t| {
+                let first = next;
+                next += t.views.len() as u32;
+                let fitted = fit(&observations, &statistics, (first..next).collect(), &[Start::body(&t.object)])?;
+                Some(Object { forgotten: t.object.forgotten, visible: t.object.visible, ..fitted })
+            })
+            .collect();
+        statistics.learn_edge_sd(&observations, &fitted);
+        fitted.iter().map(|o| evidence(&self.running.rate, &observations, &statistics, o).max(0.0)).sum()
+    }
+}

@@ -1,0 +1,231 @@
+//! From the first boxes of an object to its end: evidence confirms it, clear views without a detection speak against it.
+
+use super::map::ObjectMap;
+use super::matching::{Matched, Seen};
+use super::observe::Current;
+use super::tracked::{DETECTED_LOG_ODDS, Presence, Tracked};
+use super::update::{Event, FrameUpdate, ObjectId, Removal};
+use crate::association::IdUse;
+use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
+use crate::association::score::object::Prediction;
+
+/// Tentative objects are dropped when they have been missed more often than this, and than they were detected.
+const MOST_MISSES: usize = 4;
+
+/// Logarithm of the odds below which an object is gone. With [`DETECTED_LOG_ODDS`] a detector that misses one object in five
+/// must miss it eight times in a row: by chance once in 400,000 views.
+const GONE_LOG_ODDS: f64 = -5.5;
+
+/// An object is clearly in view where so much of its predicted box is inside of the image,
+const CLEAR_SHARE: f64 = 0.7;
+/// the box is so many times as large as the smallest that is expected to be detected,
+const CLEAR_SIZE: f64 = 1.5;
+/// and no box of the frame covers more of it than this.
+const MOST_COVERED: f64 = 0.2;
+
+/// Its own share of detections counts as so many views of the map's.
+const SHARE_WEIGHT: f64 = 4.0;
+
+/// Range of the share of clear views in which an object is detected.
+const SHARE_RANGE: [f64; 2] = [0.05, 0.97];
+
+/// Expected detections from which on a frame without any of them contradicts the map, and how improbable that must be.
+const MIN_EXPECTED: usize = 3;
+const DISAGREES_BELOW: f64 = -12.0;
+
+impl ObjectMap {
+    /// The evidence of an object's kept views against clutter, nats.
+    pub(super) fn evidence_of(&self, tracked: &Tracked) -> f64 {
+        let (observations, statistics) = self.gather(&tracked.views);
+        evidence(&self.running.rate, &observations, &statistics, &tracked.object)
+    }
+
+    /// The number of objects that should be detected where none of them is, which contradicts the map.
+    pub(super) fn disagreement(&self, matched: &Matched, boxes: usize) -> Option<usize> {
+        if boxes == 0 {
+            return None;
+        }
+        let is_matched = |seen: &Seen| matched.pairs.iter().any(|(slot, ..)| *slot == seen.slot);
+        let confirmed = |seen: &&Seen| self.slot(seen.slot).is_some_and(|t| t.presence == Presence::Confirmed);
+        let (mut expected, mut log_probability) = (0, 0.0);
+        for seen in matched.seen.iter().filter(confirmed) {
+            if is_matched(seen) {
+                return None;
+            }
+            if let Some(tracked) = self.slot(seen.slot) {
+                expected += 1;
+                log_probability += (1.0 - self.share_of(tracked)).ln();
+            }
+        }
+        (expected >= MIN_EXPECTED && log_probability < DISAGREES_BELOW).then_some(expected)
+    }
+
+    /// Probability that an object is detected in a clear view.
+    fn share_of(&self, tracked: &Tracked) -> f64 {
+        let usual = self.running.detection_share();
+        let own = f64::from(tracked.clear_detected) + SHARE_WEIGHT * usual;
+        (own / (f64::from(tracked.clear) + SHARE_WEIGHT)).clamp(SHARE_RANGE[0], SHARE_RANGE[1])
+    }
+
+    /// What the detections of a frame, and the lack of them, say of its objects.
+    pub(super) fn after_matching(
+        &mut self,
+        current: &Current,
+        matched: &Matched,
+        taken: &[(u32, u32)],
+        update: &mut FrameUpdate,
+    ) {
+        for &(slot, _) in taken {
+            self.after_detection(slot, update);
+        }
+        let detected = |slot: u32| taken.iter().any(|(other, _)| *other == slot);
+        for seen in &matched.seen {
+            let is_detected = detected(seen.slot);
+            let is_clear = is_clear(current, &seen.prediction, is_detected);
+            if is_clear {
+                self.count_clear_view(seen.slot, is_detected);
+            }
+            if !is_detected {
+                self.after_miss(seen.slot, is_clear, update);
+            }
+        }
+    }
+
+    fn count_clear_view(&mut self, slot: u32, detected: bool) {
+        let Some(tracked) = self.slot_mut(slot).filter(|t| t.presence == Presence::Confirmed) else { return };
+        tracked.clear += 1;
+        tracked.clear_detected += u32::from(detected);
+        self.running.clear += 1.0;
+        self.running.clear_detected += f64::from(u8::from(detected));
+    }
+
+    pub(super) fn after_detection(&mut self, slot: u32, update: &mut FrameUpdate) {
+        let Some(tracked) = self.slot(slot) else { return };
+        let id = tracked.id;
+        let confirms = tracked.presence == Presence::Tentative && self.is_certain(tracked);
+        let Some(tracked) = self.slot_mut(slot) else { return };
+        tracked.missed = 0;
+        match tracked.presence {
+            Presence::Tentative if confirms => {
+                tracked.presence = Presence::Confirmed;
+                tracked.log_odds = DETECTED_LOG_ODDS;
+                update.events.push(Event::Confirmed { object: id });
+            }
+            Presence::Tentative => (),
+            Presence::Confirmed => tracked.log_odds = DETECTED_LOG_ODDS,
+            Presence::Gone => {
+                tracked.presence = Presence::Confirmed;
+                tracked.log_odds = DETECTED_LOG_ODDS;
+                update.events.push(Event::Returned { object: id });
+            }
+        }
+    }
+
+    /// Whether a tentative object has enough views and evidence.
+    fn is_certain(&self, tracked: &Tracked) -> bool {
+        tracked.object.views() >= self.options.min_views
+            && (self.options.ids == IdUse::Trust && tracked.object.trusted_id.is_some()
+                || self.evidence_of(tracked) > MIN_EVIDENCE)
+    }
+
+    fn after_miss(&mut self, slot: u32, is_clear: bool, update: &mut FrameUpdate) {
+        let Some(tracked) = self.slot(slot) else { return };
+        let id = tracked.id;
+        let views = tracked.object.views();
+        let misses = tracked.object.visible.saturating_sub(views);
+        let weak = match tracked.presence {
+            Presence::Tentative => misses > MOST_MISSES.max(views),
+            // Many misses speak against a weak object, wherever they come from.
+            Presence::Confirmed => misses.is_multiple_of(MOST_MISSES) && self.evidence_of(tracked) <= MIN_EVIDENCE,
+            Presence::Gone => false,
+        };
+        if weak {
+            self.remove_slot(slot, Removal::Weak, update);
+            return;
+        }
+        if !is_clear || tracked.presence != Presence::Confirmed {
+            return;
+        }
+        let share = self.share_of(tracked);
+        let Some(tracked) = self.slot_mut(slot) else { return };
+        tracked.missed += 1;
+        tracked.log_odds += (1.0 - share).ln();
+        if tracked.log_odds < GONE_LOG_ODDS {
+            tracked.presence = Presence::Gone;
+            update.events.push(Event::Removed { object: id, reason: Removal::Gone });
+        }
+    }
+
+    /// Removes an object from the map.
+    ///
+    /// Its id is not used again. Returns whether there was such an object.
+    pub fn remove(&mut self, id: ObjectId) -> bool {
+        let slot = self.slot_of_id.get(&self.resolve(id)).copied();
+        slot.is_some_and(|slot| {
+            self.remove_slot(slot, Removal::User, &mut FrameUpdate::default());
+            true
+        })
+    }
+
+    pub(super) fn remove_slot(&mut self, slot: u32, reason: Removal, update: &mut FrameUpdate) {
+        let Some(tracked) = self.take_slot(slot) else { return };
+        self.running.assigned -= tracked.object.views() as i64;
+        for view in &tracked.views {
+            self.set_owner(view, None);
+            self.keyframes.release(view.keyframe);
+        }
+        for object in &mut update.objects {
+            if *object == Some(tracked.id) {
+                *object = None;
+            }
+        }
+        self.aliases.retain(|_, older| *older != tracked.id);
+        update.events.push(Event::Removed { object: tracked.id, reason });
+    }
+
+    /// Takes an object out of its slot, without its views.
+    pub(super) fn take_slot(&mut self, slot: u32) -> Option<Tracked> {
+        let tracked = self.slots.get_mut(slot as usize)?.take()?;
+        self.visibility.remove(slot);
+        self.slot_of_id.remove(&tracked.id);
+        self.free_slots.push(slot);
+        Self::forget_ids(&mut self.tally, slot, &tracked.input_ids);
+        Some(tracked)
+    }
+
+    /// Forgets objects while there are more than the map may keep; not the newest one.
+    pub(super) fn forget_beyond_limit(&mut self, newest: ObjectId, update: &mut FrameUpdate) {
+        while self.slot_of_id.len() > self.options.max_objects {
+            let rank = |t: &&Tracked| {
+                let kind = match t.presence {
+                    Presence::Tentative => 0,
+                    Presence::Gone => 1,
+                    Presence::Confirmed => 2,
+                };
+                (kind, t.last_keyframe, t.id)
+            };
+            let Some(last) = self.tracked().filter(|t| t.id != newest).min_by_key(rank).map(|t| t.id) else { return };
+            let slot = self.slot_of_id[&last];
+            self.remove_slot(slot, Removal::Forgotten, update);
+        }
+    }
+}
+
+/// Whether an object with this prediction could not be overlooked in the frame.
+fn is_clear(current: &Current, prediction: &Prediction, is_detected: bool) -> bool {
+    let camera = &current.observations.cameras[0];
+    let [x0, y0, x1, y1] = prediction.edges;
+    let [w, h] = prediction.size();
+    let inside = (x1.min(camera.size.x) - x0.max(0.0)).max(0.0) * (y1.min(camera.size.y) - y0.max(0.0)).max(0.0);
+    let is_large = 0.25 * (w + h) >= CLEAR_SIZE * current.observations.least_half_size;
+    if inside < CLEAR_SHARE * w * h || !is_large {
+        return false;
+    }
+    // Its own box covers it where it is detected; what else does was no hindrance then.
+    is_detected
+        || current.observations.boxes.iter().all(|b| {
+            let [bx0, by0, bx1, by1] = b.edges;
+            let covered = (x1.min(bx1) - x0.max(bx0)).max(0.0) * (y1.min(by1) - y0.max(by0)).max(0.0);
+            covered <= MOST_COVERED * w * h
+        })
+}

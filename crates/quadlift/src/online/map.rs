@@ -1,0 +1,295 @@
+//! The object map.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+
+use nalgebra::{Point3, Vector3};
+
+use super::keyframes::Keyframes;
+use super::options::OnlineOptions;
+use super::recent::RecentFrame;
+use super::running::Running;
+use super::tracked::{Presence, Tracked};
+use super::update::ObjectId;
+use super::views::KeptView;
+use super::visibility::VisibilityIndex;
+use crate::association::input::observations::{Camera, Observations};
+use crate::association::score::input_ids::IdTally;
+use crate::association::score::scene_statistics::SceneStatistics;
+use crate::association::{AssociateError, IdUse};
+use crate::geometry::Ellipsoid;
+
+/// Slack of edges in pixels before there is evidence for another one.
+const FIRST_PIXEL_SD: f64 = 2.0;
+
+/// Room for errors of the range within which an object is looked for.
+const RANGE_MARGIN: f64 = 1.2 * 1.3;
+
+/// A map of objects that is updated frame by frame.
+///
+/// ```
+/// use nalgebra::Matrix3x4;
+/// use quadlift::geometry::{BoundingBox, Projection};
+/// use quadlift::online::{Detection, Frame, ObjectMap, OnlineOptions};
+///
+/// let mut map = ObjectMap::new(OnlineOptions::default())?;
+/// // A camera moves to the right, 5 m before a cup.
+/// for k in 0..12 {
+///     let x = -1.5 + 0.25 * f64::from(k);
+///     let p = Matrix3x4::new(500.0, 0.0, 320.0, -500.0 * x, 0.0, 500.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0);
+///     let frame = Frame {
+///         id: format!("{k}.jpg"),
+///         time: f64::from(k) / 10.0,
+///         projection: Projection::from_matrix(p)?,
+///         image_size: Some([640.0, 480.0].into()),
+///         lens: None,
+///         pose_noise: None,
+///     };
+///     let u = 320.0 - 100.0 * x;
+///     let detection = Detection::from_box(BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0])?);
+///     let update = map.observe(&frame, &[detection])?;
+///     println!("{}: {:?} {:?}", frame.id, update.objects, update.events);
+/// }
+/// let cup = map.objects().next().expect("the cup is in the map");
+/// assert!((cup.ellipsoid.center.z - 5.0).abs() < 0.5, "{:?}", cup.ellipsoid);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct ObjectMap {
+    pub(super) options: OnlineOptions,
+    /// Key of the next frame.
+    pub(super) next_key: u64,
+    /// Time and id of the last frame.
+    pub(super) last: Option<(f64, String)>,
+    /// What is taken off the world's coordinates: the centre of the first camera.
+    pub(super) origin: Vector3<f64>,
+    /// Names of the categories; detections without one have a category of their own.
+    pub(super) categories: Vec<Option<String>>,
+    pub(super) category_of_name: HashMap<String, u32>,
+    pub(super) no_category: Option<u32>,
+    pub(super) input_ids: InputIds,
+    pub(super) tally: IdTally,
+    pub(super) running: Running,
+    pub(super) keyframes: Keyframes,
+    /// The last frames, whose boxes may still change their object.
+    pub(super) recent: VecDeque<RecentFrame>,
+    /// Objects by slots, which are used again.
+    pub(super) slots: Vec<Option<Tracked>>,
+    pub(super) free_slots: Vec<u32>,
+    pub(super) slot_of_id: BTreeMap<ObjectId, u32>,
+    /// Objects that were merged into others.
+    pub(super) aliases: BTreeMap<ObjectId, ObjectId>,
+    pub(super) visibility: VisibilityIndex,
+    /// Range of visibility of an object of unit size, when the index was made.
+    pub(super) indexed_range: f64,
+    pub(super) next_id: u64,
+    /// Frames in a row that contradicted the map.
+    pub(super) disagreeing: u32,
+    /// Numbers of views at which pairs of objects were tried as one.
+    pub(super) tried_pairs: HashMap<(u64, u64), (usize, usize)>,
+}
+
+/// Names of input ids, as numbers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct InputIds {
+    pub number_of_name: HashMap<String, u32>,
+    pub next: u32,
+}
+
+/// An object of a map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapObject {
+    /// Its id.
+    pub id: ObjectId,
+    /// How certain the map is of it.
+    pub presence: Presence,
+    /// Probability that it is where it is: evidence of its detections, and of clear views without one.
+    pub existence: f64,
+    /// Evidence of its kept views against clutter (nats).
+    pub evidence: f64,
+    /// The quick fit of the association, in the world; [`ObjectMap::localize`] gives a better one, with a covariance.
+    pub ellipsoid: Ellipsoid,
+    /// Share of its detections in each category, the most frequent first.
+    pub categories: Vec<(Option<String>, f64)>,
+    /// Number of its detections.
+    pub detections: usize,
+    /// Number of frames in which it should be detected, if nothing hides it.
+    pub expected_views: usize,
+    /// Number of views that are kept of it.
+    pub kept_views: usize,
+    /// Time of its first detection, seconds.
+    pub first_seen: f64,
+    /// Time of its last detection, seconds.
+    pub last_seen: f64,
+}
+
+impl ObjectMap {
+    /// An empty map.
+    ///
+    /// # Errors
+    /// [`AssociateError::OutOfRange`] names the first option that is outside of its range.
+    pub fn new(options: OnlineOptions) -> Result<Self, AssociateError> {
+        options.validate()?;
+        let running = Running::new(options.pixel_sd.unwrap_or(FIRST_PIXEL_SD));
+        Ok(Self {
+            tally: IdTally::new(options.wrong_id_share),
+            options,
+            next_key: 0,
+            last: None,
+            origin: Vector3::zeros(),
+            categories: Vec::new(),
+            category_of_name: HashMap::new(),
+            no_category: None,
+            input_ids: InputIds::default(),
+            running,
+            keyframes: Keyframes::default(),
+            recent: VecDeque::new(),
+            slots: Vec::new(),
+            free_slots: Vec::new(),
+            slot_of_id: BTreeMap::new(),
+            aliases: BTreeMap::new(),
+            visibility: VisibilityIndex::default(),
+            indexed_range: 0.0,
+            next_id: 1,
+            disagreeing: 0,
+            tried_pairs: HashMap::new(),
+        })
+    }
+
+    /// The options of the map.
+    pub fn options(&self) -> &OnlineOptions {
+        &self.options
+    }
+
+    /// Number of frames that were observed.
+    pub fn frames(&self) -> u64 {
+        self.running.frames
+    }
+
+    /// Id and time of the last frame.
+    pub fn last_frame(&self) -> Option<(&str, f64)> {
+        self.last.as_ref().map(|(time, id)| (id.as_str(), *time))
+    }
+
+    /// Number of frames that the map keeps, because objects have views of them or they are recent.
+    pub fn keyframes(&self) -> usize {
+        self.keyframes.len()
+    }
+
+    /// Objects of the map, confirmed and gone, in the order of their ids.
+    pub fn objects(&self) -> impl Iterator<Item = MapObject> + '_ {
+        self.tracked().filter(|t| t.presence != Presence::Tentative).filter_map(|t| self.describe(t))
+    }
+
+    /// Objects of which the map is not certain yet, in the order of their ids.
+    pub fn tentative_objects(&self) -> impl Iterator<Item = MapObject> + '_ {
+        self.tracked().filter(|t| t.presence == Presence::Tentative).filter_map(|t| self.describe(t))
+    }
+
+    /// An object by its id, or by the id of an object that was merged into it.
+    pub fn object(&self, id: ObjectId) -> Option<MapObject> {
+        self.slot_of_id.get(&self.resolve(id)).and_then(|&slot| self.slot(slot)).and_then(|t| self.describe(t))
+    }
+
+    /// The object that an object was merged into, or the object itself.
+    pub fn resolve(&self, id: ObjectId) -> ObjectId {
+        let mut id = id;
+        while let Some(&older) = self.aliases.get(&id) {
+            id = older;
+        }
+        id
+    }
+
+    pub(super) fn tracked(&self) -> impl Iterator<Item = &Tracked> + '_ {
+        self.slot_of_id.values().filter_map(|&slot| self.slot(slot))
+    }
+
+    pub(super) fn slot(&self, slot: u32) -> Option<&Tracked> {
+        self.slots.get(slot as usize).and_then(Option::as_ref)
+    }
+
+    pub(super) fn slot_mut(&mut self, slot: u32) -> Option<&mut Tracked> {
+        self.slots.get_mut(slot as usize).and_then(Option::as_mut)
+    }
+
+    fn describe(&self, tracked: &Tracked) -> Option<MapObject> {
+        let object = &tracked.object;
+        let center = Point3::from(object.center + self.origin);
+        let ellipsoid = Ellipsoid::from_shape(center, &(object.root * object.root.transpose())).ok()?;
+        let total: u32 = tracked.categories.iter().map(|&(_, count)| count).sum();
+        let mut categories: Vec<(Option<String>, f64)> = tracked
+            .categories
+            .iter()
+            .map(|&(category, n)| (self.categories[category as usize].clone(), f64::from(n) / f64::from(total.max(1))))
+            .collect();
+        categories.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let evidence = self.evidence_of(tracked);
+        let here = match tracked.presence {
+            Presence::Tentative => evidence,
+            Presence::Confirmed | Presence::Gone => evidence.min(tracked.log_odds),
+        };
+        Some(MapObject {
+            id: tracked.id,
+            presence: tracked.presence,
+            existence: 1.0 / (1.0 + (-here).exp()),
+            evidence,
+            ellipsoid,
+            categories,
+            detections: object.views(),
+            expected_views: object.visible.max(object.views()),
+            kept_views: tracked.views.len(),
+            first_seen: tracked.first_time,
+            last_seen: tracked.last_time,
+        })
+    }
+
+    /// Views as association uses them: their cameras, their boxes in the same order, and the statistics with their hidden edges.
+    pub(super) fn gather<'a>(&self, views: impl IntoIterator<Item = &'a KeptView>) -> (Observations, SceneStatistics) {
+        let mut observations = self.no_observations();
+        let mut statistics = self.running.statistics.clone();
+        for view in views {
+            let Some(keyframe) = self.keyframes.get(view.keyframe) else { continue };
+            let place = observations.cameras.len();
+            observations.cameras.push(Camera { boxes: place..place + 1, ..keyframe.camera.clone() });
+            observations.boxes.push(view.observation(place, &keyframe.shift));
+            statistics.hidden.push(view.hidden);
+        }
+        (observations, statistics)
+    }
+
+    /// Observations of this map without any box.
+    pub(super) fn no_observations(&self) -> Observations {
+        Observations {
+            cameras: Vec::new(),
+            boxes: Vec::new(),
+            categories: vec![None; self.categories.len()],
+            least_half_size: self.running.least_half_size(),
+            origin: self.origin,
+            sizes: self.running.box_sizes(),
+            category_share: self.running.category_share(),
+        }
+    }
+
+    /// Whether ids of detections are evidence.
+    pub(super) fn weighs_ids(&self) -> bool {
+        self.options.ids == IdUse::Evidence && self.input_ids.next > 0
+    }
+
+    /// Puts an object where cameras that may see it find it.
+    pub(super) fn index(&mut self, slot: u32) {
+        let Some(tracked) = self.slots[slot as usize].as_ref() else { return };
+        let range = RANGE_MARGIN * self.indexed_range * tracked.object.longest_semi_axis();
+        self.visibility.put(slot, &tracked.object.center, range);
+    }
+
+    /// Puts all objects into the index anew where they may be seen from farther away than it allows for.
+    pub(super) fn check_index(&mut self) {
+        let range = self.running.longest_focal / self.running.least_half_size().max(1e-9);
+        if range <= self.indexed_range && range > 0.25 * self.indexed_range {
+            return;
+        }
+        self.indexed_range = 1.1 * range;
+        for slot in 0..self.slots.len() as u32 {
+            self.index(slot);
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! Which box of a frame is of which object of the map.
+
+use nalgebra::Vector2;
+
+use super::map::ObjectMap;
+use super::observe::Current;
+use super::tracked::Tracked;
+use super::update::{FrameUpdate, ObjectId};
+use super::views::least_telling;
+use crate::association::score::fit::{Start, fit};
+use crate::association::score::input_ids::IdTally;
+use crate::association::score::log_likelihood_ratio::{LogLikelihoodRatio, LogLikelihoodRatios};
+use crate::association::score::object::{Prediction, is_visible};
+use crate::association::search::assignment::overlaps_image;
+use crate::association::search::candidates::Candidates;
+use crate::association::statistics::STUDENT_T_DOF;
+use crate::optimize::matching::{Pair, best_pairs};
+use crate::solve::PoseNoise;
+
+/// Views that an object needs to say where the boxes of a frame should be.
+const MIN_INFORMATIVE_VIEWS: usize = 4;
+
+/// Shifts that are smaller than this, in pixels, are not worth a second matching.
+pub(super) const LEAST_SHIFT: f64 = 0.25;
+
+/// Below this number of views an object is fitted anew at every box, later when its views have grown by this factor.
+const ALWAYS_FITTED: usize = 12;
+const REFIT_GROWTH: f64 = 1.15;
+
+/// Sum of the squared residuals of a box's four edges, in standard deviations, beyond which its object is fitted anew: 5 % of
+/// boxes where the errors are normal.
+const SURPRISE: f64 = 9.5;
+
+/// An object that the camera should see.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    pub slot: u32,
+    pub prediction: Prediction,
+}
+
+/// The pairs of objects and boxes of a frame.
+#[derive(Debug, Default)]
+pub(super) struct Matched {
+    /// Slot, index of the box, and what it is worth.
+    pub pairs: Vec<(u32, u32, LogLikelihoodRatio)>,
+    /// Objects that should be seen, by slots.
+    pub seen: Vec<Seen>,
+}
+
+impl ObjectMap {
+    /// Pairs boxes with objects, and takes the shift of the frame off its boxes.
+    pub(super) fn match_boxes(&mut self, current: &mut Current, pose_noise: Option<PoseNoise>) -> Matched {
+        let camera = current.observations.cameras[0].clone();
+        let slots = self.visibility.near(&camera.center);
+        let matched = self.pair_up(current, &slots, &|_| None);
+        let given = pose_noise.map_or(0.0, |noise| camera.focal * noise.rotation_sd);
+        let shift_sd = self.running.statistics.shift_sd.hypot(given);
+        let Some((shift, information)) = self.shift_of(current, &matched, shift_sd) else { return matched };
+        self.running.learn_shift(&shift, &information);
+        if shift.norm() < LEAST_SHIFT {
+            return matched;
+        }
+        current.observations.move_boxes(0, &-shift);
+        if let Some(keyframe) = self.keyframes.get_mut(current.key) {
+            keyframe.shift = shift;
+        }
+        self.pair_up(current, &slots, &|_| None)
+    }
+
+    /// The best pairs, as the boxes are; `owner` is the slot of the object that a box belongs to so far.
+    pub(super) fn pair_up(&self, current: &Current, slots: &[u32], owner: &dyn Fn(u32) -> Option<u32>) -> Matched {
+        let (observations, statistics) = (&current.observations, &self.running.statistics);
+        let camera = &observations.cameras[0];
+        let ratios = LogLikelihoodRatios::new(observations, statistics);
+        let candidates = Candidates::new(observations, statistics, &current.free);
+        let weighs_ids = self.weighs_ids();
+        let largest_bonus = if weighs_ids { self.tally.largest_bonus() } else { 0.0 };
+        let alive = self.slot_of_id.len();
+        let (mut pairs, mut gains, mut seen) = (Vec::new(), Vec::new(), Vec::new());
+        for &slot in slots {
+            let Some(tracked) = self.slot(slot) else { continue };
+            let Some(prediction) = tracked.object.predict(camera) else { continue };
+            if is_visible(&prediction, camera, observations.least_half_size) {
+                seen.push(Seen { slot, prediction });
+            }
+            if current.free.is_empty() || !overlaps_image(&prediction.edges, &camera.size) {
+                continue;
+            }
+            let bonus = |index: u32| {
+                let id = observations.boxes[index as usize].id;
+                if weighs_ids { self.tally.bonus(id, slot, owner(index), alive) } else { 0.0 }
+            };
+            for candidate in candidates.best(&ratios, &tracked.object, (camera, &prediction), bonus, largest_bonus) {
+                pairs.push(Pair { row: slot, column: candidate.index, gain: candidate.gain.value });
+                gains.push(candidate.gain);
+            }
+        }
+        let pairs = best_pairs(&pairs).into_iter().map(|k| (pairs[k].row, pairs[k].column, gains[k])).collect();
+        Matched { pairs, seen }
+    }
+
+    /// The most probable shift of the frame's boxes against the map, and the information about it; `None` where no object says
+    /// something.
+    pub(super) fn shift_of(
+        &self,
+        current: &Current,
+        matched: &Matched,
+        sd: f64,
+    ) -> Option<(Vector2<f64>, Vector2<f64>)> {
+        let camera = &current.observations.cameras[0];
+        let prior = 1.0 / (sd * sd);
+        let (mut sum, mut weights) = (Vector2::zeros(), Vector2::repeat(prior));
+        for &(slot, index, ratio) in &matched.pairs {
+            let Some(tracked) = self.slot(slot).filter(|t| t.object.views() >= MIN_INFORMATIVE_VIEWS) else { continue };
+            let observation = &current.observations.boxes[index as usize];
+            let residuals = tracked.object.residuals_px(camera, observation);
+            let information = self.running.statistics.sd(observation).powi(-2);
+            for edge in (0..4).filter(|&e| !observation.cut[e] && !ratio.hidden[e]) {
+                let error = if edge < 2 { -residuals[edge] } else { residuals[edge] };
+                let weight = information * (STUDENT_T_DOF + 1.0) / (STUDENT_T_DOF + error * error * information);
+                sum[edge % 2] += weight * error;
+                weights[edge % 2] += weight;
+            }
+        }
+        // Half of what the spread says on top, as in batch.
+        (weights.x > 1.5 * prior).then(|| (sum.component_div(&weights), weights))
+    }
+
+    /// Gives the boxes to their objects; returns the slots of the objects that the frame shows.
+    pub(super) fn assign(&mut self, current: &mut Current, matched: Matched, update: &mut FrameUpdate) -> Vec<Seen> {
+        for seen in &matched.seen {
+            if let Some(tracked) = self.slot_mut(seen.slot) {
+                tracked.object.visible += 1;
+            }
+        }
+        let mut taken = Vec::with_capacity(matched.pairs.len());
+        for &(slot, index, ratio) in &matched.pairs {
+            current.views[index as usize].hidden = ratio.hidden;
+            if let Some(id) = self.give(slot, current, index) {
+                update.objects[current.views[index as usize].detection as usize] = Some(id);
+                taken.push((slot, index));
+            } else {
+                current.views[index as usize].hidden = [false; 4];
+            }
+        }
+        current.free.retain(|index| !taken.iter().any(|(_, other)| other == index));
+        self.after_matching(current, &matched, &taken, update);
+        matched.seen
+    }
+
+    /// Gives a box of the frame to an object, which is fitted anew where it has few views; `None` when that fails.
+    fn give(&mut self, slot: u32, current: &Current, index: u32) -> Option<ObjectId> {
+        let view = &current.views[index as usize];
+        let mut tracked = self.slots.get_mut(slot as usize)?.take()?;
+        self.keyframes.hold(view.keyframe);
+        tracked.add_view(view.clone());
+        let views = tracked.object.views();
+        let grown = views < ALWAYS_FITTED || views as f64 >= REFIT_GROWTH * tracked.fitted_views as f64;
+        if grown || self.surprise(&tracked, current, index) > SURPRISE {
+            let (observations, statistics) = self.gather(&tracked.views);
+            let start = Start::body(&tracked.object);
+            match fit(&observations, &statistics, tracked.object.boxes.clone(), &[start]) {
+                Some(fitted) => tracked.replace_fit(fitted),
+                None => {
+                    let place = tracked.views.partition_point(|v| v.keyframe < view.keyframe);
+                    tracked.take_view(place);
+                    tracked.uncount(view);
+                    self.keyframes.release(view.keyframe);
+                    self.slots[slot as usize] = Some(tracked);
+                    return None;
+                }
+            }
+        }
+        tracked.last_time = current.time;
+        if let Some(id) = view.input_id {
+            self.tally.count(id, slot, 1);
+        }
+        self.running.assigned += 1;
+        let id = tracked.id;
+        self.slots[slot as usize] = Some(tracked);
+        self.forget_views(slot);
+        self.index(slot);
+        Some(id)
+    }
+
+    /// How far a box is from what its object predicts: the sum of squares over its edges, in standard deviations.
+    fn surprise(&self, tracked: &Tracked, current: &Current, index: u32) -> f64 {
+        let observation = &current.observations.boxes[index as usize];
+        let hidden = current.views[index as usize].hidden;
+        let residuals = tracked.object.residuals_px(&current.observations.cameras[0], observation);
+        let information = self.running.statistics.sd(observation).powi(-2);
+        let two_sided = (0..4).filter(|&e| !observation.cut[e] && !hidden[e]);
+        two_sided.map(|e| residuals[e] * residuals[e] * information).sum()
+    }
+
+    /// Forgets views of an object while it has more than it may keep.
+    pub(super) fn forget_views(&mut self, slot: u32) {
+        let (most, keyframes) = (self.options.max_views, &mut self.keyframes);
+        let Some(tracked) = self.slots.get_mut(slot as usize).and_then(Option::as_mut) else { return };
+        while tracked.views.len() > most {
+            let place = least_telling(&tracked.views, keyframes, &tracked.object.center);
+            let forgotten = tracked.take_view(place);
+            tracked.object.forgotten += 1;
+            keyframes.release(forgotten.keyframe);
+        }
+    }
+
+    /// The number of a category.
+    pub(super) fn category_index(&mut self, name: Option<&str>) -> u32 {
+        let known = match name {
+            Some(name) => self.category_of_name.get(name).copied(),
+            None => self.no_category,
+        };
+        if let Some(known) = known {
+            return known;
+        }
+        let index = self.categories.len() as u32;
+        match name {
+            Some(name) => {
+                self.category_of_name.insert(name.to_owned(), index);
+            }
+            None => self.no_category = Some(index),
+        }
+        let size = name.and_then(|name| crate::association::input::context::given_size(&self.options.priors, name));
+        self.categories.push(name.map(str::to_owned));
+        self.running.add_category(size);
+        index
+    }
+
+    /// The number of an input id, where ids are used.
+    pub(super) fn input_id_number(&mut self, name: &str) -> Option<u32> {
+        if self.options.ids == crate::association::IdUse::Ignore {
+            return None;
+        }
+        if let Some(&number) = self.input_ids.number_of_name.get(name) {
+            return Some(number);
+        }
+        let number = self.input_ids.next;
+        self.input_ids.next += 1;
+        self.input_ids.number_of_name.insert(name.to_owned(), number);
+        Some(number)
+    }
+
+    pub(super) fn forget_ids(tally: &mut IdTally, slot: u32, ids: &[u32]) {
+        for &id in ids {
+            tally.forget(id, slot);
+        }
+    }
+}

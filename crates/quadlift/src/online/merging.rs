@@ -1,0 +1,177 @@
+//! Objects that turn out to be one.
+
+use super::map::ObjectMap;
+use super::matching::Seen;
+use super::tracked::{Presence, Tracked};
+use super::update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
+use super::views::KeptView;
+use crate::association::score::evidence::evidence;
+use crate::association::score::fit::{Start, fit};
+use crate::association::search::merge::{FEWER_VIEWS, NEAR, SAME_PLACE, SAME_SIZE, SHARED_FRAMES, within};
+
+/// A pair is tried again when one of the two has grown by this factor.
+const TRIED_AGAIN: f64 = 1.3;
+
+/// Pairs that are remembered; more are tried again.
+const MOST_TRIED: usize = 100_000;
+
+impl ObjectMap {
+    /// Tries objects as one whose predictions overlap in the frame.
+    pub(super) fn merge_overlapping(&mut self, seen: &[Seen], update: &mut FrameUpdate) {
+        let mut order: Vec<&Seen> = seen.iter().collect();
+        order.sort_by(|a, b| a.prediction.edges[0].total_cmp(&b.prediction.edges[0]).then(a.slot.cmp(&b.slot)));
+        for (place, first) in order.iter().enumerate() {
+            for second in &order[place + 1..] {
+                let (a, b) = (&first.prediction.edges, &second.prediction.edges);
+                if b[0] > a[2] {
+                    break;
+                }
+                if b[1] <= a[3] && a[1] <= b[3] {
+                    self.try_as_one(first.slot, second.slot, update);
+                }
+            }
+        }
+    }
+
+    /// Tries two objects as one.
+    pub(super) fn try_as_one(&mut self, first: u32, second: u32, update: &mut FrameUpdate) {
+        let (Some(a), Some(b)) = (self.slot(first), self.slot(second)) else { return };
+        if a.object.category != b.object.category || a.object.trusted_id.is_some() && b.object.trusted_id.is_some() {
+            return;
+        }
+        let distance = (a.object.center - b.object.center).norm();
+        if distance >= NEAR * (a.object.radius + b.object.radius) {
+            return;
+        }
+        let (older, younger) = if a.id < b.id { (a, b) } else { (b, a) };
+        let key = (older.id.0, younger.id.0);
+        let views = (older.object.views(), younger.object.views());
+        if let Some(tried) = self.tried_pairs.get(&key)
+            && (views.0 as f64) < TRIED_AGAIN * tried.0 as f64
+            && (views.1 as f64) < TRIED_AGAIN * tried.1 as f64
+        {
+            return;
+        }
+        let (older_slot, younger_slot) = if a.id < b.id { (first, second) } else { (second, first) };
+        if let Some(union) = self.union(older, younger, false) {
+            self.merge_into(older_slot, younger_slot, union, update);
+        } else if let Some(weaker) = nested(a, b) {
+            let slot = if weaker == a.id { first } else { second };
+            self.remove_slot(slot, Removal::Nested, update);
+        } else {
+            if self.tried_pairs.len() >= MOST_TRIED {
+                self.tried_pairs.clear();
+            }
+            self.tried_pairs.insert(key, views);
+        }
+    }
+
+    /// Merges two objects, whatever the evidence says; `false` where no body fits both.
+    pub(super) fn merge_by_force(&mut self, first: u32, second: u32) -> bool {
+        let (Some(a), Some(b)) = (self.slot(first), self.slot(second)) else { return false };
+        let (older, younger) = if a.id < b.id { (first, second) } else { (second, first) };
+        let (Some(a), Some(b)) = (self.slot(older), self.slot(younger)) else { return false };
+        let Some(union) = self.union(a, b, true) else { return false };
+        self.merge_into(older, younger, union, &mut FrameUpdate::default());
+        true
+    }
+
+    /// Both as one, where that has more evidence than they have apart, or where it is certain.
+    fn union(&self, older: &Tracked, younger: &Tracked, certain: bool) -> Option<Tracked> {
+        let (major, minor) =
+            if older.object.views() >= younger.object.views() { (older, younger) } else { (younger, older) };
+        let is_new = |keyframe: u64| !major.is_seen_in(keyframe);
+        let new = minor.views.iter().filter(|v| is_new(v.keyframe)).count();
+        let shared = minor.views.len() - new;
+        if !certain && shared as f64 > SHARED_FRAMES * minor.views.len().min(major.views.len()) as f64 {
+            return None;
+        }
+        let mut union = major.clone();
+        for view in minor.views.iter().filter(|v| is_new(v.keyframe)) {
+            union.add_view(view.clone());
+        }
+        let (observations, statistics) = self.gather(&union.views);
+        let starts = [Start::body(&major.object), Start::body(&minor.object)];
+        let fitted = fit(&observations, &statistics, union.object.boxes.clone(), &starts)?;
+        // Where both were in the map both should have been seen in the same frames.
+        let misses = |t: &Tracked| t.object.visible.saturating_sub(t.object.views());
+        union.object.forgotten += minor.object.forgotten;
+        union.object.visible = (union.object.views() + misses(older).saturating_sub(minor.object.views()))
+            .max(older.object.visible)
+            .max(younger.object.visible);
+        union.replace_fit(fitted);
+        let together = evidence(&self.running.rate, &observations, &statistics, &union.object);
+        (certain || together > self.evidence_of(major) + self.evidence_of(minor)).then_some(union)
+    }
+
+    /// Puts the union in the place of the older object; the younger one becomes an alias.
+    fn merge_into(&mut self, older: u32, younger: u32, mut union: Tracked, update: &mut FrameUpdate) {
+        let (Some(old), Some(young)) = (self.slot(older).cloned(), self.slot(younger).cloned()) else { return };
+        // Of two boxes in one frame one is clutter.
+        let lost: Vec<&KeptView> = old
+            .views
+            .iter()
+            .chain(&young.views)
+            .filter(|view| !union.views.iter().any(|v| (v.keyframe, v.detection) == (view.keyframe, view.detection)))
+            .collect();
+        self.running.assigned -= lost.len() as i64;
+        let detections: Vec<DetectionRef> = lost.into_iter().filter_map(|view| self.detection_of(view)).collect();
+        union.views.iter().for_each(|view| self.keyframes.hold(view.keyframe));
+        for view in old.views.iter().chain(&young.views) {
+            self.keyframes.release(view.keyframe);
+        }
+        for &id in &young.input_ids {
+            let count = self.tally.forget(id, younger);
+            self.tally.count(id, older, count);
+        }
+        self.take_slot(younger);
+        for view in old.views.iter().chain(&young.views) {
+            self.set_owner(view, None);
+        }
+        for view in &union.views {
+            self.set_owner(view, Some(old.id));
+        }
+        union.id = old.id;
+        union.presence = match (old.presence, young.presence) {
+            (Presence::Confirmed, _) | (_, Presence::Confirmed) => Presence::Confirmed,
+            (Presence::Gone, _) | (_, Presence::Gone) => Presence::Gone,
+            _ => Presence::Tentative,
+        };
+        union.log_odds = old.log_odds.max(young.log_odds);
+        union.first_time = old.first_time.min(young.first_time);
+        union.last_time = old.last_time.max(young.last_time);
+        union.last_keyframe = old.last_keyframe.max(young.last_keyframe);
+        for id in old.input_ids.iter().chain(&young.input_ids) {
+            if !union.input_ids.contains(id) {
+                union.input_ids.push(*id);
+            }
+        }
+        for (_, target) in self.aliases.iter_mut().filter(|(_, target)| **target == young.id) {
+            *target = old.id;
+        }
+        self.aliases.insert(young.id, old.id);
+        for object in &mut update.objects {
+            if *object == Some(young.id) {
+                *object = Some(old.id);
+            }
+        }
+        self.slots[older as usize] = Some(union);
+        self.forget_views(older);
+        self.index(older);
+        update.events.push(Event::Merged { object: old.id, alias: young.id });
+        if !detections.is_empty() {
+            update.events.push(Event::Reassigned { object: None, detections });
+        }
+    }
+}
+
+/// The weaker of two alike objects in one place, where it has much fewer views: detectors report one object twice.
+fn nested(a: &Tracked, b: &Tracked) -> Option<ObjectId> {
+    let apart = within(&a.object, &b.object.center).max(within(&b.object, &a.object.center));
+    if apart >= SAME_PLACE || (a.object.radius / b.object.radius).ln().abs() >= SAME_SIZE {
+        return None;
+    }
+    let (few, many) = if a.object.views() <= b.object.views() { (a, b) } else { (b, a) };
+    let is_weak = (few.object.views() as f64) < FEWER_VIEWS * many.object.views() as f64;
+    (is_weak && many.presence == Presence::Confirmed).then_some(few.id)
+}

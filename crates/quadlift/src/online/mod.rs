@@ -1,0 +1,48 @@
+//! Object memory: objects from detections that arrive frame by frame.
+//!
+//! [`ObjectMap::observe`] takes a posed frame with its detections, and says which detection is of which object, and which objects
+//! are new, confirmed, merged or gone. It asks the same questions as [`crate::associate()`] with the same likelihoods
+//! (docs/method.md, section 15), but only while a box is recent: the time for a frame does not grow with the map.
+//!
+//! The order of a frame (`observe`):
+//! 1. `matching`: the objects that the camera may see (`visibility`) predict their boxes; the pairs with the largest total log
+//!    likelihood ratio are made. The error of the frame's pose is taken off as a shift of its boxes.
+//! 2. `births`: boxes that are left form new objects with those of the last frames.
+//! 3. `recent`: the boxes of some of the last frames are assigned again, to the objects as they are known by now.
+//! 4. `lifecycle`: evidence confirms objects; clear views without a detection remove them.
+//! 5. `merging`: objects that overlap in the image are tried as one.
+//! 6. `learning`: noise, clutter and sizes of the map, from a sample of the objects (`running`).
+//!
+//! An object keeps a bounded number of views (`views`); the others are forgotten, and only counted. `poses` moves keyframes after
+//! a loop closure, and `scene` makes a [`crate::scene::Scene`] of the kept views for the estimators, reports and files.
+//!
+//! Nothing is drawn at random, and there is no clock but the times of the frames: the same frames give the same map.
+
+mod births;
+mod input;
+mod keyframes;
+mod learning;
+mod lifecycle;
+mod map;
+mod matching;
+mod merging;
+mod observe;
+mod options;
+mod poses;
+mod recent;
+mod running;
+mod scene;
+mod tracked;
+mod update;
+mod views;
+mod visibility;
+
+pub use input::{Detection, Frame, ObserveError};
+pub use map::{MapObject, ObjectMap};
+pub use options::OnlineOptions;
+pub use poses::PoseUpdate;
+pub use tracked::Presence;
+pub use update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
+
+/// Detections of one frame, at most: matching more takes seconds.
+pub const MAX_DETECTIONS: usize = 20_000;

@@ -1,0 +1,170 @@
+//! One frame: what is checked, and in which order things are done.
+
+use nalgebra::Vector2;
+
+use super::MAX_DETECTIONS;
+use super::input::{Detection, Frame, ObserveError};
+use super::keyframes::Keyframe;
+use super::map::ObjectMap;
+use super::recent::{RecentBox, RecentFrame};
+use super::update::{Event, FrameUpdate};
+use super::views::KeptView;
+use crate::association::input::clutter::set_clutter;
+use crate::association::input::observations::{Observations, log_odds_against};
+use crate::geometry::BoundingBox;
+use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
+
+/// Frames in a row that contradict the map after which they are believed: the world has changed.
+const BELIEVED_AFTER: u32 = 10;
+
+/// The boxes of the frame that is observed.
+pub(super) struct Current {
+    pub key: u64,
+    pub time: f64,
+    /// One camera and its boxes, from left to right.
+    pub observations: Observations,
+    /// The boxes as they are kept, in the same order.
+    pub views: Vec<KeptView>,
+    /// Boxes that belong to no object so far.
+    pub free: Vec<u32>,
+}
+
+impl ObjectMap {
+    /// Observes a frame: says which detection is of which object, and what is new.
+    ///
+    /// The time that it takes depends on what the camera sees, not on the size of the map.
+    ///
+    /// # Errors
+    /// [`ObserveError`] says why the frame was not taken; the map is as it was.
+    pub fn observe(&mut self, frame: &Frame, detections: &[Detection]) -> Result<FrameUpdate, ObserveError> {
+        self.check(frame, detections)?;
+        let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
+        let mut current = self.take_in(frame, detections);
+        let matched = self.match_boxes(&mut current, frame.pose_noise);
+        let disagrees = self.disagreement(&matched, current.views.len());
+        if let Some(expected) = disagrees {
+            self.disagreeing += 1;
+            update.events.push(Event::Disagrees { expected });
+        } else {
+            self.disagreeing = 0;
+        }
+        if disagrees.is_none() || self.disagreeing > BELIEVED_AFTER {
+            let seen = self.assign(&mut current, matched, &mut update);
+            self.begin_objects(&mut current, &mut update);
+            self.merge_overlapping(&seen, &mut update);
+            self.learn_if_due();
+            let object_of = |view: &KeptView| update.objects[view.detection as usize];
+            let boxes = current.views.into_iter().map(|view| RecentBox { owner: object_of(&view), view }).collect();
+            self.recent.push_back(RecentFrame { key: current.key, time: frame.time, boxes });
+            self.look_back_at_frames(&mut update);
+        } else {
+            self.keyframes.release(current.key);
+        }
+        self.last = Some((frame.time, frame.id.clone()));
+        Ok(update)
+    }
+
+    fn check(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
+        let id = || frame.id.clone();
+        if !frame.time.is_finite() {
+            return Err(ObserveError::Time(id()));
+        }
+        if let Some((last, _)) = &self.last
+            && frame.time < *last
+        {
+            return Err(ObserveError::TimeWentBack { id: id(), time: frame.time, last: *last });
+        }
+        let is_known = |key: u64| self.keyframes.get(key).is_some_and(|k| k.frame.id == frame.id);
+        let is_last = self.last.as_ref().is_some_and(|(_, last)| *last == frame.id);
+        if is_last || self.recent.iter().any(|recent| is_known(recent.key)) {
+            return Err(ObserveError::DuplicateFrame(id()));
+        }
+        if let Some(size) = frame.image_size
+            && !(size.min() > 0.0 && size.iter().all(|x| x.is_finite()))
+        {
+            return Err(ObserveError::ImageSize { id: id(), width: size.x, height: size.y });
+        }
+        if frame.projection.center_in_world().is_none_or(|c| c.iter().any(|x| !x.is_finite())) {
+            return Err(ObserveError::NoCenter(id()));
+        }
+        if detections.len() > MAX_DETECTIONS {
+            return Err(ObserveError::TooManyDetections { id: id(), count: detections.len() });
+        }
+        match detections.iter().position(|d| d.score.is_some_and(|score| !score.is_finite())) {
+            Some(detection) => Err(ObserveError::Score { id: id(), detection }),
+            None => Ok(()),
+        }
+    }
+
+    /// Counts the frame and prepares its boxes.
+    fn take_in(&mut self, frame: &Frame, detections: &[Detection]) -> Current {
+        let key = self.next_key;
+        self.next_key += 1;
+        if self.running.frames == 0 {
+            self.origin = frame.projection.center_in_world().map_or(self.origin, |c| c.coords);
+        }
+        self.running.frames += 1;
+        self.running.longest_focal = self.running.longest_focal.max(frame.projection.focal_length());
+        let mut views = Vec::with_capacity(detections.len());
+        for (index, detection) in detections.iter().enumerate() {
+            if self.options.min_score.zip(detection.score).is_some_and(|(least, score)| score < least) {
+                continue;
+            }
+            let in_image = detection.bounding_box;
+            let measured = match &frame.lens {
+                Some(lens) => lens.undistort_box(&in_image),
+                None => Some(in_image),
+            };
+            let Some(measured) = measured else { continue };
+            if frame.image_size.is_none() {
+                self.running.extent = self.running.extent.sup(&Vector2::new(measured.x1(), measured.y1()));
+            }
+            views.push(self.view_of(key, index, detection, &measured, frame));
+        }
+        views.sort_by(|a, b| a.edges[0].total_cmp(&b.edges[0]).then(a.detection.cmp(&b.detection)));
+        let keyframe = Keyframe::new(frame.clone(), &self.origin, self.running.extent);
+        let mut camera = keyframe.camera.clone();
+        camera.boxes = 0..views.len();
+        self.keyframes.insert(key, keyframe);
+        self.keyframes.hold(key);
+        self.check_index();
+        let mut observations = self.no_observations();
+        observations.boxes = views.iter().map(|view| view.observation(0, &Vector2::zeros())).collect();
+        observations.cameras.push(camera);
+        observations.move_boxes(0, &Vector2::zeros());
+        set_clutter(&mut observations.boxes, &observations.cameras[0], &self.running.box_sizes());
+        for (view, observation) in views.iter_mut().zip(&observations.boxes) {
+            view.log_clutter = observation.log_clutter;
+        }
+        let free = (0..views.len() as u32).collect();
+        Current { key, time: frame.time, observations, views, free }
+    }
+
+    fn view_of(
+        &mut self,
+        key: u64,
+        index: usize,
+        detection: &Detection,
+        measured: &BoundingBox,
+        frame: &Frame,
+    ) -> KeptView {
+        let category = self.category_index(detection.category);
+        let in_image = detection.bounding_box;
+        let view = KeptView {
+            keyframe: key,
+            detection: index as u32,
+            edges: measured.edges(),
+            in_image: frame.lens.map(|_| Box::new(in_image.edges())),
+            cut: edges_at_border(&in_image, frame.image_size, BORDER_TOLERANCE_PX),
+            hidden: [false; 4],
+            category,
+            score: detection.score.map_or(f32::NAN, |score| score as f32),
+            input_id: detection.id.and_then(|id| self.input_id_number(id)),
+            log_clutter: 0.0,
+            score_log_odds: log_odds_against(detection.score),
+        };
+        let observation = view.observation(0, &Vector2::zeros());
+        self.running.count_box(observation.log_half, observation.half_size, category as usize);
+        view
+    }
+}

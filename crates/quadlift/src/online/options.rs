@@ -1,0 +1,68 @@
+//! Options of the object map.
+
+use crate::association::{AssociateError, AssociateOptions, IdUse};
+use crate::solve::CategoryPriors;
+
+/// Options of an [`super::ObjectMap`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct OnlineOptions {
+    /// How far to trust the ids of detections (of a tracker).
+    pub ids: IdUse,
+    /// Probability that an id is wrong, in (0, 1), for [`IdUse::Evidence`].
+    pub wrong_id_share: f64,
+    /// Views that an object needs to be confirmed; at least 2.
+    pub min_views: usize,
+    /// Skip detections with a lower score; those without a score are kept.
+    pub min_score: Option<f64>,
+    /// The part of the standard deviation of box edges that does not depend on the box size, pixels
+    /// ([`AssociateOptions::pixel_sd`]). `None` selects 2, 4 or 8 as the evidence of the objects grows.
+    pub pixel_sd: Option<f64>,
+    /// Sizes by category, if known.
+    pub priors: CategoryPriors,
+    /// Views that an object keeps; at least 4. The others are forgotten, those that add least first.
+    pub max_views: usize,
+    /// Objects that the map keeps. Where there are more, those that were never confirmed are forgotten first, then those that
+    /// are gone, then those that have not been seen for longest.
+    pub max_objects: usize,
+}
+
+impl Default for OnlineOptions {
+    fn default() -> Self {
+        let batch = AssociateOptions::default();
+        Self {
+            ids: batch.ids,
+            wrong_id_share: batch.wrong_id_share,
+            min_views: batch.min_views,
+            min_score: None,
+            pixel_sd: None,
+            priors: CategoryPriors::default(),
+            max_views: 32,
+            max_objects: 100_000,
+        }
+    }
+}
+
+impl OnlineOptions {
+    /// Checks the range of every option.
+    ///
+    /// # Errors
+    /// [`AssociateError::OutOfRange`] names the first option that is outside of its range.
+    pub fn validate(&self) -> Result<(), AssociateError> {
+        let batch = AssociateOptions {
+            wrong_id_share: self.wrong_id_share,
+            min_views: self.min_views,
+            min_score: self.min_score,
+            pixel_sd: self.pixel_sd,
+            ..AssociateOptions::default()
+        };
+        batch.validate()?;
+        let refuse = |what, value, expected| Err(AssociateError::OutOfRange { what, value, expected });
+        if self.max_views < 4 {
+            return refuse("maximum number of views", self.max_views as f64, "at least 4");
+        }
+        if self.max_objects == 0 {
+            return refuse("maximum number of objects", 0.0, "at least 1");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,129 @@
+//! New poses of old frames, after a loop closure.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::keyframes::Keyframe;
+use super::map::ObjectMap;
+use super::tracked::Tracked;
+use super::update::{FrameUpdate, ObjectId};
+use crate::association::input::observations::Camera;
+use crate::association::input::point_tree::PointTree;
+use crate::association::score::fit::{Start, fit};
+use crate::association::search::merge::NEAR;
+use crate::geometry::Projection;
+
+/// The new pose of a frame.
+#[derive(Debug, Clone)]
+pub struct PoseUpdate {
+    /// Id of the frame.
+    pub frame: String,
+    /// World to pixels, of the pinhole camera where there is a lens.
+    pub projection: Projection,
+}
+
+impl ObjectMap {
+    /// Moves frames, and the objects with the frames that show them. Objects that lie in one place afterwards are merged.
+    ///
+    /// No old detection is read again: the views that the map keeps are fitted anew. Frames that the map does not keep are
+    /// passed over. The update names the objects that were merged.
+    pub fn update_poses(&mut self, poses: &[PoseUpdate]) -> FrameUpdate {
+        let mut update = FrameUpdate::default();
+        let new: BTreeMap<&str, &Projection> = poses.iter().map(|p| (p.frame.as_str(), &p.projection)).collect();
+        let moved: Vec<(u64, Projection)> = self
+            .keyframes
+            .iter()
+            .filter_map(|(key, keyframe)| Some((key, **new.get(keyframe.frame.id.as_str())?)))
+            .filter(|(_, projection)| projection.center_in_world().is_some())
+            .collect();
+        let mut before: BTreeMap<u64, Camera> = BTreeMap::new();
+        for (key, projection) in moved {
+            let Some(keyframe) = self.keyframes.get_mut(key) else { continue };
+            before.insert(key, keyframe.camera.clone());
+            let mut frame = keyframe.frame.clone();
+            frame.projection = projection;
+            let Keyframe { shift, references, .. } = *keyframe;
+            *keyframe = Keyframe { shift, references, ..Keyframe::new(frame, &self.origin, keyframe.camera.size) };
+        }
+        let slots: Vec<u32> = self.slot_of_id.values().copied().collect();
+        let mut touched = BTreeSet::new();
+        for slot in slots {
+            let Some(tracked) = self.slot(slot) else { continue };
+            if !tracked.views.iter().any(|view| before.contains_key(&view.keyframe)) {
+                continue;
+            }
+            touched.insert(slot);
+            let Some(fitted) = self.moved(tracked, &before) else { continue };
+            if let Some(tracked) = self.slot_mut(slot) {
+                *tracked = fitted;
+            }
+            self.index(slot);
+        }
+        self.tried_pairs.clear();
+        self.merge_near(&touched, &mut update);
+        update
+    }
+
+    /// An object fitted to its views where they are now, from where they carry it.
+    fn moved(&self, tracked: &Tracked, before: &BTreeMap<u64, Camera>) -> Option<Tracked> {
+        let (observations, statistics) = self.gather(&tracked.views);
+        let mut starts = vec![Start::body(&tracked.object)];
+        for view in [tracked.views.first(), tracked.views.get(tracked.views.len() / 2), tracked.views.last()] {
+            let view = view?;
+            let (Some(old), Some(new)) = (before.get(&view.keyframe), self.keyframes.camera(view.keyframe)) else {
+                continue;
+            };
+            let Some((turn, shift)) = motion(old, new) else { continue };
+            let center = turn * tracked.object.center + shift;
+            starts.push(Start { center, root: turn * tracked.object.root });
+        }
+        let fitted = fit(&observations, &statistics, tracked.object.boxes.clone(), &starts)?;
+        let mut moved = tracked.clone();
+        moved.replace_fit(fitted);
+        Some(moved)
+    }
+
+    /// Tries pairs of near objects as one, of which one was touched, the nearest first.
+    fn merge_near(&mut self, touched: &BTreeSet<u32>, update: &mut FrameUpdate) {
+        let slots: Vec<u32> = self.slot_of_id.values().copied().collect();
+        let objects: Vec<(Vector3<f64>, f64)> = slots
+            .iter()
+            .map(|&slot| self.slot(slot).map_or((Vector3::zeros(), 0.0), |t| (t.object.center, t.object.radius)))
+            .collect();
+        let largest = objects.iter().map(|(_, radius)| *radius).fold(0.0, f64::max);
+        let tree = PointTree::new(objects.iter().map(|(center, _)| *center).collect());
+        let mut pairs = Vec::new();
+        for (place, slot) in slots.iter().enumerate().filter(|(_, slot)| touched.contains(slot)) {
+            let (center, radius) = objects[place];
+            for other in tree.within(&center, NEAR * (radius + largest)) {
+                let (other_center, other_radius) = objects[other as usize];
+                let apart = (other_center - center).norm() / (radius + other_radius);
+                let is_twice = touched.contains(&slots[other as usize]) && (other as usize) < place;
+                if other as usize != place && !is_twice && apart < NEAR {
+                    pairs.push((apart, *slot, slots[other as usize]));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        for (_, first, second) in pairs {
+            self.try_as_one(first, second, update);
+        }
+    }
+
+    /// Merges two objects that the user knows to be one; the older id stays. Returns it, or `None` where there is no such pair.
+    pub fn merge(&mut self, first: ObjectId, second: ObjectId) -> Option<ObjectId> {
+        let (first, second) = (self.resolve(first), self.resolve(second));
+        let (a, b) = (*self.slot_of_id.get(&first)?, *self.slot_of_id.get(&second)?);
+        (a != b && self.merge_by_force(a, b)).then_some(first.min(second))
+    }
+}
+
+/// The rigid motion of what a camera sees, when its pose changes: `X_new = turn X + shift`.
+fn motion(old: &Camera, new: &Camera) -> Option<(Matrix3<f64>, Vector3<f64>)> {
+    // Both have the same intrinsics up to scale: M_new X_new + p_new = M_old X + p_old.
+    let inverse = new.matrix.fixed_columns::<3>(0).try_inverse()?;
+    let turn = inverse * old.matrix.fixed_columns::<3>(0);
+    let shift = inverse * (old.matrix.column(3) - new.matrix.column(3));
+    Some((turn, shift))
+}

@@ -1,0 +1,201 @@
+//! The last frames: their boxes are assigned again when the objects are known better.
+
+use nalgebra::Vector2;
+
+use super::map::ObjectMap;
+use super::observe::Current;
+use super::update::{Event, FrameUpdate, ObjectId, Removal};
+use super::views::KeptView;
+use crate::association::input::observations::Camera;
+use crate::association::score::fit::{Start, fit};
+use crate::association::score::log_likelihood_ratio::LogLikelihoodRatio;
+
+/// Frames back in which boxes may still change their object.
+pub(super) const WINDOW: usize = 24;
+
+/// How many frames later the boxes of a frame are assigned again.
+const LOOKS: [usize; 3] = [3, 10, WINDOW];
+
+/// A frame whose boxes may still change their object.
+#[derive(Debug, Clone)]
+pub(super) struct RecentFrame {
+    pub key: u64,
+    pub time: f64,
+    pub boxes: Vec<RecentBox>,
+}
+
+/// A box with its object.
+#[derive(Debug, Clone)]
+pub(super) struct RecentBox {
+    pub view: KeptView,
+    pub owner: Option<ObjectId>,
+}
+
+/// A box whose object has changed: its place in the frame, the slots before and after.
+struct Change {
+    index: usize,
+    from: Option<u32>,
+    to: Option<(u32, LogLikelihoodRatio)>,
+}
+
+impl ObjectMap {
+    /// Assigns the boxes of all recent frames again, to the objects as they are known now: for the end of a stream, or before the
+    /// map is read. It takes as long as [`super::ObjectMap::observe`] takes for that many frames.
+    pub fn settle(&mut self) -> FrameUpdate {
+        let mut update = FrameUpdate::default();
+        for recent in 0..self.recent.len() {
+            self.look_again(recent, &mut update);
+        }
+        update
+    }
+
+    /// Looks again at those of the recent frames whose turn it is, and lets the oldest go.
+    pub(super) fn look_back_at_frames(&mut self, update: &mut FrameUpdate) {
+        let newest = self.recent.len().saturating_sub(1);
+        for lag in LOOKS {
+            if let Some(recent) = newest.checked_sub(lag) {
+                self.look_again(recent, update);
+            }
+        }
+        while self.recent.len() > WINDOW {
+            if let Some(old) = self.recent.pop_front() {
+                self.keyframes.release(old.key);
+            }
+        }
+    }
+
+    /// Notes the object of a view in its frame, where that is recent.
+    pub(super) fn set_owner(&mut self, view: &KeptView, owner: Option<ObjectId>) {
+        let place = self.recent.partition_point(|frame| frame.key < view.keyframe);
+        let Some(frame) = self.recent.get_mut(place).filter(|frame| frame.key == view.keyframe) else { return };
+        if let Some(found) = frame.boxes.iter_mut().find(|b| b.view.detection == view.detection) {
+            found.owner = owner;
+        }
+    }
+
+    /// Assigns the boxes of a recent frame again.
+    fn look_again(&mut self, recent: usize, update: &mut FrameUpdate) {
+        let Some(changes) = self.changes(recent) else { return };
+        let frame = &self.recent[recent];
+        let (key, views): (u64, Vec<KeptView>) = (frame.key, frame.boxes.iter().map(|b| b.view.clone()).collect());
+        let mut changed: Vec<u32> = Vec::new();
+        for change in &changes {
+            let Some(slot) = change.from else { continue };
+            self.take_back(slot, &views[change.index]);
+            changed.push(slot);
+        }
+        for change in &changes {
+            let mut owner = None;
+            if let Some((slot, ratio)) = change.to {
+                let mut view = views[change.index].clone();
+                view.hidden = ratio.hidden;
+                owner = self.add_late(slot, view);
+                changed.push(slot);
+            }
+            self.recent[recent].boxes[change.index].owner = owner;
+            let detections = self.detection_of(&views[change.index]).into_iter().collect();
+            update.events.push(Event::Reassigned { object: owner, detections });
+        }
+        changed.sort_unstable();
+        changed.dedup();
+        let time = self.recent[recent].time;
+        for slot in changed {
+            self.refit(slot, update);
+            if let Some(tracked) = self.slot_mut(slot) {
+                tracked.first_time = tracked.first_time.min(time);
+                tracked.last_keyframe = tracked.last_keyframe.max(key);
+                self.after_detection(slot, update);
+            }
+        }
+    }
+
+    /// Boxes of a recent frame that belong to another object than they are said to.
+    fn changes(&mut self, recent: usize) -> Option<Vec<Change>> {
+        let frame = &self.recent[recent];
+        let keyframe = self.keyframes.get(frame.key)?;
+        let (camera, shift, noise) = (keyframe.camera.clone(), keyframe.shift, keyframe.frame.pose_noise);
+        let mut observations = self.no_observations();
+        observations.boxes = frame.boxes.iter().map(|b| b.view.observation(0, &shift)).collect();
+        observations.cameras.push(Camera { boxes: 0..frame.boxes.len(), ..camera.clone() });
+        let slot_of = |id: &ObjectId| self.slot_of_id.get(&self.resolve(*id)).copied();
+        let owners: Vec<Option<u32>> = frame.boxes.iter().map(|b| b.owner.as_ref().and_then(slot_of)).collect();
+        // A box whose view has been forgotten stays where it is, and its object takes no other of the frame.
+        let is_fixed =
+            |index: usize| owners[index].and_then(|slot| self.slot(slot)).is_some_and(|t| !t.is_seen_in(frame.key));
+        let fixed: Vec<u32> = (0..owners.len()).filter(|&k| is_fixed(k)).filter_map(|k| owners[k]).collect();
+        let free = (0..owners.len() as u32).filter(|&k| !is_fixed(k as usize)).collect();
+        let mut current = Current { key: frame.key, time: frame.time, observations, views: Vec::new(), free };
+        let slots: Vec<u32> =
+            self.visibility.near(&camera.center).into_iter().filter(|slot| !fixed.contains(slot)).collect();
+        let owner = |index: u32| owners[index as usize];
+        let mut matched = self.pair_up(&current, &slots, &owner);
+        // Objects that were uncertain then say now where the frame's boxes should be.
+        let given = noise.map_or(0.0, |noise| camera.focal * noise.rotation_sd);
+        let sd = self.running.statistics.shift_sd.hypot(given);
+        if let Some((more, information)) = self.shift_of(&current, &matched, sd) {
+            // The prior is about the whole shift.
+            let prior = 1.0 / (sd * sd);
+            let better: Vector2<f64> = shift + more - (shift * prior).component_div(&information);
+            if (better - shift).norm() > super::matching::LEAST_SHIFT {
+                current.observations.move_boxes(0, &(shift - better));
+                matched = self.pair_up(&current, &slots, &owner);
+                if let Some(keyframe) = self.keyframes.get_mut(current.key) {
+                    keyframe.shift = better;
+                }
+            }
+        }
+        let mut new: Vec<Option<(u32, LogLikelihoodRatio)>> = vec![None; owners.len()];
+        for &(slot, index, ratio) in &matched.pairs {
+            new[index as usize] = Some((slot, ratio));
+        }
+        let differs = |&index: &u32| new[index as usize].map(|(slot, _)| slot) != owners[index as usize];
+        let change =
+            |index: u32| Change { index: index as usize, from: owners[index as usize], to: new[index as usize] };
+        Some(current.free.iter().copied().filter(differs).map(change).collect())
+    }
+
+    /// Takes a view back from its object.
+    fn take_back(&mut self, slot: u32, view: &KeptView) {
+        let Some(tracked) = self.slot_mut(slot) else { return };
+        let Some(place) = tracked.views.iter().position(|v| v.keyframe == view.keyframe) else { return };
+        let taken = tracked.take_view(place);
+        tracked.uncount(&taken);
+        self.running.assigned -= 1;
+        self.keyframes.release(taken.keyframe);
+        if let Some(id) = taken.input_id {
+            self.tally.uncount(id, slot);
+        }
+    }
+
+    /// Gives a view of an earlier frame to an object.
+    fn add_late(&mut self, slot: u32, view: KeptView) -> Option<ObjectId> {
+        let key = view.keyframe;
+        let tracked = self.slot_mut(slot)?;
+        let (id, input_id) = (tracked.id, view.input_id);
+        tracked.add_view(view);
+        tracked.object.visible = tracked.object.visible.max(tracked.object.views());
+        self.running.assigned += 1;
+        self.keyframes.hold(key);
+        if let Some(input_id) = input_id {
+            self.tally.count(input_id, slot, 1);
+        }
+        Some(id)
+    }
+
+    /// Fits an object to the views that it has now; one with too few of them is removed.
+    pub(super) fn refit(&mut self, slot: u32, update: &mut FrameUpdate) {
+        self.forget_views(slot);
+        let Some(tracked) = self.slot(slot) else { return };
+        if tracked.views.len() < 2 {
+            self.remove_slot(slot, Removal::Weak, update);
+            return;
+        }
+        let (observations, statistics) = self.gather(&tracked.views);
+        let start = Start::body(&tracked.object);
+        let fitted = fit(&observations, &statistics, tracked.object.boxes.clone(), &[start]);
+        if let (Some(fitted), Some(tracked)) = (fitted, self.slot_mut(slot)) {
+            tracked.replace_fit(fitted);
+            self.index(slot);
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! The map as a scene, for the estimators, reports and files.
+
+use std::collections::BTreeMap;
+
+use super::map::ObjectMap;
+use super::tracked::Presence;
+use crate::geometry::BoundingBox;
+use crate::localize::{Localization, LocalizeError, LocalizeOptions, localize};
+use crate::scene::{Detection, Scene, SceneParts};
+
+impl ObjectMap {
+    /// The kept views of the objects as a scene: its objects are named by their ids, in their order; objects of which the map is
+    /// not certain are left out.
+    pub fn to_scene(&self) -> Scene {
+        let mut parts = SceneParts { name: "object map".to_owned(), ..Default::default() };
+        let objects: Vec<_> = self.tracked().filter(|t| t.presence != Presence::Tentative).collect();
+        let mut frames: BTreeMap<u64, u32> = BTreeMap::new();
+        for view in objects.iter().flat_map(|t| &t.views) {
+            frames.insert(view.keyframe, 0);
+        }
+        for (index, (&key, place)) in frames.iter_mut().enumerate() {
+            *place = index as u32;
+            if let Some(keyframe) = self.keyframes.get(key) {
+                parts.frames.push(keyframe.frame.to_scene());
+            }
+        }
+        // A detection without a category has none in the scene.
+        let mut category_index = vec![None; self.categories.len()];
+        for (index, name) in self.categories.iter().enumerate() {
+            if let Some(name) = name {
+                category_index[index] = Some(parts.categories.len() as u32);
+                parts.categories.push(name.clone());
+            }
+        }
+        for (index, tracked) in objects.iter().enumerate() {
+            parts.object_ids.push(tracked.id.to_string());
+            for view in &tracked.views {
+                parts.detections.push(Detection {
+                    frame_index: frames[&view.keyframe],
+                    object_index: Some(index as u32),
+                    category_index: category_index[view.category as usize],
+                    score: (!view.score.is_nan()).then_some(f64::from(view.score)),
+                    bounding_box: BoundingBox::new(view.edges).ok(),
+                    box_in_image: view.in_image.as_ref().and_then(|edges| BoundingBox::new(**edges).ok()),
+                    ..Default::default()
+                });
+            }
+        }
+        parts.detections.sort_by_key(|d| (d.frame_index, d.object_index));
+        Scene(parts)
+    }
+
+    /// Estimates of all objects of the map from their kept views, with covariances, in the order of their ids.
+    ///
+    /// # Errors
+    /// As [`localize()`].
+    pub fn localize(&self, options: &LocalizeOptions) -> Result<Localization, LocalizeError> {
+        localize(&self.to_scene(), options)
+    }
+}
