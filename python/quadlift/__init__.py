@@ -1,9 +1,9 @@
 """quadlift lifts 2D detections from posed images to 3D objects.
 
-`localize` takes arrays and gives arrays; `Scene` holds posed frames and detections, reads and writes files and adapts
-what other packages give. Camera axes are OpenCV's (x right, y down, z forward), pixels are measured from the corner of
+`localize` takes arrays and gives arrays; `Scene` holds posed frames and detections, reads and writes files and converts
+objects of other packages. Camera axes are OpenCV's (x right, y down, z forward), pixels are measured from the corner of
 the image (the first pixel's centre is at 0.5, 0.5), angles are radians, quaternions have w first, and the world unit is
-yours.
+arbitrary.
 """
 
 from __future__ import annotations

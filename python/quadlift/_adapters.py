@@ -1,6 +1,6 @@
 """Scenes from other packages.
 
-None of the packages is imported: the attributes of their types are enough.
+None of the packages is imported: only attributes of their types are used.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class FromOtherPackages(SceneData):
-    """Constructors of `Scene` from what other packages give."""
+    """Constructors of `Scene` from objects of other packages."""
 
     @classmethod
     def from_colmap(cls, model: Path | Any) -> Self:
@@ -39,7 +39,7 @@ class FromOtherPackages(SceneData):
         Raises
         ------
         QuadliftError
-            Names the file, and what is wrong with it.
+            Names the file and the problem.
         """
         if isinstance(model, str | os.PathLike):
             return cls(_core.Scene.read_colmap(model))
@@ -61,37 +61,38 @@ class FromOtherPackages(SceneData):
         min_score: float | None = None,
         image_size: tuple[float, float] | None = None,
     ) -> Self:
-        """Cameras with the detections of a file of another program, whose format is recognised.
+        """Cameras with the detections of a file of another program, whose format is detected.
 
         The formats are those of the program (docs/formats/index.md): COCO, Ultralytics YOLO and others. Images are
-        matched with the frames by name, number or time. Track ids become objects.
+        matched to frames by name, number or time. Track ids become object ids.
 
         Parameters
         ----------
         path : path-like
             File or folder.
         cameras : Scene
-            The frames; detections that it has stay.
+            The frames; existing detections are kept.
         names : path-like, optional
-            Names of the classes, for YOLO, MOTChallenge and tables.
+            Class names, for YOLO, MOTChallenge and tables.
         frame_column : str, optional
-            The column of a table that names the image.
+            The column of a table that identifies the image.
         source : str, optional
-            Name of the detector; that of the format without it.
+            Name of the detector; the default is the format.
         min_score : float, optional
-            Leave out detections with a lower score.
+            Skip detections with a lower score.
         image_size : (float, float), optional
-            Width and height of images of which nothing else says it, pixels.
+            Width and height in pixels of the images on which the detector ran, if they differ from the cameras or are
+            unknown.
 
         Raises
         ------
         QuadliftError
-            Names the file, and what is wrong with it; also where none of its images is a frame.
+            Names the file and the problem; also raised if none of its images is a frame.
 
         Warns
         -----
         UserWarning
-            What is left out: detections of images without a frame, boxes without width or height.
+            For skipped detections: images without a frame, boxes without width or height.
         """
         size = None if image_size is None else _checks.array("image_size", image_size, (2,))
         scene, lost = _checks.scene("cameras", cameras).with_detections_of(
@@ -125,8 +126,8 @@ class FromOtherPackages(SceneData):
         Parameters
         ----------
         detections : sequence or mapping of supervision.Detections
-            One for each frame, in their order (or that of `frames`), or by the ids of the frames. Tracker ids become
-            objects (``t7`` for 7), class names (or numbers) become categories.
+            One per frame, in their order (or that of `frames`), or by frame id. Tracker ids become object ids (``t7``
+            for 7), class names (or numbers) become categories.
         cameras : Scene
             The frames.
         frames : sequence of str, optional
@@ -151,16 +152,16 @@ class FromOtherPackages(SceneData):
         frames: Sequence[str] | None = None,
         source: str = "yolo",
     ) -> Self:
-        """Cameras with the boxes of Ultralytics' results.
+        """Cameras with the boxes of Ultralytics results.
 
         Parameters
         ----------
         results : iterable of ultralytics.engine.results.Results
-            One for each image; matched by the name of its file with the frames' ids and images.
+            One per image; matched to frame ids and images by file name.
         cameras : Scene
             The frames.
         frames : sequence of str, optional
-            Ids of the results' frames, instead of matching names.
+            Frame ids of the results, instead of matching names.
         source : str
             Name of the detector.
         """
@@ -207,7 +208,7 @@ def _by_frame(
 
 
 def _frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
-    """The frames whose ids are the names of these files, with or without folders and extensions."""
+    """The frames whose ids match these file names, with or without folders and extensions."""
     for part in ("name", "stem"):
         frames: dict[str, list[str]] = {}
         for name in known:
@@ -224,13 +225,13 @@ def _frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
 
 
 def _numpy(tensor: Any) -> Any:
-    """An array of a tensor, wherever it is."""
+    """Converts a tensor on any device to an array."""
     tensor = tensor.cpu() if hasattr(tensor, "cpu") else tensor
     return np.asarray(tensor)
 
 
 def _track(number: Any) -> str | None:
-    """The object of a track; trackers say None or -1 where there is none yet."""
+    """The object id of a track; None and -1 mean no track."""
     return None if number is None or number < 0 else f"t{int(number)}"
 
 

@@ -1,4 +1,4 @@
-"""From arrays to frames and detections as the core takes them. Arrays are checked, and not copied without need."""
+"""Converts arrays to frames and detections for the core. Arrays are checked and only copied if necessary."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 Names = tuple["NDArray[np.int64] | None", list[str]]
-"""Indices into a list of texts, shape (M,), -1 where there is none; None where no row has one."""
+"""Indices into a list of texts, shape (M,), -1 for none; None if no row has one."""
 Runs = tuple[list[int], list[int]]
-"""Height and width of a mask, and COCO's runs (down the columns, the first one outside of the object)."""
+"""Height and width of a mask, and COCO's runs (down the columns, starting outside the object)."""
 
 
-# What the core takes, as `crates/quadlift-py` reads it; what is left out there is none of.
+# Inputs of the core, as read by `crates/quadlift-py`; missing keys mean none.
 
 
 class FrameArrays(TypedDict, total=False):
@@ -91,7 +91,7 @@ def frames(
 def _matrices(
     projections: ArrayLike | None, intrinsics: ArrayLike | None, cam_from_world: ArrayLike | None
 ) -> tuple[str, int, FrameArrays]:
-    """The name of the argument with a row for each frame, its rows, and the arguments that the core needs."""
+    """The name of the argument with one row per frame, its number of rows, and the arguments for the core."""
     if projections is not None:
         if intrinsics is not None or cam_from_world is not None:
             raise QuadliftError("expected either projections, or intrinsics and cam_from_world; found both")

@@ -24,22 +24,22 @@ Shape = tuple[int | str, ...]
 
 
 def array(name: str, value: Any, shape: Shape, *others: Shape, nan: bool = False) -> NDArray[np.float64]:
-    """Numbers of a shape, without a copy where they are float64 already. An empty list has any shape without rows.
+    """Numbers of a shape, without a copy if they are float64 already. An empty list matches any shape without rows.
 
     Parameters
     ----------
     name : str
         The argument, for messages.
     value : array_like
-        What was given.
+        The value of the argument.
     shape, *others : tuple
-        The shapes that are expected.
+        The expected shapes.
     nan : bool
         Whether NaN is allowed.
     """
     found = _as_array(name, value)
     if found.dtype.kind == "O" and hasattr(value, "to_numpy"):
-        # A table of pandas whose columns may have gaps.
+        # A pandas table whose columns may have missing values.
         with contextlib.suppress(ValueError, TypeError):
             found = value.to_numpy(dtype=np.float64, na_value=np.nan)
     if found.dtype.kind not in "fiu":
@@ -64,7 +64,7 @@ def _fits(shape: tuple[int, ...], wanted: Shape) -> bool:
 
 
 def indices(name: str, value: Any) -> NDArray[np.int64]:
-    """Whole numbers of the shape (M,), also as numbers with a point, which tables make of them."""
+    """Whole numbers of the shape (M,), also as floats, to which tables convert them."""
     found = _as_array(name, value)
     if found.ndim != 1:
         raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected (M,)")
@@ -82,15 +82,15 @@ def indices(name: str, value: Any) -> NDArray[np.int64]:
 
 
 def rows(name: str, found: int, like: str, expected: int) -> None:
-    """Refuses two arguments with different numbers of rows."""
+    """Raises an error if two arguments have different numbers of rows."""
     if found != expected:
         raise QuadliftError(f"{name} has {found} rows; expected {expected}, as many as {like}")
 
 
 def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int64] | None, list[str]]:
-    """Whole numbers or texts of the shape (M,) as indices into a list of texts; -1 where there is none.
+    """Whole numbers or texts of the shape (M,) as indices into a list of texts; -1 for none.
 
-    None, NaN, negative numbers and the empty text stand for none.
+    None, NaN, negative numbers and the empty text mean none.
     """
     if value is None:
         return None, []
@@ -127,18 +127,18 @@ def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int6
 
 def _is_none(item: Any) -> bool:
     if item is None or type(item).__name__ == "NAType":
-        # The latter is pandas' word for a gap, which is neither equal nor unequal to anything.
+        # The latter is pandas.NA, which is neither equal nor unequal to anything.
         return True
     return (isinstance(item, float) and math.isnan(item)) or bool(item == "")
 
 
 def optional(check: Callable[[str, Any], Checked], name: str, value: Any) -> Checked | None:
-    """What may be None, else checked."""
+    """None, or the checked value."""
     return None if value is None else check(name, value)
 
 
 def scene(name: str, value: Any) -> _core.Scene:
-    """What a `Scene` holds."""
+    """The core of a `Scene`."""
     core = getattr(value, "_core", None)
     if isinstance(core, _core.Scene):
         return core
@@ -196,7 +196,7 @@ def _as_array(name: str, value: Any) -> NDArray[Any]:
         return np.asarray(value)
     except (ValueError, TypeError, RuntimeError) as error:
         # Lists of different lengths, tensors that are not in the memory of the CPU or that take part in a gradient.
-        raise QuadliftError(f"{name} is no array: {error}") from error
+        raise QuadliftError(f"{name} is not an array: {error}") from error
 
 
 def _words(shape: Sequence[int | str]) -> str:

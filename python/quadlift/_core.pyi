@@ -23,7 +23,7 @@ __all__ = [
 __version__: str
 
 class QuadliftError(ValueError):
-    """What quadlift refuses, and why."""
+    """Raised for invalid input; the message names it, what was found and what was expected."""
 
 def set_max_pixels(pixels: int) -> None: ...
 def write_text(path: str | PathLike[str], text: str) -> None: ...

@@ -1,4 +1,4 @@
-"""What localisation, association and evaluation give."""
+"""Results of localisation, association and evaluation."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ _SHAPES = {
 
 
 def warn_if_inconsistent(diagnosis: dict[str, Any], words: str | None, stacklevel: int) -> None:
-    """Warns of a scene that does not agree with itself, in the words of the core and with the call that mends it."""
+    """Warns of a scene that is inconsistent, with the message of the core and the call that corrects it."""
     if diagnosis["consistent"] or words is None:
         return
     option = diagnosis["causes"][0]["option"] if diagnosis["causes"] else None
     if option is not None:
         words = words.replace(f"({option})", f"({_options.option_as_keyword(option)})")
-    text = f"the scene does not agree with itself: {words}"
+    text = f"the scene is inconsistent: {words}"
     warnings.warn(text, InconsistentSceneWarning, stacklevel=stacklevel + 1)
 
 
 class InconsistentSceneWarning(UserWarning):
-    """The scene does not agree with itself: its poses, cameras and boxes do not fit together.
+    """The scene is inconsistent: its poses, cameras and boxes do not fit together.
 
-    No object is ``"ok"``; `Estimates.diagnosis` says what is wrong, `Scene.corrected` mends it.
+    No object is ``"ok"``; `Estimates.diagnosis` has the cause, `Scene.corrected` corrects it.
     """
 
 
@@ -62,7 +62,7 @@ class Alternative:
     quaternion : ndarray, shape (4,)
         Its rotation, world from object: a unit quaternion, w first.
     log_odds : float
-        Natural logarithm of its odds against the reported body: -2 means e^2 = 7.4 times less probable.
+        Log odds against the reported body (natural logarithm): -2 means e^2 = 7.4 times less probable.
     """
 
     center: NDArray[np.float64]
@@ -117,7 +117,7 @@ class EstimateArrays:
 
     @classmethod
     def _of(cls, localized: _core.Localized, ids: str = "found") -> Self:
-        """The arrays of a result; `ids` tells whether they are "numbers", "texts" (sorted both) or as "found"."""
+        """The arrays of a result; `ids` is "numbers" or "texts" (both sorted) or "found"."""
         found = localized.arrays()
         names: list[str] = found["object_ids"]
         object_ids: NDArray[Any] = np.array(names, dtype=np.int64 if ids == "numbers" else np.str_)
@@ -181,14 +181,14 @@ class EstimateArrays:
         )._read_only()
 
     def _read_only(self) -> Self:
-        """The estimates, with arrays that cannot be changed in place: a result file would not change with them."""
+        """The estimates, with read-only arrays: changes would not reach result files."""
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
         return self
 
     def _warned(self, stacklevel: int) -> Self:
-        """The estimates, once a scene that does not agree with itself has been told."""
+        """The estimates, after a warning if the scene is inconsistent."""
         warn_if_inconsistent(self.diagnosis, self._localized.diagnosis[1], stacklevel + 1)
         return self
 
@@ -201,7 +201,7 @@ class EstimateArrays:
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Which objects are localised, shape (N,): those with the status ``"ok"``."""
+        """Localised objects, shape (N,): those with the status ``"ok"``."""
         ok: NDArray[np.bool_] = self.status == "ok"
         return ok
 
@@ -209,7 +209,7 @@ class EstimateArrays:
         raise TypeError("estimates cannot be pickled; hand over to_arrow(), to_pandas(), to_scene() or their arrays")
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A table with a row for each object; needs pandas.
+        """A table with one row per object; needs pandas.
 
         Returns
         -------
@@ -238,14 +238,14 @@ class EstimateArrays:
         return pd.DataFrame(columns)
 
     def to_arrow(self) -> pyarrow.Table:
-        """A table with a row for each object; needs pyarrow.
+        """A table with one row per object; needs pyarrow.
 
         Returns
         -------
         pyarrow.Table
             Columns `object`, `category`, `status`, `center`, `semi_axes`, `quaternion`, `enclosing_semi_axes`,
             `enclosing_center`, `enclosing_quaternion` and `covariance` (lists of 3, 3, 4, 3, 3, 4 and 81 numbers; null
-            where there is none), `center_sd`, `views_used`, `rms_residual_px`.
+            for none), `center_sd`, `views_used`, `rms_residual_px`.
         """
         from ._arrow import pa
 
@@ -253,7 +253,7 @@ class EstimateArrays:
             flat = values.reshape(len(self), int(np.prod(values.shape[1:])))
             none = pa.array(np.isnan(flat).all(axis=1))
             fixed = pa.FixedSizeListArray.from_arrays(pa.array(flat.reshape(-1)), flat.shape[1], mask=none)
-            # Lists of a fixed size that hold nulls can be written to Parquet, but not read from it.
+            # Fixed-size lists with nulls can be written to Parquet, but not read from it.
             return fixed.cast(pa.list_(pa.float64()))
 
         def numbers(values: NDArray[np.float64]) -> Any:
@@ -284,45 +284,45 @@ def _alternative(center: list[float], axes: list[float], quaternion: list[float]
 
 @dataclass(frozen=True)
 class AssociatedObject:
-    """An object that association has found."""
+    """An object found by association."""
 
     id: str
     """Its id."""
     evidence: float | None
-    """How much better its detections are explained by it than by clutter (nats)."""
+    """Log Bayes factor of the object against its detections being clutter (nats)."""
     doubtful: str | None
-    """Why it may not be one standing object."""
+    """Why it may be moving or be several objects."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Scores of estimates against the truth.
+    """Scores of estimates against ground truth.
 
-    Angles are radians, lengths world units, shares from 0 to 1. A failed estimation has an overlap of 0.
+    Angles are in radians, lengths in world units, fractions from 0 to 1. A failed estimate has an overlap of 0.
 
     Attributes
     ----------
     objects : list of dict
-        Of each true object: `id`, `estimate`, `status`, `has_body`, and the scores `iou3d`, `iou3d_enclosing`,
+        For each true object: `id`, `estimate`, `status`, `has_body`, and the scores `iou3d`, `iou3d_enclosing`,
         `cuboid_iou3d`, `cuboid_iou3d_enclosing`, `theta_err`, `rotation_error`, `center_error`, `size_error`,
-        `ellipse_reprojection_iou`, `box_reprojection_iou`; None where there is nothing to compare.
+        `ellipse_reprojection_iou`, `box_reprojection_iou`; None if there is nothing to compare.
     mean : dict
-        Means of these scores over the objects that have them; empty where identities alone are compared.
+        Means of these scores over the objects that have them; empty if only the association is scored.
     failures : int
         Number of true objects without an estimated body.
     unmatched : list of str
-        Estimates that are paired with no true object.
+        Estimates that are not paired with any true object.
     matched_by : str or None
-        ``"ids"`` or ``"overlap"``; None where there were identities only.
+        ``"ids"`` or ``"overlap"``; None if only the association is scored.
     found : dict or None
-        How many true objects an estimate overlaps, whatever their ids: `least_iou3d`, `true_objects`, `estimates`,
+        Number of true objects that an estimate overlaps, ignoring ids: `least_iou3d`, `true_objects`, `estimates`,
         `matched`, `precision`, `recall`, `mean_iou3d`.
     identities : dict or None
-        How the detections of both scenes were divided into objects: `detections` (in both), `only_in_estimate`,
-        `only_in_truth`; over pairs of detections `precision`, `recall` and `f1`; `adjusted_rand_index`, `duplicates`
-        (objects that show a true one once more). None where the detections of one of them name none.
+        Scores of the association: `detections` (in both), `only_in_estimate`, `only_in_truth`; over pairs of detections
+        `precision`, `recall` and `f1`; `adjusted_rand_index`, `duplicates` (objects that repeat a true one). None if
+        the detections of either scene have no object ids.
     notes : list of str
-        Why identities were not scored.
+        Why the association was not scored.
     """
 
     objects: list[dict[str, Any]]

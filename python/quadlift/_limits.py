@@ -1,4 +1,4 @@
-"""Limits on what files may hold."""
+"""Limits on the content of files."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from . import _checks, _core
 
 
 def set_max_pixels(pixels: int) -> None:
-    """Sets how many pixels an image or mask may have in this process; 160 million at first.
+    """Sets the maximum number of pixels of an image or mask in this process; the default is 160 million.
 
-    A file of a few kilobytes can hold an image that fills the memory. Larger ones are refused before they are decoded.
+    A file of a few kilobytes can contain an image that fills the memory. Larger images are rejected before they are
+    decoded.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The one call: arrays in, arrays out."""
+"""The main entry point: arrays in, arrays out."""
 
 from __future__ import annotations
 
@@ -33,38 +33,38 @@ def localize(
     length_unit: str | None = None,
     **options: Unpack[_options.Options],
 ) -> Estimates:
-    """Localises all objects that M detections in F posed images show.
+    """Localises all objects of M detections in F posed images.
 
     Parameters
     ----------
     projections : array_like, shape (F, 3, 4)
-        World to pixels. Either these, or `intrinsics` and `cam_from_world`.
+        World to pixels. Give either these, or `intrinsics` and `cam_from_world`.
     intrinsics : array_like, shape (3, 3) or (F, 3, 3)
         Pinhole cameras ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels: one for all frames or one for each.
     cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
         Poses ``[R | t]``, world to camera, OpenCV's axes.
     image_sizes : array_like, shape (2,) or (F, 2), optional
-        Width and height in pixels. Without them no box edge counts as cut off by the border of the image.
+        Width and height in pixels. Without them box edges at the image border are not treated as cut off.
     frame : array_like of int, shape (M,)
         Indices of the detections' frames, 0 to F - 1.
     boxes : array_like, shape (M, 4), optional
-        ``[x0, y0, x1, y1]`` in pixels; a row of NaN stands for none.
+        ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
     ellipses : array_like, shape (M, 5), optional
         Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
-        stands for none. Each detection needs a box or an ellipse.
+        means none. Each detection needs a box or an ellipse.
     masks : sequence of (H, W) arrays or None, length M, optional
-        Non-zero where the object is; for ``observations="mask"``.
+        Non-zero pixels are the object; for ``observations="mask"``.
     object : array_like of int or str, shape (M,), optional
-        The objects that the detections show; negative numbers, None and "" stand for unknown. Where any is unknown, or
-        without this argument, quadlift finds out which detections show the same object.
+        The objects of the detections; negative numbers, None and "" mean unknown. If any is unknown, or without this
+        argument, the detections are associated first.
     scores : array_like, shape (M,), optional
-        Scores of the detector; NaN stands for none.
+        Scores of the detector; NaN means none.
     categories : array_like of int or str, shape (M,), optional
-        Categories, by number or name; as for objects, some stand for unknown.
+        Categories, by number or name; unknown values as for objects.
     up : array_like, shape (3,), optional
         World direction against gravity.
     length_unit : str, optional
-        World unit; ``"m"`` is needed for ``priors="builtin"``.
+        World unit; ``"m"`` is required for ``priors="builtin"``.
     **options : Options
         The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `associate`, `ids`,
         `cross_validate`, `min_views`, `upright`, `ground_plane`, `camera_height`, `pose_noise`, `sigmas`,
@@ -73,23 +73,22 @@ def localize(
     Returns
     -------
     Estimates
-        In ascending order of the objects where all were given.
+        In ascending order of the objects if all were given.
 
     Raises
     ------
     QuadliftError
-        Names the argument, what was found and what was expected. A single object that cannot be solved is no error but
-        has a status.
+        Names the argument, what was found and what was expected. A single object that cannot be solved is not an error;
+        its status gives the reason.
 
     Warns
     -----
     InconsistentSceneWarning
-        Where poses, cameras and boxes do not fit together: no object is ``"ok"`` then. It names the mistake that
-        explains it, and what mends it.
+        If poses, cameras and boxes are inconsistent: no object is ``"ok"`` then. Names the mistake and its correction.
 
     Notes
     -----
-    Other threads of Python go on meanwhile, and Ctrl-C works.
+    Releases the GIL; Ctrl-C works.
     """
     scene = Scene.from_arrays(
         projections=projections,

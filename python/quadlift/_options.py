@@ -22,7 +22,7 @@ Segmenter = Literal["sca+cut", "sca", "graphcut", "masks", "box"]
 
 
 class Result(Protocol):
-    """What a localisation gives: `Estimates`."""
+    """The result of a localisation: `Estimates`."""
 
     def to_scene(self) -> SceneData:
         """The scene with the estimates as objects."""
@@ -30,7 +30,7 @@ class Result(Protocol):
 
 
 class Prior(TypedDict, total=False):
-    """What is known beforehand about the objects of a category."""
+    """Prior on the objects of a category."""
 
     size: tuple[float, float, float]
     """Length, width, height: full extents in world units; with `size_sd`."""
@@ -39,55 +39,55 @@ class Prior(TypedDict, total=False):
     upright_sd: float
     """Standard deviation of the angle between the vertical axis and the scene's `up`, radians."""
     on_ground: bool
-    """Whether the objects stand on a common ground."""
+    """Whether the objects stand on a common ground plane."""
 
 
 class Options(TypedDict, total=False):
-    """Options of `localize` and `Scene.localize`; those that are left out have the program's defaults."""
+    """Options of `localize` and `Scene.localize`; the defaults are those of the program."""
 
     method: Literal["map", "planes", "lfd", "pfd", "reg"]
     """Estimator: `map` (refinement, the best; the default), `planes`, `lfd` and `pfd` (closed forms), `reg`."""
     body: str
     """`ellipsoid`, `cuboid`, `cylinder`, `superellipsoid:Q` (Q from 1, cuboid, to 2, ellipsoid) or `auto` (default)."""
     source: str | None
-    """Take the detections of this source only; needed when the scene has several."""
+    """Use only the detections of this source; required if the scene has several."""
     observations: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
-    """Which measurements of a detection are used (`auto`: what it has)."""
+    """Measurements to use (`auto`: what a detection has)."""
     associate: Literal["auto", "never", "always"]
-    """Find out first which detections show the same object: where some name none (`auto`), not at all or always."""
+    """Associate detections first: if any lack an id (`auto`), never or always."""
     ids: Ids | None
-    """What ids that detections have are worth then (`trust`; with `associate="always"`: `evidence`)."""
+    """How far to trust existing ids (`trust`; with `associate="always"`: `evidence`)."""
     priors: Path | Mapping[str, Prior] | None
-    """What is known about categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
+    """Priors on categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
     cross_validate: bool
-    """Leave out each view of each object and predict it from the others: the quality of the result without a truth.
+    """Leave out each view of each object and predict it from the others: a measure of quality without ground truth.
     Takes several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""
     min_views: int
-    """Objects with fewer views are not localised, nor ever with fewer than the method needs (two or three)."""
+    """Minimum number of views of an object; every method needs at least two or three."""
     max_occluded: float | None
-    """Leave out detections that are more occluded (KITTI's levels)."""
+    """Skip detections that are more occluded (KITTI levels)."""
     max_truncated: float | None
-    """Leave out detections that are more truncated."""
+    """Skip detections that are more truncated."""
     upright: bool
-    """Find out which objects stand upright, an axis along the scene's `up`; the default."""
+    """Detect which objects stand upright, with an axis along the scene's `up`; the default."""
     ground_plane: bool
     """All objects stand on a common ground plane; needs the scene's `up`."""
     camera_height: float | None
     """Height of the cameras above the ground plane, world units."""
     pose_noise: tuple[float, float] | None
-    """The poses may be wrong: standard deviations of each frame's turn (radians) and shift (world units)."""
+    """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame."""
     sigmas: Mapping[str, float] | None
     """Noise levels, such as `Estimates.noise` of other detections of the same detector, instead of estimating them from
-    all objects of the call. With them an object's estimate depends on its own views only."""
+    all objects of the call. The estimate of an object then depends on its own views only."""
     calibration: Sequence[tuple[SceneData | Result, SceneData]]
-    """Results of the same detector, options and kind of scenes, each with a scene that holds its truth:
-    `Estimates.calibration` then says how large regions must be to hold the truth as often as they promise."""
+    """Results of the same detector, options and kind of scenes, each with a scene with the ground truth:
+    `Estimates.calibration` then has calibrated confidence regions."""
     accept_inconsistent: bool
-    """Whether objects may be ``"ok"`` in a scene that does not agree with itself (see `Estimates.diagnosis`)."""
+    """Whether objects may be ``"ok"`` in a scene that is inconsistent (see `Estimates.diagnosis`)."""
     reg_lambda: float | None
     """Weight of the regulariser of `method="reg"` (default 1e16)."""
     seed: int
-    """Seed of everything that is drawn at random."""
+    """Seed of the random numbers."""
     threads: int | None
     """Number of threads (default: one per core); the result does not depend on it."""
     progress: Progress | None
@@ -119,7 +119,7 @@ DEFAULTS: dict[str, Any] = {
 
 
 def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, Progress | None]:
-    """The core's keywords of a localisation, the number of threads and the progress callback."""
+    """Keywords of the core for localisation, the number of threads and the progress callback."""
     given: dict[str, Any] = dict(options)
     threads, progress = threads_and_progress(given.pop("threads", None), given.pop("progress", None))
     for name in given:
@@ -199,7 +199,7 @@ def _sigmas(sigmas: Any) -> dict[str, float]:
 
 
 def _calibration(pairs: Any) -> list[tuple[_core.Scene, _core.Scene]]:
-    """Pairs of a result and its truth, as the core takes them."""
+    """Pairs of a result and its ground truth, for the core."""
     if isinstance(pairs, str | Mapping) or not isinstance(pairs, Sequence):
         raise QuadliftError(f"calibration is a {type(pairs).__name__}; expected a list of pairs (result, truth)")
     scenes = []
@@ -215,7 +215,7 @@ def _calibration(pairs: Any) -> list[tuple[_core.Scene, _core.Scene]]:
 
 
 def _priors(priors: Any) -> tuple[str | None, str | None]:
-    """A path or "builtin", or instead of it the text of a TOML file."""
+    """A path or "builtin", or the text of a TOML file."""
     if priors is None:
         return None, None
     if isinstance(priors, str | os.PathLike):
@@ -224,7 +224,7 @@ def _priors(priors: Any) -> tuple[str | None, str | None]:
         raise QuadliftError(f'priors is a {type(priors).__name__}; expected "builtin", a path or a mapping')
     lines = []
     for category, prior in priors.items():
-        # A list and a text of JSON are ones of TOML too.
+        # JSON lists and strings are also valid TOML.
         lines.append(f"[{json.dumps(_checks.text('a category of priors', category))}]")
         if not isinstance(prior, Mapping):
             raise QuadliftError(f"priors[{category!r}] is a {type(prior).__name__}; expected a mapping")
@@ -241,7 +241,7 @@ def _priors(priors: Any) -> tuple[str | None, str | None]:
 
 
 def corrections(given: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The core's names and values of corrections; those that are None are left out."""
+    """Names and values of corrections for the core, without those that are None."""
     texts = []
     for name, value in given.items():
         if value is None or value is False:

@@ -1,6 +1,6 @@
 """Scenes and results as recordings for Rerun (https://rerun.io).
 
-What is logged, on the timelines "frame" and, where the frames have times, "time":
+Entities, on the timelines "frame" and, if the frames have times, "time":
 
     world/estimate/ellipsoids, world/estimate/cuboids   estimated bodies (cylinders and
                                                         superellipsoids as their ellipsoids)
@@ -8,12 +8,12 @@ What is logged, on the timelines "frame" and, where the frames have times, "time
     world/path                                          the cameras' centres
     world/camera                                        pose of the frame's camera
     world/camera/image                                  its pinhole camera and its image
-    world/camera/image/boxes                            detected boxes, red where the estimator has rejected them
+    world/camera/image/boxes                            detected boxes, red if rejected by the estimator
     world/camera/image/ellipses                         detected ellipses, as line strips
     world/camera/image/outlines                         outlines of the estimated bodies, as line strips
-    world/camera/image/true_outlines                    those of the true bodies
+    world/camera/image/true_outlines                    outlines of the true bodies
 
-Everything is worked out before (docs/formats/rerun.md describes it); here it is only logged.
+All values are computed beforehand (see docs/formats/rerun.md); this module only logs them.
 """
 
 from __future__ import annotations
@@ -38,27 +38,27 @@ Record = dict[str, Any]
 
 
 def log_recording(folder: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> None:
-    """Logs what the program has written with ``quadlift export rerun``; needs its SDK.
+    """Logs the output of ``quadlift export rerun``; needs the SDK of Rerun.
 
     Parameters
     ----------
     folder : path-like
         The folder.
     path : path-like, optional
-        A recording to write (``.rrd``); without it the current recording of Rerun gets it (``rerun.init``).
+        A recording file to write (``.rrd``); without it, logs to the current recording (``rerun.init``).
 
     Raises
     ------
     QuadliftError
-        Where the folder holds no recording, or Rerun has none and no path is given.
+        If the folder contains no recording, or if Rerun has none and no path is given.
     """
     file = Path(folder) / "recording.json"
     try:
         recording = json.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise QuadliftError(f"{file}: there is no such file; expected what `quadlift export rerun` writes") from error
+        raise QuadliftError(f"{file}: there is no such file; expected the output of `quadlift export rerun`") from error
     except (OSError, ValueError) as error:
-        raise QuadliftError(f"{file} is no recording: {error}") from error
+        raise QuadliftError(f"{file} is not a recording: {error}") from error
     found = (recording.get("format"), recording.get("version")) if isinstance(recording, dict) else None
     if found != ("quadlift.recording", 1):
         words = f"the format {found[0]!r}, version {found[1]!r}" if found else f"a {type(recording).__name__}"
@@ -81,7 +81,7 @@ def log_recorded(recorded: tuple[str, list[int]], scene: _core.Scene, path: str 
         try:
             found = scene.jpeg(frames[index])
         except QuadliftError as error:
-            # Told of the line that calls `to_rerun`.
+            # Attributed to the line that calls `to_rerun`.
             warnings.warn(str(error), stacklevel=5)
             return None
         if found is None:
@@ -104,13 +104,13 @@ def _rerun() -> Any:
 def _log(
     rr: Any, recording: Record, image: Callable[[int], Any], path: str | os.PathLike[str] | None, name: str | None
 ) -> None:
-    """Logs a recording; `image` gives the images of its frames, and recordings of the same name belong together."""
+    """Logs a recording; `image` returns the images of its frames, and recordings of the same name belong together."""
     stream: Any = contextlib.nullcontext()
     if path is not None:
         stream = rr.RecordingStream("quadlift", recording_id=name)
         stream.save(path)
     elif rr.get_data_recording() is None:
-        raise QuadliftError("there is no recording; call rerun.init first, or give the path of one to write")
+        raise QuadliftError("there is no recording; call rerun.init first, or give the path of a file to write")
     with stream:
         coordinates = _view_coordinates(rr, recording["up"]) if recording["up"] else None
         if coordinates is not None:
@@ -177,7 +177,7 @@ def _log_frame(rr: Any, frame: Record, image: Any) -> None:
 
 
 def _log_lines(rr: Any, path: str, outlines: list[Record], color: Callable[[Record], Any]) -> None:
-    """Logs all lines of outlines, or that there are none in this frame."""
+    """Logs all outlines, or clears them if there are none in this frame."""
     lines = [(line, o) for o in outlines for line in o["lines"]]
     if not lines:
         rr.log(path, rr.Clear(recursive=False))
@@ -201,7 +201,7 @@ def _measured_color(owner: Record) -> Any:
 
 
 def _view_coordinates(rr: Any, up: list[float]) -> Any:
-    """How Rerun calls a world whose up direction is along an axis; None for any other."""
+    """Rerun's name for a world with this up axis; None for other directions."""
     axis = int(np.argmax(np.abs(up)))
     if abs(up[axis]) < 0.999:
         return None

@@ -1,4 +1,4 @@
-"""Scenes and what is done with them: above all, estimates."""
+"""Scenes and their estimates."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 
 class Scene(FromOtherPackages):
-    """Posed frames, detections in them, and objects (the truth, or estimates). A scene never changes.
+    """Posed frames with detections and objects (ground truth or estimates). Immutable.
 
     Make one with `read`, `from_arrays`, `from_colmap`, `from_coco`, `from_detections`, `from_supervision` or
-    `from_ultralytics`. What is wrong with an argument or a file is a `QuadliftError`, which names it, what was found
-    and what was expected.
+    `from_ultralytics`. Invalid arguments and files raise `QuadliftError`, which names the argument or file, what was
+    found and what was expected.
     """
 
-    # What to do with it
+    # Operations
 
     def localize(self, **options: Unpack[_options.Options]) -> Estimates:
-        """Localises the objects, as the program does; see `quadlift.localize` for the options.
+        """Localises the objects like the program; see `quadlift.localize` for the options.
 
         Returns
         -------
@@ -41,12 +41,12 @@ class Scene(FromOtherPackages):
         return Estimates._of(self._core.localize(keywords, threads, progress))._warned(2)
 
     def diagnose(self, *, source: str | None = None) -> dict[str, Any]:
-        """Whether poses, cameras and boxes fit together, and if not, which of the usual mistakes explains it.
+        """Checks whether poses, cameras and boxes are consistent, and if not, which common mistake explains it.
 
         Parameters
         ----------
         source : str, optional
-            Look at the detections of this source only; needed when the scene has several.
+            Use only the detections of this source; required if the scene has several.
 
         Returns
         -------
@@ -74,42 +74,42 @@ class Scene(FromOtherPackages):
         frame_offset: int | None = None,
         frame_order: str | None = None,
     ) -> Scene:
-        """The scene with the usual mistakes undone: the corrections of the program, with the same names and values.
+        """The scene with corrections of common mistakes applied, with the names and values of the program's options.
 
         Parameters
         ----------
         pose_convention : str, optional
-            What the poses are instead of OpenCV's ``cam_from_world``: ``"world-from-camera"``, ``"opengl"``,
+            Convention of the poses if it is not OpenCV's ``cam_from_world``: ``"world-from-camera"``, ``"opengl"``,
             ``"opengl-world-from-camera"``, ``"body"``, ``"left-handed"``, ``"camera-center"``, ...
         pose_unit : str, optional
-            Unit of the poses' translations (``"mm"``); the scene is in metres then.
+            Unit of the translations of the poses (``"mm"``); the scene is converted to metres.
         up : str or array_like, shape (3,), optional
             World direction against gravity: an axis such as ``"-y"``, or a direction.
         focal_factor : float, optional
             Multiplies the focal lengths.
         intrinsics_format : {"normalized", "transposed"}, optional
-            What the intrinsics are instead of pixels.
+            Format of the intrinsics if not pixels.
         radial_distortion : float, optional
-            Radial coefficient of the lens that the cameras lack.
+            Radial distortion coefficient to add to the cameras.
         box_format : str, optional
-            What the numbers of boxes are: ``"xywh"``, ``"cxcywh"``, ``"yxyx"``, ...
+            Format of the box coordinates: ``"xywh"``, ``"cxcywh"``, ``"yxyx"``, ...
         normalized_boxes : bool
-            Whether boxes are shares of the image's width and height.
+            Whether boxes are fractions of image width and height.
         image_size : (width, height), optional
-            Pixels of the images in which the boxes were measured.
+            Size in pixels of the images in which the boxes were measured.
         box_scale : float, optional
-            Multiplies the pixels of the boxes.
+            Multiplies the box coordinates.
         letterbox : side or (width, height), optional
-            The letterboxed square image in which the boxes were measured, pixels.
+            Size in pixels of the letterboxed image in which the boxes were measured.
         frame_offset : int, optional
             Detections of frame number N belong to frame number 0, and so on.
         frame_order : {"alphabetical", "numeric", "reversed"}, optional
-            The order in which detections were given to frames.
+            The order in which detections were assigned to frames.
 
         Returns
         -------
         Scene
-            Without the detections that belong to no frame any more.
+            Without detections that no longer belong to a frame.
         """
         given = {
             "pose_convention": pose_convention,
@@ -139,42 +139,41 @@ class Scene(FromOtherPackages):
         threads: int | None = None,
         progress: _options.Progress | None = None,
     ) -> Scene:
-        """Finds the masks of the detections in the images, and the ellipses of the masks, as the program does.
+        """Segments the detections in the images and fits ellipses to the masks, like the program.
 
-        The crops of one object in all of its frames are segmented together. A mask that cannot be trusted is given up
-        for the ellipse in the box. `localize` takes the ellipses from there, or the masks with
-        ``observations="mask"``.
+        The crops of an object from all its frames are segmented jointly. An unreliable mask is replaced by the ellipse
+        in the box. `localize` uses the ellipses, or the masks with ``observations="mask"``.
 
         Parameters
         ----------
         method : {"sca+cut", "sca", "graphcut", "masks", "box"}
-            Stels finished by graph cuts, stels alone, graph cuts alone, the masks that the detections have already, or
-            the ellipse in each box (for comparison).
+            Stels refined by graph cuts, stels alone, graph cuts alone, the existing masks of the detections, or the
+            ellipse in each box (for comparison).
         source : str, optional
-            Take the detections of this source only; needed when the scene has several.
+            Use only the detections of this source; required if the scene has several.
         out_masks : path-like, optional
-            A folder for the masks as label images (PNG), one for each frame; without it the scene itself holds them.
+            A folder for the masks as label images (PNG), one per frame; without it they are stored in the scene.
         seed : int
-            Seed of everything that is drawn at random.
+            Seed of the random numbers.
         threads : int, optional
             Number of threads; the result does not depend on it.
         progress : callable, optional
-            Called with the number of images done and their total, then with those of the objects.
+            Called with the numbers of finished and of all images, then of objects.
 
         Returns
         -------
         Scene
-            The scene whose detections have ellipses, masks, and a note on how far these can be trusted.
+            The scene with ellipses, masks and their confidence in the detections.
 
         Raises
         ------
         QuadliftError
-            Where no detection could be segmented.
+            If no detection could be segmented.
 
         Warns
         -----
         UserWarning
-            Names what went wrong with single detections (an image that cannot be read).
+            For problems of single detections (such as an image that cannot be read).
         """
         threads, progress = _options.threads_and_progress(threads, progress)
         keywords = _options.of_segmentation(method, source, out_masks, seed)
@@ -197,44 +196,42 @@ class Scene(FromOtherPackages):
         threads: int | None = None,
         progress: _options.Progress | None = None,
     ) -> tuple[Scene, list[_estimates.AssociatedObject]]:
-        """Finds out which detections show the same object.
+        """Associates detections that show the same object.
 
         Parameters
         ----------
         ids : {"evidence", "trust", "ignore"}
-            What ids that detections have are worth.
+            How far to trust existing ids.
         source : str, optional
-            Take the detections of this source only.
+            Use only the detections of this source.
         thorough : bool
-            Search from several starts: about eight times as long, better with few views or many misses.
+            Search from several starts: takes about eight times as long, better with few views or many misses.
         min_views : int
-            Objects with fewer views are not reported.
+            Skip objects with fewer views.
         min_score : float, optional
-            Leave out detections with a lower score.
+            Skip detections with a lower score.
         max_overlap : float, optional
-            Leave out detections that overlap a better one of the same frame and category by more (intersection over
-            union).
+            Skip detections that overlap a better one of the same frame and category by more (intersection over union).
         pixel_sd : float, optional
-            Error of box edges that does not depend on the size of the box, pixels. By default 2, 4 or 8, as much as
-            costs little evidence.
+            Size-independent error of box edges, pixels. By default 2, 4 or 8, the largest that the evidence supports.
         priors : str, path-like or mapping, optional
             Sizes of categories: "builtin" (for scenes in metres), a TOML file, or a mapping, as in `localize`.
         threads : int, optional
             Number of threads.
         progress : callable, optional
-            Called with the steps done and their total.
+            Called with the numbers of finished and of all steps.
 
         Returns
         -------
         scene : Scene
-            The scene whose detections name these objects.
+            The scene with the ids of these objects in the detections.
         objects : list of AssociatedObject
             The objects, in the order of their first detections.
 
         Raises
         ------
         QuadliftError
-            Where no object was found, and why; where something is wrong with an option.
+            If no object was found, with the reason, or if an option is invalid.
         """
         threads, progress = _options.threads_and_progress(threads, progress)
         keywords = _options.of_association(
@@ -253,24 +250,24 @@ class Scene(FromOtherPackages):
     def evaluate(
         self, truth: Scene, *, match: Literal["auto", "ids", "overlap"] = "auto", source: str | None = None
     ) -> _estimates.Evaluation:
-        """Scores the objects of this scene (a result, see `Estimates.to_scene`) against true ones.
+        """Scores the objects of this scene (a result, see `Estimates.to_scene`) against ground truth.
 
-        Where both scenes have detections and those of the truth name objects, it is scored too how the detections were
-        divided into objects; without objects in both that alone.
+        If both scenes have detections and those of the truth have object ids, the association is scored too; without
+        objects in both scenes only the association is scored.
 
         Parameters
         ----------
         truth : Scene
-            A scene with objects, or with detections that name objects.
+            A scene with objects, or with object ids of its detections.
         match : {"auto", "ids", "overlap"}
-            How estimates and true objects are paired; by their ids where any is common, else by overlap (``"auto"``).
+            How to pair estimates with true objects; ``"auto"``: by ids if any are shared, otherwise by overlap.
         source : str, optional
-            Score the identities of the detections of this source only.
+            Score the association of this source only.
 
         Raises
         ------
         QuadliftError
-            Where there is nothing to compare.
+            If there is nothing to compare.
         """
         source = _checks.optional(_checks.text, "source", source)
         scores = self._core.evaluate(_checks.scene("truth", truth), _checks.text("match", match), source)
@@ -281,130 +278,130 @@ class Scene(FromOtherPackages):
 class Estimates(EstimateArrays):
     """Estimates of N objects from M detections.
 
-    What an object does not have is NaN. There is a body where the status is ``"ok"`` or ``"inconsistent"``.
+    Missing values are NaN. There is a body if the status is ``"ok"`` or ``"inconsistent"``.
 
     Attributes
     ----------
     object_ids : ndarray, shape (N,)
-        The objects: whole numbers or texts, as they were given. In ascending order where they were given as an array;
-        in the order of their first detections otherwise.
+        The objects: whole numbers or texts, as given. In ascending order if given as an array; otherwise in the order
+        of their first detections.
     categories : list of str or None, length N
-        The category of most of the object's detections.
+        The most frequent category of the object's detections.
     status : ndarray of str, shape (N,)
         ``"ok"``, ``"inconsistent"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
     centers : ndarray, shape (N, 3)
-        Centres in the world, whenever there is one.
+        Centres in the world, if known.
     semi_axes : ndarray, shape (N, 3)
-        Semi-axes of the ellipsoid that is tangent to the measurements, world units.
+        Semi-axes of the tangent ellipsoid, world units.
     quaternions : ndarray, shape (N, 4)
         Rotations of the objects, world from object: unit quaternions, w first.
     rotations : ndarray, shape (N, 3, 3)
         The same as matrices, whose columns are the axes in the order of ``semi_axes``.
     enclosing_semi_axes, enclosing_centers : ndarray, shape (N, 3)
-        Semi-axes and centre of the larger ellipsoid that holds the real object. It is fitted on its own: its centre and
-        rotation are not those of the tangent one.
+        Semi-axes and centre of the enclosing ellipsoid, which should contain the real object. It is fitted separately:
+        its centre and rotation differ from those of the tangent one.
     enclosing_quaternions : ndarray, shape (N, 4)
         Its rotation, world from object: a unit quaternion, w first.
     body_kinds : list of str or None, length N
         The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"superellipsoid:Q"``.
     body_axes, enclosing_body_axes : ndarray, shape (N, 3)
-        Those of the body itself, where it is no ellipsoid: half extents of a cuboid, semi-axes of a
-        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one); and of the larger
-        body of the same kind that holds the real object.
+        Dimensions of the body itself if it is not an ellipsoid: half extents of a cuboid, semi-axes of a
+        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one); and of the
+        enclosing body of the same kind.
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N
-        ``"center_vech_shape"`` (centre, and vech of the shape matrix) for ellipsoids, else
+        ``"center_vech_shape"`` (centre, and vech of the shape matrix) for ellipsoids, otherwise
         ``"center_rotation_log_axes"``.
     center_sd : ndarray, shape (N,)
         Standard deviations of the centres per coordinate, world units.
     views_used : ndarray of int, shape (N,)
-        Numbers of views that the estimates rest on.
+        Numbers of used views.
     rms_residuals : ndarray, shape (N,)
         Root mean square residuals of the used views, pixels.
     misfits : ndarray, shape (N,)
         Root mean square residuals of the used views per degree of freedom, relative to half the size of the boxes; NaN
         for other methods than ``"map"``.
     misfit_deviations : ndarray, shape (N,)
-        The same in standard deviations of the scene's noise: about 1 where the object's boxes err like the others.
+        The same in standard deviations of the scene's noise: about 1 for objects with typical noise.
     alternatives : list of list of Alternative, length N
-        Other bodies that fit the views about as well, the most probable first; sought for cuboids only. The covariance
-        holds the spread between the answers, and a warning says ``ambiguous``.
+        Other bodies that fit the views about as well, the most probable first; for cuboids only. The covariance
+        includes the spread between them, and there is a warning ``ambiguous``.
     predicted_ious : ndarray, shape (N,)
-        With ``cross_validate=True``: how well the other views of an object predict the box of each of its views, the
-        mean IoU with the measured boxes; NaN where the others determine no body, as with two views.
+        With ``cross_validate=True``: the mean IoU between measured boxes and those predicted from the other views of
+        the object; NaN if the other views determine no body, as with two views.
     odd_views : list of str or None, length N
         With ``cross_validate=True``: the frame whose detection the other views contradict.
     warnings : list of list of str, length N
-        What makes an estimate weak.
+        Reasons why an estimate is weak.
     doubtful : list of str or None, length N
-        Where identities were found: why an object may not be one standing object.
+        After association: why an object may be moving or be several objects.
     object_indices : ndarray of int, shape (M,)
-        For each detection the row of its object, -1 where it shows none.
+        For each detection the row of its object, -1 if it has none.
     inliers : ndarray of bool, shape (M,)
-        Which detections count for their object; the others are outliers or took no part.
+        Which detections are used; the others are outliers or were skipped.
     residuals : ndarray, shape (M,)
         Root mean square distances between measured and predicted edges, pixels.
     rejected_because : list of str or None, length M
-        Why a detection is an outlier: ``"residual"`` (it is farther from the body than the noise explains) or
-        ``"behind_camera"`` (the body does not lie wholly in front of the camera). None for all others.
+        Why a detection is an outlier: ``"residual"`` (its residual is much larger than the noise) or
+        ``"behind_camera"`` (the body is not entirely in front of the camera). None for all others.
     body : str
-        The kind of body that was fitted, ``"mixed"`` where objects differ (see ``body_kinds``).
+        The fitted kind of body, ``"mixed"`` if objects differ (see ``body_kinds``).
     noise : dict
-        Noise levels that the residuals show, by name; empty for other methods than ``"map"``. Standard deviations:
-        ``edge_relative`` and ``hidden_edge_relative`` as shares of half the box's size, ``edge_px`` in pixels, those of
-        ellipses as shares of the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
-        ``ellipse_correlation`` are correlations between views that follow each other. ``edge_common`` and others that
-        end so are errors that the views of an object have in common, in units of the noise; ``residual_level`` and
-        ``residual_spread`` tell how much objects differ. These enter covariances only.
+        Estimated noise levels by name; empty for methods other than ``"map"``. Standard deviations: ``edge_relative``
+        and ``hidden_edge_relative`` relative to half the size of the box, ``edge_px`` in pixels, those of ellipses
+        relative to the mean semi-axis or of logarithms of axes. ``edge_correlation`` and ``ellipse_correlation`` are
+        correlations between consecutive views. ``edge_common`` and others with this ending are errors common to the
+        views of an object, in units of the noise; ``residual_level`` and ``residual_spread`` describe differences
+        between objects. These affect covariances only.
     cross_validation : dict or None
-        How well left-out views are predicted, over the scene: `iou` (mean, of the predicted and the measured boxes),
-        `edge_error` (median, relative to half the box's size), the numbers of `views` and `objects`, and the `extent`:
-        ``"sample"``, or ``"all"`` with ``cross_validate=True``. None where no view can be left out.
+        How well left-out views are predicted, over the scene: `iou` (mean, between predicted and measured boxes),
+        `edge_error` (median, relative to half the size of the box), the numbers of `views` and `objects`, and the
+        `extent`: ``"sample"``, or ``"all"`` with ``cross_validate=True``. None if no view can be left out.
     calibration : dict or None
-        With ``calibration=...``: the number of `objects` with a known truth, the `results` and `truths`, and
-        `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared distance, in
-        units of the covariance, that holds the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and
-        ``"0.99"``; None where the objects are too few. The centre is that of the reported body.
+        With ``calibration=...``: the number of `objects` with ground truth, the `results` and `truths`, and
+        `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared Mahalanobis
+        distance that contains the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and ``"0.99"``; None if
+        there are too few objects. The centre is that of the reported body.
     skipped : dict
-        Numbers of detections that took no part: `without_object`, `occluded_or_truncated`, `beyond_lens` (they lie
-        where the lens cannot be undistorted), `without_measurement` (they lack what `measurements` asks for).
+        Numbers of skipped detections: `without_object`, `occluded_or_truncated`, `beyond_lens` (where the lens cannot
+        be undistorted), `without_measurement` (without the measurement that `observations` selects).
     diagnosis : dict
-        Whether the scene agrees with itself: `consistent`, `score` (by how much of their half size boxes typically miss
-        their object; None where no object has two boxes) and `causes`, the usual mistakes that explain it, the best
-        first: `name`, `value`, `before` and `after` (the score, and the one with the mistake undone), `option` of the
-        program that mends it (a keyword of `Scene.corrected` too).
+        The self-check: `consistent`, `score` (the typical distance by which boxes miss their object, in half sizes;
+        None if no object has two boxes) and `causes`, the common mistakes that explain an inconsistency, the best
+        first: `name`, `value`, `before` and `after` (the score before and after correction), `option` of the program
+        that corrects it (also a keyword of `Scene.corrected`).
     association : dict or None
-        What was found about identities, where they were: `objects` (`id`, `views`, `expected_views`, `evidence` in
-        nats, `doubtful`), the numbers of detections `associated`, of `clutter` (they belong to no object) and
-        `skipped` (by reason), `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
+        The result of association, if it was run: `objects` (`id`, `views`, `expected_views`, `evidence` in nats,
+        `doubtful`), the numbers of detections `associated`, of `clutter` (unassigned) and `skipped` (by reason),
+        `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
     problems : list of str
         Masks that could not be read.
     seconds : float
-        The time that the library took, without the conversion of arrays.
+        Run time of the library, without the conversion of arrays.
     """
 
     def to_scene(self) -> Scene:
-        """The cameras and frames with the estimates as objects, as the program writes it.
+        """A scene with the cameras and frames and the estimates as objects, as written by the program.
 
         Returns
         -------
         Scene
-            Without detections, unless their identities were found.
+            Without detections, except after association.
         """
         return Scene(self._localized.to_scene())
 
     def report(self, path: Path, truth: Scene | None = None, *, title: str = "quadlift") -> None:
-        """Writes a page that shows the result in any browser.
+        """Writes an HTML report of the result.
 
         Parameters
         ----------
         path : path-like
-            The page, an HTML file.
+            The HTML file.
         truth : Scene, optional
-            A scene whose objects are the truth, shown beside the estimates, with their scores.
+            A scene with the true objects, shown with the estimates and scores.
         title : str
-            Title of the page.
+            Title of the report.
         """
         of_truth = _checks.optional(_checks.scene, "truth", truth)
         self._check_output(path, of_truth)
@@ -412,14 +409,14 @@ class Estimates(EstimateArrays):
         _core.write_text(path, page)
 
     def to_rerun(self, path: Path | None = None, *, truth: Scene | None = None) -> None:
-        """Logs frames, detections and estimates with Rerun (https://rerun.io); needs its SDK.
+        """Logs frames, detections and estimates to Rerun (https://rerun.io); needs its SDK.
 
         Parameters
         ----------
         path : path-like, optional
-            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+            A recording file to write (``.rrd``); without it, logs to the current recording (``rerun.init``).
         truth : Scene, optional
-            A scene whose objects are the truth, logged beside the estimates.
+            A scene with the true objects, logged with the estimates.
         """
         given = self._localized.given
         of_truth = _checks.optional(_checks.scene, "truth", truth)
@@ -429,7 +426,7 @@ class Estimates(EstimateArrays):
         _rerun.log_recorded(recorded, given, path)
 
     def _check_output(self, path: Path, truth: _core.Scene | None) -> None:
-        """Refuses to write over what was read."""
+        """Raises an error if an input would be overwritten."""
         for scene in (self._localized.given, truth):
             if scene is not None:
                 scene.check_output(path)

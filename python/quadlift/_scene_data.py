@@ -1,4 +1,4 @@
-"""Posed frames, detections and objects as data: files, arrays, pages."""
+"""Posed frames, detections and objects as data: files, arrays, reports."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class SceneData:
-    """What a `Scene` holds; it never changes."""
+    """The data of a `Scene`; immutable."""
 
     def __init__(self, core: _core.Scene) -> None:
         self._core = core
@@ -44,7 +44,7 @@ class SceneData:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Self:
-        """The scene of a document as in a scene file; NumPy's numbers and arrays may stand for plain ones."""
+        """Makes a scene from a document in the format of scene files; NumPy numbers and arrays are accepted."""
         try:
             text = json.dumps(document, default=_plain)
         except (TypeError, ValueError, RecursionError) as error:
@@ -57,18 +57,18 @@ class SceneData:
         return document
 
     def write(self, path: Path) -> None:
-        """Writes a scene file; paths of images and masks become absolute where it goes to another folder.
+        """Writes a scene file; paths of images and masks become absolute if it is written to another folder.
 
         Parameters
         ----------
         path : path-like
-            The file. One that exists is replaced when the new one is complete.
+            The file. An existing file is replaced once the new one is complete.
 
         Raises
         ------
         QuadliftError
-            Where the file is an image or a mask of the scene; or the file of the scene that was localised, where this
-            one holds its estimates, but not its detections.
+            If the file is an image or mask of the scene; or if this scene has the estimates but not the detections of a
+            localised scene and the file is that scene.
         """
         self._core.write(path)
 
@@ -93,7 +93,7 @@ class SceneData:
         Parameters
         ----------
         projections : array_like, shape (F, 3, 4)
-            World to pixels. Either these, or `intrinsics` and `cam_from_world`.
+            World to pixels. Give either these, or `intrinsics` and `cam_from_world`.
         intrinsics : array_like, shape (3, 3) or (F, 3, 3)
             Pinhole cameras in pixels, one for all frames or one for each.
         cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
@@ -103,7 +103,7 @@ class SceneData:
         frame_ids : sequence of str, length F, optional
             Names of the frames; "0", "1", ... without it.
         images : sequence of str, length F, optional
-            Paths of the images, for `segment` and for pages.
+            Paths of the images, for `segment` and for reports.
         name : str, optional
             Name of the scene.
         up : array_like, shape (3,), optional
@@ -136,25 +136,25 @@ class SceneData:
         categories: ArrayLike | None = None,
         source: str | None = None,
     ) -> Self:
-        """The scene with M more detections.
+        """Returns the scene with M more detections.
 
         Parameters
         ----------
         frame : array_like of int, shape (M,)
             Indices of the frames, 0 to F - 1.
         boxes : array_like, shape (M, 4), optional
-            ``[x0, y0, x1, y1]`` in pixels; a row of NaN stands for none.
+            ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
         ellipses : array_like, shape (M, 5), optional
             Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
-            stands for none. Each detection needs a box or an ellipse.
+            means none. Each detection needs a box or an ellipse.
         masks : sequence of (H, W) arrays or None, length M, optional
-            Non-zero where the object is.
+            Non-zero pixels are the object.
         object : array_like of int or str, shape (M,), optional
-            The objects; negative numbers, None and "" stand for unknown. A source shows each once in a frame at most.
+            The objects; negative numbers, None and "" mean unknown. A source detects each at most once per frame.
         scores : array_like, shape (M,), optional
-            Scores; NaN stands for none.
+            Scores; NaN means none.
         categories : array_like of int or str, shape (M,), optional
-            Categories, by number or name; as for objects, some stand for unknown.
+            Categories, by number or name; unknown values as for objects.
         source : str, optional
             Name of the detector.
         """
@@ -170,7 +170,7 @@ class SceneData:
         )
         return type(self)(self._core.with_detections(detections))
 
-    # What it holds
+    # Contents
 
     def __reduce__(self) -> Any:
         return _read_again, (type(self), self._core.to_json(), self._core.path)
@@ -201,36 +201,36 @@ class SceneData:
 
     @property
     def object_ids(self) -> list[str]:
-        """Ids of the objects that the detections name."""
+        """Object ids of the detections."""
         return self._core.object_ids
 
     @property
     def objects(self) -> int:
-        """Number of objects in the file: the truth, or estimates."""
+        """Number of objects in the file: ground truth or estimates."""
         return self._core.objects
 
-    # Pages
+    # Reports
 
     def report(self, path: Path, *, title: str | None = None) -> None:
-        """Writes a page that shows the scene in any browser.
+        """Writes an HTML report of the scene.
 
         Parameters
         ----------
         path : path-like
-            The page, an HTML file; not the file of the scene, nor one of its images or masks.
+            The HTML file; not the scene file, nor one of its images or masks.
         title : str, optional
-            Its title; the name of the scene without it.
+            Title of the report; the default is the name of the scene.
         """
         self._core.check_output(path)
         _core.write_text(path, self._core.report(_checks.text("title", title or self.name or "quadlift")))
 
     def to_rerun(self, path: Path | None = None) -> None:
-        """Logs frames, detections and objects with Rerun (https://rerun.io); needs its SDK.
+        """Logs frames, detections and objects to Rerun (https://rerun.io); needs its SDK.
 
         Parameters
         ----------
         path : path-like, optional
-            A recording to write (``.rrd``); without it the current recording of Rerun gets them (``rerun.init``).
+            A recording file to write (``.rrd``); without it, logs to the current recording (``rerun.init``).
         """
         if path is not None:
             self._core.check_output(path)
@@ -246,7 +246,7 @@ def _read_again(cls: type[SceneData], text: str, path: Path) -> SceneData:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy's numbers and arrays as plain ones."""
+    """Converts NumPy numbers and arrays to plain ones."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"found a {type(value).__name__}")

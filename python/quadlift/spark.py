@@ -52,34 +52,33 @@ def localize(
     Parameters
     ----------
     detections : DataFrame
-        One row for each detection, with the columns `frame` and `object` (whole numbers or texts), `x0`, `y0`, `x1`,
-        `y1` (pixels) or `box`, an array of these four, and optionally `scene` (whole numbers or texts), `category`
-        (texts) and `score`. Without the column `object` quadlift finds out scene by scene which detections show the
-        same object.
+        One row per detection, with the columns `frame` and `object` (whole numbers or texts), `x0`, `y0`, `x1`, `y1`
+        (pixels) or `box`, an array of these four, and optionally `scene` (whole numbers or texts), `category` (texts)
+        and `score`. Without the column `object`, detections are associated scene by scene.
     cameras : DataFrame
-        One row for each frame, with the columns of `quadlift.batches.Cameras`: `scene` where the detections have it,
-        `frame`, `projection` or `intrinsics` and `cam_from_world`, optionally `width` and `height`.
+        One row per frame, with the columns of `quadlift.batches.Cameras`: `scene` if the detections have it, `frame`,
+        `projection` or `intrinsics` and `cam_from_world`, optionally `width` and `height`.
     sigmas : mapping, optional
-        Noise levels, as `Estimates.noise` has them.
+        Noise levels, as in `Estimates.noise`.
     body : str
-        As in `quadlift.localize`. Where `sigmas` are missing or this is ``"auto"``, they are found out at once, on the
-        driver, from a sample of the objects that depends on their ids only. Not so without the column `object`: there
-        each scene tells them for itself.
+        As in `quadlift.localize`. If `sigmas` are missing or this is ``"auto"``, they are estimated immediately, on the
+        driver, from a sample of the objects that depends on their ids only. Without the column `object`, they are
+        estimated for each scene separately.
     up : array_like, shape (3,), optional
         World direction against gravity.
     length_unit : str, optional
-        World unit; ``"m"`` is needed for ``priors="builtin"``.
+        World unit; ``"m"`` is required for ``priors="builtin"``.
     hidden_edges : bool
-        Find box edges that another box of the frame probably hides, as the program does for ``method="map"``. It takes
-        a shuffle of its own; without it answers differ where boxes overlap.
+        Detect box edges that are probably hidden by another box of the frame, as the program does for ``method="map"``.
+        It needs an additional shuffle; without it results differ for overlapping boxes.
     broadcast_cameras : int
-        Up to this number of frames (150 bytes each) every task has the cameras of all of them; beyond it cameras are
-        joined to the detections. The answers are the same.
+        Up to this number of frames (150 bytes each) all cameras are broadcast to every task; beyond it they are joined
+        to the detections. The results are the same.
     sample_objects : int
-        Number of objects in the sample, 2000 at most.
+        Number of objects in the sample, at most 2000.
     partitions : int, optional
-        Number of tasks that localise. Without it Spark chooses it by the size of the tables, which are small for the
-        work that they make: on a large cluster give a few for each core.
+        Number of localisation tasks. By default Spark chooses it by the size of the tables, which are small relative to
+        the work: on a large cluster use a few per core.
     **options
         `method`, `priors`, `min_views`, `reg_lambda`, `seed` as in `quadlift.localize`, and without the column `object`
         also `associate`, `ids`, `upright`, `ground_plane`, `camera_height`, `pose_noise`.
@@ -87,18 +86,18 @@ def localize(
     Returns
     -------
     DataFrame
-        One row for each object: the columns of `quadlift.batches.schema`, lists as arrays. An object is ``"invalid"``
-        where something is wrong with one of its detections or cameras, which `problem` tells; others are not affected.
+        One row per object: the columns of `quadlift.batches.schema`, lists as arrays. An object is ``"invalid"`` if one
+        of its detections or cameras is invalid, and `problem` gives the reason; others are not affected.
 
     Raises
     ------
     QuadliftError
-        Where a column or an option is wrong.
+        If a column or an option is invalid.
 
     Notes
     -----
-    The answers do not depend on partitions, and are those of the program and of `quadlift.localize` with the same
-    `sigmas` and `body`, bit by bit. The order of frames is that of their ids, see `quadlift.batches.Cameras`.
+    The results do not depend on partitions and are bit-identical to those of the program and of `quadlift.localize`
+    with the same `sigmas` and `body`. The order of frames is that of their ids, see `quadlift.batches.Cameras`.
     """
     flat = _flat(detections)
     cameras = _cameras(cameras, flat)
@@ -132,7 +131,8 @@ def noise(
     sample_objects: int = 2000,
     **options: Any,
 ) -> tuple[dict[str, float], str]:
-    """The noise levels and the kind of body that a sample of the objects shows: what `localize` finds out first.
+    """Estimates the noise levels and the kind of body from a sample of the objects, which is the first step of
+    `localize`.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def _noise(
 
 
 def _shared_or_joined(cameras: DataFrame, limit: int) -> tuple[batches.Cameras | None, DataFrame | None]:
-    """The cameras where they are few, for all tasks; otherwise their table, to be joined."""
+    """The cameras for all tasks if they are few; otherwise their table, to be joined."""
     limit = _checks.whole("broadcast_cameras", limit, 0)
     few = cameras.limit(limit + 1).toArrow()
     return (batches.Cameras(few), None) if len(few) <= limit else (None, cameras)
@@ -186,7 +186,7 @@ def _map(rows: DataFrame, work: Any, schema: T.StructType) -> DataFrame:
 
 
 def _schema(flat: DataFrame, object_type: T.DataType) -> T.StructType:
-    """The columns of `quadlift.batches.schema` as Spark's, with the types that `scene` and `object` have here."""
+    """The columns of `quadlift.batches.schema` as Spark columns, with the types of `scene` and `object`."""
     vector = T.ArrayType(T.DoubleType())
     types = {pa.string(): T.StringType(), pa.float64(): T.DoubleType(), pa.int64(): T.LongType()}
     fields = [T.StructField("scene", flat.schema["scene"].dataType)] if "scene" in flat.columns else []
@@ -203,7 +203,7 @@ _OF_DETECTIONS = ("scene", "frame", "object", "box", *_tables.BOX, "category", "
 
 
 def _keys(frame: DataFrame, *names: str) -> list[str]:
-    """Columns of a key: the scene where there are scenes, and others."""
+    """Columns of a key: the scene, if there is one, and others."""
     return [*(["scene"] if "scene" in frame.columns else []), *names]
 
 
@@ -219,9 +219,9 @@ def _flat(detections: DataFrame) -> DataFrame:
         raise QuadliftError(f"detections has the columns 'box' and {others[0]!r}; expected one or the other")
     ignored = [name for name in names if name not in _OF_DETECTIONS]
     if "object" not in names and ignored:
-        # Perhaps one of these was meant.
+        # These columns may be misnamed.
         _log.warning(
-            "detections has no column 'object', so identities are found scene by scene; not looked at: %s",
+            "detections has no column 'object', so detections are associated scene by scene; ignored columns: %s",
             ", ".join(ignored),
         )
     if "box" in names:
@@ -281,7 +281,7 @@ def _number(frame: DataFrame, name: str, table: str) -> Column:
 
 
 def _is_known(flat: DataFrame) -> Column:
-    """Whether a detection names an object."""
+    """Whether a detection has an object id."""
     is_text = isinstance(flat.schema["object"].dataType, T.StringType)
     return F.col("object").isNotNull() & ((F.col("object") != "") if is_text else (F.col("object") >= 0))
 
@@ -312,12 +312,12 @@ def _hide(batch: pa.RecordBatch) -> pa.Table:
 
 
 def _objects(flat: DataFrame, cameras: DataFrame | None, partitions: int | None = None) -> DataFrame:
-    """One row for each object, with its cameras where they are given. Detections of none are not listed."""
+    """One row per object, with its cameras if given. Detections without an object are excluded."""
     keys = _keys(flat, "object")
     names = [name for name in flat.columns if name not in keys]
     views = [F.collect_list(F.when(_is_known(flat), F.struct(*names))).alias("views")]
     if cameras is not None:
-        # All cameras of a frame, in case that there are several; frames without one have null, which is not collected.
+        # All cameras of a frame, in case there are several; frames without one have null, which is not collected.
         on = _keys(flat, "frame")
         of_frame = cameras.groupBy(*on).agg(_structs(cameras))
         flat = flat.join(of_frame, on, "left")
@@ -326,12 +326,12 @@ def _objects(flat: DataFrame, cameras: DataFrame | None, partitions: int | None 
 
 
 def _scenes(flat: DataFrame, cameras: DataFrame | None, partitions: int | None) -> DataFrame:
-    """One row for each scene, with its cameras where they are given."""
+    """One row per scene, with its cameras if given."""
     keys = _keys(flat)
     names = [name for name in flat.columns if name not in keys]
     views = F.collect_list(F.struct(*names)).alias("views")
     rows = _lists(_spread(flat, keys, partitions).groupBy(*keys).agg(views), keys, names)
-    # Without scenes there is one row, also where there are no detections.
+    # Without scenes there is one row, even if there are no detections.
     rows = rows.filter(F.size("frame") > 0)
     if cameras is None:
         return rows
@@ -340,7 +340,7 @@ def _scenes(flat: DataFrame, cameras: DataFrame | None, partitions: int | None) 
 
 
 def _spread(flat: DataFrame, keys: Sequence[str], partitions: int | None) -> DataFrame:
-    """The detections in so many partitions by the keys, which the grouping then keeps."""
+    """The detections repartitioned by the keys; the grouping keeps these partitions."""
     return flat.repartition(partitions, *keys) if keys and partitions is not None else flat
 
 
@@ -352,7 +352,7 @@ def _structs(cameras: DataFrame) -> Column:
 
 
 def _hash(flat: DataFrame) -> Column:
-    """That of `quadlift.batches.sample`, as text; null where there is no object."""
+    """The hash of `quadlift.batches.sample` as text; null without an object."""
     scene = F.coalesce(F.col("scene").cast("string"), F.lit("")) if "scene" in flat.columns else F.lit("")
     return F.when(_is_known(flat), F.sha2(F.concat_ws("\n", scene, F.col("object").cast("string")), 256))
 
@@ -364,7 +364,7 @@ def _sample(flat: DataFrame, count: int, hide: bool) -> DataFrame:
     is_chosen = _hash(flat) <= F.lit(last).cast("string")
     if not hide:
         return flat.filter(is_chosen)
-    # Only the frames in which they are need to be looked at. Null is joined to nothing, but what is chosen stays.
+    # Only the frames of these objects are needed. Null is joined to nothing, but the chosen rows are kept.
     keys = _keys(flat, "frame")
     frames = flat.filter(is_chosen).select(*keys).distinct().withColumn("near", F.lit(True))
     near = flat.join(frames, keys, "left").filter(is_chosen | F.col("near")).select(*flat.columns)

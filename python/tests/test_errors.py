@@ -29,7 +29,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "rows of boxes": ({"boxes": MADE.boxes[:7]}, "boxes has 7 rows; expected 10, as many as frame"),
     "dtype of boxes": ({"boxes": np.full((10, 4), "a")}, "boxes has the dtype <U1; expected real numbers"),
     "complex": ({"boxes": np.zeros((10, 4), complex)}, "boxes has the dtype complex128; expected real numbers"),
-    "ragged": ({"boxes": [[1, 2], [3]]}, "boxes is no array:"),
+    "ragged": ({"boxes": [[1, 2], [3]]}, "boxes is not an array:"),
     "nan in projections": (
         {"projections": changed(MADE.projections, (1, 2, 3), NAN)},
         "projections[1, 2, 3] is nan; expected a finite number",
@@ -91,7 +91,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
     "empty": ({"frame": [], "boxes": np.zeros((0, 4)), "object": []}, "there is nothing to localise"),
-    "no objects": ({"object": -np.ones(10, int), "associate": "never"}, "10 detections name no object"),
+    "no objects": ({"object": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),
     "method": ({"method": "magic"}, 'method is "magic"; expected one of "map", "planes"'),
     "body": ({"body": "ball"}, 'body is "ball"; expected "auto", "ellipsoid"'),
     "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
@@ -102,13 +102,13 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "threads": ({"threads": 0}, "threads is 0; expected a whole number from 1 to 1024"),
     "min_views": ({"min_views": 2.5}, "min_views is 2.5; expected a whole number from 0 to"),
     "pose_noise": ({"pose_noise": (0.0, 1.0)}, "standard deviations of the pose noise"),
-    "sigmas, names": ({"sigmas": {"edge": 0.1}}, 'sigmas: "edge" is no noise level; expected one of edge_relative'),
+    "sigmas, names": ({"sigmas": {"edge": 0.1}}, 'sigmas: "edge" is not a noise level; expected one of edge_relative'),
     "sigmas, range": ({"sigmas": {"shape": 0.0}}, "sigmas: shape is 0; expected a finite number above 0"),
     "sigmas, number": ({"sigmas": {"shape": "a"}}, "sigmas['shape'] is 'a'; expected a finite number"),
     "sigmas, type": ({"sigmas": [0.1]}, "sigmas is a list; expected a mapping of names to numbers"),
     "sigmas, method": ({"sigmas": {}, "method": "lfd"}, 'sigmas is an argument of method="map" only'),
     "pose_noise, shape": ({"pose_noise": 1.0}, "pose_noise has the shape ()"),
-    "ground": ({"ground_plane": True}, 'the ground plane needs to know where up is; give the scene an "up"'),
+    "ground": ({"ground_plane": True}, 'the ground plane needs an "up" direction'),
     "priors without unit": ({"priors": "builtin"}, "the length unit of the scene is not given"),
     "priors": ({"priors": {"cup": {"size": (1, 2, 3)}}}, "size without size_sd"),
     "priors, key": ({"priors": {"cup": {"sizes": (1, 2, 3)}}}, "sizes"),
@@ -161,11 +161,11 @@ def test_files(tmp_path: Path) -> None:
         quadlift.Scene.read(path)
     with pytest.raises(quadlift.QuadliftError, match="cannot write"):
         quadlift.Scene.from_arrays(projections=MADE.projections).write(tmp_path / "no" / "scene.json")
-    with pytest.raises(quadlift.QuadliftError, match=r"recording\.json: there is no such file; expected what"):
+    with pytest.raises(quadlift.QuadliftError, match=r"recording\.json: there is no such file; expected the output"):
         quadlift.log_recording(tmp_path)
     recording = tmp_path / "recording.json"
     for text, message in (
-        ("{", "is no recording: "),
+        ("{", "is not a recording: "),
         ("[]", "found a list; expected the format 'quadlift.recording', version 1"),
         ('{"format": "quadlift.scene", "version": 2}', "found the format 'quadlift.scene', version 2; expected"),
     ):

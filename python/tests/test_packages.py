@@ -190,5 +190,5 @@ def test_a_tensor_that_cannot_be_read(made: Arrays) -> None:
         def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
             raise RuntimeError("Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead.")
 
-    with pytest.raises(quadlift.QuadliftError, match=r"boxes is no array: .*tensor\.detach\(\)"):
+    with pytest.raises(quadlift.QuadliftError, match=r"boxes is not an array: .*tensor\.detach\(\)"):
         quadlift.localize(**{**made.arguments(), "boxes": Tensor()})

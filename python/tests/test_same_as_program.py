@@ -157,7 +157,7 @@ def test_association(program: Program, tmp_path: Path) -> None:
     assert estimates.warnings == [o.get("warnings", []) for o in document["objects"]]
     doubts = {o["id"]: o.get("doubtful") for o in document["localization"]["association"]["objects"]}
     assert estimates.doubtful == [doubts[name] for name in estimates.object_ids]
-    assert "may move, or be several" in next(doubt for doubt in estimates.doubtful if doubt)
+    assert "may be moving, or be several" in next(doubt for doubt in estimates.doubtful if doubt)
     assert estimates.association["associated"] == sum(k >= 0 for k in estimates.object_indices)
     associated, objects = loaded.associate()
     assert [o.id for o in objects] == associated.object_ids == estimates.object_ids.tolist()
@@ -171,7 +171,7 @@ def test_association(program: Program, tmp_path: Path) -> None:
 ASSOCIATIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "default": ([], {}),
     "trust": (["--ids", "trust", "--min-views", "4"], {"ids": "trust", "min_views": 4}),
-    "detections left out": (
+    "skipped detections": (
         ["--max-overlap", "0.5", "--pixel-sd", "3", "--thorough"],
         {"max_overlap": 0.5, "pixel_sd": 3, "thorough": True},
     ),
@@ -248,7 +248,7 @@ def test_identities_are_scored(program: Program, tmp_path: Path) -> None:
         estimates.evaluate(true, match="ids")
     with pytest.raises(quadlift.QuadliftError, match='the truth: there are no detections of the source "yolo"'):
         estimates.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true, source="yolo")
-    with pytest.raises(quadlift.QuadliftError, match=r"several sources \(.*\): source=\.\.\. scores"):
+    with pytest.raises(quadlift.QuadliftError, match=r"several sources \(.*\): source=\.\.\. selects"):
         associated.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)
     # With objects to compare, that is a note.
     both = estimates.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)

@@ -170,8 +170,8 @@ POISON: dict[str, tuple[str, Any, str]] = {
     "frame twice": ("frame", [0, 1, 2, 3, 4, 4], "frame 4: the object is in it twice"),
     "short list": ("y0", [0.0] * 5, "lists of different lengths: 6 frame, 6 x0, 5 y0, 6 x1, 6 y1"),
     "no list": ("y0", None, "lists of different lengths"),
-    "no object": ("object", None, "these detections name no object"),
-    "negative object": ("object", -1, "these detections name no object"),
+    "no object": ("object", None, "these detections have no object id"),
+    "negative object": ("object", -1, "these detections have no object id"),
 }
 
 

@@ -231,7 +231,7 @@ def test_poison(fleet: Fleet, spark: SparkSession, cameras: DataFrame, limit: in
         "broken camera": 'frame "broken": ',
         "two cameras": 'frame "two": it has several cameras, which differ',
         "twice": f'frame "{frame}": the object is in it twice',
-        None: "these detections name no object",
+        None: "these detections have no object id",
     }
     assert told.keys() == texts.keys()
     for name, text in texts.items():
@@ -293,7 +293,7 @@ def test_a_column_that_may_have_been_meant_is_named(
     detections: DataFrame, cameras: DataFrame, caplog: pytest.LogCaptureFixture
 ) -> None:
     quadlift.spark.localize(detections.withColumnRenamed("object", "track_id"), cameras)
-    assert "detections has no column 'object', so identities are found scene by scene; not looked at: track_id" in (
+    assert "detections has no column 'object', so detections are associated scene by scene; ignored columns: track_id" in (
         caplog.messages
     )
     caplog.clear()

@@ -154,10 +154,10 @@ def test_colmap_and_files_of_detectors(tmp_path: Path) -> None:
     assert quadlift.Scene.from_colmap(Reconstruction()).to_dict() == cameras.to_dict()
     with pytest.raises(quadlift.QuadliftError, match=r"expected a path or a pycolmap\.Reconstruction"):
         quadlift.Scene.from_colmap(3)
-    with pytest.raises(quadlift.QuadliftError, match="labels: cannot tell what cameras these are"):
+    with pytest.raises(quadlift.QuadliftError, match="labels: unknown camera format"):
         quadlift.Scene.from_colmap(labels)
     scene.write(tmp_path / "scene.json")
-    with pytest.raises(quadlift.QuadliftError, match=r"scene\.json: this is no COLMAP model; expected the folder"):
+    with pytest.raises(quadlift.QuadliftError, match=r"scene\.json: this is not a COLMAP model; expected the folder"):
         quadlift.Scene.from_colmap(tmp_path / "scene.json")
 
 
@@ -256,11 +256,11 @@ def test_detections_that_are_left_out_are_told_of(made: Arrays, tmp_path: Path) 
     (tmp_path / "boxes.csv").write_text(
         "image,x0,y0,x1,y1\na.png,1,2,30,40\nb.png,5,5,5,9\nz.png,1,2,3,4\nz.png,1,2,3,9\n"
     )
-    with pytest.warns(UserWarning, match="are left out") as told:
+    with pytest.warns(UserWarning, match="are skipped") as told:
         scene = quadlift.Scene.from_detections(tmp_path / "boxes.csv", cameras)
     assert [str(warning.message) for warning in told] == [
-        '2 detections are left out: 1 images have no frame, such as "z.png"',
-        "1 detections are left out: their boxes have no width or no height",
+        '2 detections are skipped: 1 images have no frame, such as "z.png"',
+        "1 detections are skipped: their boxes have no width or no height",
     ]
     assert len(scene) == 1
     assert told[0].filename == __file__
@@ -282,7 +282,7 @@ def test_what_was_read_is_not_overwritten(made: Arrays, tmp_path: Path) -> None:
     writers: list[Any] = [scene.write, scene.report, estimates.report, estimates.to_scene().write]
     for write in writers:
         for path in [photo, link]:
-            with pytest.raises(quadlift.QuadliftError, match="refers to this file as image or mask"):
+            with pytest.raises(quadlift.QuadliftError, match="is an image or mask of the scene"):
                 write(path)
     for write in writers[1:]:
         with pytest.raises(quadlift.QuadliftError, match="the scene was read from this file"):

@@ -80,7 +80,7 @@ def test_what_goes_wrong_is_told(folder: Path, tmp_path: Path) -> None:
     first = sorted((tmp_path / "images").iterdir())[0]
     first.unlink()
     scene = quadlift.Scene.read(tmp_path / "scene.json")
-    with pytest.warns(UserWarning, match=rf"{first.name}: there is no such file; concerns detections\[0\]"):
+    with pytest.warns(UserWarning, match=rf"{first.name}: there is no such file; affects detections\[0\]"):
         segmented = scene.segment()
     # All others are done.
     found = [d["segmentation"]["status"] for d in segmented.to_dict()["detections"]]

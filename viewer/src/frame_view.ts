@@ -87,17 +87,17 @@ export class FrameView {
     add("boxes", "box", hasEllipses ? "boxes and ellipses" : "boxes", "what was detected");
     if (some(({ masks }) => masks.length > 0)) add("masks", "mask", "masks", "the pixels of the detected objects");
     if (objects.some((object) => object.body !== null)) {
-      add("outlines", "outline", "outlines of bodies", "the estimated bodies as this camera sees them");
+      add("outlines", "outline", "outlines of bodies", "the estimated bodies, projected into this image");
     }
     if (objects.some((object) => object.truth !== null)) {
-      add("truth", "truth", "truth", "the true bodies as this camera sees them");
+      add("truth", "truth", "truth", "the true bodies, projected into this image");
     }
     if (objects.length > 0) add("names", "name", "names", "names of the objects");
     if (some(({ state }) => state.includes(REJECTED))) {
-      say("rejected", "rejected", "detections that the estimator left out, because they contradict the others");
+      say("rejected", "rejected", "outliers: detections that the estimator rejected because they contradict the others");
     }
     if (some(({ object }) => object.includes(-1))) {
-      say("nobody", "of no object", "detections that belong to no object: false ones, or of things seen too rarely");
+      say("nobody", "of no object", "detections without an object: false positives, or objects with too few views");
     }
     return list;
   }

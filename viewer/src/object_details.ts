@@ -42,7 +42,7 @@ export function objectDetails(
     const heading = element("h2", { "aria-live": "polite" }, mark, objectName(report, selection.object));
     place.replaceChildren(element("header", {}, heading, ...buttons), factList(facts(report, selection.object, object)));
     if (object.alternatives.length > 0) {
-      const text = "Other bodies fit the views about as well; their wires are drawn while the object is selected.";
+      const text = "Other bodies fit the views about as well; they are drawn as wireframes while the object is selected.";
       place.append(element("p", { class: "dim" }, text));
     }
     for (const remark of remarks(object)) place.append(element("p", { class: "remark" }, remark));
@@ -82,7 +82,7 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
     ["centre", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${unit}`],
     ...(object.centerSd === null
       ? []
-      : [["centre known to", `± ${withUnit(object.centerSd, lengthUnit)} along each axis`] as [string, string]]),
+      : [["centre uncertainty", `± ${withUnit(object.centerSd, lengthUnit)} along each axis`] as [string, string]]),
     ["residual", object.residual === null ? "–" : `${short(object.residual)} px over ${object.viewsUsed} views`],
     ...(object.misfit === null
       ? []

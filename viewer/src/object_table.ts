@@ -45,7 +45,7 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
     },
     {
       title: `centre\u00a0±${unit}`,
-      hint: "how far off the centre may be: its standard deviation along each axis",
+      hint: "uncertainty of the centre: standard deviation along each axis",
       value: (k) => objects[k]?.centerSd ?? null,
       text: (k) => short(objects[k]?.centerSd ?? null),
       number: true,
@@ -61,7 +61,7 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
     },
     {
       title: "views",
-      hint: "views that were used, and how many were rejected (✕)",
+      hint: "numbers of used and rejected (✕) views",
       value: (k) => objects[k]?.viewsUsed ?? null,
       text: (k) => {
         const { viewsUsed = 0, viewsRejected = 0 } = objects[k] ?? {};

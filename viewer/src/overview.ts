@@ -7,12 +7,12 @@ import { count, statusName } from "./words.ts";
 
 export function overview(report: Report): HTMLElement {
   const guide = [
-    "Select an object in the table, in space or in the image: the frame that shows it best opens.",
+    "Select an object in the table, the 3D view or the image to open the frame that shows it best.",
     "The closer the filled outline lies to the box, the better the body explains that view (residual, in pixels).",
     ...(report.objects.some((object) => object.centerShell !== null)
-      ? ["The orange shell around a centre is where the centre lies with 95 % probability; often it is tiny."]
+      ? ["The orange shell around a centre is its 95 % confidence region, which is often tiny."]
       : []),
-    "Drag to turn, right button or two fingers to shift, wheel to zoom. Every part works by keyboard: Tab, arrows, Enter.",
+    "Drag to rotate, right button or two fingers to pan, wheel to zoom. Everything also works with the keyboard: Tab, arrows, Enter.",
   ];
   return element(
     "div",

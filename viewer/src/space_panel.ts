@@ -15,12 +15,12 @@ import { count } from "./words.ts";
 const LAYERS: [Layer, string, string, string][] = [
   ["body", "bodies", "outline", "the estimated bodies"],
   ["truth", "truth", "wires", "the true bodies, as wires"],
-  ["enclosing", "enclosing bodies", "enclosing", "larger bodies that hold the whole real object"],
-  ["centerShell", "uncertainty", "shell", "where the centre lies with 95 % probability"],
+  ["enclosing", "enclosing bodies", "enclosing", "larger bodies that contain the whole real object"],
+  ["centerShell", "uncertainty", "shell", "95 % confidence region of the centre"],
   ["names", "names", "name", "names of the objects"],
-  ["cameras", "cameras", "camera", "the cameras; that of the shown frame carries its image"],
-  ["path", "path", "path", "the way of the camera through the frames"],
-  ["points", "points", "dots", "points of the scene's surfaces, as structure from motion found them"],
+  ["cameras", "cameras", "camera", "the cameras; the camera of the current frame shows its image"],
+  ["path", "path", "path", "the camera trajectory"],
+  ["points", "points", "dots", "sparse points from structure from motion"],
   ["grid", "grid", "grid", "a grid at the height of the lowest objects, and the axes of the world"],
 ];
 
@@ -45,8 +45,8 @@ export function spacePanel(
   }
   view.canvas.setAttribute(
     "aria-label",
-    `${count(report.objects.length, "object")} and ${count(report.frames.length, "camera")} in space. Arrow keys turn, ` +
-      "with shift they shift, plus and minus zoom, Home goes back to the first view.",
+    `${count(report.objects.length, "object")} and ${count(report.frames.length, "camera")} in space. Arrow keys rotate, ` +
+      "with shift they pan, plus and minus zoom, Home resets the view.",
   );
   panel.prepend(element("header", {}, element("h2", {}, "In space"), lookButtons(report, view)));
   const legend = element("p", { class: "legend" });
@@ -60,8 +60,8 @@ export function spacePanel(
     legend.append(element("label", { title }, box, element("span", { class: `sign ${sign}` }), text));
   }
   if (!space.upIsKnown) {
-    const title = "the scene does not say which direction is up; it is taken from how the cameras are held";
-    legend.append(element("span", { class: "dim", title }, "up: as the cameras are held"));
+    const title = "the scene has no up direction; it is estimated from the orientation of the cameras";
+    legend.append(element("span", { class: "dim", title }, "up: from the cameras"));
   }
   panel.append(legend);
   return { panel, view };
@@ -71,13 +71,13 @@ export function spacePanel(
 function lookButtons(report: Report, view: View3d): HTMLElement {
   const looks: [string, string, () => void][] = [
     ...(report.objects.length > 0
-      ? [["Objects", "look at the objects, as at first (Home)", () => view.home()] as [string, string, () => void]]
+      ? [["Objects", "look at the objects (Home)", () => view.home()] as [string, string, () => void]]
       : []),
     ["Everything", "look at objects and cameras", () => view.lookAtAll()],
     ["Top", "look from above", () => view.lookFrom("top")],
     ["Front", "look from the front, along the ground", () => view.lookFrom("front")],
     ...(report.frames.length > 0
-      ? [["Camera", "look from the camera of the shown frame", () => view.lookFromCamera()] as [string, string, () => void]]
+      ? [["Camera", "look from the camera of the current frame", () => view.lookFromCamera()] as [string, string, () => void]]
       : []),
   ];
   const buttons = looks.map(([name, title, look]) => {

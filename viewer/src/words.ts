@@ -45,10 +45,10 @@ const STATUS: Record<string, string> = {
 };
 
 const REASON: Record<string, string> = {
-  inconsistent: "no body agrees with its views; the one shown does not count",
-  not_an_ellipsoid: "the quadric that fits best is not an ellipsoid; only its centre is known",
+  inconsistent: "no body agrees with its views; the one shown is unreliable",
+  not_an_ellipsoid: "the best-fitting quadric is not an ellipsoid; only its centre is reported",
   too_few_views: "it has fewer views than the method needs",
-  degenerate: "its views do not determine it: they are all from one place, or contradict each other",
+  degenerate: "its views do not determine it: they are all from the same position, or contradict each other",
   diverged: "no finite body in front of the cameras fits its views",
 };
 

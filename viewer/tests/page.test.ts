@@ -307,7 +307,7 @@ test("points of a COLMAP model are shown behind the objects, and a switch takes 
   assert.equal(data("colmap.html").points.length, 900);
   const { page, problems } = await open(browser, "colmap.html");
   const stage = page.locator(".stage");
-  const hint = "points of the scene's surfaces, as structure from motion found them";
+  const hint = "sparse points from structure from motion";
   const box = page.locator(".space").getByRole("checkbox", { name: "points" });
   assert.ok(await box.isChecked());
   assert.equal(await page.locator(".legend label", { has: page.getByRole("checkbox", { name: "points" }) }).getAttribute("title"), hint);

@@ -78,7 +78,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
 
 /// Reads a finite number that is zero or above.
 pub fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "expected a number that is not negative".to_owned())
+    finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "expected a non-negative number".to_owned())
 }
 
 /// Reads three numbers separated by commas.

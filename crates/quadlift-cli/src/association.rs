@@ -77,14 +77,16 @@ fn named_and_unnamed(scene: &Scene, source: Option<&str>) -> (usize, usize) {
 pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, association: &Association) -> String {
     let (named, unnamed) = named_and_unnamed(scene, source);
     let given = match ids {
-        _ if named == 0 => "no detection names an object".to_owned(),
-        IdUse::Trust => format!("{} name no object, the ids of the others are trusted", count(unnamed, "detection")),
-        IdUse::Evidence => "the ids of the detections are evidence".to_owned(),
-        IdUse::Ignore => "the ids of the detections are not looked at".to_owned(),
+        _ if named == 0 => "no detection has an object id".to_owned(),
+        IdUse::Trust => {
+            format!("{} without an object id; the ids of the others are trusted", count(unnamed, "detection"))
+        }
+        IdUse::Evidence => "existing ids are used as evidence".to_owned(),
+        IdUse::Ignore => "existing ids are ignored".to_owned(),
     };
     let doubtful: Vec<&str> =
         association.objects.iter().filter(|o| o.doubtful.is_some()).map(|o| o.id.as_str()).collect();
-    let mut text = format!("identities were found ({given}): {}", in_words(association));
+    let mut text = format!("detections were associated ({given}): {}", in_words(association));
     if !doubtful.is_empty() {
         text.push_str(&format!("\ndoubtful: {}", one_line(&some_of(&doubtful))));
     }
@@ -112,7 +114,7 @@ pub fn associate_and_check(
 }
 
 fn with_progress(title: &str, scene: &Scene, options: &AssociateOptions, out: &Output) -> anyhow::Result<Association> {
-    let bar = counting_bar(title, "steps of association", out);
+    let bar = counting_bar(title, "association steps", out);
     let result = associate_observed(scene, options, &shown_on(&bar));
     bar.finish_and_clear();
     match result {
@@ -142,7 +144,7 @@ pub fn in_words(association: &Association) -> String {
     let members = association.object_of_detection.iter().flatten().count();
     let doubtful = association.objects.iter().filter(|object| object.doubtful.is_some()).count();
     let mut text = format!(
-        "{} show {}, {} none",
+        "{} assigned to {}; {} unassigned",
         count(members, "detection"),
         count(association.objects.len(), "object"),
         association.clutter

@@ -98,9 +98,9 @@ fn legend() -> Vec<Label> {
         ("mask", OUTLINE),
         ("its ellipse", ELLIPSE),
         ("ellipse in the box", BOX_ELLIPSE),
-        ("frame: whole and free", FREE),
+        ("frame: complete and isolated", FREE),
         ("frame: cut off, or touches another object", CUT),
-        ("frame: no mask that can be trusted", GIVEN_UP),
+        ("frame: no reliable mask", GIVEN_UP),
     ];
     // Two columns of three.
     let place = |k: usize| [8.0 + 170.0 * (k / 3) as f64, 24.0 + 24.0 * (k % 3) as f64];

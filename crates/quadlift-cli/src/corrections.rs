@@ -13,7 +13,7 @@ use crate::files::with_hint;
 use crate::output::one_line;
 use crate::words::count;
 
-/// What the numbers of the scene really are. The names and values of the options are those that the self-check proposes.
+/// Corrections of conventions in the scene. The options have the names and values that the self-check proposes.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Corrections of the scene")]
 pub struct Corrections {
@@ -79,7 +79,7 @@ pub struct SceneCorrections {
     frame_offset: Option<i64>,
 }
 
-/// What the self-check does with a scene that does not agree with itself.
+/// How to handle an inconsistent scene.
 #[derive(clap::Args)]
 pub struct CheckArgs {
     /// Apply the corrections that the self-check proposes until the scene is consistent (3 at most)
@@ -171,7 +171,7 @@ impl CorrectedScene {
         let left_out = before - self.file.detections.len();
         if left_out > 0 {
             self.scene = self.file.to_scene().map_err(|error| error.in_file(path))?;
-            self.notes.push(format!("{} with a score below {least} left out", count(left_out, "detection")));
+            self.notes.push(format!("skipped {} with a score below {least}", count(left_out, "detection")));
         }
         Ok(())
     }

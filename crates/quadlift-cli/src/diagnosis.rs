@@ -26,7 +26,7 @@ pub struct Check {
     context: Context,
     /// How often the scene may yet be mended.
     fixes: usize,
-    /// Whether the user wants to go on with a scene that does not agree with itself.
+    /// Whether the user wants to go on with a scene that is inconsistent.
     accepted: bool,
 }
 
@@ -76,7 +76,7 @@ impl Check {
         Ok(check)
     }
 
-    /// Looks for two mistakes at once where the scene does not agree with itself and no cause is known.
+    /// Looks for two mistakes at once where the scene is inconsistent and no cause is known.
     fn seek_two(&mut self, file: &SceneFile, check: impl Fn(&Scene) -> Diagnosis) {
         if !self.diagnosis.consistent && self.diagnosis.causes.is_empty() && self.together.is_none() {
             self.together = two_mistakes(file, &self.diagnosis, &self.context, check);
@@ -117,7 +117,7 @@ impl Check {
         }
     }
 
-    /// Whether the scene does not agree with itself and the user has not accepted that.
+    /// Whether the scene is inconsistent and the user has not accepted that.
     pub fn refuses(&self) -> bool {
         !self.diagnosis.consistent && !self.accepted
     }
@@ -146,10 +146,9 @@ impl Check {
 
     /// The error of a scene in which association finds nothing; `left_out` says which detections took no part.
     pub fn nothing_agrees(&self, left_out: &str) -> InconsistentError {
-        let why = self.in_words().unwrap_or_else(|| {
-            "the self-check finds no usual mistake that explains it; see \"When it does not work\" in the manual"
-                .to_owned()
-        });
+        let why = self
+            .in_words()
+            .unwrap_or_else(|| "no common mistake explains it; see \"When it does not work\" in the manual".to_owned());
         let found = AssociationOutcome::NothingAgrees.text();
         let mut diagnosis = self.record();
         diagnosis["consistent"] = false.into();
@@ -160,15 +159,15 @@ impl Check {
     pub fn tell(&self, title: &str, out: &Output) -> Outcome {
         match self.in_words() {
             Some(words) if self.refuses() => {
-                out.error(&format!("{title}: the scene does not agree with itself: {words}"));
+                out.error(&format!("{title}: the scene is inconsistent: {words}"));
                 Outcome::Inconsistent
             }
             Some(words) if !self.diagnosis.consistent => {
-                out.warning(&format!("{title}: the scene does not agree with itself: {words}"));
+                out.warning(&format!("{title}: the scene is inconsistent: {words}"));
                 Outcome::Fine
             }
             Some(words) => {
-                out.warning(&format!("{title}: this may be wrong: {words}"));
+                out.warning(&format!("{title}: possible mistake: {words}"));
                 Outcome::Fine
             }
             None => Outcome::Fine,

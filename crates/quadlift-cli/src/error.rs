@@ -9,12 +9,12 @@ pub enum Outcome {
     Fine,
     /// Exit code 1: a part failed, and has been reported.
     SomethingFailed,
-    /// Exit code 3: a scene does not agree with itself, and that has been reported.
+    /// Exit code 3: a scene is inconsistent, and that has been reported.
     Inconsistent,
 }
 
 impl Outcome {
-    /// The outcome of two parts: a failure counts more than a scene that does not agree with itself.
+    /// The outcome of two parts: a failure counts more than a scene that is inconsistent.
     pub fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::SomethingFailed, _) | (_, Self::SomethingFailed) => Self::SomethingFailed,
@@ -24,7 +24,7 @@ impl Outcome {
     }
 }
 
-/// A scene that does not agree with itself, so that nothing can be done with it: exit code 3.
+/// A scene that is inconsistent, so that nothing can be done with it: exit code 3.
 #[derive(Debug)]
 pub struct InconsistentError {
     /// What is wrong, in words.

@@ -73,7 +73,7 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     let mut text = table(scene, shown, localization.cross_validation.extent == Extent::All);
     if rows.len() > shown.len() {
         let more = rows.len() - shown.len();
-        let _ = writeln!(text, "{DIM}and {more} more objects, which the result (-o) and --json hold{DIM:#}");
+        let _ = writeln!(text, "{DIM}and {more} more objects; the result (-o) and --json list all{DIM:#}");
     }
     for note in notes(&rows, localization, settings) {
         let _ = writeln!(text, "{WARNING}note:{WARNING:#} {}", one_line(&note));
@@ -86,25 +86,24 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     if skipped.without_object > 0 {
         let _ = writeln!(
             text,
-            "{WARNING}warning:{WARNING:#} left out {} without an object id (--associate always finds out which \
-             object they show)",
+            "{WARNING}warning:{WARNING:#} skipped {} without an object id (--associate always associates them)",
             count(skipped.without_object, "detection")
         );
     }
     if skipped.occluded_or_truncated > 0 {
         let _ = writeln!(
             text,
-            "left out {} as too occluded or truncated",
+            "skipped {} as too occluded or truncated",
             count(skipped.occluded_or_truncated, "detection")
         );
     }
     if skipped.beyond_lens > 0 {
         let n = count(skipped.beyond_lens, "detection");
-        let _ = writeln!(text, "left out {n} where the lens cannot be undistorted (80 degrees from the axis or more)");
+        let _ = writeln!(text, "skipped {n} where the lens cannot be undistorted (80 degrees or more from the axis)");
     }
     if skipped.without_measurement > 0 {
         let n = count(skipped.without_measurement, "detection");
-        let _ = writeln!(text, "left out {n} without what --measurements uses");
+        let _ = writeln!(text, "skipped {n} without the measurement that --observations selects");
     }
     if let Some(noise) = typical_error(localization) {
         let _ = writeln!(text, "{DIM}{noise}{DIM:#}");
@@ -127,7 +126,7 @@ fn typical_error(localization: &Localization) -> Option<String> {
     }
     let (center, size) = (level("ellipse_center")?, level("ellipse_size")?);
     Some(format!(
-        "typical error of an ellipse: {} of its half size in place, {} in size",
+        "typical error of an ellipse: {} of its half size in position, {} in size",
         percent(center),
         percent(size)
     ))
@@ -224,11 +223,13 @@ fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
     let fewest = min_views.max(method.fewest_views());
     Some(match status {
         Status::Ok => return None,
-        Status::Inconsistent => "no body agrees with the views; the one that is given does not count".to_owned(),
-        Status::NotAnEllipsoid => "the quadric that fits best is not an ellipsoid; only its centre is known".to_owned(),
+        Status::Inconsistent => "no body agrees with the views; the reported one is unreliable".to_owned(),
+        Status::NotAnEllipsoid => {
+            "the best-fitting quadric is not an ellipsoid; only its centre is reported".to_owned()
+        }
         Status::TooFewViews => format!("too few views; {method} needs {fewest} here"),
         Status::Degenerate => {
-            "the views do not determine the object, for example because all are from one point".to_owned()
+            "the views do not determine the object, for example because all are from the same position".to_owned()
         }
         Status::Diverged => "the refinement found no finite object in front of the cameras".to_owned(),
     })
@@ -249,6 +250,6 @@ mod tests {
         let text = render(&scene, &localization, &Settings::default());
         let is_row = |line: &&str| line.starts_with("thing");
         assert_eq!(text.lines().filter(is_row).count(), MOST_ROWS);
-        assert!(text.contains("and 7 more objects, which the result (-o) and --json hold"), "{text}");
+        assert!(text.contains("and 7 more objects; the result (-o) and --json list all"), "{text}");
     }
 }

@@ -72,8 +72,8 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
     if !evaluation.unmatched.is_empty() {
         let _ = writeln!(
             text,
-            "{WARNING}note:{WARNING:#} estimates that {}: {}",
-            if by_overlap { "are paired with no true object" } else { "no true object has the id of" },
+            "{WARNING}note:{WARNING:#} estimates {}: {}",
+            if by_overlap { "not paired with any true object" } else { "whose id no true object has" },
             one_line(&some_of(&evaluation.unmatched))
         );
     }
@@ -83,11 +83,11 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
 /// How many objects were found, for people.
 pub fn render_found(found: &FoundScore) -> String {
     format!(
-        "{HEADING}found{HEADING:#}: {} of {} (IoU of {LEAST_IOU} or more, whatever their ids); of {} {} are true\n",
+        "{HEADING}found{HEADING:#}: {} of {} (IoU of at least {LEAST_IOU}, ignoring ids); {} of {} are correct\n",
         found.matched,
         count(found.true_objects, "true object"),
-        count(found.found, "estimate"),
         found.matched,
+        count(found.found, "estimate"),
     )
 }
 
@@ -95,9 +95,7 @@ pub fn render_found(found: &FoundScore) -> String {
 pub fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
     match outcome {
         DivisionOutcome::Absent | DivisionOutcome::Scored(_) => None,
-        DivisionOutcome::SeveralSources(why) => {
-            Some(format!("{why}: --source NAME scores how they were divided into objects"))
-        }
+        DivisionOutcome::SeveralSources(why) => Some(format!("{why}: --source NAME selects the detections to score")),
         DivisionOutcome::NoneCommon(why) => Some(why.clone()),
     }
 }

@@ -188,8 +188,8 @@ pub fn check_result_name(output: &Path, with_objects: bool) -> anyhow::Result<()
             ))
         }
         "gltf" | "obj" | "stl" | "txt" | "yaml" | "yml" | "xml" | "pcd" | "png" | "jpg" => usage(format!(
-            "the result is a JSON file: write it with -o {json}; `quadlift export` makes ply, glb, csv and other formats \
-             of it"
+            "the result is a JSON file: write it with -o {json}; `quadlift export` converts it to ply, glb, csv and \
+             other formats"
         )),
         _ => Ok(()),
     }

@@ -66,8 +66,8 @@ impl Settings {
     pub fn in_words(&self, fitted: Option<BodyKind>) -> String {
         match &self.options.method {
             Method::Map(map) => match map.body {
-                Some(body) => format!("map, {body}"),
-                None => format!("map, {}, chosen", fitted_body_name(fitted)),
+                Some(body) => format!("method map, body {body}"),
+                None => format!("method map, body {} (auto)", fitted_body_name(fitted)),
             },
             Method::Reg(reg) => format!("reg, lambda {:e}", reg.lambda),
             method => method.name().to_owned(),
@@ -139,8 +139,7 @@ pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Out
         match (scene.detections.len(), localization.skipped.without_object) {
             (0, _) => bail!("there is nothing to localise: the scene has no detections"),
             (_, n) => bail!(
-                "there is nothing to localise: {n} detections name no object (--associate always finds out which show \
-                 the same one)"
+                "there is nothing to localise: {n} detections have no object id (--associate always associates them)"
             ),
         }
     }

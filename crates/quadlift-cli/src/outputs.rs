@@ -55,9 +55,7 @@ impl<'a> Paths<'a> {
         for (index, &(option, output)) in self.outputs.iter().enumerate() {
             let what = if option == "report" { "report" } else { "result" };
             if json && is_standard_output(output) {
-                return usage(format!(
-                    "--json prints a document on the standard output, where the {what} would go too"
-                ));
+                return usage(format!("--json writes to standard output, and so would the {what}"));
             }
             for &(name, input) in &self.inputs {
                 if self.in_place && name == "scene" || !is_same_file(input, output) {
@@ -65,14 +63,17 @@ impl<'a> Paths<'a> {
                 }
                 return usage(match name {
                     "scene" | "scenes" => format!("the {what} would overwrite the scene {}", input.display()),
-                    _ => format!("the {what} would overwrite {}, which is read; give it another name", input.display()),
+                    _ => format!(
+                        "the {what} would overwrite {}, which is an input; choose another name",
+                        input.display()
+                    ),
                 });
             }
             let twice = |(_, other): &&(_, &Path)| {
                 is_same_file(other, output) || is_standard_output(other) && is_standard_output(output)
             };
             if let Some((_, other)) = self.outputs[..index].iter().find(twice) {
-                return usage(format!("the {what} would overwrite {}; give it another name", other.display()));
+                return usage(format!("the {what} would overwrite {}; choose another name", other.display()));
             }
         }
         Ok(())

@@ -31,14 +31,14 @@ pub fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
     let given = fit(&objects, &projections);
     if given.in_front < 0.5 {
         oddities.push(format!(
-            "{} of {} objects lie behind most cameras that see them, by the centres of their boxes",
+            "{} of {} objects lie behind most of the cameras that detect them (triangulated from box centres)",
             given.behind,
             objects.len()
         ));
     }
     if scene.length_unit.as_deref() == Some("m") && given.depth > FAR_AWAY {
         oddities
-            .push(format!("the objects are {:.0} m away, by their boxes: are the lengths millimetres?", given.depth));
+            .push(format!("the boxes place the objects {:.0} m away: are the lengths in millimetres?", given.depth));
     }
     oddities
 }
@@ -103,8 +103,8 @@ fn true_objects_behind(file: &SceneFile, scene: &Scene) -> Option<String> {
     });
     match behind.count() {
         0 => None,
-        1 => Some("1 detection shows an object of the file that lies behind its camera".to_owned()),
-        n => Some(format!("{n} detections show an object of the file that lies behind their camera")),
+        1 => Some("1 detection is of an object that lies behind its camera".to_owned()),
+        n => Some(format!("{n} detections are of objects that lie behind their camera")),
     }
 }
 
@@ -140,6 +140,6 @@ mod tests {
             pose.fixed_view_mut::<3, 1>(0, 3).copy_from(&moved);
             pose
         });
-        assert!(named(&millimetres, "are the lengths millimetres?"), "{millimetres:?}");
+        assert!(named(&millimetres, "are the lengths in millimetres?"), "{millimetres:?}");
     }
 }

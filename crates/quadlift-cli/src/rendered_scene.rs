@@ -19,10 +19,7 @@ pub fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
     for folder in folders(scene_file) {
         let taken = folder.exists() && !std::fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_none());
         if taken && !scene_file.exists() {
-            bail!(
-                "cannot write to {}: it exists and is not empty; give the scene a folder of its own",
-                folder.display()
-            );
+            bail!("cannot write to {}: it exists and is not empty; choose a new or empty folder", folder.display());
         }
     }
     Ok(())

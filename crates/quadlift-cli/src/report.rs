@@ -17,7 +17,7 @@ use crate::files::{Inputs, check_file, outputs};
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
 pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
     if output == Some(report) && !inputs.several {
-        return usage(format!("the report would overwrite {}; give it another name", report.display()));
+        return usage(format!("the report would overwrite {}; choose another name", report.display()));
     }
     let paths = outputs(inputs, report)?;
     Ok(if inputs.several { paths.iter().map(|path| path.with_extension("html")).collect() } else { paths })
@@ -28,7 +28,7 @@ pub fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow::Resul
     let Some(path) = report else { return Ok(()) };
     check_file(path)?;
     match others.iter().find(|other| **other == path || is_same_file(other, path)) {
-        Some(other) => usage(format!("the report would overwrite {}; give it another name", other.display())),
+        Some(other) => usage(format!("the report would overwrite {}; choose another name", other.display())),
         None => Ok(()),
     }
 }
@@ -95,7 +95,7 @@ impl Gathered {
         let estimate = first(&is_estimate).cloned();
         let truth = first(&|file| !file.objects.is_empty() && !is_estimate(file)).cloned();
         let cameras = first(&|file| !file.detections.is_empty()).or(first(&|file| !file.frames.is_empty()));
-        let Some((path, file)) = cameras.or(files.first()) else { bail!("there is no file to look at") };
+        let Some((path, file)) = cameras.or(files.first()) else { bail!("there is no file to show") };
         for (other, second) in &files {
             if let (Some(a), Some(b)) = (&file.length_unit, &second.length_unit)
                 && a != b

@@ -1,5 +1,5 @@
-//! Two mistakes at once: where none alone explains why a scene does not agree with itself, conventions of poses and boxes
-//! are undone one by one, and the self-check looks for a second mistake in what is left.
+//! Two mistakes at once: where none alone explains why a scene is inconsistent, conventions of poses and boxes are
+//! undone one by one, and the self-check looks for a second mistake in what is left.
 
 use quadlift::diagnosis::{BoxFormat, Cause, Correction, Diagnosis};
 use quadlift::scene::Scene;

@@ -6,8 +6,8 @@ pub use quadlift_io::wording::{count, some_of};
 
 /// What is said where Parquet is asked for and the program was built without it.
 #[cfg(not(feature = "parquet"))]
-pub const NO_PARQUET: &str = "this program was built without Parquet; build it with it: cargo install --path crates/quadlift-cli \
-                              --features parquet";
+pub const NO_PARQUET: &str = "this program was built without Parquet; to add it: cargo install --path \
+     crates/quadlift-cli --features parquet";
 
 /// A time that a step took: in milliseconds or seconds, with two digits after the point where it is short.
 pub fn duration(time: Duration) -> String {

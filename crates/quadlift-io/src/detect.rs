@@ -109,10 +109,10 @@ pub fn detect_cameras(path: &Path) -> Result<(CameraFormat, PathBuf), ReadError>
         Some(format) => Ok((format, path.to_owned())),
         None => Err(ReadError::new(
             path,
-            "cannot tell what cameras these are: looked for a scene file, a COLMAP model (cameras.bin or cameras.txt), \
+            "unknown camera format: looked for a scene file, a COLMAP model (cameras.bin or cameras.txt), \
              transforms.json, a TUM trajectory (lines of 8 numbers), KITTI (folders calib and oxts), KITTI raw \
-             (oxts/data), BOP (scene_camera.json) and projections (12 to 16 columns, or JSON); `quadlift import FORMAT` \
-             reads what is named",
+             (oxts/data), BOP (scene_camera.json) and projections (12 to 16 columns, or JSON); `quadlift import \
+             FORMAT` reads a given format",
         )),
     }
 }
@@ -164,11 +164,11 @@ pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
     format.ok_or_else(|| {
         ReadError::new(
             path,
-            "cannot tell what detections these are: looked for COCO (annotations, or a list with \"image_id\"), \
-             MOTChallenge (7 to 10 numbers between commas, or gt/gt.txt), YOLO (a folder of .txt with a class and \
-             numbers from 0 to 1), KITTI (15 to 18 fields), CSV (names of columns, or 5 or 6 numbers), supervision (a \
-             column x_min), LabelMe (\"shapes\") and Pascal VOC (<annotation>); `quadlift import-detections FORMAT` \
-             reads what is named",
+            "unknown detection format: looked for COCO (annotations, or a list with \"image_id\"), MOTChallenge (7 to \
+             10 numbers between commas, or gt/gt.txt), YOLO (a folder of .txt with a class and numbers from 0 to 1), \
+             KITTI (15 to 18 fields), CSV (names of columns, or 5 or 6 numbers), supervision (a column x_min), \
+             LabelMe (\"shapes\") and Pascal VOC (<annotation>); `quadlift import-detections FORMAT` reads a given \
+             format",
         )
     })
 }

@@ -1,4 +1,4 @@
-//! Results of the self-check ([`quadlift::diagnosis`]) as text, as options that correct the mistake, and as JSON.
+//! The self-check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as JSON.
 
 use quadlift::Localization;
 use quadlift::diagnosis::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
@@ -10,14 +10,14 @@ use crate::correct::options::{option_of, short};
 use crate::correct::usual_width;
 use crate::scene_file::SceneFile;
 
-/// What is known of a scene file when its mistakes are named.
+/// What is known about a scene file when its mistakes are reported.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Context {
-    /// Width and height of all images in pixels, where they are known and the same.
+    /// Width and height of the images in pixels, if known and the same for all.
     pub image_size: Option<[f64; 2]>,
-    /// The size of the images in which the boxes were measured, in pixels, where an option gives it.
+    /// Size in pixels of the images in which the boxes were measured, if set by an option.
     measured_size: Option<[f64; 2]>,
-    /// The factor on the focal lengths that an option gives; 0 where none does.
+    /// Factor on the focal lengths that an option sets; 0 if none does.
     focal_factor: f64,
     /// The number that the detections give to frame 0, see [`crate::read::detections::AddedDetections::frame_offset`].
     pub frame_offset: i64,
@@ -31,7 +31,7 @@ impl Context {
         Self { image_size: first.filter(|_| sizes.iter().all(|size| *size == first)), frame_offset, ..Self::default() }
     }
 
-    /// The context once options have corrected the scene: what is proposed then takes their place.
+    /// The context after options have corrected the scene; proposed options then replace the given ones.
     #[must_use]
     pub fn after(mut self, corrections: &[RecordCorrection]) -> Self {
         for correction in corrections {
@@ -45,7 +45,7 @@ impl Context {
         self
     }
 
-    /// The option that mends a cause, where one does.
+    /// The option that corrects a cause, if there is one.
     pub fn option(&self, cause: &Cause) -> Option<String> {
         match cause.correction {
             Some(Correction::FocalFactor(factor)) if self.focal_factor > 0.0 => {
@@ -57,14 +57,15 @@ impl Context {
         }
     }
 
-    /// What to do with the records of the scene to mend a cause, where something can be done.
+    /// The correction of the scene's records for a cause, if there is one.
     pub fn correction(&self, cause: &Cause) -> Option<RecordCorrection> {
         Some(RecordCorrection::of(&cause.correction?, self.image_size))
     }
 }
 
-/// The diagnosis as results have it: `{consistent, score, causes: [{name, value, before, after, option}]}`. `score`,
-/// `before` and `after` are typical misses ([`Agreement::miss`]); `score` is `null` where there was nothing to look at.
+/// The diagnosis in the format of result files: `{consistent, score, causes: [{name, value, before, after, option}]}`.
+/// `score`, `before` and `after` are typical misses ([`Agreement::miss`]); `score` is `null` if nothing could be
+/// checked.
 pub fn diagnosis_record(diagnosis: &Diagnosis, context: &Context) -> Value {
     json!({
         "consistent": diagnosis.consistent,
@@ -84,23 +85,23 @@ pub fn cause_record(cause: &Cause, context: &Context) -> Value {
     })
 }
 
-/// Two mistakes that together explain why a scene does not agree with itself, in words, with the options that mend them.
+/// Describes two mistakes that together explain why a scene is inconsistent, with the options that correct them.
 pub fn together_in_words([first, second]: &[Cause; 2], context: &Context) -> String {
     let with_option = |cause: &Cause| {
         let option = context.option(cause).map(|option| format!(" ({option})"));
         format!("{}{}", cause_in_words(cause), option.unwrap_or_default())
     };
     format!(
-        "two mistakes at once: {}, and {}: {}, by {} once both are undone",
+        "two mistakes: {}; {}: {}, {} after both corrections",
         with_option(first),
         with_option(second),
         miss_in_words(first.before),
-        half_sizes(second.after.miss)
+        percent(second.after.miss)
     )
 }
 
-/// Takes a diagnosis that was made with other knowledge of the scene (before its identities were found) into its
-/// localisation: where the scene did not agree with itself, no object is `ok`, unless that is accepted.
+/// Applies an earlier diagnosis of the scene (made before its detections were associated) to its localisation: if the
+/// scene was inconsistent, no object is `ok`, unless `accepted`.
 pub fn refuse_objects(localization: &mut Localization, diagnosis: &Diagnosis, accepted: bool) {
     if diagnosis.consistent {
         return;
@@ -110,7 +111,7 @@ pub fn refuse_objects(localization: &mut Localization, diagnosis: &Diagnosis, ac
     ok.for_each(|estimate| estimate.status = Status::Inconsistent);
 }
 
-/// What is wrong, in words, from what [`diagnosis_record`] has written; `None` where nothing is, or where it is no such
+/// Describes the problem in a record written by [`diagnosis_record`]; `None` if there is none, or if it is not such a
 /// record.
 pub fn record_in_words(record: &Value) -> Option<String> {
     if record.get("consistent")?.as_bool()? {
@@ -128,19 +129,19 @@ pub fn record_in_words(record: &Value) -> Option<String> {
     Some(cause_with_evidence(&cause, first.get("option")?.as_str()))
 }
 
-/// What is wrong, in words, with the evidence and the option that mends it; `None` where nothing is.
+/// Describes the problem with its evidence and the option that corrects it; `None` if there is none.
 pub fn diagnosis_in_words(diagnosis: &Diagnosis, context: &Context) -> Option<String> {
     let Some(cause) = diagnosis.causes.first() else {
         let agreement = diagnosis.agreement.filter(|_| !diagnosis.consistent)?;
         return Some(format!(
-            "the boxes of an object do not agree with each other: {}; none of the usual mistakes explains it",
+            "the boxes of an object contradict each other: {}; no common mistake explains it",
             miss_in_words(agreement)
         ));
     };
     Some(cause_with_evidence(cause, context.option(cause).as_deref()))
 }
 
-/// A cause with the agreement before and after it is undone, and the option that does that.
+/// A cause with the agreement before and after its correction, and the option that applies the correction.
 fn cause_with_evidence(cause: &Cause, option: Option<&str>) -> String {
     let mut text = cause_in_words(cause);
     // Boxes do not show the direction of gravity or the unit of length.
@@ -148,7 +149,7 @@ fn cause_with_evidence(cause: &Cause, option: Option<&str>) -> String {
         text.push_str(&format!(": {}", miss_in_words(cause.before)));
     }
     if cause.after.miss < cause.before.miss {
-        text.push_str(&format!(", by {} once that is undone", half_sizes(cause.after.miss)));
+        text.push_str(&format!(", {} after correction", percent(cause.after.miss)));
     }
     if let Some(option) = option {
         text.push_str(&format!(" ({option})"));
@@ -156,21 +157,25 @@ fn cause_with_evidence(cause: &Cause, option: Option<&str>) -> String {
     text
 }
 
-/// How far the boxes of an object miss each other, in words.
+/// Describes how far boxes miss their object.
 fn miss_in_words(agreement: Agreement) -> String {
     format!("boxes miss their object by {}", half_sizes(agreement.miss))
 }
 
 fn half_sizes(miss: f64) -> String {
     match miss {
-        // Larger misses are all counted as the largest one.
-        2.5.. => "more than their size".to_owned(),
-        _ if miss < 0.095 => format!("{:.1} % of their half size", 100.0 * miss),
-        _ => format!("{:.0} % of their half size", 100.0 * miss),
+        // Misses are clamped at this value.
+        2.5.. => "more than 250 % of their half size".to_owned(),
+        _ => format!("{} of their half size", percent(miss)),
     }
 }
 
-/// What a cause is, in words.
+/// A share as a percentage with two digits.
+fn percent(share: f64) -> String {
+    if share < 0.095 { format!("{:.1} %", 100.0 * share) } else { format!("{:.0} %", 100.0 * share) }
+}
+
+/// Describes a cause.
 pub fn cause_in_words(cause: &Cause) -> String {
     let value = |digits: usize| cause.value.map_or(String::new(), |x| format!("{x:.digits$}"));
     match cause.name {
@@ -179,57 +184,56 @@ pub fn cause_in_words(cause: &Cause) -> String {
         CauseName::OpenGlCameraToWorld => {
             "the poses are camera-to-world with OpenGL axes, as nerfstudio and Blender write them".to_owned()
         }
-        CauseName::BodyAxes => "the camera axes are those of a robot's body (x forward, y left, z up)".to_owned(),
+        CauseName::BodyAxes => "the camera axes are a robot's body axes (x forward, y left, z up)".to_owned(),
         CauseName::BodyToWorld => {
-            "the poses are body-to-world, with a robot's axes (x forward, y left, z up)".to_owned()
+            "the poses are body-to-world with a robot's body axes (x forward, y left, z up)".to_owned()
         }
-        CauseName::LeftHandedAxes => "the axes are left-handed, as Unity's".to_owned(),
+        CauseName::LeftHandedAxes => "the axes are left-handed, as in Unity".to_owned(),
         CauseName::LeftHandedCameraToWorld => {
-            "the poses are camera-to-world with left-handed axes, as Unity's".to_owned()
+            "the poses are camera-to-world with left-handed axes, as in Unity".to_owned()
         }
         CauseName::CenterAsTranslation => {
-            "the translations are the camera centres, not those of cam_from_world".to_owned()
+            "the translations are camera centres, not the translations of cam_from_world".to_owned()
         }
         CauseName::TransposedRotation => "the rotations of the poses are transposed".to_owned(),
-        CauseName::QuaternionOrder => "the quaternions were read in the wrong order (xyzw and wxyz)".to_owned(),
-        CauseName::FocalLength => format!("the focal length is wrong, the right one is {} times as long", value(3)),
+        CauseName::QuaternionOrder => {
+            "the quaternions were read in the wrong order (xyzw instead of wxyz, or the reverse)".to_owned()
+        }
+        CauseName::FocalLength => format!("the focal length is wrong: it should be {} times as long", value(3)),
         CauseName::NormalizedIntrinsics => {
-            "the intrinsics are normalised (shares of the image's width and height), not pixels".to_owned()
+            "the intrinsics are normalised (fractions of image width and height), not in pixels".to_owned()
         }
         CauseName::PrincipalPoint => {
-            "the principal point is far from the middle of the image, as after reading a transposed K".to_owned()
+            "the principal point is far from the image centre, as if K had been read transposed".to_owned()
         }
         CauseName::MissingDistortion => {
             format!("the lens distortion is missing: the radial coefficient is about {}", value(3))
         }
         CauseName::ImageSize => {
-            format!("the boxes are of another image size: their pixels are to be multiplied by {}", value(3))
+            format!("the boxes were measured at another image size: multiply their coordinates by {}", value(3))
         }
         CauseName::Letterbox => {
             let side = cause.value.map_or(0.0, usual_width);
             format!("the boxes were measured in a letterboxed image of {side} x {side} pixels")
         }
         CauseName::NormalizedBoxes => {
-            "the boxes are normalised (shares of the image's width and height), not pixels".to_owned()
+            "the boxes are normalised (fractions of image width and height), not in pixels".to_owned()
         }
-        CauseName::BoxFormat => format!("the numbers of the boxes are not x0, y0, x1, y1: {}", box_format(cause)),
-        CauseName::SwappedXy => "x and y of the boxes are exchanged".to_owned(),
+        CauseName::BoxFormat => format!("the box coordinates are not x0, y0, x1, y1: {}", box_format(cause)),
+        CauseName::SwappedXy => "x and y of the boxes are swapped".to_owned(),
         CauseName::FrameOffset => frame_offset(cause.value.unwrap_or_default()),
-        CauseName::FrameOrder => "the detections are in another frame order than the poses".to_owned(),
-        CauseName::ObjectIds => "the object ids do not stay with their objects".to_owned(),
+        CauseName::FrameOrder => "the detections and the poses are in different frame orders".to_owned(),
+        CauseName::ObjectIds => "the object ids switch between objects".to_owned(),
         CauseName::DuplicatePoses => {
             let share = cause.value.unwrap_or_default();
-            format!(
-                "{:.0} % of the frames have the pose of another frame, although they show something else",
-                100.0 * share
-            )
+            format!("{:.0} % of the frames repeat the pose of another frame but show different boxes", 100.0 * share)
         }
         CauseName::ScaleJump => {
-            format!("the trajectory changes its scale: its later part would have to be {} times as large", value(2))
+            format!("the scale of the trajectory changes: the later part should be {} times as large", value(2))
         }
-        CauseName::Up => "\"up\" is not the direction in which the cameras stand upright".to_owned(),
+        CauseName::Up => "\"up\" is not the direction in which the cameras are upright".to_owned(),
         CauseName::LengthUnit => format!(
-            "the lengths do not fit the sizes that are known: they would have to be {} times as long",
+            "the lengths contradict the known object sizes: they should be {} times as long",
             cause.value.map_or_else(String::new, short)
         ),
         other => other.name().replace('_', " "),
@@ -237,7 +241,7 @@ pub fn cause_in_words(cause: &Cause) -> String {
 }
 
 fn box_format(cause: &Cause) -> &'static str {
-    let Some(Correction::Boxes(format)) = cause.correction else { return "they are in another order" };
+    let Some(Correction::Boxes(format)) = cause.correction else { return "they are in a different order" };
     match format {
         BoxFormat::SizeReadAsCorners => "they are x, y, width, height",
         BoxFormat::CenterSizeReadAsCorners => "they are centre x, centre y, width, height",
@@ -251,7 +255,7 @@ fn box_format(cause: &Cause) -> &'static str {
 fn frame_offset(frames: f64) -> String {
     let (n, way) = (frames.abs(), if frames > 0.0 { "earlier" } else { "later" });
     let frames = if n == 1.0 { "1 frame".to_owned() } else { format!("{n} frames") };
-    format!("the frame order is off by {frames}: the detections are given to frames {frames} {way} than their own")
+    format!("the frame order is off by {frames}: the detections are assigned to frames {frames} {way} than their own")
 }
 
 #[cfg(test)]
@@ -278,14 +282,14 @@ mod tests {
         };
         assert_eq!(
             text(Correction::InvertPoses),
-            "the poses are camera-to-world, not cam_from_world: boxes miss their object by 80 % of their half size, by \
-             2.1 % of their half size once that is undone (--pose-convention world-from-camera)"
+            "the poses are camera-to-world, not cam_from_world: boxes miss their object by 80 % of their half size, \
+             2.1 % after correction (--pose-convention world-from-camera)"
         );
         for (correction, words) in [
             (Correction::OpenGlAxes, "OpenGL axes"),
             (Correction::ImageScale(2.0), "image size"),
             (Correction::Letterbox(640.0), "letterboxed image of 640 x 640"),
-            (Correction::FocalFactor(0.5), "focal length is wrong, the right one is 0.500 times"),
+            (Correction::FocalFactor(0.5), "focal length is wrong: it should be 0.500 times"),
             (Correction::FrameOffset(-2), "frame order is off by 2 frames"),
             (Correction::NumericFrames, "frame order"),
             (Correction::NormalizedBoxes, "boxes are normalised"),
@@ -318,7 +322,9 @@ mod tests {
         }
         let agreement = Agreement { miss: 0.7, share: 0.1, boxes: 9 };
         let unknown = Diagnosis { consistent: false, agreement: Some(agreement), causes: Vec::new() };
-        assert!(diagnosis_in_words(&unknown, &Context::default()).unwrap().contains("70 % of their half size; none"));
+        assert!(
+            diagnosis_in_words(&unknown, &Context::default()).unwrap().contains("70 % of their half size; no common")
+        );
         assert_eq!(diagnosis_in_words(&Diagnosis::default(), &Context::default()), None);
     }
 }

@@ -98,11 +98,11 @@ pub fn check_not_read(output: &Path) -> Result<(), WriteError> {
     let guard = guard();
     let Some((guard, identity_of_output)) = guard.as_ref().zip(identity(output)) else { return Ok(()) };
     if guard.read.contains(&identity_of_output) {
-        let problem = "this run reads the file, which would be lost; give the output another name";
+        let problem = "the file is an input of this run and would be overwritten; choose another output";
         return Err(WriteError::new(output, problem));
     }
     if guard.named.iter().any(|path| identity(path).as_ref() == Some(&identity_of_output)) {
-        let problem = "a scene refers to the file as image or mask, which would be lost; give the output another name";
+        let problem = "the file is an image or mask of a scene and would be overwritten; choose another output";
         return Err(WriteError::new(output, problem));
     }
     Ok(())

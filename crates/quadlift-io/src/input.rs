@@ -25,7 +25,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
         if file.metadata()?.is_file() {
             file.read_to_end(&mut bytes)?;
         } else if file.take(MOST_FROM_PIPE).read_to_end(&mut bytes)? as u64 == MOST_FROM_PIPE {
-            return Err(io::Error::other("there are more than 4 GiB in the pipe"));
+            return Err(io::Error::other("the pipe holds more than 4 GiB"));
         }
         Ok(bytes)
     };

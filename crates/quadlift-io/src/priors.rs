@@ -82,8 +82,7 @@ pub fn parse_priors(path: &Path, text: &str) -> Result<CategoryPriors, ReadError
     let tables: BTreeMap<String, Checked> = serde_path_to_error::deserialize(deserializer).map_err(|error| {
         let outside = text.parse::<toml::Table>().ok().and_then(|t| t.into_iter().find(|(_, value)| !value.is_table()));
         if let Some((key, _)) = outside {
-            let problem =
-                format!("\"{key}\" stands outside of a table; expected one table per category, such as [car]");
+            let problem = format!("\"{key}\" is outside a table; expected one table per category, such as [car]");
             return ReadError { problem, ..describe(path, text, error.inner(), None) };
         }
         let entry = Some(error.path().to_string()).filter(|entry| entry != ".");
@@ -124,8 +123,8 @@ pub fn check_metres(length_unit: Option<&str>) -> Result<(), String> {
         None => "not given".to_owned(),
     };
     Err(format!(
-        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \"m\" if \
-         it is in metres, or give a file of priors in its unit"
+        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \
+         \"m\" if it is in metres, or give a file of priors in its unit"
     ))
 }
 
@@ -168,7 +167,7 @@ mod tests {
         assert_snapshot!(error("[car]\nsize = 4\nsize_sd = [1, 1, 1]\n"), @"priors.toml:2:8: car.size: found the number `4`, expected a list of 3 numbers");
         assert_snapshot!(error("[car]\nupright_sd = -0.1\n"), @"priors.toml:1:1: car: upright_sd = -0.1 must be a positive number (radians)");
         assert_snapshot!(error("[car]\nupright_sd = \"a\"\n"), @r#"priors.toml:2:14: car.upright_sd: found the text "a", expected a number"#);
-        assert_snapshot!(error("size = [4, 2, 1]\n"), @r#"priors.toml:1:9: "size" stands outside of a table; expected one table per category, such as [car]"#);
+        assert_snapshot!(error("size = [4, 2, 1]\n"), @r#"priors.toml:1:9: "size" is outside a table; expected one table per category, such as [car]"#);
         assert_snapshot!(error("[car]\n[car]\n"), @"priors.toml:2:2: duplicate key");
         assert_snapshot!(error("[car\n"), @"priors.toml:1:5: unclosed table, expected `]`");
     }

@@ -23,7 +23,7 @@ impl Problem {
             None => format!("detections[{index}]"),
         };
         let names: Vec<String> = self.detections.iter().map(name).collect();
-        format!("{}; concerns {}", self.message, some_of(&names))
+        format!("{}; affects {}", self.message, some_of(&names))
     }
 }
 

@@ -5,7 +5,12 @@ use std::fmt::Display;
 use pyo3::exceptions::PyValueError;
 use pyo3::{PyErr, create_exception};
 
-create_exception!(quadlift, QuadliftError, PyValueError, "What quadlift refuses, and why.");
+create_exception!(
+    quadlift,
+    QuadliftError,
+    PyValueError,
+    "Raised for invalid input; the message names it, what was found and what was expected."
+);
 
 /// The Python exception with the words of an error.
 pub fn refuse(error: impl Display) -> PyErr {

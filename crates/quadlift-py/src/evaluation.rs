@@ -24,9 +24,7 @@ pub fn scores(
     let division = identities::score(estimate, truth, source).map_err(|error| error.to_string())?;
     let why = match &division {
         DivisionOutcome::Absent | DivisionOutcome::Scored(_) => None,
-        DivisionOutcome::SeveralSources(why) => {
-            Some(format!("{why}: source=... scores how they were divided into objects"))
-        }
+        DivisionOutcome::SeveralSources(why) => Some(format!("{why}: source=... selects the detections to score")),
         DivisionOutcome::NoneCommon(why) => Some(why.clone()),
     };
     if let Some(why) = &why

@@ -66,7 +66,7 @@ impl Loaded {
         }
         let refuse = |what: &str| {
             let output = output.display();
-            Err(refuse(format!("{output}: {what}, which would be lost; give the output another name")))
+            Err(refuse(format!("{output}: {what} and would be overwritten; choose another output")))
         };
         if keeps_scene && is_same_file(&self.path, output) {
             return refuse("the scene was read from this file");
@@ -74,7 +74,7 @@ impl Loaded {
         // Many detections may share a mask.
         let named: BTreeSet<PathBuf> = self.file().named_files(&self.path).collect();
         if named.iter().any(|path| is_same_file(path, output)) {
-            return refuse("the scene refers to this file as image or mask");
+            return refuse("the file is an image or mask of the scene");
         }
         Ok(())
     }

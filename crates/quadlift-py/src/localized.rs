@@ -93,7 +93,7 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
     if localization.estimates.is_empty() {
         return Err(match scene.detections.len() {
             0 => "there is nothing to localise: the scene has no detections".to_owned(),
-            n => format!("there is nothing to localise: {n} detections name no object"),
+            n => format!("there is nothing to localise: {n} detections have no object id"),
         });
     }
     if association.is_some() {

@@ -134,4 +134,4 @@ pub fn in_background<T: Send + 'static>(
 }
 
 /// What is said where the library fails in a way that it never should.
-const INTERNAL: &str = "quadlift failed inside; please report it with the input that leads here";
+const INTERNAL: &str = "internal error in quadlift; please report it with the input that causes it";

@@ -73,7 +73,7 @@ impl PyScene {
                 Self::new(import.scene, place)
             }
             (_, path) => Err(refuse(format!(
-                "{}: this is no COLMAP model; expected the folder of cameras and images (.bin or .txt)",
+                "{}: this is not a COLMAP model; expected the folder of cameras and images (.bin or .txt)",
                 path.display()
             ))),
         }
@@ -112,10 +112,10 @@ impl PyScene {
         if added.in_no_frame > 0 {
             let (images, count) = (added.images_without_frame.len(), added.in_no_frame);
             let first = added.images_without_frame.first().map_or("", String::as_str);
-            lost.push(format!("{count} detections are left out: {images} images have no frame, such as \"{first}\""));
+            lost.push(format!("{count} detections are skipped: {images} images have no frame, such as \"{first}\""));
         }
         if added.empty > 0 {
-            lost.push(format!("{} detections are left out: their boxes have no width or no height", added.empty));
+            lost.push(format!("{} detections are skipped: their boxes have no width or no height", added.empty));
         }
         Ok((Self::new(file, self.loaded.path.clone())?, lost))
     }

@@ -307,7 +307,7 @@ mod tests {
             report.settings,
             [setting("seed", "0"), setting("source", "yolo"), setting("noise, edge", "0.0123")]
         );
-        assert_eq!(report.notes, ["3 detections took no part: they name no object"]);
+        assert_eq!(report.notes, ["3 detections were not used: they have no object id"]);
     }
 
     #[test]

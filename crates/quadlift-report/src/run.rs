@@ -44,7 +44,7 @@ pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
         Some(false) => say("self-check", "failed: see the top of the page".to_owned()),
         Some(true) => {
             let miss = number("/diagnosis/score").map_or(String::new(), |score| {
-                format!("; the middle of a box is typically off by {} of its half size", percent(score))
+                format!("; the centre of a box is typically off by {} of its half size", percent(score))
             });
             say("self-check", format!("passed: boxes and camera poses agree{miss}"));
         }
@@ -58,7 +58,7 @@ pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
         let objects = run.pointer("/association/objects").and_then(Value::as_array).map_or(0, Vec::len);
         say(
             "association",
-            format!("{taken:.0} of {:.0} detections show {objects} objects; {left:.0} fit none", taken + left),
+            format!("{taken:.0} of {:.0} detections assigned to {objects} objects; {left:.0} unassigned", taken + left),
         );
     }
     if let (Some(iou), Some(views)) = (number("/cross_validation/iou"), number("/cross_validation/views")) {
@@ -76,7 +76,7 @@ fn percent(share: f64) -> String {
 /// That the scene is inconsistent, and how to correct it.
 pub fn run_banner(file: &SceneFile) -> Option<String> {
     let words = record_in_words(file.localization.as_ref()?.get("diagnosis")?)?;
-    Some(format!("The scene does not agree with itself: {words}. No place or size on this page can be trusted."))
+    Some(format!("The scene is inconsistent: {words}. Positions and sizes on this page are unreliable."))
 }
 
 /// The squared distance at which the region of 95 % of a centre ends, in units of its covariance: as it was calibrated,
@@ -95,21 +95,21 @@ pub fn run_region(file: &SceneFile) -> String {
     let limit = calibrated_limit(file);
     match (objects, limit) {
         (Some(objects), Some(limit)) => format!(
-            "Region of 95 %, calibrated on {objects} objects of {results}: the centre of the tangent body of an object that \
-             is like these lies inside with a probability of at least 95 % (squared distance {limit:.2}, without \
+            "Region of 95 %, calibrated on {objects} objects of {results}: the centre of the tangent body of a \
+             similar object lies inside with a probability of at least 95 % (squared distance {limit:.2}, without \
              calibration {CHI2_95:.2})."
         ),
         _ => {
             let why = match objects {
                 Some(objects) => {
-                    format!("not calibrated, since {objects} objects with a known truth are too few for 95 %")
+                    format!("not calibrated, since {objects} objects with ground truth are too few for 95 %")
                 }
-                None => "not calibrated on a known truth".to_owned(),
+                None => "not calibrated against ground truth".to_owned(),
             };
             format!(
-                "Region of 95 %, {why}: the centre of the tangent body lies inside for 95 % of the objects, if \
-                 the errors are as the scene's residuals show them. Errors that all views of all objects share, such as a \
-                 wrong scale, are not in it."
+                "Region of 95 %, {why}: the centre of the tangent body lies inside for 95 % of the objects, if the \
+                 errors follow the scene's residuals. Errors common to all views of all objects, such as a wrong \
+                 scale, are not included."
             )
         }
     }
@@ -127,14 +127,14 @@ pub fn run_notes(file: &SceneFile) -> Vec<String> {
         about.get("skipped").or_else(|| about.get("left_out"))?.get(name)?.as_u64()
     };
     let reasons = [
-        ("without_object", "they name no object"),
+        ("without_object", "they have no object id"),
         ("occluded_or_truncated", "they are too occluded or truncated"),
         ("beyond_lens", "they lie where the lens cannot be undistorted"),
-        ("without_measurement", "they lack the measurement that was asked for"),
+        ("without_measurement", "they lack the selected measurement"),
     ];
     let note = |(name, reason): (&str, &str)| {
         let number = skipped(name).filter(|&number| number > 0)?;
-        Some(format!("{number} detections took no part: {reason}"))
+        Some(format!("{number} detections were not used: {reason}"))
     };
     let corrections = file.localization.as_ref().and_then(|run| run.get("corrections")?.as_array());
     let corrected = corrections.into_iter().flatten().filter_map(|note| Some(format!("corrected: {}", note.as_str()?)));
@@ -178,10 +178,11 @@ mod tests {
             [
                 line(
                     "self-check",
-                    "passed: boxes and camera poses agree; the middle of a box is typically off by 2.9 % of its half size"
+                    "passed: boxes and camera poses agree; the centre of a box is typically off by 2.9 % of its half \
+                     size"
                 ),
                 line("noise of box edges", "12 % of the box's half size, or 3.46 px"),
-                line("association", "153 of 160 detections show 2 objects; 7 fit none"),
+                line("association", "153 of 160 detections assigned to 2 objects; 7 unassigned"),
                 line("left-out views", "26 boxes predicted from the other views: mean IoU 0.91"),
             ]
         );

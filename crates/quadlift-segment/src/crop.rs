@@ -26,10 +26,10 @@ impl Default for CropOptions {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CropError {
     /// A side of the box is shorter than a hundredth of a pixel.
-    #[error("the box [{}, {}, {}, {}] is too small to show anything", .0[0], .0[1], .0[2], .0[3])]
+    #[error("the box [{}, {}, {}, {}] is too small", .0[0], .0[1], .0[2], .0[3])]
     TooSmall([f64; 4]),
     /// Nothing of the box (or only a sliver) lies in the image.
-    #[error("the box [{}, {}, {}, {}] lies outside of the image of {width} x {height} pixels",
+    #[error("the box [{}, {}, {}, {}] lies outside the image of {width} x {height} pixels",
         edges[0], edges[1], edges[2], edges[3])]
     OutsideImage {
         /// The box.

@@ -17,7 +17,7 @@ const LONGEST_NUMBER: u32 = 7;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RleError {
     /// A character that the compressed form does not have.
-    #[error("the character {found:?} at position {position} does not belong to COCO's compressed runs")]
+    #[error("the character {found:?} at position {position} is not valid in COCO's compressed runs")]
     Character {
         /// The character.
         found: char,
@@ -264,7 +264,7 @@ mod tests {
         assert!(text(Rle::new(u32::MAX, u32::MAX, vec![])).contains("too large"));
         assert_eq!(
             text(Rle::from_compressed(2, 2, "1 2")),
-            "the character ' ' at position 1 does not belong to COCO's compressed runs"
+            "the character ' ' at position 1 is not valid in COCO's compressed runs"
         );
         assert_eq!(Rle::from_compressed(2, 2, "P"), Err(RleError::CutOff));
         assert_eq!(Rle::from_compressed(2, 2, "é"), Err(RleError::Character { found: 'é', position: 0 }));

@@ -8,7 +8,7 @@ use crate::solve::{BodyKind, MapOptions, Method, RegOptions};
 
 /// A name that stands for none of the choices.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{found:?} is no {what}; expected one of {}", .expected.join(", "))]
+#[error("{found:?} is not a {what}; expected one of {}", .expected.join(", "))]
 pub struct UnknownName {
     /// What was read.
     pub found: String,
@@ -140,7 +140,7 @@ mod tests {
     fn other_names_are_refused_with_what_there_is() {
         let error = "mpa".parse::<Method>().unwrap_err();
         assert_eq!(error.expected, Method::NAMES);
-        assert_eq!(error.to_string(), "\"mpa\" is no method; expected one of map, planes, lfd, pfd, reg");
+        assert_eq!(error.to_string(), "\"mpa\" is not a method; expected one of map, planes, lfd, pfd, reg");
         for wrong in ["sphere", "superellipsoid", "superellipsoid:3", "superellipsoid:NaN", ""] {
             assert!(wrong.parse::<BodyKind>().unwrap_err().to_string().contains("from 1 (cuboid) to 2"), "{wrong}");
         }

@@ -1,10 +1,10 @@
-"""Tables of objects in, tables of estimates out: what runs inside of Spark, Ray Data, Daft and the like.
+"""Tables of objects in, tables of estimates out: functions for Spark, Ray Data, Daft and similar engines.
 
-An engine that spreads tables over machines groups detections to one row for each object (or, where nobody knows which
-detections show the same object, to one row for each scene), and calls these functions on batches of rows. Columns that
-have an entry for each view are lists. What they give does not depend on how the rows are cut into batches.
+A distributed engine groups detections to one row per object (or, without object ids, to one row per scene), and calls
+these functions on batches of rows. Columns with one entry per view are lists. Results do not depend on how the rows are
+split into batches.
 
-Needs pyarrow. `quadlift.spark` does all of it on Spark.
+Needs pyarrow. `quadlift.spark` implements all of it on Spark.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ def schema(object_type: Any = None, scene_type: Any = None) -> Any:
     Parameters
     ----------
     object_type : pyarrow.DataType, optional
-        The type of `object`; string without it.
+        The type of `object`; the default is string.
     scene_type : pyarrow.DataType, optional
         The type of `scene`; without it there is no such column.
 
     Returns
     -------
     pyarrow.Schema
-        `scene`, then the columns of `Estimates.to_arrow`, then `problem` (string): what is wrong with the row where
-        `status` is ``"invalid"`` or ``"failed"``.
+        `scene`, then the columns of `Estimates.to_arrow`, then `problem` (string): the reason if `status` is
+        ``"invalid"`` or ``"failed"``.
     """
     vector = pa.list_(pa.float64())
     fields = [] if scene_type is None else [("scene", scene_type)]
@@ -101,20 +101,20 @@ def localize_objects(
     length_unit: str | None = None,
     **options: Any,
 ) -> Any:
-    """Localises objects, one in each row.
+    """Localises objects, one per row.
 
     Parameters
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
-        One row for each object, with the columns
+        One row per object, with the columns
 
-        - `scene` (optional) and `object`: whole numbers or texts; null, "" and negative numbers name no object,
-        - `frame`, `x0`, `y0`, `x1`, `y1`: equally long lists, with an entry for each view: its frame (whole numbers or
+        - `scene` (optional) and `object`: whole numbers or texts; null, "" and negative numbers mean no object,
+        - `frame`, `x0`, `y0`, `x1`, `y1`: lists of equal length with one entry per view: its frame (whole numbers or
           texts) and the box in pixels,
-        - `category` (texts) and `hidden_edges` (see `with_hidden_edges`), optional: such lists too,
-        - `cameras`, where they are not given as an argument: lists of structs with the columns of `Cameras`.
+        - `category` (texts) and `hidden_edges` (see `with_hidden_edges`), optional: lists of the same length,
+        - `cameras`, if not given as an argument: lists of structs with the columns of `Cameras`.
 
-        The order of the views has no meaning: see `Cameras`.
+        The order of the views does not matter: see `Cameras`.
     cameras : Cameras or pyarrow.Table, optional
         The cameras of all frames.
     up : array_like, shape (3,), optional
@@ -128,14 +128,14 @@ def localize_objects(
     Returns
     -------
     pyarrow.Table
-        One row for each row, in their order, with the columns of `schema`. The status is ``"invalid"`` where something
-        is wrong with an object's detections or cameras, which `problem` tells, and ``"failed"`` where quadlift itself
-        failed; both leave the other objects as they are.
+        One row per input row, in the same order, with the columns of `schema`. The status is ``"invalid"`` if the
+        detections or cameras of an object are invalid, with the reason in `problem`, and ``"failed"`` after an internal
+        error; other objects are not affected.
 
     Raises
     ------
     QuadliftError
-        Where something is wrong with the options or with a column as a whole.
+        If an option or a whole column is invalid.
     """
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     if not settings.is_complete():
@@ -169,20 +169,20 @@ def noise(
     length_unit: str | None = None,
     **options: Any,
 ) -> tuple[dict[str, float], str]:
-    """The noise levels and the kind of body that a sample of objects shows, for `localize_objects`.
+    """Estimates the noise levels and the kind of body from a sample of objects, for `localize_objects`.
 
     Parameters
     ----------
     rows, cameras, up, length_unit, **options
-        As in `localize_objects`; `sigmas` or `body` are kept where they are given. Some hundred objects are enough;
-        beyond 2000 only every second, third, ... is looked at. Objects with which something is wrong are left out.
+        As in `localize_objects`; given `sigmas` or `body` are kept. A few hundred objects are enough; beyond 2000 only
+        every second, third, ... is used. Invalid objects are skipped.
 
     Returns
     -------
     sigmas : dict
-        See `Estimates.noise`; empty where there are no objects, and for other methods than `map`.
+        See `Estimates.noise`; empty without objects, and for methods other than `map`.
     body : str
-        See `Estimates.body`; ``"ellipsoid"`` where the objects of the sample are of several kinds.
+        See `Estimates.body`; ``"ellipsoid"`` if the objects of the sample are of several kinds.
     """
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     table = _tables.table(rows, "rows")
@@ -199,19 +199,19 @@ def noise(
 def sample(rows: Any, count: int = 2000) -> Any:
     """The rows of some objects, for `noise`: those whose ids have the smallest hashes, in their order.
 
-    A sample of samples of the parts of a table is the sample of the table, however it is cut into parts.
+    Sampling the concatenated samples of the parts of a table gives the sample of the table, for any partition.
 
     Parameters
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
-        One row for each object, with the column `object`, and `scene` where there are scenes.
+        One row per object, with the column `object`, and optionally `scene`.
     count : int
-        Number of rows, if there are as many.
+        Maximum number of rows.
 
     Returns
     -------
     pyarrow.Table
-        These rows, with all columns; those of no object are not among them.
+        These rows, with all columns; rows without an object are excluded.
     """
     count = _checks.whole("count", count, 0)
     table = _tables.table(rows, "rows")
@@ -242,7 +242,7 @@ def _sparse(texts: Mapping[int, str], count: int) -> Any:
 def _localized(cameras: Cameras, detections: Detections, names: list[str], settings: Settings) -> EstimateArrays:
     """The estimates of objects, whose names may repeat, in their order."""
     used, frame = np.unique(detections.camera, return_inverse=True)
-    # What is not known to be hidden is not: other boxes of the frame may be in other batches.
+    # Edges that are not marked count as visible: other boxes of the frame may be in other batches.
     hidden = np.zeros_like(detections.boxes, dtype=np.bool_)
     if detections.hidden is not None:
         hidden = (detections.hidden[:, np.newaxis] & EDGES) != 0
@@ -253,7 +253,7 @@ def _localized(cameras: Cameras, detections: Detections, names: list[str], setti
 def _estimates(
     cameras: Cameras, detections: Detections, names: list[str], settings: Settings
 ) -> tuple[Any, NDArray[np.int64], dict[int, str]]:
-    """A table of estimates, the rows of its objects, and rows at which quadlift has failed."""
+    """A table of estimates, the rows of its objects, and rows with internal errors."""
     rows = np.unique(detections.row)
     nothing = schema().empty_table().drop_columns(["problem"])
     if not len(rows):
@@ -261,7 +261,7 @@ def _estimates(
     try:
         return _localized(cameras, detections, names, settings).to_arrow(), rows, {}
     except QuadliftError as error:
-        # Options and detections have been checked, so this should never be. It is told, and the others go on.
+        # Options and detections have been checked, so this should never happen. It is reported; the others continue.
         _log.warning("a batch of %d objects failed and is tried one by one: %s", len(rows), error)
     found, good, failed = [nothing], [], {}
     for row in rows.tolist():
@@ -285,34 +285,34 @@ def localize_scenes(
     length_unit: str | None = None,
     **options: Any,
 ) -> Any:
-    """Finds out which detections show the same object, scene by scene, and localises the objects.
+    """Associates detections scene by scene and localises the objects.
 
     Parameters
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
-        One row for each scene: `scene` (without it there may be one row only), and equally long lists `frame`, `x0`,
-        `y0`, `x1`, `y1` with an entry for each detection, optionally `category` and `score`. Also `cameras`, as in
+        One row per scene: `scene` (without it there may be only one row), and lists of equal length `frame`, `x0`,
+        `y0`, `x1`, `y1` with one entry per detection, optionally `category` and `score`. Also `cameras`, as in
         `localize_objects`.
     cameras : Cameras or pyarrow.Table, optional
-        The cameras of all frames, also of those without detections.
+        The cameras of all frames, including those without detections.
     up : array_like, shape (3,), optional
         World direction against gravity.
     length_unit : str, optional
         World unit.
     **options
         As in `localize_objects`, and `associate`, `ids`, `upright`, `ground_plane`, `camera_height`, `pose_noise`,
-        `accept_inconsistent`. Without `sigmas` each scene has noise levels of its own. The objects of a scene that does
-        not agree with itself have the status ``"inconsistent"``.
+        `accept_inconsistent`. Without `sigmas` the noise levels are estimated per scene. The objects of an inconsistent
+        scene have the status ``"inconsistent"``.
 
     Returns
     -------
     pyarrow.Table
-        Some rows for each scene, with the columns of `schema`. Detections with which something is wrong take no part;
-        a row with the status ``"invalid"`` and no object tells of them.
+        Zero or more rows per scene, with the columns of `schema`. Invalid detections are skipped and reported in a row
+        with the status ``"invalid"`` and no object.
 
     Notes
     -----
-    Detections are taken in the order of their frames and numbers, whatever the order in the lists is.
+    Detections are processed in the order of their frames and numbers, independent of the order in the lists.
     """
     settings = Settings.of(options, OF_SCENES, up, length_unit)
     table = _tables.table(rows, "rows")
@@ -335,7 +335,7 @@ def localize_scenes(
         try:
             piece = _scene(cameras, cameras.of_scene(keys[row]), kept.take(kept.row == row), settings)
         except QuadliftError as error:
-            # Options and detections have been checked, so this should never be. It is told, and the others go on.
+            # Options and detections have been checked, so this should never happen. It is reported; others continue.
             name = "the scene" if scenes is None else f"scene {scenes[row].as_py()!r}"
             _log.error("%s failed: %s", name, error)
             piece, told = schema().empty_table(), [*told, ("failed", str(error))]

@@ -1,4 +1,4 @@
-"""Tables of cameras, in which those of detections are looked up."""
+"""Tables of cameras, for lookup by detections."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Cameras:
     Parameters
     ----------
     table : pyarrow.Table
-        One row for each frame, with the columns
+        One row per frame, with the columns
 
-        - `scene` (only where the detections have scenes) and `frame`: whole numbers or texts,
+        - `scene` (only if the detections have scenes) and `frame`: whole numbers or texts,
         - `projection`: 12 numbers, the rows of the 3x4 matrix from the world to pixels; or `intrinsics`
           ``[fx, fy, cx, cy]`` in pixels and `cam_from_world`, 12 numbers, the rows of the 3x4 pose ``[R | t]``
           (OpenCV's axes),
@@ -36,14 +36,13 @@ class Cameras:
     Raises
     ------
     QuadliftError
-        Names a column that is missing or has another type. A single wrong camera is no error: it makes the objects
-        invalid that are seen by it.
+        Names a column that is missing or has a wrong type. A single invalid camera is not an error: it makes its
+        objects invalid.
 
     Notes
     -----
-    The order of a scene's frames, which matters where errors of neighbouring views go together, is that of their ids:
-    numbers as numbers, texts as texts ("10" before "9"). A camera that is listed twice counts once where both are the
-    same.
+    The frames of a scene are ordered by their ids, because errors of neighbouring views are correlated: numbers as
+    numbers, texts as texts ("10" before "9"). Identical duplicate cameras are ignored.
     """
 
     def __init__(self, table: pa.Table) -> None:
@@ -72,7 +71,7 @@ class Cameras:
         numbers, problems = _numbers(table)
         self._numbers = {name: values[order[first]] for name, values in numbers.items()}
         self.broken: dict[int, str] = {}
-        """Cameras that cannot be used, and why."""
+        """Invalid cameras, with reasons."""
         for name, values in numbers.items():
             copies = values[order]
             same = (copies == self._numbers[name][place]) | np.isnan(copies)
@@ -96,7 +95,7 @@ class Cameras:
         return Cameras, (self._table,)
 
     def find(self, scene: Any, row: NDArray[np.int64], frame: Any) -> NDArray[np.int64]:
-        """Indices of the cameras of M frames, -1 where there is none; those of a scene are in the order of its frames.
+        """Indices of the cameras of M frames, -1 for none; those of a scene are in the order of its frames.
 
         Parameters
         ----------
@@ -119,7 +118,7 @@ class Cameras:
         return np.where(self._keys[places] == keys, places, -1)
 
     def of_scene(self, scene: Any) -> NDArray[np.int64]:
-        """Indices of a scene's cameras that can be used; `scene` is a scalar, or None where there are no scenes."""
+        """Indices of the valid cameras of a scene; `scene` is a scalar, or None without scenes."""
         number = 0 if scene is None else pc.index_in(scene, self._scenes).as_py()
         if number is None:
             return np.zeros(0, dtype=np.int64)
@@ -127,7 +126,7 @@ class Cameras:
         return np.array([k for k in range(*ends) if k not in self.broken], dtype=np.int64)
 
     def frames(self, indices: NDArray[np.int64]) -> FrameArrays:
-        """Cameras as the core takes them."""
+        """Cameras for the core."""
         numbers = {name: values[indices] for name, values in self._numbers.items()}
         intrinsics = numbers.get("intrinsics")
         if intrinsics is not None:
@@ -143,14 +142,14 @@ class Cameras:
         }
 
     def _key(self, scene: Any, row: NDArray[np.int64], frame: Any) -> NDArray[np.int64]:
-        """Numbers of pairs of scene and frame, in their order; -1 where one is null or unknown."""
+        """Numbers of pairs of scene and frame, in their order; -1 if either is null or unknown."""
         scenes = _places(scene, self._scenes, "scene")[row]
         frames = _places(frame, self._frames, "frame")
         return np.where((scenes < 0) | (frames < 0), -1, scenes * len(self._frames) + frames)
 
 
 def _places(values: Any, known: Any, name: str) -> NDArray[np.int64]:
-    """Indices of the detections' ids among those of the cameras, -1 where they are null or unknown."""
+    """Indices of the detections' ids among those of the cameras, -1 if null or unknown."""
     if values.type != known.type:
         if values.null_count == len(values) or not len(known):
             return np.full(len(values), -1)
@@ -159,7 +158,7 @@ def _places(values: Any, known: Any, name: str) -> NDArray[np.int64]:
 
 
 def _numbers(table: Any) -> tuple[dict[str, NDArray[np.float64]], dict[int, str]]:
-    """The numbers of the cameras by name, and rows that lack any."""
+    """The parameters of the cameras by name, and rows with missing values."""
     numbers: dict[str, NDArray[np.float64]] = {}
     problems: dict[int, str] = {}
     for name, width in (("projection", 12), ("intrinsics", 4), ("cam_from_world", 12)):

@@ -1,4 +1,4 @@
-"""Detections in tables whose rows are objects or scenes: options, reading, what is wrong with them."""
+"""Detections in tables whose rows are objects or scenes: options, reading, validation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .._arrays import DetectionArrays, FrameArrays, Names
 
 OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_lambda", "seed"})
-"""Options that tables of objects take."""
+"""Options for tables of objects."""
 OF_SCENES = OF_OBJECTS | {
     "associate",
     "ids",
@@ -31,9 +31,9 @@ OF_SCENES = OF_OBJECTS | {
     "pose_noise",
     "accept_inconsistent",
 }
-"""Options that tables of scenes take."""
+"""Options for tables of scenes."""
 EDGES = np.array([1, 2, 4, 8])
-"""What left, top, right and bottom count in a column `hidden_edges`."""
+"""Bits of left, top, right and bottom in a column `hidden_edges`."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Settings:
                 )
             if name not in known:
                 raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
-        # The self-check is one of whole scenes, and so is how many objects stand upright: objects that are solved one
-        # by one do not depend on them.
+        # The self-check and the detection of upright objects need whole scenes: objects that are solved one by one do
+        # not depend on them.
         of_objects: dict[str, Any] = {"associate": "never", "accept_inconsistent": True, "upright": False}
         of_kind = of_objects if known == OF_OBJECTS else {"associate": "auto"}
         given = cast("_options.Options", {**of_kind, **options})
@@ -71,20 +71,20 @@ class Settings:
                 "priors: those with on_ground=True let objects share a ground where up is given; tables of objects, "
                 "which are solved one by one, take a mapping of priors without on_ground, or no up"
             )
-        # No part of a table is a scene: nothing is said of one.
+        # Parts of a table are not scenes: there are no messages about scenes.
         settings.keywords["cross_validate"] = None
-        # One good detection: all that can be wrong is the options.
+        # One valid detection: only the options can be invalid.
         probe = Detections(np.array([0]), np.array([0]), np.array([[0.0, 0.0, 1.0, 1.0]]), None, (None, []), None)
         settings.localized(_PROBE, probe.dictionary(np.array([0]), ["probe"], None))
         return settings
 
     def localized(self, frames: FrameArrays, detections: DetectionArrays) -> _core.Localized:
-        """The result for detections in frames, both as the core takes them."""
+        """The result for detections in frames, both in the form of the core."""
         scene = _core.Scene.from_frames({**frames, "up": self.up, "length_unit": self.length_unit})
         return scene.with_detections(detections).localize(self.keywords, 1, None)
 
     def is_complete(self) -> bool:
-        """Whether nothing is left to find out from all objects together."""
+        """Whether nothing has to be estimated from all objects together."""
         is_given = self.keywords["sigmas"] is not None and self.keywords["body"] != "auto"
         return bool(is_given or self.keywords["method"] != "map")
 
@@ -108,7 +108,7 @@ class Detections:
     row: NDArray[np.int64]
     """The row of each, (M,)."""
     camera: NDArray[np.int64]
-    """Indices into `Cameras`, (M,); -1 where there is none."""
+    """Indices into `Cameras`, (M,); -1 for none."""
     boxes: NDArray[np.float64]
     """Pixels, (M, 4)."""
     scores: NDArray[np.float64] | None
@@ -118,7 +118,7 @@ class Detections:
     """Sums of `EDGES`, (M,)."""
 
     def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Detections:
-        """Those at some indices, or where a mask is true."""
+        """The detections at some indices, or where a mask is true."""
         codes, names = self.category
         return replace(
             self,
@@ -133,7 +133,7 @@ class Detections:
     def dictionary(
         self, frame: NDArray[np.int64], names: list[str] | None, hidden_edges: NDArray[np.bool_] | None
     ) -> DetectionArrays:
-        """Detections as the core takes them; with names, those of the rows are the objects."""
+        """Detections for the core; with names, the names of the rows are the object ids."""
         return {
             "frame": frame,
             "boxes": np.ascontiguousarray(self.boxes),
@@ -146,7 +146,7 @@ class Detections:
 
 @dataclass(frozen=True, order=True)
 class Problem:
-    """What is wrong with a row; the least one is told, which does not depend on the order of its detections."""
+    """A problem of a row; the smallest one is reported, which does not depend on the order of its detections."""
 
     rank: int
     """0 lists, 1 object, 2 no detections, 3 to 5 frame and camera, 6 twice in a frame, 7 box."""
@@ -155,7 +155,7 @@ class Problem:
 
 
 class Problems:
-    """What is wrong with single detections and with rows."""
+    """Problems of single detections and of rows."""
 
     def __init__(self, frame: Any) -> None:
         self._frame = frame
@@ -166,7 +166,7 @@ class Problems:
         self.of_row[row] = min(Problem(rank, -1, text), self.of_row.get(row, _LAST))
 
     def add_detections(self, places: NDArray[np.int64], rank: int, text: str | Sequence[str]) -> None:
-        """`text` goes on from the name of the frame."""
+        """`text` follows the name of the frame."""
         names = self._frame.take(pa.array(places)).to_pylist()
         for k, (place, name) in enumerate(zip(places.tolist(), names, strict=True)):
             words = text if isinstance(text, str) else text[k]
@@ -176,13 +176,13 @@ class Problems:
             self.of_detection[place] = min(found, self.of_detection.get(place, _LAST))
 
     def spread(self, row: NDArray[np.int64]) -> None:
-        """What is wrong with a detection is wrong with its row."""
+        """A problem of a detection is a problem of its row."""
         for place, problem in self.of_detection.items():
             k = int(row[place])
             self.of_row[k] = min(problem, self.of_row.get(k, _LAST))
 
     def by_row(self, row: NDArray[np.int64]) -> dict[int, list[str]]:
-        """What is wrong with each scene, in words."""
+        """The problems of each scene, as text."""
         texts = {k: [problem.text] for k, problem in self.of_row.items()}
         by_row: dict[int, list[Problem]] = {}
         for place, problem in self.of_detection.items():
@@ -197,7 +197,7 @@ _LAST = Problem(100, "", "")
 
 
 def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections, Problems]:
-    """The detections of a table; those whose frames are of no use are among the problems."""
+    """The detections of a table; those with invalid frames are among the problems."""
     names = rows.column_names
     _tables.require(names, ["frame", *_tables.BOX], "rows")
     views = _tables.Views(
@@ -232,7 +232,7 @@ def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections,
 
 
 def _own_cameras(rows: Any) -> Cameras:
-    """The cameras that the rows bring; their scenes are the numbers of the rows."""
+    """The cameras in the rows; their scenes are the row numbers."""
     _tables.require(rows.column_names, ["cameras"], "rows, without an argument cameras,")
     values = _tables.lists(rows, "cameras")
     of_row = np.repeat(np.arange(len(rows)), _tables.lengths(values))
@@ -244,7 +244,7 @@ def _own_cameras(rows: Any) -> Cameras:
 
 
 def no_object(objects: Any) -> Any:
-    """Which ids stand for no object: null, "" and negative numbers, as in `quadlift.localize`."""
+    """Which ids mean no object: null, "" and negative numbers, as in `quadlift.localize`."""
     unknown = pc.equal(objects, "") if pa.types.is_string(objects.type) else pc.less(objects, 0)
     return unknown.fill_null(True)
 
@@ -255,7 +255,7 @@ def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Dete
     cameras, detections, problems = read(table, cameras)
     objects = _tables.ids(_tables.column(table, "object"), "object")
     for row in np.flatnonzero(no_object(objects).to_numpy(zero_copy_only=False)):
-        problems.add_row(int(row), 1, "these detections name no object")
+        problems.add_row(int(row), 1, "these detections have no object id")
     counts = np.bincount(detections.row, minlength=len(table))
     for row in np.flatnonzero(counts == 0):
         problems.add_row(int(row), 2, "there are no detections")
@@ -271,12 +271,12 @@ def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Dete
 
 
 def check_boxes(detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
-    """Those of the detections in this order whose boxes are good."""
+    """The detections in this order with valid boxes."""
     absent = np.isnan(detections.boxes[order]).all(axis=1)
     problems.add_detections(order[absent], 7, "there is no box")
     order = order[~absent]
     kept = detections.take(order)
-    # Their frames are good already: any will do.
+    # Their frames are valid already: any frame works here.
     of_core = kept.dictionary(np.zeros(len(order), dtype=np.int64), None, None)
     found = _core.Scene.from_frames(_PROBE).detection_problems(of_core)
     for place, text in found:

@@ -1,4 +1,4 @@
-"""From detections to one row for each object, scene or frame, and back; what the boxes of a frame hide."""
+"""From detections to one row per object, scene or frame, and back; hidden edges of the boxes of a frame."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ._detections import EDGES
 
 
 def group(table: Any, by: Sequence[str]) -> Any:
-    """One row for each different value of some columns, the other columns as lists.
+    """One row per distinct value of some columns, the other columns as lists.
 
     Parameters
     ----------
     table : pyarrow.Table or pyarrow.RecordBatch
-        Such as detections.
+        For example detections.
     by : sequence of str
         Columns of whole numbers or texts; null counts as a value.
 
@@ -52,17 +52,17 @@ def group(table: Any, by: Sequence[str]) -> Any:
 
 
 def ungroup(rows: Any) -> Any:
-    """One row for each entry of the columns that are lists: what undoes `group`.
+    """One row per entry of the list columns: the inverse of `group`.
 
     Parameters
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
-        With at least one column of lists, which are equally long in each row.
+        With at least one column of lists, which have equal lengths in each row.
 
     Returns
     -------
     pyarrow.Table
-        The same columns, in the order of the rows; rows with empty lists (or null) are in it no more.
+        The same columns, in the order of the rows; rows with empty lists (or null) are dropped.
     """
     rows = _tables.table(rows, "rows")
     of_lists = [name for name in rows.column_names if pa.types.is_nested(rows.schema.field(name).type)]
@@ -75,13 +75,13 @@ def ungroup(rows: Any) -> Any:
 
 
 def with_hidden_edges(rows: Any) -> Any:
-    """Finds box edges that another box of the frame probably hides; they have a noise level of their own.
+    """Detects box edges that are probably hidden by another box of the frame; they have a separate noise level.
 
     Parameters
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
-        One row for each frame (see `group`), with lists `x0`, `y0`, `x1`, `y1` of all boxes that it has, whichever
-        objects they show. Boxes that are none neither hide nor are hidden.
+        One row for each frame (see `group`), with lists `x0`, `y0`, `x1`, `y1` of all its boxes, of any object. Invalid
+        boxes neither hide nor are hidden.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Columns of Arrow tables as arrays: ids, numbers, and lists with an entry for each view."""
+"""Columns of Arrow tables as arrays: ids, numbers, and lists with one entry per view."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BOX = ("x0", "y0", "x1", "y1")
 
 
 def table(rows: Any, name: str) -> Any:
-    """A table of one chunk, of a table or a batch."""
+    """A table with one chunk, from a table or a batch."""
     if isinstance(rows, pa.RecordBatch):
         return pa.Table.from_batches([rows])
     if not isinstance(rows, pa.Table):
@@ -28,7 +28,7 @@ def table(rows: Any, name: str) -> Any:
 
 
 def require(found: Sequence[str], wanted: Sequence[str], name: str) -> None:
-    """Refuses a table without one of the columns."""
+    """Raises an error if a column is missing."""
     missing = [column for column in wanted if column not in found]
     if missing:
         raise QuadliftError(f"{name} has no column {missing[0]!r}; found {', '.join(found) or 'none'}")
@@ -58,12 +58,12 @@ def ids(values: Any, name: str) -> Any:
 
 
 def without_place(problem: str) -> str:
-    """A problem that the core tells of an array, without the place in the array, of which nobody else knows."""
+    """A message of the core about an array, without the index in the array, which is meaningless to the user."""
     return problem.partition("]: ")[2] or problem
 
 
 def numbers(values: Any, name: str) -> NDArray[np.float64]:
-    """Numbers as float64, NaN where there is none."""
+    """Numbers as float64, NaN for none."""
     kind = values.type
     if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
         raise QuadliftError(f"{name} has the type {kind}; expected numbers")
@@ -89,7 +89,7 @@ def lengths(values: Any) -> NDArray[np.int64]:
 
 
 def vectors(rows: Any, name: str, width: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Lists of `width` numbers as rows, and which of them are such; the others are NaN."""
+    """Lists of `width` numbers as rows, and which of them are valid; the others are NaN."""
     values = lists(rows, name)
     fits = lengths(values) == width
     found = np.full((len(values), width), np.nan)
@@ -99,7 +99,7 @@ def vectors(rows: Any, name: str, width: int) -> tuple[NDArray[np.float64], NDAr
 
 
 class Views:
-    """The views of objects (or detections of scenes) whose columns are lists with an entry for each of them.
+    """The views of objects (or detections of scenes) whose columns are lists with one entry for each of them.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Views:
         return self._flat[name]
 
     def refuse_ragged(self) -> None:
-        """For tables all of whose rows are needed."""
+        """For tables that need all of their rows."""
         for row, problem in self.ragged.items():
             raise QuadliftError(f"row {row} has {problem}")
 
@@ -143,7 +143,7 @@ class Views:
         return np.column_stack([numbers(self[name], name) for name in BOX])
 
     def codes(self, name: str) -> _arrays.Names:
-        """Texts of a column as indices into a sorted list of them, -1 where there is none; None without the column."""
+        """Texts of a column as indices into a sorted list of them, -1 for none; None without the column."""
         if name not in self:
             return None, []
         values = ids(self[name], name).cast(pa.string())
@@ -152,12 +152,12 @@ class Views:
 
 
 def different(values: Any) -> Any:
-    """The different ids in ascending order, without null."""
+    """The distinct ids in ascending order, without null."""
     unsorted = pc.unique(values).drop_null()
     return unsorted.take(pc.sort_indices(unsorted))
 
 
 def index_in(values: Any, known: Any) -> NDArray[np.int64]:
-    """Indices of values, -1 where they are null or unknown."""
+    """Indices of values, -1 if null or unknown."""
     found: NDArray[np.int64] = pc.index_in(values, known, skip_nulls=True).cast(pa.int64()).fill_null(-1).to_numpy()
     return found

@@ -25,23 +25,24 @@ use crate::words::duration;
 
 /// Associate detections that show the same object
 ///
-/// For detectors that give boxes but no identities. The result is the same scene with an `object` in each detection that
-/// belongs to one; the others name none. Objects that look like moving things, or like several, are marked as doubtful.
+/// For detectors that give boxes without object ids. The result is the same scene with an `object` id in each assigned
+/// detection; unassigned detections have none. Objects that seem to move, or to be several objects, are marked as
+/// doubtful.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "\
 Columns:
-  views     detections of the object, of the frames in which it should be seen
-  evidence  how much better the object explains its detections than chance does (natural logarithm)
+  views     frames with a detection of the object / frames in which it should be visible
+  evidence  log Bayes factor of the object against false positives (natural logarithm)
 
 Examples:
   quadlift associate scene.json -o associated.json
   quadlift associate street.json -o associated.json --source rrc --min-score 0.5
   quadlift localize associated.json -o objects.json
 
-Exit codes: 0 success; 1 a file cannot be read or written, or there is too little to associate; 2 wrong usage; 3 the scene does
-not agree with itself, or no object was found because nothing agrees."
+Exit codes: 0 success; 1 a file cannot be read or written, or there are too few detections to associate; 2 wrong usage;
+3 the scene is inconsistent, or no object was found because no detections agree."
 )]
 pub struct Args {
     /// The scene file
@@ -56,11 +57,11 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// What ids that the detections have are worth: trust (they stay), evidence (they may be wrong) or ignore
+    /// How far to trust existing ids: trust (keep them), evidence (they may be wrong) or ignore
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
     ids: IdsName,
 
-    /// Search from several starts: about eight times as long, better with few views or many misses
+    /// Search from several starts: takes about eight times as long, better with few views or many misses
     #[arg(long)]
     thorough: bool,
 
@@ -76,8 +77,7 @@ pub struct Args {
     #[arg(long, value_name = "IOU", value_parser = args::finite)]
     max_overlap: Option<f64>,
 
-    /// Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, as much as
-    /// costs little evidence]
+    /// Size-independent error of box edges in pixels [default: 2, 4 or 8, the largest that the evidence supports]
     #[arg(long, value_name = "PX", value_parser = args::positive)]
     pixel_sd: Option<f64>,
 
@@ -161,7 +161,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let source = args.source.iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
     let words =
         ["localize".into(), args.output.as_path().into()].into_iter().chain(source).chain(["-o objects.json".into()]);
-    Next::default().command(words, "place and size of the objects").tell(out)?;
+    Next::default().command(words, "localise the objects").tell(out)?;
     let mut document = association_record(&scene, &association);
     if !notes.is_empty() {
         document["corrections"] = json!(notes);

@@ -14,26 +14,26 @@ use crate::next::Next;
 use crate::output::Output;
 use crate::report::{Gathered, check_report};
 
-/// Score a result against the truth
+/// Score a result against ground truth
 ///
-/// Objects are paired by their ids, or by their overlap where no id is common. An object without an estimated body counts
-/// as a failure and scores an IoU of 0. Where both files have detections and those of the truth name objects, it is
-/// scored too how the detections were divided into objects.
+/// Objects are paired by id, or by overlap if no ids are shared. An object without an estimated body counts as a
+/// failure with an IoU of 0. If both files have detections and those of the truth have object ids, the association is
+/// scored too.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "\
 Columns:
-  IoU            volume of the intersection over that of the union, of the ellipsoids (O3D of the paper)
-  enclosing IoU  the same with the enclosing ellipsoid, which is meant to hold the real object
-  cuboid IoU     of the cuboids, where both files have them
+  IoU            intersection over union of the ellipsoids, by volume (O3D of the paper)
+  enclosing IoU  the same for the enclosing ellipsoid, which should contain the real object
+  cuboid IoU     the same for cuboids, if both files have them
   axis           angle between the longest axes (theta_err of the paper)
   centre, size   distance of the centres; mean relative error of the semi-axes
-  outline, box   area IoU in the images: of the outlines, of the boxes around them
+  outline, box   area IoU in the images, of the outlines and of their bounding boxes
 
 Below the table:
-  found          true objects that an estimate overlaps with an IoU of 0.25 or more, each estimate for one object
-  identities     over pairs of detections of true objects: were they put together, do they belong together
+  found          true objects that an estimate overlaps with an IoU of at least 0.25, one estimate per object
+  identities     pairwise scores of the association, over pairs of detections of true objects
 
 Examples:
   quadlift evaluate estimate.json truth.json
@@ -43,22 +43,22 @@ Examples:
 Exit codes: 0 scored; 1 a file cannot be read or the files have no object in common; 2 wrong usage."
 )]
 pub struct Args {
-    /// The result of localize or of associate
+    /// The result of localize or associate
     #[arg(value_name = "ESTIMATE.json")]
     estimate: PathBuf,
 
-    /// A scene file whose objects, or the ids of whose detections, are the truth
+    /// A scene file with the true objects, or with true object ids of its detections
     #[arg(value_name = "TRUTH.json")]
     truth: PathBuf,
 
-    /// How estimates and true objects are paired: ids, overlap, or auto (by ids where any is common)
+    /// How to pair estimates with true objects: ids, overlap, or auto (by ids if any are shared)
     #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = Match::Auto, hide_possible_values = true)]
     matching: Match,
 
-    /// Score the identities of the detections of this source only; needed when those of the estimate have several
+    /// Score the association of this source only; required if the estimate has several sources
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
-    /// Write a report, an HTML page that shows estimates, truth and scores
+    /// Write an HTML report with estimates, truth and scores
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 }
@@ -98,7 +98,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         out.report(&format!("wrote {}\n", report.display()))?;
     } else {
         let words = ["view".into(), args.estimate.as_path().into(), args.truth.as_path().into()];
-        Next::default().command(words, "look at both in the browser").tell(out)?;
+        Next::default().command(words, "view both in the browser").tell(out)?;
     }
     Ok(Outcome::Fine)
 }

@@ -20,8 +20,8 @@ use formats::Format;
 
 /// Export objects and cameras to other formats
 ///
-/// Takes results and truths alike. Objects without a body are left out (CSV and Parquet have them) and counted; what was
-/// converted, assumed or lost is printed.
+/// Exports estimated and true objects alike. Objects without a body are skipped (except in CSV and Parquet) and
+/// counted. Conversions, assumptions and losses are printed.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -51,7 +51,7 @@ pub struct Common {
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
 
-    /// What to write
+    /// Output path
     #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
 }
@@ -87,7 +87,7 @@ fn read(common: &Common, outputs: &[&Path]) -> anyhow::Result<SceneFile> {
         check_file(path)?;
         refuse_to_overwrite(&common.scene, path)?;
         if outputs[..index].contains(path) {
-            return usage(format!("two tables would have the name {}", path.display()));
+            return usage(format!("two tables would be named {}", path.display()));
         }
     }
     let file = read_scene_file(&common.scene)?;
@@ -121,7 +121,7 @@ fn tell<'a>(
     }
     if !without_body.is_empty() {
         let objects = count(without_body.len(), "object");
-        text.push_str(&format!("- left out for want of a body: {objects} ({})\n", one_line(&some_of(without_body))));
+        text.push_str(&format!("- skipped without a body: {objects} ({})\n", one_line(&some_of(without_body))));
     }
     out.report(&text)?;
     out.document(&json!({ "files": files, "without_body": without_body }))?;

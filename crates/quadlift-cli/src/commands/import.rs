@@ -59,7 +59,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let Import { mut scene, image_folder, mut notes } = args.format.read()?;
     let is_scene = args.format.is_scene();
     if scene.frames.is_empty() && !is_scene {
-        bail!("{}: there are no frames; expected cameras with poses", source.display());
+        bail!("{}: no frames found; expected cameras with poses", source.display());
     }
     match common.images.as_ref().or(image_folder.as_ref()) {
         Some(folder) => {
@@ -68,7 +68,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             paths::prefix_images(&mut scene, &prefix);
         }
         None if !is_scene && scene.frames.iter().any(|frame| frame.image.is_some()) => {
-            notes.push("where the images are is not known: name their folder with --images DIR".to_owned());
+            notes.push("the image folder is unknown: set it with --images DIR".to_owned());
         }
         None => {}
     }
@@ -93,11 +93,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let path = common.output.as_path();
     let next = match detections {
         0 => Next::default()
-            .command(["import-detections --help".into()], "the formats of detections that can be added")
+            .command(["import-detections --help".into()], "list the detection formats")
             .command(["view".into(), path.into()], "look at the cameras"),
         _ => Next::default()
-            .command(["info".into(), path.into()], "what it holds, and whether it agrees with itself")
-            .command(["localize".into(), path.into(), "-o objects.json".into()], "find the objects"),
+            .command(["info".into(), path.into()], "summarise and check the scene")
+            .command(["localize".into(), path.into(), "-o objects.json".into()], "localise the objects"),
     };
     out.report(&(text + &next.text()))?;
     out.document(&json!({

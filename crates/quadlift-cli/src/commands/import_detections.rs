@@ -21,9 +21,9 @@ pub use matching::Matching;
 
 /// Add the detections of another program to a scene
 ///
-/// The images of the detections are matched with the frames of the scene by name, number or time. Track ids become
-/// objects; where there are none, `quadlift localize` finds out which detections show the same object. The detections
-/// that the scene has stay, under their own source.
+/// The images of the detections are matched to the frames of the scene by name, number or time. Track ids become object
+/// ids; without them, `quadlift localize` associates the detections. Existing detections of the scene are kept under
+/// their own source.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -49,7 +49,7 @@ pub struct Args {
 /// What every format has.
 #[derive(clap::Args)]
 pub struct Common {
-    /// The scene to which the detections are added
+    /// The scene to add the detections to
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
 
@@ -61,7 +61,7 @@ pub struct Common {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// Remove the detections that the scene has
+    /// Remove the existing detections of the scene
     #[arg(long)]
     replace: bool,
 
@@ -91,7 +91,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let mut text = format!("wrote {}: {}\n", common.output.display(), one_line(&in_words(&added, source)));
     notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
     let words = ["localize".into(), common.output.as_path().into(), "-o objects.json --report objects.html".into()];
-    out.report(&(text + &Next::default().command(words, "find the objects").text()))?;
+    out.report(&(text + &Next::default().command(words, "localise the objects").text()))?;
     let mut document = to_json(&added, &notes);
     document["output"] = common.output.display().to_string().into();
     document["source"] = source.into();
@@ -107,9 +107,8 @@ pub fn in_words(added: &AddedDetections, source: &str) -> String {
     } else {
         format!("{} of {}", added.matched_images, count(images, "image"))
     };
-    let are = if added.matched_images == 1 { "is a frame" } else { "are frames" };
     format!(
-        "{} of the source {source} in {found}, which {are} of the scene (by {})",
+        "{} of the source {source} in {found} matched to frames of the scene (by {})",
         count(added.added, "detection"),
         added.matched_by.name()
     )
@@ -120,7 +119,7 @@ pub fn notes(added: &AddedDetections) -> Vec<String> {
     let mut notes = added.notes.clone();
     if !added.images_without_frame.is_empty() {
         notes.push(format!(
-            "{} no frame of the scene, their {} are left out: {}",
+            "{} no frame in the scene, their {} are skipped: {}",
             has_or_have(added.images_without_frame.len(), "image"),
             count(added.in_no_frame, "detection"),
             some_of(&added.images_without_frame)
@@ -135,16 +134,18 @@ pub fn notes(added: &AddedDetections) -> Vec<String> {
     }
     for (number, why) in [(added.low_score, "with a lower score"), (added.empty, "without width or height")] {
         if number > 0 {
-            notes.push(format!("{} {why} left out", count(number, "detection")));
+            notes.push(format!("skipped {} {why}", count(number, "detection")));
         }
     }
     if added.removed > 0 {
-        notes.push(format!("{} that the scene had were removed", count(added.removed, "detection")));
+        notes.push(format!("{} of the scene were removed", count(added.removed, "detection")));
     }
     notes.push(match added.with_object {
-        0 => "no detection has a track id: `quadlift localize` finds out which show the same object".to_owned(),
-        n if n < added.added => format!("{n} of {} detections have a track id, which is their object", added.added),
-        _ => "track ids are the objects".to_owned(),
+        0 => "no detection has a track id: `quadlift localize` associates the detections".to_owned(),
+        n if n < added.added => {
+            format!("{n} of {} detections have a track id, which becomes their object id", added.added)
+        }
+        _ => "track ids become object ids".to_owned(),
     });
     notes
 }

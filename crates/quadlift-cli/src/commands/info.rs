@@ -24,8 +24,8 @@ const OUTSIDE_TOLERANCE: f64 = 1.0;
 
 /// Summarise a scene file and report suspicious values
 ///
-/// The file is checked as for localisation; oddities that are no errors are listed and do not change the exit code, not even
-/// that the scene does not agree with itself.
+/// The file is validated as for localisation. Suspicious values that are not errors are listed and do not change the
+/// exit code, not even if the scene is inconsistent.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -127,9 +127,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let source = report.sources.iter().find_map(|s| s.name.as_deref()).filter(|_| report.sources.len() > 1);
         let source = source.into_iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
         let words = ["localize".into(), path.into()].into_iter().chain(source).chain(["-o objects.json".into()]);
-        next = next.command(words, "find the objects");
+        next = next.command(words, "localise the objects");
     }
-    let next = next.command(["view".into(), path.into()], "look at it in the browser");
+    let next = next.command(["view".into(), path.into()], "view it in the browser");
     out.report(&(render(&report) + &next.text()))?;
     out.document(&report)?;
     Ok(Outcome::Fine)
@@ -210,24 +210,24 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
         }
     }
     if outside > 0 {
-        oddities.push(format!("{} wholly outside of the image", boxes(outside)));
+        oddities.push(format!("{} entirely outside the image", boxes(outside)));
     }
     if beyond > 0 {
-        oddities.push(format!("{} beyond the image border: edges there count as cut off", boxes_reach(beyond)));
+        oddities.push(format!("{} beyond the image border: edges there are treated as cut off", boxes_reach(beyond)));
     }
     let beyond_lens = scene.detections.iter().filter(|d| d.bounding_box.is_none() && d.ellipse.is_none()).count();
     if beyond_lens > 0 {
         let n = count(beyond_lens, "detection");
-        oddities.push(format!("{n} where the lens cannot be undistorted: left out by localize"));
+        oddities.push(format!("{n} where the lens cannot be undistorted: skipped by localize"));
     }
     if report.frames_without_image_size > 0 && !scene.frames.is_empty() {
         oddities.push(format!(
-            "{} without an image size: no box edge counts as cut off there",
+            "{} without an image size: box edges at the border are not treated as cut off there",
             count(report.frames_without_image_size, "frame")
         ));
     }
     if one_point(scene) {
-        oddities.push("all cameras stand at one point: depths and sizes cannot be found".to_owned());
+        oddities.push("all cameras are at the same position: depths and sizes cannot be estimated".to_owned());
     }
     oddities.extend(pose_oddities(file, scene));
     let mut seen = vec![false; scene.frames.len()];
@@ -239,14 +239,15 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     }
     let several = objects_of_several_categories(scene);
     if !several.is_empty() {
-        oddities.push(format!("objects with several categories (the most frequent one counts): {}", some_of(&several)));
+        oddities
+            .push(format!("objects with several categories (the most frequent one is used): {}", some_of(&several)));
     }
     let unused: Vec<String> = (file.cameras.iter())
         .filter(|camera| !file.frames.iter().any(|frame| frame.camera.as_deref() == Some(&camera.id)))
         .map(|camera| camera.id.clone())
         .collect();
     if !unused.is_empty() {
-        oddities.push(format!("cameras that no frame uses: {}", some_of(&unused)));
+        oddities.push(format!("cameras not used by any frame: {}", some_of(&unused)));
     }
     oddities
 }
@@ -282,7 +283,7 @@ fn objects_of_several_categories(scene: &Scene) -> Vec<String> {
 fn object_ids(report: &Report) -> String {
     match report.sources.iter().map(|source| source.without_object).sum::<usize>() {
         0 => "every detection has one".to_owned(),
-        n if n == report.detections => "none: localize finds out which detections show the same object".to_owned(),
+        n if n == report.detections => "none: localize associates the detections".to_owned(),
         1 => format!("1 of {} has none", count(report.detections, "detection")),
         n => format!("{n} of {} have none", count(report.detections, "detection")),
     }
@@ -321,7 +322,7 @@ fn render(report: &Report) -> String {
         let _ = write!(text, "\n{}", table.render());
     }
     if !report.oddities.is_empty() {
-        let _ = writeln!(text, "\n{HEADING}What looks wrong{HEADING:#}");
+        let _ = writeln!(text, "\n{HEADING}Possible problems{HEADING:#}");
         for oddity in &report.oddities {
             let _ = writeln!(text, "{WARNING}-{WARNING:#} {}", one_line(oddity));
         }

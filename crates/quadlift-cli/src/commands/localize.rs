@@ -45,11 +45,11 @@ use crate::words::{count, duration};
 #[command(
     verbatim_doc_comment,
     after_help = "\
-Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is a folder then,
-and each result has the file name of its scene. A scene that fails is reported and the others are still done.
+Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is then a folder,
+and each result has the file name of its scene. If a scene fails, it is reported and the others are still processed.
 
-With --cameras and --detections both are read from other programs' files, whose formats are recognised; what
-`quadlift import` and `quadlift import-detections` would ask beyond that can be said here too.
+--cameras and --detections read files of other programs and detect their formats; the main options of `quadlift import`
+and `quadlift import-detections` are available here too.
 
 Examples:
   quadlift localize scene.json -o estimate.json --report estimate.html
@@ -58,8 +58,8 @@ Examples:
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
 
-Exit codes: 0 success; 1 a scene failed, or none of its objects could be localised; 2 wrong usage; 3 a scene does not agree
-with itself (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
+Exit codes: 0 success; 1 a scene failed, or none of its objects could be localised; 2 wrong usage; 3 a scene is
+inconsistent (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
 pub struct Args {
     /// Scene files, folders that hold them, or patterns in quotes
@@ -70,12 +70,11 @@ pub struct Args {
     #[arg(short, long, value_name = "OUT.json")]
     output: Option<PathBuf>,
 
-    /// Write a report, an HTML page (for several scenes: a folder)
+    /// Write an HTML report (for several scenes: a folder)
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 
-    /// What the result says of each object: full, or brief (no covariance, no figures of single views; a third of the
-    /// size)
+    /// Level of detail of the result: full, or brief (no covariances, no figures of single views; a third of the size)
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
     detail: DetailName,
 
@@ -87,8 +86,8 @@ pub struct Args {
     #[arg(long, value_name = "X", value_parser = args::finite)]
     lambda: Option<f64>,
 
-    /// Kind of body that is fitted: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto:
-    /// chosen for each object, an ellipsoid where its boxes and those of the other objects tell nothing else
+    /// Kind of body to fit: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto:
+    /// selected for each object, an ellipsoid without evidence for another kind
     #[arg(long, value_name = "BODY", default_value = "auto", value_parser = args::body_choice)]
     body: BodyChoice,
 
@@ -96,9 +95,9 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// Which measurements of a detection are used: auto (what it has; of both the box for place and size, the ellipse
-    /// for shape), box, ellipse, box+ellipse, or mask (its outline, with map and planes); detections that lack what is
-    /// asked for take no part
+    /// Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for shape),
+    /// box, ellipse, box+ellipse, or mask (its outline, with map and planes). Detections without the selected
+    /// measurement are skipped
     #[arg(long, value_name = "WHAT", default_value = "auto", value_parser = observations(), hide_possible_values = true)]
     observations: MeasurementKind,
 
@@ -111,7 +110,7 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT", hide_possible_values = true)]
     ids: Option<IdsName>,
 
-    /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
+    /// Priors on categories: "builtin" (for scenes in metres) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
     priors: Option<PathBuf>,
 
@@ -123,11 +122,11 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
     max_occluded: Option<f64>,
 
-    /// Skip detections that are more truncated (KITTI: 0 wholly inside of the image)
+    /// Skip detections that are more truncated (KITTI: 0 entirely inside the image)
     #[arg(long, value_name = "LEVEL", value_parser = args::finite)]
     max_truncated: Option<f64>,
 
-    /// Do not find out which objects stand upright, an axis along the scene's `up`
+    /// Do not detect which objects stand upright (with an axis along the scene's `up`)
     #[arg(long)]
     no_upright: bool,
 
@@ -135,30 +134,30 @@ pub struct Args {
     #[arg(long)]
     ground_plane: bool,
 
-    /// Height of the cameras above the ground plane, in world units, where it is known
+    /// Height of the cameras above the ground plane in world units, if known
     #[arg(long, value_name = "H", value_parser = args::positive)]
     camera_height: Option<f64>,
 
-    /// The poses may be wrong: standard deviations of each frame's turn, in radians, and shift, in world units
+    /// Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame
     #[arg(long, value_name = "RAD,LENGTH", value_parser = args::pose_noise)]
     pose_noise: Option<PoseNoise>,
 
-    /// Noise levels, instead of estimating them: an earlier result, or some of them by their names there
-    /// (edge_relative=0.03,edge_px=2). Objects do not depend on each other then
+    /// Use given noise levels instead of estimating them: from an earlier result, or by name
+    /// (edge_relative=0.03,edge_px=2). Objects are then estimated independently of each other
     #[arg(long, value_name = "RESULT.json|NAME=X,...", value_parser = args::sigmas)]
     sigmas: Option<SigmaSource>,
 
-    /// Leave out each view of each object, predict its box from the others, and show how well both agree: the quality of
-    /// the result without a truth. Takes several times as long; a sample of views is always checked, for the summary
+    /// Leave out each view of each object, predict its box from the others, and report the agreement: a measure of
+    /// quality without ground truth. Takes several times as long; the summary always checks a sample of views
     #[arg(long)]
     cross_validate: bool,
 
-    /// Calibrate the regions of the estimates on an earlier result and the scene that holds its true objects (can be
-    /// given several times): the result then lists limits that hold the truth as often as they say
+    /// Calibrate the confidence regions on an earlier result and the scene with its true objects (may be repeated): the
+    /// result then lists calibrated limits
     #[arg(long, num_args = 2, value_names = ["RESULT.json", "TRUTH.json"], action = clap::ArgAction::Append)]
     calibration: Vec<PathBuf>,
 
-    /// Seed of everything that is drawn at random
+    /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
@@ -296,8 +295,8 @@ fn calibration_in_words(record: &Value) -> String {
     let objects = record["objects"].as_u64().unwrap_or(0) as usize;
     // The quantile of chi-square with 3 degrees of freedom.
     let said = match record["squared_distance"]["center"]["0.95"].as_f64() {
-        Some(limit) => format!("the 95 % region of a centre ends at the squared distance {limit:.2} instead of 7.81"),
-        None => "too few for a region of 95 %".to_owned(),
+        Some(limit) => format!("the 95 % region of a centre ends at a squared distance of {limit:.2} instead of 7.81"),
+        None => "too few for a 95 % region".to_owned(),
     };
     format!("regions calibrated on {}: {said}\n", count(objects, "object"))
 }
@@ -385,15 +384,13 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 fn next_steps(scene: Option<&Path>, [output, report]: [Option<&Path>; 2]) -> Next {
     let mut next = Next::default();
     match (output, report) {
-        (None, None) => {
-            next.again("-o objects.json --report objects.html", "keep the result, and a page that shows it")
-        }
+        (None, None) => next.again("-o objects.json --report objects.html", "save the result and a report"),
         (Some(output), report) => {
             if report.is_none() {
                 let files = scene.into_iter().chain([output]).map(Word::from);
-                next = next.command([Word::from("view")].into_iter().chain(files), "look at it in the browser");
+                next = next.command([Word::from("view")].into_iter().chain(files), "view it in the browser");
             }
-            next.command(["export ply".into(), output.into(), "-o objects.ply".into()], "the same for other programs")
+            next.command(["export ply".into(), output.into(), "-o objects.ply".into()], "export for other programs")
         }
         (None, Some(_)) => next,
     }

@@ -19,19 +19,18 @@ use crate::words::some_of;
 #[command(
     verbatim_doc_comment,
     after_help = "\
-Boxes and ellipses are what was detected (red and dashed where the estimator has rejected them), filled outlines are
-the estimated bodies, dotted ones the truth. Without an image the sheet is blank. An image of a camera with lens
-distortion is drawn as its pinhole camera would see it. Several files of one scene are drawn together, as in `quadlift
-view`.
+Boxes and ellipses are detections (red and dashed if the estimator rejected them), filled outlines are the estimated
+bodies, dotted outlines the ground truth. Without an image the background is blank. Images with lens distortion are
+undistorted. Several files of one scene are drawn together, as in `quadlift view`.
 
 Examples:
   quadlift render scene.json estimate.json --frame 000003 -o frame.png
   quadlift render scene.json --frame 000003 -o frame.svg --labels --source yolo
 
-Exit codes: 0 fine; 1 a file or an image cannot be read; 2 wrong usage."
+Exit codes: 0 success; 1 a file or an image cannot be read; 2 wrong usage."
 )]
 pub struct Args {
-    /// A scene, and files that hold its estimates and its truth
+    /// A scene, and files with its estimates and its ground truth
     #[arg(required = true, value_name = "SCENE.json")]
     files: Vec<PathBuf>,
 
@@ -39,15 +38,15 @@ pub struct Args {
     #[arg(long, value_name = "ID")]
     frame: String,
 
-    /// Where the picture is written; its ending chooses the format
+    /// Output path; the extension selects the format
     #[arg(short, long, value_name = "OUT.png|OUT.svg")]
     output: PathBuf,
 
-    /// Write the ids of the objects beside them
+    /// Label objects with their ids
     #[arg(long)]
     labels: bool,
 
-    /// Draw the detections of this source only (default: those that the estimates are made of, else all)
+    /// Draw only the detections of this source (default: the source of the estimates, otherwise all)
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 }

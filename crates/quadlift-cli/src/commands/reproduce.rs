@@ -14,7 +14,7 @@ use crate::output::Output;
 use crate::progress::counting_bar;
 use crate::report::check_report;
 
-/// Rerun the experiments of the paper and compare its figures (for research)
+/// Rerun the experiments of the paper and compare the figures (for research)
 ///
 /// The paper is "3D Pose from Detections" (ICCV 2015). Each table has the paper's printed figures in the rows whose
 /// setting is "paper".
@@ -30,11 +30,11 @@ Experiments:
   minimal       two and three views with a wide baseline
   segmentation  masks and ellipses from images, and bodies from them (without data: rendered images only)
   association   objects from detections without ids (without data: synthetic scenes only)
-  cross-validation  what left-out views tell about the quality of estimates
-  trust         how often the truth lies in the regions of an estimate (without data: synthetic scenes only)
-  diagnosis     the self-check on right scenes and on mistakes (without data: synthetic scenes only)
+  cross-validation  how well left-out views predict the quality of estimates
+  trust         coverage of the confidence regions of estimates (without data: synthetic scenes only)
+  diagnosis     the self-check on correct and on corrupted scenes (without data: synthetic scenes only)
   kinds         bodies of several kinds, standing and lying (needs no data)
-  few-views     the default with 2 to 20 views beside a level that is given and a closed form (needs no data)
+  few-views     the default with 2 to 20 views, compared with a given noise level and a closed form (needs no data)
   sensitivity   tuned constants, halved and doubled (needs the feature `sensitivity`; not part of all)
   all           all of them
 
@@ -49,19 +49,19 @@ Examples:
 Exit codes: 0 done; 1 there is no data, or a file cannot be read or written; 2 wrong usage."
 )]
 pub struct Args {
-    /// Which experiment
+    /// The experiment
     #[arg(value_enum, hide_possible_values = true)]
     experiment: Name,
 
-    /// Folder of the real data, the one that holds `scenes` (default: QUADLIFT_DATA, or ../shared/data)
+    /// Folder of the real data, which contains `scenes` (default: QUADLIFT_DATA, or ../shared/data)
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 
-    /// Folder for the tables and plots; it is made if it does not exist
+    /// Folder for the tables and plots; created if it does not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 
-    /// One page of the tables and plots, for any browser
+    /// Write one HTML page with the tables and plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 
@@ -69,7 +69,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
 
-    /// Seed of everything that is drawn at random
+    /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 }

@@ -16,7 +16,7 @@ pub struct Args {
 
 pub fn run(_: &Args, _: &Output) -> anyhow::Result<Outcome> {
     usage(
-        "this program was built without `reproduce`, which is for research; to get it: cargo install --path \
+        "this program was built without `reproduce`, which is for research; to add it: cargo install --path \
          crates/quadlift-cli --features reproduce",
     )
 }

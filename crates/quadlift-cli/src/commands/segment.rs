@@ -25,22 +25,22 @@ use crate::words::{count, duration};
 
 /// Segment the detected objects in their images and fit ellipses to the masks
 ///
-/// The crops of one object in all of its frames are segmented together. The result is the same scene with an `ellipse`,
-/// a `mask` and a `segmentation` (how far they can be trusted) in each detection; `localize` takes it from there.
+/// The crops of an object from all its frames are segmented jointly. The result is the same scene with an `ellipse`, a
+/// `mask` and a `segmentation` (method, status and confidence) in each detection, as input for `localize`.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "\
 Methods:
-  sca+cut   stels (parts that move and change colour together over the frames), finished by graph cuts
+  sca+cut   stels (parts that move and change colour together over the frames), refined by graph cuts
   sca       stels alone
   graphcut  graph cuts with the colours of all frames together, without stels
-  masks     the masks that the scene names (of SAM, YOLO-seg, Mask R-CNN, ...); the only method that reads them
-  box       the ellipse in each box, for comparison
+  masks     the masks given in the scene (from SAM, YOLO-seg, Mask R-CNN, ...)
+  box       the ellipse inscribed in each box, for comparison
 
-Contact sheets show each crop with the outline of the mask (yellow), the ellipse in the box (blue) and the ellipse that
-was found (pink), in a frame: green; orange where the mask touches the border of the image or another object; red where
-the mask could not be trusted and the ellipse is that of the box.
+Contact sheets show each crop with the outline of the mask (yellow), the ellipse in the box (blue) and the fitted
+ellipse (pink). The frame is green; orange if the mask touches the image border or another object; red if there is no
+reliable mask and the ellipse in the box is used.
 
 Examples:
   quadlift segment scene.json -o segmented.json --contact-sheets sheets
@@ -48,11 +48,11 @@ Examples:
   quadlift segment scene.json -o segmented.json --method masks
   quadlift localize segmented.json -o objects.json
 
-Exit codes: 0 success; 1 at least one detection could not be segmented, or none; 2 wrong usage; 3 the scene does not agree with
-itself (its masks are written all the same)."
+Exit codes: 0 success; 1 at least one detection could not be segmented, or none; 2 wrong usage; 3 the scene is
+inconsistent (its masks are written anyway)."
 )]
 pub struct Args {
-    /// The scene file, whose frames name their images
+    /// The scene file; its frames must name their images
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
 
@@ -60,7 +60,7 @@ pub struct Args {
     #[arg(short, long, value_name = "OUT.json")]
     output: PathBuf,
 
-    /// Source of the masks: sca+cut, sca, graphcut, masks or box (see below)
+    /// Segmentation method: sca+cut, sca, graphcut, masks or box (see below)
     #[arg(long, value_name = "METHOD", default_value = "sca+cut", value_parser = method)]
     method: Method,
 
@@ -68,19 +68,19 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// Folder for the masks as label images (PNG), one for each frame; without it they are written into OUT.json
+    /// Write the masks to this folder as label images (PNG), one per frame, instead of into OUT.json
     #[arg(long, value_name = "DIR")]
     out_masks: Option<PathBuf>,
 
-    /// Folder for a picture of each object's crops with masks and ellipses (PNG)
+    /// Write a picture (PNG) of each object's crops with masks and ellipses to this folder
     #[arg(long, value_name = "DIR")]
     contact_sheets: Option<PathBuf>,
 
-    /// Write a report, an HTML page that shows the ellipses in their images
+    /// Write an HTML report with the ellipses in their images
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 
-    /// Seed of everything that is drawn at random
+    /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
@@ -151,7 +151,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         .into_iter()
         .chain(source)
         .chain(["-o objects.json --report objects.html".into()]);
-    let next = Next::default().command(words, "the objects, from boxes and ellipses");
+    let next = Next::default().command(words, "localise the objects from boxes and ellipses");
     out.report(&(report(args, &segmentation, &notes) + &next.text()))?;
     out.document(&json!({
         "scene": title,
@@ -286,7 +286,7 @@ fn report(args: &Args, segmentation: &Segmentation, notes: &[String]) -> String 
     let fell_back = total(|s| s.fell_back);
     if fell_back > 0 {
         text.push_str(&format!(
-            "note: in {} no mask could be trusted; the ellipse is that of the box\n",
+            "note: {} without a reliable mask: the ellipse in the box is used\n",
             count(fell_back, "detection")
         ));
     }
@@ -294,15 +294,12 @@ fn report(args: &Args, segmentation: &Segmentation, notes: &[String]) -> String 
         && matches!(args.method, Method::Image(_))
     {
         text.push_str(&format!(
-            "note: {} without an object id: each was segmented alone, which is less certain\n",
+            "note: {} without an object id: each was segmented alone, which is less reliable\n",
             count(alone.detections, "detection")
         ));
     }
     if !segmentation.without_box.is_empty() {
-        text.push_str(&format!(
-            "note: left out {} without a box\n",
-            count(segmentation.without_box.len(), "detection")
-        ));
+        text.push_str(&format!("note: skipped {} without a box\n", count(segmentation.without_box.len(), "detection")));
     }
     for folder in [&args.out_masks, &args.contact_sheets].into_iter().flatten() {
         text.push_str(&format!("wrote {}{}\n", folder.display(), std::path::MAIN_SEPARATOR));

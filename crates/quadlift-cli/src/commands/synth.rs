@@ -20,33 +20,33 @@ use crate::output::Output;
 use crate::rendered_scene::{check_folders, write_images, write_masks};
 use crate::synthetic_file::{scene_file, with_true_ids};
 
-/// Write a synthetic scene with known truth
+/// Write a synthetic scene with ground truth
 ///
-/// Objects of random place, size and orientation lie in a cube of side 20; the cameras stand 200 away from its centre
-/// and look at it. The truth is written as the `objects` of the scene; no estimator reads it. A detector can be had that
-/// misses objects and makes some up, and ids as a tracker gives them, or none.
+/// Objects with random position, size and orientation lie in a cube of side 20; the cameras look at its centre from a
+/// distance of 200. The ground truth is written as the `objects` of the scene; no estimator reads it. Options simulate
+/// a detector with misses and false positives, and the ids of a tracker, or no ids.
 ///
-/// With --render there are images and true masks as well, for `segment`: textured objects stand on a cluttered ground,
-/// and a camera goes around them on an arc.
+/// --render also writes images and true masks for `segment`: textured objects stand on a cluttered ground, and a camera
+/// moves around them on an arc.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "\
-Noise (--noise, several times if wanted):
+Noise (--noise, may be repeated):
   box:0.05   each box edge, Gaussian; relative to the box's mean half size
   re:45      angle of the ellipse, uniform; degrees
   se:0.3     size of the ellipse, uniform; one factor for both axes (se2: one for each axis)
   te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
 
-Where the cameras stand (--trajectory):
-  paper      60 degrees around and 70 up, as in the paper
-  arc:SPAN   SPAN degrees around
-  orbit      once around, 20 to 50 degrees up
-  random     anywhere above the objects, which lie on a floor; boxes end at the border of the image
+Camera positions (--trajectory):
+  paper      an arc of 60 degrees at 70 degrees of elevation, as in the paper
+  arc:SPAN   an arc of SPAN degrees
+  orbit      a full circle, 20 to 50 degrees of elevation
+  random     anywhere above the objects, which lie on a floor; boxes are clipped at the image border
   street     a drive along parked cars, one length unit per view; views / 3 + 17 objects fill the street
 
-With --render: images in `images` and label images of the masks in `masks`, two folders beside SCENE.json; the boxes are
-those of the visible pixels, the true bodies the smallest ellipsoids around the objects. Of the options above it takes
+--render writes images to `images` and label images of the masks to `masks`, two folders beside SCENE.json; boxes bound
+the visible pixels, and the true bodies are the smallest enclosing ellipsoids of the objects. It can be combined with
 --objects, --views, --noise box:X, --trajectory arc:SPAN and --seed.
 
 Examples:
@@ -71,7 +71,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
     views: usize,
 
-    /// Kind of the objects: ellipsoid, cuboid, cylinder or superellipsoid:Q; of several they are in turn
+    /// Kind of the objects: ellipsoid, cuboid, cylinder or superellipsoid:Q; several kinds are used in turn
     #[arg(long, value_name = "BODY,...", default_value = "ellipsoid", value_delimiter = ',', value_parser = args::body)]
     body: Vec<BodyKind>,
 
@@ -87,21 +87,20 @@ pub struct Args {
     #[arg(long, value_name = "KIND:AMOUNT", value_parser = noise)]
     noise: Vec<Noise>,
 
-    /// Error of the left, top, right and bottom edges of each object that is the same in all of its boxes: its standard
-    /// deviation, relative to the mean half size
+    /// Systematic error of the left, top, right and bottom edge of each object, the same in all of its boxes: standard
+    /// deviation relative to the mean half size
     #[arg(long, value_name = "SD", default_value_t = 0.0, value_parser = args::finite)]
     edge_bias: f64,
 
-    /// Share of the detections that are replaced by wrong boxes, from 0 to 1
+    /// Fraction of the detections that are replaced by wrong boxes, from 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
     outliers: f64,
 
-    /// Where the cameras stand: paper, arc:SPAN, orbit, random or street (see below) [default: paper; with --render:
-    /// arc:100]
+    /// Camera positions: paper, arc:SPAN, orbit, random or street (see below) [default: paper; with --render: arc:100]
     #[arg(long, value_name = "PATH", value_parser = trajectory)]
     trajectory: Option<Trajectory>,
 
-    /// Side of the cube that holds the objects, in length units before --scale
+    /// Side of the cube that contains the objects, in length units before --scale
     #[arg(long, value_name = "SIDE", default_value_t = 20.0, value_parser = args::finite)]
     cube: f64,
 
@@ -109,15 +108,15 @@ pub struct Args {
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = args::finite)]
     pose_noise: f64,
 
-    /// Factor on the whole world; the pixels stay the same
+    /// Scale the whole world; pixels do not change
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = args::finite)]
     scale: f64,
 
-    /// Moves the whole world after scaling; the pixels stay the same
+    /// Translate the whole world after scaling; pixels do not change
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = args::three_numbers, allow_hyphen_values = true)]
     offset: [f64; 3],
 
-    /// Seed of everything that is drawn at random
+    /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
@@ -145,19 +144,19 @@ pub struct Args {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Detector")]
 struct DetectorArgs {
-    /// Share of the visible objects that are not detected, from 0 to 1
+    /// Fraction of the visible objects that are missed, from 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
     misses: f64,
 
-    /// Number of false boxes for each true one
+    /// Number of false boxes per true box
     #[arg(long, value_name = "RATIO", default_value_t = 0.0, value_parser = args::finite)]
     false_boxes: f64,
 
-    /// Share of the objects that are reported by a second box, from 0 to 1
+    /// Fraction of the objects that are detected twice, from 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
     duplicates: f64,
 
-    /// Objects hide each other: one of which others cover more than 65 % is not detected
+    /// Objects occlude each other: an object that is covered by more than 65 % is missed
     #[arg(long)]
     occlusion: bool,
 }
@@ -166,19 +165,19 @@ struct DetectorArgs {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Identities")]
 struct IdArgs {
-    /// The detections name no objects
+    /// Write detections without object ids
     #[arg(long, conflicts_with_all = ["fragments", "switches"])]
     no_ids: bool,
 
-    /// Ids of a tracker: probability at each detection that its track ends and a new one begins
+    /// Simulate tracker ids: probability at each detection that its track ends and a new one begins
     #[arg(long, value_name = "SHARE", value_parser = args::finite)]
     fragments: Option<f64>,
 
-    /// Ids of a tracker: probability at each detection that its track and its neighbour's are exchanged from then on
+    /// Simulate tracker ids: probability at each detection that its track and a neighbour's are swapped from then on
     #[arg(long, value_name = "SHARE", value_parser = args::finite)]
     switches: Option<f64>,
 
-    /// Write the scene with the true identities and objects here; SCENE.json gets no objects then
+    /// Write the scene with the true ids and objects to this file; SCENE.json then has no objects
     #[arg(long, value_name = "TRUTH.json")]
     truth: Option<PathBuf>,
 }
@@ -203,16 +202,16 @@ struct Rendering {
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = image_size, requires = "render")]
     image_size: Option<[u32; 2]>,
 
-    /// Kinds of objects, taken in turn: ellipsoid, hammer, mug, duck, chair, angle, car, drill, banana [default: all, and a
-    /// third of them ellipsoids]
+    /// Kinds of objects, used in turn: ellipsoid, hammer, mug, duck, chair, angle, car, drill, banana
+    /// [default: all, and a third of them ellipsoids]
     #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = kind, requires = "render")]
     kinds: Vec<ObjectKind>,
 
-    /// Share of the objects that have the colour of the ground, from 0 to 1 [default: 0.25]
+    /// Fraction of the objects that have the colour of the ground, from 0 to 1 [default: 0.25]
     #[arg(long, value_name = "SHARE", value_parser = args::finite, requires = "render")]
     camouflage: Option<f64>,
 
-    /// Factor on the noise of the camera's sensor [default: 1]
+    /// Factor on the sensor noise [default: 1]
     #[arg(long, value_name = "FACTOR", value_parser = args::finite, requires = "render")]
     sensor_noise: Option<f64>,
 }
@@ -274,13 +273,14 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let made_up = if extra > 0 { format!(", {extra} false or twice") } else { String::new() };
     let images = if args.render { " with images and masks" } else { "" };
     out.report(&format!(
-        "wrote {}: {objects} objects, {views} views{images}, {detections} detections, {outliers} of them outliers{made_up}\n",
+        "wrote {}: {objects} objects, {views} views{images}, {detections} detections, {outliers} of them \
+         outliers{made_up}\n",
         args.output.display(),
     ))?;
     let path = args.output.as_path();
     Next::default()
-        .command(["localize".into(), path.into(), "-o objects.json".into()], "find its objects")
-        .command(["view".into(), path.into()], "look at it in the browser")
+        .command(["localize".into(), path.into(), "-o objects.json".into()], "localise its objects")
+        .command(["view".into(), path.into()], "view it in the browser")
         .tell(out)?;
     out.document(&json!({
         "output": args.output.display().to_string(),

@@ -11,27 +11,27 @@ use crate::report::Gathered;
 
 /// Show scenes and results in the browser
 ///
-/// Makes the page that --report writes, in the folder for temporary files, and opens it.
+/// Writes the same page as --report to the temporary folder and opens it.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "\
-Several files of one scene are shown together, in any order: detections, estimates and truth may be in one file or in
-several. Objects with a status are estimates, those without one are the truth.
+Several files of one scene are shown together, in any order: detections, estimates and ground truth may be in one file
+or in several. Objects with a status are estimates, objects without one are ground truth.
 
 Examples:
   quadlift view scene.json
   quadlift view estimate.json truth.json
   quadlift view scene.json estimate.json truth.json --no-browser
 
-Exit codes: 0 fine; 1 a file cannot be read or the browser not be opened; 2 wrong usage."
+Exit codes: 0 success; 1 a file cannot be read or the browser cannot be opened; 2 wrong usage."
 )]
 pub struct Args {
-    /// A scene, and files that hold its estimates and its truth
+    /// A scene, and files with its estimates and its ground truth
     #[arg(required = true, value_name = "SCENE.json")]
     files: Vec<PathBuf>,
 
-    /// Print where the page is and open nothing
+    /// Print the path of the page without opening it
     #[arg(long)]
     no_browser: bool,
 }

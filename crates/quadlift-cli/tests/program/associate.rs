@@ -124,7 +124,7 @@ fn what_cannot_be_associated_is_said() {
     scene_without_ids(&folder);
     let refused = folder.run("localize scene.json --associate never");
     assert_eq!(refused.code, 1);
-    assert!(refused.stderr.contains("name no object (--associate always"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("have no object id (--associate always"), "{}", refused.stderr);
     let mut scene = folder.json("scene.json");
     scene["detections"].as_array_mut().unwrap().truncate(2);
     folder.write_json("few.json", &scene);

@@ -55,7 +55,7 @@ fn tutorial(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/data/tutorial-colmap-yolo").join(name)
 }
 
-/// A case that ends with exit code 3: the scene does not agree with itself.
+/// A case that ends with exit code 3: the scene is inconsistent.
 fn code_3(case: Case) -> Case {
     Case { code: 3, ..case }
 }
@@ -103,7 +103,7 @@ fn entries() -> Vec<Case> {
         changed("a camera without all parameters", |scene| scene["cameras"][0]["params"] = json!([500, 320, 240])),
         changed("singular intrinsics", |scene| scene["cameras"][0]["params"][1] = json!(0)),
         changed("an image size of zero", |scene| scene["cameras"][0]["width"] = json!(0)),
-        changed("a pose that is no rotation", move |scene| scene["frames"][0][pose][0][0] = json!(2)),
+        changed("a pose that is not a rotation", move |scene| scene["frames"][0][pose][0][0] = json!(2)),
         changed("a mirrored pose", move |scene| {
             scene["frames"][0][pose] = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 5]]);
         }),
@@ -166,7 +166,7 @@ fn hopeless() -> Vec<Case> {
         }),
         Case {
             arguments: "localize scene.json -o out.json --associate never",
-            ..changed("no detection names an object", |scene| {
+            ..changed("no detection has an object id", |scene| {
                 for detection in scene["detections"].as_array_mut().unwrap() {
                     detection.as_object_mut().unwrap().remove("object");
                 }

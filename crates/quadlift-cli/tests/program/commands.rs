@@ -194,8 +194,8 @@ fn detections_without_object_ids_are_given_to_their_objects_or_counted() {
     }
     folder.write_json("scene.json", &scene);
     let text = folder.succeed("localize scene.json -o out.json");
-    let expected = "identities were found (3 detections name no object, the ids of the others are trusted): 12 detections \
-                    show 2 objects, 0 none";
+    let expected = "detections were associated (3 detections without an object id; the ids of the others are trusted): 12 \
+                    detections assigned to 2 objects; 0 unassigned";
     assert!(text.contains(expected), "{text}");
     let found = folder.json("out.json");
     assert_eq!(found["detections"].as_array().unwrap().len(), 12);
@@ -203,7 +203,7 @@ fn detections_without_object_ids_are_given_to_their_objects_or_counted() {
     assert_eq!(found["localization"]["skipped"]["without_object"], 0);
     // Not where it is not wanted.
     let text = folder.succeed("localize scene.json --associate never");
-    assert!(text.contains("warning: left out 3 detections without an object id"), "{text}");
+    assert!(text.contains("warning: skipped 3 detections without an object id"), "{text}");
     let document: Value =
         serde_json::from_str(&folder.succeed("localize scene.json --associate never --json")).unwrap();
     assert_eq!(document["scenes"][0]["skipped"]["without_object"], 3);
@@ -217,7 +217,7 @@ fn occluded_and_truncated_detections_can_be_left_out() {
     scene["detections"][7]["truncated"] = json!(0.5);
     folder.write_json("scene.json", &scene);
     let text = folder.succeed("localize scene.json --max-occluded 1 --max-truncated 0");
-    assert!(text.contains("left out 2 detections as too occluded or truncated"), "{text}");
+    assert!(text.contains("skipped 2 detections as too occluded or truncated"), "{text}");
     assert_eq!(text.matches(" 5/5 ").count(), 2, "{text}");
 }
 

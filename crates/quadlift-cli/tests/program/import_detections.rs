@@ -185,7 +185,7 @@ fn detections_are_added_to_those_that_are_there() {
     std::fs::create_dir(folder.path("images")).unwrap();
     folder.succeed("import colmap sparse/0 --images images -o scene.json");
     let report = folder.succeed("import-detections yolo labels scene.json -o scene.json");
-    assert!(report.contains("of the source yolo in 24 images, which are frames of the scene (by stem)"), "{report}");
+    assert!(report.contains("of the source yolo in 24 images matched to frames of the scene (by stem)"), "{report}");
     assert!(report.contains("no detection has a track id"), "{report}");
     let before = folder.json("scene.json")["detections"].as_array().unwrap().len();
     // One that the scene knows and one that it does not.

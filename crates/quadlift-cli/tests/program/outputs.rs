@@ -72,18 +72,18 @@ fn files_that_a_run_reads_or_that_its_scene_names_are_not_overwritten() {
     std::fs::hard_link(folder.path("other/b.json"), folder.path("out/a.json")).unwrap();
     std::fs::hard_link(folder.path("in/a.json"), folder.path("out/b.json")).unwrap();
     for (arguments, words) in [
-        ("render scene.json --frame 000000 -o images/000000.png", "refers to the file"),
-        ("render scene.json --frame 000000 -o link.png", "refers to the file"),
-        ("localize scene.json -o photo", "refers to the file"),
+        ("render scene.json --frame 000000 -o images/000000.png", "is an image or mask of a scene"),
+        ("render scene.json --frame 000000 -o link.png", "is an image or mask of a scene"),
+        ("localize scene.json -o photo", "is an image or mask of a scene"),
         ("localize scene.json -o hard.json", "overwrite the scene scene.json"),
-        ("localize scene.json --report images/000001.png", "refers to the file"),
-        ("localize scene.json --report masks/000000.png", "refers to the file"),
+        ("localize scene.json --report images/000001.png", "is an image or mask of a scene"),
+        ("localize scene.json --report masks/000000.png", "is an image or mask of a scene"),
         ("localize scene.json --report hard.json", "overwrite the scene scene.json"),
-        ("segment scene.json -o photo", "refers to the file"),
-        ("segment scene.json -o out.json --report photo", "refers to the file"),
-        ("associate scene.json -o photo", "refers to the file"),
-        ("localize scene.json --sigmas result.json -o result.json", "overwrite result.json, which is read"),
-        ("localize scene.json --priors priors.json -o priors.json", "overwrite priors.json, which is read"),
+        ("segment scene.json -o photo", "is an image or mask of a scene"),
+        ("segment scene.json -o out.json --report photo", "is an image or mask of a scene"),
+        ("associate scene.json -o photo", "is an image or mask of a scene"),
+        ("localize scene.json --sigmas result.json -o result.json", "overwrite result.json, which is an input"),
+        ("localize scene.json --priors priors.json -o priors.json", "overwrite priors.json, which is an input"),
         ("export csv result.json -o a.csv --views result.json", "overwrite the scene result.json"),
         ("evaluate result.json scene.json --report scene.json", "would overwrite"),
         ("localize in/a.json other/b.json -o out", "overwrite the scene"),
@@ -101,7 +101,7 @@ fn files_that_a_run_reads_or_that_its_scene_names_are_not_overwritten() {
     folder.write("boxes.csv", "image,x1,y1,x2,y2,label\n000000,10,10,60,60,car\n");
     folder.succeed("import-detections csv boxes.csv scene.json -o scene.json");
     let run = folder.run("import-detections csv boxes.csv scene.json -o boxes.csv");
-    assert!(run.code == 2 && run.stderr.contains("which is read"), "{}", run.stderr);
+    assert!(run.code == 2 && run.stderr.contains("which is an input"), "{}", run.stderr);
 }
 
 #[test]
@@ -231,7 +231,7 @@ fn options_have_an_effect_or_are_refused() {
     better["detections"] = json!(kept);
     folder.write_json("better.json", &better);
     let said = folder.succeed("localize scene.json -o some.json --min-score 0.5");
-    assert!(said.contains("detections with a score below 0.5 left out"), "{said}");
+    assert!(said.contains("skipped 3 detections with a score below 0.5"), "{said}");
     folder.succeed("localize better.json -o kept.json");
     assert_eq!(folder.json("some.json")["objects"], folder.json("kept.json")["objects"]);
     for option in [
@@ -253,6 +253,6 @@ fn imports_without_frames_fail() {
     folder.write("model/cameras.txt", "1 PINHOLE 640 480 500 500 320 240\n");
     folder.write("model/images.txt", "# no image\n");
     let run = folder.run("import colmap model -o scene.json");
-    assert!(run.code == 1 && run.stderr.contains("model: there are no frames"), "{}", run.stderr);
+    assert!(run.code == 1 && run.stderr.contains("model: no frames found"), "{}", run.stderr);
     assert!(!folder.path("scene.json").exists());
 }

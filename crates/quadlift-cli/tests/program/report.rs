@@ -180,7 +180,7 @@ fn the_tutorial_with_photographs_is_true() {
     folder.succeed("import colmap sparse/0 --images images -o scene.json");
     folder.succeed("import-detections yolo labels scene.json -o detected.json");
     let text = folder.succeed("localize detected.json -o objects.json --report objects.html");
-    assert!(text.contains("413 detections show 13 objects, 37 none"), "{text}");
+    assert!(text.contains("413 detections assigned to 13 objects; 37 unassigned"), "{text}");
     let page = data(&folder.read("objects.html"));
     let frames = page["frames"].as_array().unwrap();
     assert_eq!((frames.len(), page["categories"].as_array().unwrap().len()), (36, 9));

@@ -9,8 +9,8 @@ fn a_program_without_it_says_how_to_get_it() {
     for arguments in ["reproduce", "reproduce --help", "reproduce tuw --data nowhere --out out", "reproduce all -o x"] {
         let run = folder.run(arguments);
         assert_eq!(run.code, 2, "{arguments}: {}", run.stdout);
-        let message = "error: this program was built without `reproduce`, which is for research; to get it: cargo install \
-                       --path crates/quadlift-cli --features reproduce\n";
+        let message = "error: this program was built without `reproduce`, which is for research; to add it: cargo \
+                       install --path crates/quadlift-cli --features reproduce\n";
         assert_eq!(run.stderr, message, "{arguments}");
     }
     let json = folder.run("--json reproduce all");

@@ -29,8 +29,8 @@ fn the_whole_way_from_images_to_objects() {
     assert_eq!(
         text,
         "wrote r/scene.json: 2 objects, 6 views with images and masks, 12 detections, 0 of them outliers\n\nNext\n  \
-         find its objects           quadlift localize r/scene.json -o objects.json\n  \
-         look at it in the browser  quadlift view r/scene.json\n"
+         localise its objects    quadlift localize r/scene.json -o objects.json\n  \
+         view it in the browser  quadlift view r/scene.json\n"
     );
     assert_eq!(std::fs::read_dir(folder.path("r/images")).unwrap().count(), 6);
     let text = folder.succeed("segment r/scene.json -o r/out.json --contact-sheets r/sheets");
@@ -134,7 +134,7 @@ fn detections_without_object_ids_are_segmented_alone() {
     folder.write_json("scene.json", &scene);
     let text = folder.succeed("segment scene.json -o out.json --contact-sheets sheets");
     assert!(text.contains("note: 2 detections without an object id: each was segmented alone"), "{text}");
-    assert!(text.contains("note: left out 1 detection without a box"), "{text}");
+    assert!(text.contains("note: skipped 1 detection without a box"), "{text}");
     let result = detections(&folder, "out.json");
     for index in [0, 1, 3] {
         ellipse(&result[index]);

@@ -11,13 +11,13 @@ use serde_json::Value;
 const INTRODUCTION: &str = "\
 # When it does not work
 
-This page lists the usual mistakes in inputs, and what quadlift says about each. `quadlift localize`, `associate` and
+This page lists common input mistakes and the message that quadlift prints for each. `quadlift localize`, `associate` and
 `segment` check whether poses, cameras and boxes fit together. If they do not, the command ends with exit code 3, says why,
 and names the option that corrects it; no object has the status `ok`. `quadlift info scene.json` runs the same check and
 computes nothing else.
 
-Correct the file if you can. Otherwise add the option that the message names, or `--fix`, which applies it for you: up to
-three corrections, each of which is printed. `--accept-inconsistent` skips the check. The options are described in
+Correct the file if you can. Otherwise add the option that the message names, or `--fix`, which applies up to three
+corrections and prints each. `--accept-inconsistent` skips the check. The options are described in
 [the program](cli.md#the-self-check).
 
 The tests of quadlift make each mistake in a correct scene (8 objects, 12 frames), run the program, and write its output
@@ -26,21 +26,21 @@ troubleshooting`.
 ";
 
 const UNSEEN: &str = "
-## What cannot be seen
+## What cannot be detected
 
-- The unit of length. A scene in millimetres looks like a scene in metres that is a thousand times as large. Only known
-  sizes of categories (`--priors`) or the height of the cameras (`--camera-height`) can tell them apart.
-- A mistake that moves everything in the same way, such as a mirrored or rotated world: the boxes still fit together.
+- The unit of length. A scene in millimetres looks like a scene in metres that is a thousand times as large. Only category
+  sizes (`--priors`) or the camera height (`--camera-height`) can distinguish them.
+- A mistake that transforms everything in the same way, such as a mirrored or rotated world: the scene stays consistent.
 - Small mistakes in scenes with few frames, few objects or very noisy boxes.
-- A false box of an object that has two views only. Two boxes fit some body nearly always; a third view is needed to see
-  that one of them is wrong.
+- A false box of an object with only two views. Some body fits nearly any two boxes; a third view is needed to detect that
+  one of them is wrong.
 
-## It is not a mistake of the input
+## Other causes
 
-- Few views: two views determine an object roughly, one view not at all. `quadlift localize -v` lists the views that were
-  rejected, and why.
-- Objects that move fit no poses. `quadlift associate` calls them doubtful.
-- Bodies that are too small: see tangent and enclosing bodies in [concepts](concepts.md#tangent-or-enclosing).
+- Few views: two views determine an object roughly, one view not at all. `quadlift localize -v` lists rejected views with
+  reasons.
+- Moving objects. `quadlift associate` marks them as doubtful.
+- Bodies that seem too small: see tangent and enclosing bodies in [concepts](concepts.md#tangent-or-enclosing).
 - Messages about files: see [errors](errors.md).
 ";
 
@@ -69,7 +69,7 @@ fn section(folder: &Folder, mistake: &Mistake) -> String {
 /// Two mistakes that only show together.
 fn two_mistakes(folder: &Folder, right: &Value) -> String {
     folder.write_json("wrong.json", &with_boxes(&with_poses(right, inverse), |b| b.map(|x| x * 0.5)));
-    let story = "Where none of the usual mistakes explains the disagreement, pairs of them are tried, if the detections have ids. `--fix` makes both \
+    let story = "If no single mistake explains the inconsistency and the detections have ids, pairs of mistakes are tried. `--fix` applies both \
                  corrections.";
     recorded(folder, "## Two mistakes at once", story, "localize wrong.json")
 }
@@ -110,19 +110,23 @@ fn tutorial() -> String {
     folder.write("resized.csv", resized);
     folder.write("letterboxed.csv", letterboxed);
     let mut text =
-        "\n## With COLMAP and a detector\n\nThe same with the files of [the tutorial](tutorial-colmap-yolo.md): \
-        a model of COLMAP, and boxes\nthat do not say which object they show.\n"
+        "\n## With COLMAP and a detector\n\nThe same mistakes in the files of [the tutorial](tutorial-colmap-yolo.md): \
+        a COLMAP model and boxes without\nobject ids.\n"
             .to_owned();
     for (title, story, detections) in [
         (
             "### Boxes of resized images",
-            "The photos are 960 x 720, the detector got them as 640 x 480, and its boxes were saved in these pixels.",
+            "The photos have 960 x 720 pixels, but the detector ran on copies of 640 x 480 pixels.",
             "resized.csv",
         ),
-        ("### Boxes as the network gives them", "The same with the margins of a square input.", "letterboxed.csv"),
         (
-            "### Labels one image late",
-            "Each label file has the name of the next image, as after dropping the first image of a video.",
+            "### Boxes of letterboxed images",
+            "The detector ran on copies that were padded to squares.",
+            "letterboxed.csv",
+        ),
+        (
+            "### Labels off by one image",
+            "Each label file has the name of the next image, for example because the first image of a video was dropped.",
             "late",
         ),
     ] {

@@ -34,7 +34,7 @@ pub(super) fn from_image_size(file: &mut SceneFile, measured: [f64; 2]) -> Resul
     }
     let detections = change(file, |record, size| {
         let Some(size) = size else {
-            return Err("the size of the camera's image is not known: give the camera a \"width\" and a \"height\"");
+            return Err("the image size of the camera is unknown: give the camera a \"width\" and a \"height\"");
         };
         let factor = size.component_div(&Vector2::from(measured));
         if factor != Vector2::repeat(1.0) {
@@ -70,8 +70,7 @@ pub(super) fn from_letterbox(file: &mut SceneFile, letterbox: [f64; 2]) -> Resul
 }
 
 /// The problem of a correction that needs the size of the image.
-const UNKNOWN_SIZE: &str =
-    "the size of the image is needed and not known: give the camera a \"width\" and a \"height\"";
+const UNKNOWN_SIZE: &str = "the image size is needed but unknown: give the camera a \"width\" and a \"height\"";
 
 /// Changes every detection, with the size of its frame's image; returns their number.
 fn change(

@@ -41,7 +41,7 @@ pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<u
 /// Gives all cameras a lens with one radial coefficient (`k` of COLMAP's `SIMPLE_RADIAL`); returns their number.
 pub(super) fn add_lens(file: &mut SceneFile, coefficient: f64) -> Result<usize, EntryError> {
     if let Some(index) = file.frames.iter().position(|frame| frame.projection.is_some()) {
-        return Err(EntryError::new(format!("frames[{index}]"), "a frame with a projection cannot have a lens"));
+        return Err(EntryError::new(format!("frames[{index}]"), "a frame with a projection cannot have a lens model"));
     }
     for (index, record) in file.cameras.iter_mut().enumerate() {
         let Some((model, k)) = intrinsics_of(record) else { continue };
@@ -49,7 +49,7 @@ pub(super) fn add_lens(file: &mut SceneFile, coefficient: f64) -> Result<usize, 
             CameraModel::SimplePinhole => ("SIMPLE_RADIAL".to_owned(), vec![k.fx, k.cx, k.cy, coefficient]),
             CameraModel::Pinhole => ("OPENCV".to_owned(), vec![k.fx, k.fy, k.cx, k.cy, coefficient, 0.0, 0.0, 0.0]),
             _ => {
-                let problem = format!("the camera has a lens already ({})", record.model);
+                let problem = format!("the camera already has a lens model ({})", record.model);
                 return Err(EntryError::new(format!("cameras[{index}]"), problem));
             }
         };

@@ -27,6 +27,6 @@ pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> String {
     let (after, moved) = (file.detections.len(), "moved to another frame");
     match before - after {
         0 => format!("{} were {moved}", count(after, "detection")),
-        out => format!("{} were {moved}, {out} of no frame left out", count(after, "detection")),
+        out => format!("{} were {moved}, {out} without a frame were skipped", count(after, "detection")),
     }
 }

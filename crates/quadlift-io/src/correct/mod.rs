@@ -45,7 +45,10 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
                 let frames = poses::scale(file, metres);
                 move_points(file, &Correction::Lengths(metres));
                 file.length_unit = Some("m".to_owned());
-                notes.push(format!("the lengths of {} are metres now, times {metres}", count(frames, "pose")));
+                notes.push(format!(
+                    "the lengths of {} were multiplied by {metres} and are now in metres",
+                    count(frames, "pose")
+                ));
             }
         }
     }
@@ -61,7 +64,7 @@ fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryE
         }
         Correction::RadialDistortion(coefficient) => {
             let cameras = cameras::add_lens(file, *coefficient)?;
-            format!("{} got a lens with the radial coefficient {coefficient}", count(cameras, "camera"))
+            format!("{} received a lens model with the radial coefficient {coefficient}", count(cameras, "camera"))
         }
         Correction::ImageScale(_) | Correction::Letterbox(_) | Correction::NormalizedBoxes | Correction::Boxes(_) => {
             let detections = boxes::correct(file, correction)?;

@@ -204,7 +204,7 @@ fn a_missing_lens_is_added() {
     assert_eq!(found.cameras[0].params, [900.0, 910.0, 640.0, 360.0, -0.12, 0.0, 0.0, 0.0]);
     let mut twice = found;
     let again = RecordCorrection::from_option("radial-distortion", "0.1").unwrap().unwrap();
-    assert!(correct(&mut twice, &[again]).unwrap_err().problem.contains("a lens already (OPENCV)"));
+    assert!(correct(&mut twice, &[again]).unwrap_err().problem.contains("already has a lens model (OPENCV)"));
 }
 
 #[test]

@@ -95,8 +95,7 @@ pub fn score(
     }
     if pairs.is_empty() {
         return Ok(DivisionOutcome::NoneCommon(format!(
-            "no detection of {} is in {} (the same frame, box and ellipse): how they were divided into objects is not \
-             scored",
+            "no detection of {} is in {} (the same frame, box and ellipse): identities are not scored",
             estimate.0.display(),
             truth.0.display()
         )));

@@ -90,7 +90,7 @@ pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
 pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelImage, ReadError> {
     let bytes = read_image_bytes(path)?;
     if format(path, &bytes)? == ImageFormat::Jpeg {
-        let problem = "this is a JPEG image, whose compression changes the numbers of a mask; expected a PNG image";
+        let problem = "this is a JPEG image, whose lossy compression changes mask values; expected a PNG image";
         return Err(ReadError::new(path, problem));
     }
     let failed = |error: png::DecodingError| match error {
@@ -115,8 +115,8 @@ pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelIm
             let sample = |channel| sample(row, x * channels + channel, frame.bit_depth);
             let value = sample(0);
             if channels >= 3 && (sample(1) != value || sample(2) != value) {
-                let problem = "this is a colour image; expected a grey one or one with a palette, whose values tell \
-                               objects apart";
+                let problem = "this is a colour image; expected a greyscale or palette image with one value per \
+                               object";
                 return Err(ReadError::new(path, problem));
             }
             values.push(value);
@@ -222,7 +222,7 @@ fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, ReadError> {
         }
         Err(_) => {
             // What it holds instead is not quoted: a scene of somebody else may name any file.
-            Err(ReadError::new(path, "this is no image: expected PNG or JPEG"))
+            Err(ReadError::new(path, "this is not an image: expected PNG or JPEG"))
         }
     }
 }

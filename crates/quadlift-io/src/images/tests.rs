@@ -87,7 +87,7 @@ fn wrong_files_are_named() {
     let (image, labels) = problems(b"");
     assert_eq!(image, labels);
     assert_snapshot!(image, @"the file is empty; expected a PNG or JPEG image");
-    assert_snapshot!(problems(b"<!DOCTYPE html>\n<html>").0, @r#"this is no image: expected PNG or JPEG"#);
+    assert_snapshot!(problems(b"<!DOCTYPE html>\n<html>").0, @r#"this is not an image: expected PNG or JPEG"#);
     assert_snapshot!(problems(b"GIF89a\x01\x00\x01\x00").0, @"the file holds GIF data; expected a PNG or JPEG image");
     let png = encoded(gradient(), ImageFormat::Png);
     let (image, labels) = problems(&png[..png.len() / 2]);
@@ -97,12 +97,12 @@ fn wrong_files_are_named() {
     let jpeg = encoded(gradient(), ImageFormat::Jpeg);
     let (image, labels) = problems(&jpeg[..jpeg.len() - 100]);
     assert_snapshot!(image, @"the JPEG image is cut off: it has no end marker");
-    assert_snapshot!(labels, @"this is a JPEG image, whose compression changes the numbers of a mask; expected a PNG image");
+    assert_snapshot!(labels, @"this is a JPEG image, whose lossy compression changes mask values; expected a PNG image");
     assert_snapshot!(problems(&jpeg[..30]).0, @"the JPEG image is cut off: it has no end marker");
     let mut broken = png.clone();
     broken[60] ^= 0xFF;
     assert_snapshot!(problems(&broken).0, @"the PNG image is damaged or cut off (Format error decoding Png: Corrupt deflate stream. InvalidCodeLengthRepeat)");
-    assert_snapshot!(problems(&png).1, @"this is a colour image; expected a grey one or one with a palette, whose values tell objects apart");
+    assert_snapshot!(problems(&png).1, @"this is a colour image; expected a greyscale or palette image with one value per object");
 
     let file = file("x.png", &png);
     let missing = file.folder.path().join("y.png");

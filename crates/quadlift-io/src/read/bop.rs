@@ -129,7 +129,7 @@ fn add_images(import: &mut Import, folder: &Path) {
         }
     }
     if import.scene.cameras.iter().any(|camera| camera.width.is_none()) {
-        import.notes.push("the image size is not known: no box edge will count as cut off".to_owned());
+        import.notes.push("the image size is unknown: box edges at the border are not treated as cut off".to_owned());
     }
     import.image_folder = Some(folder.to_owned());
 }
@@ -184,13 +184,14 @@ pub fn parse_bop(
             return Err(ReadError::new(files.ground_truth.map_or(files.camera.0, |file| file.0), problem));
         }
         if let Some((number, _)) = poses.iter().find(|(_, p)| p.iter().filter(|p| p.object == object).count() > 1) {
-            let problem = format!("object {object} is there several times in frame {number}, so that it is no world");
+            let problem =
+                format!("object {object} appears several times in frame {number}; the world frame must be unique");
             return Err(ReadError::new(files.ground_truth.map_or(files.camera.0, |file| file.0), problem));
         }
     }
     if without_world > 0 {
         let were = if without_world == 1 { "was" } else { "were" };
-        notes.push(format!("{} without the world object {were} left out", count(without_world, "frame")));
+        notes.push(format!("{} without the world object {were} skipped", count(without_world, "frame")));
     }
     if let Some((path, bytes)) = files.info {
         scene.detections = detections(path, bytes, &poses, &world_from_cam)?;
@@ -199,7 +200,7 @@ pub fn parse_bop(
         let (still, moving) = true_objects(path, bytes, &poses, &world_from_cam)?;
         if !moving.is_empty() {
             notes.push(format!(
-                "{} objects move in the world and have no true object: {}",
+                "{} objects move in the world and are not among the true objects: {}",
                 moving.len(),
                 moving.join(", ")
             ));

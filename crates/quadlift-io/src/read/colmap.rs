@@ -119,8 +119,8 @@ fn is_points(line: &Line) -> Result<bool, ReadError> {
         return Ok(true);
     }
     Err(line.error(format!(
-        "{count} fields; expected the points of the image before (X Y POINT3D_ID, or nothing), or the next image (IMAGE_ID, \
-         QW QX QY QZ, TX TY TZ, CAMERA_ID, NAME)"
+        "{count} fields; expected the points of the image before (X Y POINT3D_ID, or nothing), or the next image \
+         (IMAGE_ID, QW QX QY QZ, TX TY TZ, CAMERA_ID, NAME)"
     )))
 }
 
@@ -223,7 +223,7 @@ impl Model {
             return Err(format!("image \"{name}\" has the camera {camera}, which is not in the file of the cameras"));
         }
         let Some(rotation) = rotation_of(quaternion) else {
-            return Err(format!("image \"{name}\" has the quaternion {quaternion:?}, which is no rotation"));
+            return Err(format!("image \"{name}\" has the quaternion {quaternion:?}, which is not a rotation"));
         };
         let record = FrameRecord {
             id: name.to_owned(),
@@ -246,8 +246,8 @@ impl Model {
         most_points: usize,
     ) -> Result<Import, ReadError> {
         let mut notes = vec![
-            format!("COLMAP model in {form} form: axes, poses and pixels are those of scene files already"),
-            "the unit of length is not known".to_owned(),
+            format!("COLMAP model in {form} form: axes, poses and pixel coordinates need no conversion"),
+            "the length unit is unknown".to_owned(),
         ];
         let all = points.len();
         let points = points::chosen(points, most_points);

@@ -91,7 +91,7 @@ pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, 
     let end = options.frames.as_ref().map_or(oxts.len(), |range| range.end().saturating_add(1));
     let taken = oxts.get(first..end).filter(|taken| !taken.is_empty()).ok_or_else(|| {
         let problem =
-            format!("the sequence has {} frames; asked for were {first} to {}", oxts.len(), end.saturating_sub(1));
+            format!("the sequence has {} frames; requested were {first} to {}", oxts.len(), end.saturating_sub(1));
         ReadError::new(files.oxts.0, problem)
     })?;
     // The scale is that of the whole sequence, so that it does not depend on what is taken of it.
@@ -104,10 +104,10 @@ pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, 
         options.pixel_centers.note(),
         match (options.image_size, image_size) {
             (None, Some([width, height])) => {
-                format!("image size {width} x {height}, that of the day with this focal length")
+                format!("image size {width} x {height}, from the recording day with this focal length")
             }
             (_, Some([width, height])) => format!("image size {width} x {height}"),
-            (_, None) => "the image size is not known: no box edge will count as cut off".to_owned(),
+            (_, None) => "the image size is unknown: box edges at the border are not treated as cut off".to_owned(),
         },
     ];
     let mut scene = SceneFile {
@@ -173,7 +173,7 @@ fn add_labels(
     }
     let (still, moving) = objects.objects();
     notes.push(format!(
-        "{} labelled objects that stand still are the true objects; {} that move have none",
+        "{} static labelled objects are the true objects; {} moving ones are not",
         still.len(),
         moving.len()
     ));

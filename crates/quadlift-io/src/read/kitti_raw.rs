@@ -58,7 +58,7 @@ pub fn read_kitti_raw(drive: &Path, options: &KittiRawOptions) -> Result<Import,
     let chosen = |number: &usize| options.frames.as_ref().is_none_or(|range| range.contains(number));
     let taken: Vec<usize> = numbers.iter().copied().filter(chosen).collect();
     let (Some(&first), Some(&first_taken)) = (numbers.first(), taken.first()) else {
-        let problem = format!("the drive has {} frames, and none of those that were asked for", numbers.len());
+        let problem = format!("the drive has {} frames, and none of the requested ones", numbers.len());
         return Err(ReadError::new(&oxts_folder, problem));
     };
     let read_oxts = |number: usize| {
@@ -111,7 +111,7 @@ pub fn read_kitti_raw(drive: &Path, options: &KittiRawOptions) -> Result<Import,
         }
         let (still, moving) = objects.objects();
         notes.push(format!(
-            "{} tracklets that stand still are the true objects; {} that move have none",
+            "{} static tracklets are the true objects; {} moving ones are not",
             still.len(),
             moving.len()
         ));

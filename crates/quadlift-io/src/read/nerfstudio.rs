@@ -77,7 +77,7 @@ pub fn parse_nerfstudio(
         });
     }
     if scene.cameras.iter().any(|camera| camera.width.is_none()) {
-        notes.push("the image sizes are not known: no box edge will count as cut off".to_owned());
+        notes.push("the image sizes are unknown: box edges at the border are not treated as cut off".to_owned());
     }
     Import { scene, image_folder: None, notes }.checked(path)
 }
@@ -106,9 +106,10 @@ fn world_from_saved(root: &Node, notes: &mut Vec<String>) -> Result<Undo, ReadEr
         check_rigid(&matrix, "it").map_err(|problem| node.error(problem))?;
         undo.rotation = matrix.fixed_view::<3, 3>(0, 0).into_owned();
         undo.shift = matrix.fixed_view::<3, 1>(0, 3).into_owned();
-        notes.push("applied_transform was undone: the world is that of the file's origin (COLMAP)".to_owned());
+        notes.push("applied_transform was undone: the world frame is that of the source (COLMAP)".to_owned());
     } else {
-        let text = "there is no applied_transform: the world is that of the file (of older files of nerfstudio: COLMAP's y, x, -z)";
+        let text = "there is no applied_transform: the world frame is that of the file (in older nerfstudio files \
+             COLMAP's y, x, -z)";
         notes.push(text.to_owned());
     }
     if let Some(node) = root.optional("applied_scale")? {

@@ -59,7 +59,7 @@ pub fn parse_projections(
     }
     let mut notes = vec![pixel_centers.note().replace("principal points", "projections")];
     if frames.iter().any(|frame| frame.width.is_none()) {
-        notes.push("image sizes are not known: no box edge will count as cut off".to_owned());
+        notes.push("image sizes are unknown: box edges at the border are not treated as cut off".to_owned());
     }
     Import { scene: SceneFile { frames, ..SceneFile::default() }, image_folder: None, notes }.checked(path)
 }

@@ -25,7 +25,7 @@ pub struct TumOptions<'a> {
     /// Lines `time name`: then each image gets the pose that is nearest in time. Otherwise each pose is a frame, whose
     /// id is its time as it is written.
     pub image_list: Option<&'a Path>,
-    /// Largest difference of the times of an image and its pose, in seconds.
+    /// Maximum time difference between an image and its pose, in seconds.
     pub time_tolerance: f64,
     /// Where the pixel coordinates of the intrinsics have their origin (COLMAP's are known).
     pub pixel_centers: PixelCenters,
@@ -85,7 +85,7 @@ pub fn parse_tum(
             }
             let tolerance = options.time_tolerance;
             notes.push(format!(
-                "{} images have a pose within {tolerance} s, {without_pose} have none and were left out",
+                "{} images have a pose within {tolerance} s, {without_pose} have none and were skipped",
                 scene.frames.len()
             ));
         }
@@ -94,7 +94,7 @@ pub fn parse_tum(
         }
     }
     if scene.cameras[0].width.is_none() {
-        notes.push("the image size is not known: no box edge will count as cut off".to_owned());
+        notes.push("the image size is unknown: box edges at the border are not treated as cut off".to_owned());
     }
     Import { scene, image_folder: None, notes }.checked(trajectory.0)
 }
@@ -120,7 +120,7 @@ fn poses(path: &Path, bytes: &[u8]) -> Result<Vec<Pose>, ReadError> {
             return Err(line.error(format!("expected 8 numbers; found more: {}", fields.rest())));
         }
         let rotation = rotation_of([w, x, y, z])
-            .ok_or_else(|| line.error(format!("the quaternion {x} {y} {z} {w} is no rotation")))?;
+            .ok_or_else(|| line.error(format!("the quaternion {x} {y} {z} {w} is not a rotation")))?;
         let cam_from_world = inverse(&matrix4(&rotation, &Vector3::from(translation)))
             .ok_or_else(|| line.error("the pose cannot be inverted"))?;
         poses.push(Pose { id, time, cam_from_world: rows(&cam_from_world) });

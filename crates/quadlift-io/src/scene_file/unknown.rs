@@ -57,9 +57,7 @@ pub fn check_unknown(text: &str, most: usize) -> Result<(), String> {
     }
     match left_of(text, most) {
         Some(_) => Ok(()),
-        None => {
-            Err(format!("fields that a scene file does not have hold more than {most} values in all; leave them out"))
-        }
+        None => Err(format!("unknown fields hold more than {most} values in total; remove them")),
     }
 }
 
@@ -247,7 +245,7 @@ mod tests {
     fn too_many_are_refused_and_small_texts_are_not_counted() {
         let text = format!("{{\"mine\": [{}0]}}", "0,".repeat(1000));
         let error = check_unknown(&text, 100).unwrap_err();
-        assert_eq!(error, "fields that a scene file does not have hold more than 100 values in all; leave them out");
+        assert_eq!(error, "unknown fields hold more than 100 values in total; remove them");
         assert_eq!(check_unknown(&text, 1002), Ok(()));
     }
 }

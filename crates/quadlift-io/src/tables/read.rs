@@ -43,17 +43,17 @@ pub fn read_tables(folder: &Path) -> Result<Import, ReadError> {
         scene.objects.iter().enumerate().map(|(index, object)| (object.id.clone(), index)).collect();
     for (row, ViewRow { object, view }) in views.into_iter().enumerate() {
         let index = index_of.get(&object).ok_or_else(|| {
-            let problem = format!("\"{object}\" is no id in {}", OBJECTS.file);
+            let problem = format!("\"{object}\" is not an id in {}", OBJECTS.file);
             ReadError::new(&folder.join(VIEWS.file), problem).in_entry(format!("row {row}: object"))
         })?;
         scene.objects[*index].view_residuals_px.push(view);
     }
     let missing = tables.iter().filter(|table| !folder.join(table.file).exists());
     let mut notes: Vec<String> =
-        missing.map(|table| format!("there is no {}: what it would hold is missing", table.file)).collect();
+        missing.map(|table| format!("there is no {}: its data is missing", table.file)).collect();
     if !unknown.is_empty() {
         let names = unknown.into_iter().collect::<Vec<_>>().join(", ");
-        notes.push(format!("columns that are not known were left out: {names}"));
+        notes.push(format!("unknown columns were ignored: {names}"));
     }
     Import { scene, image_folder: None, notes }.checked(folder)
 }

@@ -139,7 +139,7 @@ fn put(record: &mut Map<String, Value>, path: &[&str], value: Value) -> Result<(
         }
         [key, rest @ ..] => {
             let inner = record.entry(*key).or_insert_with(|| Map::new().into());
-            let inner = inner.as_object_mut().ok_or_else(|| format!("\"{key}\" in \"extra\" is no object"))?;
+            let inner = inner.as_object_mut().ok_or_else(|| format!("\"{key}\" in \"extra\" is not an object"))?;
             put(inner, rest, value)
         }
     }

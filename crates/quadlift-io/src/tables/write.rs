@@ -110,7 +110,7 @@ fn write_table<T: Serialize>(folder: &Path, table: &Table, records: impl Iterato
 /// The cells of a record.
 fn row(table: &Table, record: &impl Serialize) -> Result<Vec<Cell>, String> {
     let value = serde_json::to_value(record).map_err(|error| error.to_string())?;
-    let Value::Object(mut rest) = value else { return Err("a record is no JSON object".to_owned()) };
+    let Value::Object(mut rest) = value else { return Err("a record is not a JSON object".to_owned()) };
     let mut cells = Vec::with_capacity(table.columns.len() + 1);
     for column in table.columns {
         let taken = column.take(&mut rest);

@@ -38,9 +38,10 @@ pub fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bool) -> 
         );
         rows += 1;
     }
-    let mut notes = vec!["poses are those of the bodies (centre, axes): no models are known".to_owned()];
+    let mut notes =
+        vec!["poses are those of the estimated bodies (centre, axes): there are no object models".to_owned()];
     if by_position {
-        notes.push("frames have no numbers: im_id counts from 0 in the order of the scene".to_owned());
+        notes.push("frame ids have no numbers: im_id counts from 0 in the order of the scene".to_owned());
     }
     if models.is_none() {
         notes.push("neither categories nor ids are numbers: obj_id counts the objects from 1".to_owned());

@@ -133,7 +133,7 @@ fn material(name: &str, color: [u8; 3], alpha: f64) -> Value {
     material
 }
 
-/// The world direction against gravity: the scene's, or the mean of the cameras' upward axes.
+/// The world direction against gravity: the scene's, or the mean upward axis of the cameras.
 fn upward(scene: &CheckedScene) -> (Unit<Vector3<f64>>, Option<String>) {
     if let Some(up) = scene.scene.up {
         return (up, None);
@@ -143,10 +143,10 @@ fn upward(scene: &CheckedScene) -> (Unit<Vector3<f64>>, Option<String>) {
     let sum: Vector3<f64> = poses.map(|pose| camera_up(pose.matrix().fixed_columns::<3>(0).into_owned())).sum();
     match Unit::try_new(sum, 1e-6) {
         Some(up) => {
-            let note = "the scene does not say where up is: the mean of the cameras' upward axes was taken";
+            let note = "the scene has no \"up\": the mean upward axis of the cameras was used";
             (up, Some(note.to_owned()))
         }
-        None => (Vector3::y_axis(), Some("the scene does not say where up is: y was taken".to_owned())),
+        None => (Vector3::y_axis(), Some("the scene has no \"up\": y was used".to_owned())),
     }
 }
 
@@ -309,6 +309,6 @@ mod tests {
         file.up = None;
         let (rotation, _, notes) = root(&file);
         assert!((rotation * Vector3::z() - Vector3::y()).norm() < 1e-12);
-        assert!(notes[0].contains("the mean of the cameras' upward axes"), "{notes:?}");
+        assert!(notes[0].contains("the mean upward axis of the cameras"), "{notes:?}");
     }
 }

@@ -51,15 +51,15 @@ pub fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Docume
         text.push('\n');
         labels += 1;
     }
-    let mut notes = vec!["tilt is lost: KITTI's boxes turn about the camera's y axis only".to_owned()];
+    let mut notes = vec!["tilt is lost: KITTI boxes rotate about the camera's y axis only".to_owned()];
     if options.cam_from_rect.is_none() {
-        notes.push("locations are in the axes of each frame's camera: with them belongs P2 = K [I | 0]".to_owned());
+        notes.push("locations are in the camera frame of each image; their P2 is K [I | 0]".to_owned());
     }
     if by_position {
-        notes.push("frames have no numbers: they were numbered from 0 in the order of the scene".to_owned());
+        notes.push("frame ids have no numbers: frames were numbered from 0 in the order of the scene".to_owned());
     }
     if tracks_by_position {
-        notes.push("objects have no numbers: tracks were numbered from 0 in the order of the scene".to_owned());
+        notes.push("object ids have no numbers: tracks were numbered from 0 in the order of the scene".to_owned());
     }
     notes.extend(unit_note);
     Document { content: text.into_bytes(), counts: vec![("label", labels)], notes }

@@ -17,12 +17,12 @@ impl CheckedScene<'_> {
     /// Metres in the world unit, and what was converted or assumed.
     pub(super) fn metres(&self) -> (f64, Option<String>) {
         let Some(unit) = &self.scene.length_unit else {
-            return (1.0, Some("the scene does not name its length_unit: lengths were taken as metres".to_owned()));
+            return (1.0, Some("the scene has no length_unit: metres were assumed".to_owned()));
         };
         match METRES.iter().find(|(names, _)| names.contains(&unit.as_str())) {
             Some((_, metres)) if *metres == 1.0 => (1.0, None),
             Some((_, metres)) => (*metres, Some(format!("lengths were converted from {unit} to metres"))),
-            None => (1.0, Some(format!("the length_unit \"{unit}\" is not known: lengths were taken as metres"))),
+            None => (1.0, Some(format!("unknown length_unit \"{unit}\": metres were assumed"))),
         }
     }
 }
@@ -40,8 +40,8 @@ mod tests {
         };
         assert_eq!(metres(Some("m")), (1.0, None));
         assert_eq!(metres(Some("mm")), (0.001, Some("lengths were converted from mm to metres".to_owned())));
-        assert!(metres(None).1.unwrap().contains("does not name"));
+        assert!(metres(None).1.unwrap().contains("has no length_unit"));
         let (factor, note) = metres(Some("parsec"));
-        assert!(factor == 1.0 && note.unwrap().contains("\"parsec\" is not known"));
+        assert!(factor == 1.0 && note.unwrap().contains("\"parsec\": metres were assumed"));
     }
 }

@@ -113,9 +113,7 @@ impl Picture<'_> {
         let sheet = match self.image {
             Some(image) => image.clone(),
             None if width * height > MOST_PIXELS => {
-                return Err(format!(
-                    "the frame has {width} x {height} pixels, too many for a blank image; SVG takes it"
-                ));
+                return Err(format!("the frame has {width} x {height} pixels, too many for a blank image; use SVG"));
             }
             None => RgbImage::from_pixel(width as u32, height as u32, image::Rgb(SHEET)),
         };

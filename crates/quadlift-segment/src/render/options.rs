@@ -63,7 +63,7 @@ impl RenderOptions {
         require(self.arc.is_finite(), "angle of the arc", self.arc, "a finite number")?;
         let share = |x: f64| (0.0..=1.0).contains(&x);
         require(share(self.camouflage), "share of camouflaged objects", self.camouflage, "a number from 0 to 1")?;
-        require(share(self.least_visible), "least visible share", self.least_visible, "a number from 0 to 1")?;
+        require(share(self.least_visible), "minimum visible share", self.least_visible, "a number from 0 to 1")?;
         for (what, amount) in [("sensor noise", self.sensor_noise), ("box noise", self.box_noise)] {
             require(amount.is_finite() && amount >= 0.0, what, amount, "a number that is not negative")?;
         }

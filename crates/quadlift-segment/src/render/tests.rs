@@ -140,7 +140,7 @@ fn senseless_options_are_refused_by_name() {
     assert_eq!(refused(|o| o.height = 1 << 20), "height of the images");
     assert_eq!(refused(|o| o.arc = f64::NAN), "angle of the arc");
     assert_eq!(refused(|o| o.camouflage = 1.5), "share of camouflaged objects");
-    assert_eq!(refused(|o| o.least_visible = -0.1), "least visible share");
+    assert_eq!(refused(|o| o.least_visible = -0.1), "minimum visible share");
     assert_eq!(refused(|o| o.box_noise = f64::INFINITY), "box noise");
     assert_eq!(refused(|o| o.sensor_noise = -1.0), "sensor noise");
 }

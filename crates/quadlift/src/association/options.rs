@@ -117,17 +117,17 @@ impl AssociateOptions {
             return refuse("share of wrong ids", self.wrong_id_share, "a number between 0 and 1");
         }
         if self.min_views < 2 {
-            return refuse("least number of views", self.min_views as f64, "at least 2");
+            return refuse("minimum number of views", self.min_views as f64, "at least 2");
         }
         if let Some(score) = self.min_score
             && !score.is_finite()
         {
-            return refuse("least score", score, "a finite number");
+            return refuse("minimum score", score, "a finite number");
         }
         if let Some(overlap) = self.max_overlap
             && !(0.0..=1.0).contains(&overlap)
         {
-            return refuse("largest overlap", overlap, "a number from 0 to 1");
+            return refuse("maximum overlap", overlap, "a number from 0 to 1");
         }
         if let Some(sd) = self.pixel_sd
             && !(sd.is_finite() && sd > 0.0)

@@ -280,7 +280,7 @@ fn senseless_options_are_refused() {
     };
     assert!(refused(|o| o.wrong_id_share = 0.0).starts_with("the share of wrong ids is 0;"));
     assert!(refused(|o| o.min_views = 1).contains("at least 2"));
-    assert!(refused(|o| o.min_score = Some(f64::NAN)).contains("least score"));
+    assert!(refused(|o| o.min_score = Some(f64::NAN)).contains("minimum score"));
     assert!(refused(|o| o.max_overlap = Some(1.5)).contains("from 0 to 1"));
     assert!(refused(|o| o.pixel_sd = Some(-1.0)).contains("positive"));
     assert!(refused(|o| o.source = Some("yolo".into())).contains("no detections of the source"));
@@ -389,7 +389,7 @@ fn scores_may_be_missing_or_of_any_size() {
     for (index, detection) in scored.0.detections.iter_mut().enumerate() {
         detection.score = [None, Some(-3.0), Some(1e300), Some(f64::NAN), Some(0.5)][index % 5];
     }
-    // Without a least score and without duplicates to choose from they change nothing.
+    // Without a minimum score and without duplicates to choose from they change nothing.
     let found = run(&scored, &AssociateOptions::default());
     assert_eq!(found, run(&plain, &AssociateOptions::default()));
     let strict = AssociateOptions { min_score: Some(0.5), max_overlap: Some(0.9), ..Default::default() };

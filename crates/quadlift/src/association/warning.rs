@@ -21,10 +21,12 @@ impl AssociationWarning {
     /// The reason in words.
     pub fn text(self) -> &'static str {
         match self {
-            Self::Elongated => "its body is implausibly long: it may move",
-            Self::UnusualSize => "its size is not that of its category: it may move",
-            Self::WeakEvidence => "its detections agree poorly with one standing body: it may move, or be several",
-            Self::LowScores => "its boxes have low scores: the detector hardly believes in it",
+            Self::Elongated => "implausibly long body: the object may be moving",
+            Self::UnusualSize => "size unusual for its category: the object may be moving",
+            Self::WeakEvidence => {
+                "detections fit a single static body poorly: the object may be moving, or be several objects"
+            }
+            Self::LowScores => "low detection scores: it may be a false positive",
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::agreement::Agreement;
 use super::correction::Correction;
 
-/// Which of the usual mistakes explains why a scene does not agree with itself.
+/// Which of the usual mistakes explains why a scene is inconsistent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum CauseName {
@@ -43,7 +43,7 @@ pub enum CauseName {
     NormalizedBoxes,
     /// The four numbers of a box were read in another format.
     BoxFormat,
-    /// x and y of the boxes are exchanged.
+    /// x and y of the boxes are swapped.
     SwappedXy,
     /// Detections belong to frames some places earlier or later.
     FrameOffset,
@@ -125,7 +125,7 @@ impl CauseName {
     }
 }
 
-/// A mistake that explains why a scene does not agree with itself.
+/// A mistake that explains why a scene is inconsistent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cause {
     /// Which mistake.

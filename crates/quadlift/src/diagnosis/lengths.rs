@@ -55,9 +55,9 @@ pub(crate) fn wrong_lengths(
 }
 
 impl Diagnosis {
-    /// Checks the lengths of a scene against what is known of the sizes of its categories, the full extents in world units:
-    /// a scene in millimetres does not agree with priors in metres. Nothing changes where they agree, where too few
-    /// objects have a prior, or where the scene does not agree with itself anyway.
+    /// Checks the lengths of a scene against what is known of the sizes of its categories, the full extents in world
+    /// units: a scene in millimetres does not agree with priors in metres. Nothing changes where they agree, where too
+    /// few objects have a prior, or where the scene is inconsistent anyway.
     pub fn check_lengths(&mut self, scene: &Scene, is_used: impl Fn(&Detection) -> bool, priors: &CategoryPriors) {
         let Some(agreement) = self.agreement.filter(|_| self.consistent && !priors.by_category.is_empty()) else {
             return;

@@ -23,7 +23,7 @@ const MOST_REPEATED: f64 = 0.5;
 /// scene's `up` agrees with the cameras.
 ///
 /// Looks at the detections that name an object and that `is_used` accepts (those of one source). It takes a few
-/// milliseconds for a scene of any size, because a sample is enough; more where the scene does not agree with itself.
+/// milliseconds for a scene of any size, because a sample is enough; more where the scene is inconsistent.
 pub fn diagnose(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Diagnosis {
     of_boxes(scene, is_used).and_up(scene)
 }

@@ -30,13 +30,13 @@ pub struct LocalizeOptions {
     pub measurements: MeasurementKind,
     /// Quantile of (distance of the measured plane) / (reach of the body) that the enclosing body takes, in [0, 1].
     pub enclosing_quantile: f64,
-    /// Report objects of a scene that does not agree with itself (see [`crate::diagnosis`]) as if it did; otherwise
-    /// none of them is [`crate::solve::Status::Ok`].
+    /// Report objects of a scene that is inconsistent (see [`crate::diagnosis`]) as if it did; otherwise none of them
+    /// is [`crate::solve::Status::Ok`].
     pub accept_inconsistent: bool,
     /// Sizes that categories have: an object that is much longer or shorter than all of its category gets a warning
     /// ([`crate::solve::Warning::ImplausibleSize`]). No estimate depends on them; the priors of [`MapOptions`] do more.
     pub plausible_sizes: CategoryPriors,
-    /// Seed of everything that is drawn at random.
+    /// Seed of the random numbers.
     pub seed: u64,
     /// How much is cross-validated, and how.
     pub cross_validation: CrossValidationOptions,

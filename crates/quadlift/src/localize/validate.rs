@@ -12,7 +12,7 @@ impl LocalizeOptions {
     /// [`OptionError`] names the first option that is outside of its range.
     pub fn validate(&self) -> Result<(), OptionError> {
         if self.measurements == MeasurementKind::Mask && !matches!(self.method, Method::Map(_) | Method::Planes) {
-            return refuse("only the methods map and planes take masks; the others take their ellipses");
+            return refuse("only the methods map and planes use masks; the others use their ellipses");
         }
         if !(0.0..=1.0).contains(&self.enclosing_quantile) {
             return refuse(format!("the enclosing quantile is {}; expected 0 to 1", self.enclosing_quantile));
@@ -26,9 +26,7 @@ pub(super) fn check_up(options: &MapOptions, scene: &Scene) -> Result<(), Option
     if scene.up.is_some() || scene.frames.is_empty() {
         return Ok(());
     }
-    let needs = |what: &str| {
-        refuse(format!("{what} needs to know where up is; give the scene an \"up\" direction (against gravity)"))
-    };
+    let needs = |what: &str| refuse(format!("{what} needs an \"up\" direction (against gravity) in the scene"));
     if options.ground_plane {
         return needs("the ground plane");
     }
@@ -60,7 +58,7 @@ mod tests {
             MapOptions { camera_height: Some(1.6), ..Default::default() },
             MapOptions { ground_plane: true, ..Default::default() },
         ] {
-            assert!(check_up(&options, &scene).unwrap_err().to_string().contains("needs to know where up is"));
+            assert!(check_up(&options, &scene).unwrap_err().to_string().contains("needs an \"up\" direction"));
         }
     }
 }

@@ -15,7 +15,7 @@ pub enum SourceError {
     /// The chosen source does not exist.
     #[error(
         "there are no detections of the source \"{chosen}\"; the scene has: {}",
-        if .known.is_empty() { "none that names a source".to_owned() } else { .known.join(", ") }
+        if .known.is_empty() { "none with a source".to_owned() } else { .known.join(", ") }
     )]
     Unknown {
         /// The source that was asked for.

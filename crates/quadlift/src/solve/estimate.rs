@@ -85,31 +85,33 @@ impl std::fmt::Display for Warning {
         match self {
             Self::NarrowBaseline { largest_angle } => write!(
                 f,
-                "narrow baseline: the viewing rays differ by {:.1} degrees at most, so the depth and the extent along \
-                 the view are uncertain",
+                "narrow baseline: the viewing rays differ by at most {:.1} degrees, so depth and extent along the \
+                 view are uncertain",
                 largest_angle.to_degrees()
             ),
             Self::AllEdgesCutOff => {
                 write!(
                     f,
-                    "cut off: on some side of the object every box ends at the image border, its extent there is not seen"
+                    "cut off: on one side of the object every box ends at the image border, so its extent there is \
+                     unobserved"
                 )
             }
             Self::TwoViews => write!(f, "only two views: the shape rests on the prior"),
             Self::BehindCamera { views } => {
-                write!(f, "the object does not lie wholly in front of {views} of the cameras that detect it")
+                write!(f, "the object is not entirely in front of {views} of the cameras that detect it")
             }
             Self::Ambiguous { log_odds } => write!(
                 f,
-                "ambiguous: another body fits the views about as well (probability {:.0} %); it is among the alternatives",
+                "ambiguous: another body fits the views about as well (probability {:.0} %); it is among the \
+                 alternatives",
                 100.0 / (1.0 + (-log_odds).exp())
             ),
-            Self::NoCovariance => write!(f, "the uncertainty could not be computed"),
+            Self::NoCovariance => write!(f, "the covariance could not be computed"),
             Self::NotConverged => {
-                write!(f, "not converged: the iteration ended before it had found the body that fits best")
+                write!(f, "not converged: the optimisation stopped before reaching the best fit")
             }
             Self::ImplausibleSize { extent, expected } => {
-                write!(f, "implausible size: {extent:.2} long, things of its category are about {expected:.2}")
+                write!(f, "implausible size: {extent:.2} long; objects of its category are about {expected:.2}")
             }
         }
     }

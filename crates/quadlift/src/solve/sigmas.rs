@@ -61,7 +61,7 @@ pub struct Sigmas(BTreeMap<&'static str, f64>);
 #[non_exhaustive]
 pub enum SigmasError {
     /// There is no noise level of this name.
-    #[error("\"{0}\" is no noise level; expected one of {names}", names = SIGMA_NAMES.join(", "))]
+    #[error("\"{0}\" is not a noise level; expected one of {names}", names = SIGMA_NAMES.join(", "))]
     Unknown(String),
     /// A name that is given twice.
     #[error("{0} is given twice")]
@@ -144,7 +144,7 @@ mod tests {
         let error = |name, value| Sigmas::new([(name, value)]).unwrap_err().to_string();
         assert!(
             error("edge", 0.1)
-                .starts_with("\"edge\" is no noise level; expected one of edge_relative, hidden_edge_relative")
+                .starts_with("\"edge\" is not a noise level; expected one of edge_relative, hidden_edge_relative")
         );
         assert_eq!(error("shape", 0.0), "shape is 0; expected a finite number above 0");
         assert_eq!(error("edge_relative", f64::NAN), "edge_relative is NaN; expected a finite number above 0");

@@ -24,7 +24,7 @@ pub struct SyntheticOptions {
     pub standing: bool,
     /// Number of views.
     pub views: usize,
-    /// Where the cameras stand.
+    /// Camera positions.
     pub trajectory: Trajectory,
     /// Side of the cube that holds the centres of the objects, in world units before `scale`.
     pub cube_side: f64,
@@ -57,7 +57,7 @@ pub struct SyntheticOptions {
 pub struct Detector {
     /// Probability, in [0, 1], that a visible object is not detected.
     pub misses: f64,
-    /// Number of false boxes for each true one, on average: as large as true ones, where the frame's true ones are.
+    /// Number of false boxes per true box, on average: as large as true ones, where the frame's true ones are.
     pub false_boxes: f64,
     /// Probability, in [0, 1], that an object is reported twice, by a second box with edges 0.12 mean half sizes off.
     pub duplicates: f64,
@@ -108,7 +108,7 @@ impl Default for SyntheticOptions {
     }
 }
 
-/// Where the cameras stand.
+/// Camera positions.
 ///
 /// On `Paper`, `Arc` and `Orbit` they look at the centre of the objects from a distance, and every object must be in
 /// front of them; nothing is cut off at the border of the image. From `Random` and `Street` objects are seen that lie in
@@ -239,10 +239,10 @@ pub enum SyntheticError {
         expected: &'static str,
     },
     /// Ellipses are asked of bodies whose outlines are none.
-    #[error("only ellipsoids have ellipses as their outlines; observe boxes instead")]
+    #[error("only ellipsoids have elliptical outlines; observe boxes instead")]
     NotAnEllipse,
     /// A noise acts on what is not observed.
-    #[error("{0} has nothing to act on: noise and bias of box edges need boxes, every other noise ellipses")]
+    #[error("{0} cannot be applied: noise and bias of box edges need boxes, all other noise needs ellipses")]
     NoiseWithoutObservation(&'static str),
     /// An object has no outline in a view.
     #[error("{object} cannot be seen in frame {frame}: {reason}")]

@@ -29,9 +29,9 @@ const MENDED: &str = "mended.json";
 
 /// Localise the objects on a rendered desk; needs no files
 ///
-/// The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have categories but
-/// no object ids, and some are wrong or show nothing. A second part runs the self-check on the same boxes with wrong camera
-/// poses.
+/// The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have
+/// categories but no object ids, and some are wrong or false positives. A second part runs the self-check on the same
+/// boxes with wrong camera poses.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,

@@ -20,20 +20,20 @@ use crate::args;
 pub enum Format {
     #[command(flatten)]
     Bodies(BodyFormat),
-    /// CSV: a row for each object
+    /// CSV: one row per object
     Csv {
         #[command(flatten)]
         common: Common,
-        /// Writes a second table: the residual of each view of each object
+        /// Write a second table with the residual of each view of each object
         #[arg(long, value_name = "FILE")]
         views: Option<PathBuf>,
     },
-    /// Parquet: a folder of tables with all that the scene file holds
+    /// Parquet: a folder of tables with the whole scene file
     Parquet {
         #[command(flatten)]
         common: Common,
     },
-    /// Rerun: a folder with what examples/to_rerun.py logs as a recording
+    /// Rerun: a folder that examples/to_rerun.py logs as a recording
     Rerun(rerun::Args),
 }
 
@@ -49,7 +49,7 @@ pub enum BodyFormat {
         #[command(flatten)]
         cameras: Cameras,
     },
-    /// glTF binary: a node for each object, and camera frusta; metres, y up
+    /// glTF binary: one node per object, and camera frusta; metres, y up
     Glb {
         #[command(flatten)]
         common: Common,
@@ -58,7 +58,7 @@ pub enum BodyFormat {
         #[command(flatten)]
         cameras: Cameras,
     },
-    /// KITTI tracking labels: upright boxes in the axes of each frame's camera
+    /// KITTI tracking labels: upright boxes in the camera frame of each image
     Kitti {
         #[command(flatten)]
         common: Common,
@@ -66,7 +66,7 @@ pub enum BodyFormat {
         bodies: Bodies,
         #[command(flatten)]
         frames: Frames,
-        /// KITTI's calibration of the sequence: locations are written in the axes of its camera 0
+        /// KITTI calibration file of the sequence: write locations in the axes of camera 0
         #[arg(long, value_name = "FILE")]
         calib: Option<PathBuf>,
     },
@@ -76,7 +76,7 @@ pub enum BodyFormat {
         common: Common,
         #[command(flatten)]
         frames: Frames,
-        /// The number in the column scene_id
+        /// Value of the column scene_id
         #[arg(long, value_name = "N", default_value_t = 0)]
         scene_id: u64,
     },
@@ -89,13 +89,13 @@ pub enum BodyFormat {
         #[command(flatten)]
         frames: Frames,
     },
-    /// JSON of the shape of ROS 2's vision_msgs/Detection3DArray
+    /// JSON in the structure of ROS 2's vision_msgs/Detection3DArray
     Ros {
         #[command(flatten)]
         common: Common,
         #[command(flatten)]
         bodies: Bodies,
-        /// The name of the world in the header
+        /// Name of the world frame in the header
         #[arg(long, value_name = "NAME", default_value = "map")]
         frame_id: String,
     },
@@ -104,7 +104,7 @@ pub enum BodyFormat {
 /// Which bodies.
 #[derive(clap::Args)]
 pub struct Bodies {
-    /// The larger bodies that hold the real objects, instead of those that touch the measurements
+    /// Export the enclosing bodies, which contain the real objects, instead of the tangent ones
     #[arg(long)]
     enclosing: bool,
 }
@@ -112,7 +112,7 @@ pub struct Bodies {
 /// The frusta of cameras.
 #[derive(clap::Args)]
 pub struct Cameras {
-    /// Depth of the camera frusta in world units; 0 leaves them out (default: a tenth of the distance to the objects)
+    /// Depth of the camera frusta in world units; 0 omits them (default: a tenth of the distance to the objects)
     #[arg(long, value_name = "DEPTH", value_parser = args::not_negative)]
     frusta: Option<f64>,
 }
@@ -120,7 +120,7 @@ pub struct Cameras {
 /// In which frames an object is written.
 #[derive(clap::Args)]
 pub struct Frames {
-    /// Only the frames in which the object was detected, instead of all in which it lies in the image
+    /// Write only the frames in which the object was detected, instead of all in which it is visible
     #[arg(long)]
     only_detected: bool,
 }

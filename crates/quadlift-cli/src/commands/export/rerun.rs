@@ -19,11 +19,11 @@ const QUALITY: u8 = 90;
 /// Which files, and where to.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A scene, and files that hold its estimates and its truth
+    /// A scene, and files with its estimates and its ground truth
     #[arg(required = true, value_name = "SCENE.json")]
     files: Vec<PathBuf>,
 
-    /// The folder to write: a new or an empty one
+    /// Output folder; it must be new or empty
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
 }

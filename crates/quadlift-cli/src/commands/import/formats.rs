@@ -23,7 +23,7 @@ pub enum Format {
         /// Folder of the model (or the one that holds sparse/0)
         #[arg(value_name = "DIR")]
         path: PathBuf,
-        /// Sparse points of the model to keep at most, evenly spread; 0 keeps none and does not read their file
+        /// Maximum number of sparse points to keep, evenly spread; 0 keeps none and does not read their file
         #[arg(long, value_name = "N", default_value_t = DEFAULT_POINTS)]
         points: usize,
         #[command(flatten)]
@@ -39,7 +39,7 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
-    /// A TUM trajectory with a file of intrinsics
+    /// A TUM trajectory with an intrinsics file
     Tum {
         /// The trajectory: lines `time tx ty tz qx qy qz qw`
         #[arg(value_name = "FILE")]
@@ -47,10 +47,10 @@ pub enum Format {
         /// File with one line: fx fy cx cy [k1 k2 p1 p2 [k3]], or MODEL WIDTH HEIGHT PARAMS as in COLMAP
         #[arg(long, value_name = "FILE")]
         intrinsics: PathBuf,
-        /// File with lines `time image`: each image gets the pose that is nearest in time
+        /// File with lines `time image`: each image gets the pose nearest in time
         #[arg(long, value_name = "FILE")]
         image_list: Option<PathBuf>,
-        /// Largest difference of the times of an image and its pose, in seconds
+        /// Maximum time difference between an image and its pose, in seconds
         #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
         time_tolerance: f64,
         #[command(flatten)]
@@ -85,7 +85,7 @@ pub enum Format {
         /// Number of the camera: 0, 1 (grey), 2 or 3 (colour)
         #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(0..=3))]
         camera: u8,
-        /// Folder of the calibration files (default: the one above the drive)
+        /// Folder of the calibration files (default: the parent folder of the drive)
         #[arg(long, value_name = "DIR")]
         calibration: Option<PathBuf>,
         #[command(flatten)]
@@ -100,10 +100,10 @@ pub enum Format {
         /// Folder of the scene, such as test/000002
         #[arg(value_name = "DIR")]
         path: PathBuf,
-        /// Number of the object whose model frame is the world (needed unless the scene has poses of its own)
+        /// Number of the object whose model frame becomes the world frame (required if the scene has no world poses)
         #[arg(long, value_name = "ID")]
         world_object: Option<u64>,
-        /// models_info.json (default: looked for in `models` of the folders above)
+        /// models_info.json (default: searched for in `models` of the parent folders)
         #[arg(long, value_name = "FILE")]
         models: Option<PathBuf>,
         #[command(flatten)]
@@ -123,7 +123,7 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
-    /// Tables of `quadlift export parquet`: the scene as it was
+    /// Tables of `quadlift export parquet`, converted back to a scene
     Parquet {
         /// Folder of the tables
         #[arg(value_name = "DIR")]
@@ -136,7 +136,7 @@ pub enum Format {
 /// The size of the images.
 #[derive(clap::Args)]
 pub struct Size {
-    /// Width and height of the images in pixels, where the files do not say
+    /// Width and height of the images in pixels, if the files do not contain them
     #[arg(long, value_name = "WxH", value_parser = args::image_size)]
     pub image_size: Option<[f64; 2]>,
 }
@@ -144,7 +144,7 @@ pub struct Size {
 /// The origin of pixel coordinates.
 #[derive(clap::Args)]
 pub struct Pixels {
-    /// Where the centre of the first pixel is: at 0 (integer) or at 0.5 (half)
+    /// Position of the centre of the first pixel: 0 (integer) or 0.5 (half)
     #[arg(long, value_enum, value_name = "WHERE", default_value_t = Centers::Half)]
     pixel_centers: Centers,
 }

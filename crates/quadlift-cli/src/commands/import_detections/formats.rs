@@ -38,10 +38,10 @@ pub enum Format {
         /// The file, or the folder of a sequence with gt/gt.txt or det/det.txt
         #[arg(value_name = "PATH")]
         path: PathBuf,
-        /// What follows the box: auto, det (confidence), gt (flag, class, visibility) or class (confidence, class)
+        /// Columns after the box: auto, det (confidence), gt (flag, class, visibility) or class (confidence, class)
         #[arg(long, value_enum, value_name = "WHAT", default_value_t = MotColumns::Auto, hide_possible_values = true)]
         columns: MotColumns,
-        /// The left edge of the first pixel: 1 as MOTChallenge has it, or 0 as many trackers write it
+        /// Coordinate of the left edge of the first pixel: 1 as in MOTChallenge, or 0 as written by many trackers
         #[arg(long, value_name = "0|1", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=1))]
         box_origin: u8,
         #[command(flatten)]
@@ -49,15 +49,15 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
-    /// Ultralytics YOLO: label files with boxes, polygons or turned boxes, and track ids
+    /// Ultralytics YOLO: label files with boxes, polygons or rotated boxes, and track ids
     Yolo {
-        /// Folder of label files (or the one of the run, with `labels`), or one of them
+        /// Folder of label files (or of the run, with `labels`), or a single file
         #[arg(value_name = "PATH")]
         path: PathBuf,
-        /// What follows the class: auto, box, polygon or obb (the corners of a turned box)
+        /// Coordinates after the class: auto, box, polygon or obb (the corners of a rotated box)
         #[arg(long, value_enum, value_name = "WHAT", default_value_t = YoloShapes::Auto, hide_possible_values = true)]
         kind: YoloShapes,
-        /// What follows the coordinates: auto, none, score, track or score+track
+        /// Columns after the coordinates: auto, none, score, track or score+track
         #[arg(long, value_enum, value_name = "WHAT", default_value_t = YoloColumns::Auto, hide_possible_values = true)]
         columns: YoloColumns,
         #[command(flatten)]
@@ -65,9 +65,9 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
-    /// KITTI's labels or results, of the tracking or of the object benchmark
+    /// KITTI labels or results of the tracking or object benchmark
     Kitti {
-        /// File of a sequence (tracking), or folder with a file for each image (objects)
+        /// File of a sequence (tracking), or folder with one file per image (objects)
         #[arg(value_name = "PATH")]
         path: PathBuf,
         #[command(flatten)]
@@ -77,7 +77,7 @@ pub enum Format {
     },
     /// A CSV table of boxes
     Csv {
-        /// The file: with names of columns, or frame, x0, y0, x1, y1 [, score]
+        /// The file, with a header or with the columns frame, x0, y0, x1, y1 [, score]
         #[arg(value_name = "FILE.csv")]
         path: PathBuf,
         #[command(flatten)]
@@ -97,15 +97,15 @@ pub enum Format {
     },
     /// LabelMe's annotations
     Labelme {
-        /// Folder with a file for each image, or one of them
+        /// Folder with one file per image, or a single file
         #[arg(value_name = "PATH")]
         path: PathBuf,
         #[command(flatten)]
         common: Common,
     },
-    /// Pascal VOC: XML files with boxes, as labelImg, CVAT and Roboflow write them
+    /// Pascal VOC: XML files with boxes, as written by labelImg, CVAT and Roboflow
     Voc {
-        /// Folder with a file for each image, or one of them
+        /// Folder with one file per image, or a single file
         #[arg(value_name = "PATH")]
         path: PathBuf,
         #[command(flatten)]
@@ -116,7 +116,7 @@ pub enum Format {
 /// The names of the classes.
 #[derive(clap::Args)]
 pub struct Names {
-    /// Names of the classes: a list, one in each line, or the `names` of a .yaml file
+    /// Class names: a list with one name per line, or the `names` of a .yaml file
     #[arg(long, value_name = "FILE")]
     names: Option<PathBuf>,
 }
@@ -130,7 +130,7 @@ impl Names {
 /// Options of tables.
 #[derive(clap::Args)]
 pub struct TableArgs {
-    /// The column that tells which image a row belongs to (default: by its name)
+    /// The column that identifies the image of a row (default: detected by name)
     #[arg(long, value_name = "NAME")]
     frame_column: Option<String>,
     #[command(flatten)]

@@ -8,25 +8,25 @@ use crate::args;
 /// How images are matched, and which detections are taken.
 #[derive(clap::Args)]
 pub struct Matching {
-    /// How images are matched with frames: auto, name, stem (name without extension), index or time
+    /// How to match images to frames: auto, name, stem (name without extension), index or time
     #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = By::Auto, hide_possible_values = true)]
     by: By,
 
-    /// Number that the detections give to the frame number 0 of the scene (default: told by format and names). Of a scene
-    /// file, or where images are matched by name: the detections of frame number N belong to frame number 0
+    /// Number that the detections give to frame number 0 of the scene (default: inferred from format and names). For
+    /// scene files, or if images are matched by name: the detections of frame number N belong to frame number 0
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame_offset: Option<i64>,
 
-    /// Largest difference of the times of an image and a frame, in seconds
+    /// Maximum time difference between an image and a frame, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
     time_tolerance: f64,
 
-    /// Leave out detections with a lower score
+    /// Skip detections with a lower score
     #[arg(long, value_name = "S", value_parser = args::finite)]
     pub min_score: Option<f64>,
 
-    /// Width and height in pixels of the images in which the detections were made: boxes are scaled to the cameras' images
-    /// where these have another size, or none that is known
+    /// Width and height in pixels of the images on which the detector ran: boxes are scaled to the image size of the
+    /// cameras if it differs or is unknown
     #[arg(long, value_name = "WxH", value_parser = args::image_size)]
     pub image_size: Option<[f64; 2]>,
 }

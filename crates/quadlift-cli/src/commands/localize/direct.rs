@@ -83,7 +83,7 @@ pub const ONLY_DIRECT: [&str; 10] = [
 ];
 
 impl DirectArgs {
-    /// The least score of the detections that are taken.
+    /// The minimum score of the detections that are taken.
     pub fn min_score(&self) -> Option<f64> {
         self.matching.min_score
     }
@@ -161,7 +161,7 @@ impl DirectArgs {
             CameraFormat::Nerfstudio => read_nerfstudio(path, self.pixels.centers())?,
             CameraFormat::Tum => {
                 let Some(intrinsics) = &self.intrinsics else {
-                    return usage("a TUM trajectory has no intrinsics: name their file with --intrinsics FILE");
+                    return usage("a TUM trajectory has no intrinsics: set their file with --intrinsics FILE");
                 };
                 let options = TumOptions {
                     intrinsics,
@@ -176,7 +176,7 @@ impl DirectArgs {
                 let of_detections = detections.file_stem().map(|stem| stem.to_string_lossy().into_owned());
                 let exists = |name: &String| path.join("calib").join(format!("{name}.txt")).is_file();
                 let Some(sequence) = self.sequence.clone().or(of_detections.filter(exists)) else {
-                    return usage("the folder holds sequences of KITTI: choose one with --sequence NAME");
+                    return usage("the folder holds several KITTI sequences: choose one with --sequence NAME");
                 };
                 let options = KittiOptions {
                     sequence,

@@ -99,7 +99,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
     let of = |title, story, words, name, scene| Mistake { title, story, words, name, scene };
     vec![
         of(
-            "Poses that map from the camera to the world",
+            "Camera-to-world poses",
             "`cam_from_world` maps world points to camera points, as in COLMAP. SLAM systems, ARKit and most data sets store \
              the inverse.",
             "camera-to-world",
@@ -107,22 +107,22 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
             with_poses(right, inverse),
         ),
         of(
-            "OpenGL's camera axes",
-            "quadlift uses OpenCV's camera axes: y points down and z forwards. In OpenGL y points up and z backwards.",
+            "OpenGL camera axes",
+            "quadlift uses OpenCV camera axes: y points down and z forwards. In OpenGL, y points up and z backwards.",
             "OpenGL axes",
             "opengl_axes",
             with_poses(right, opengl),
         ),
         of(
-            "Camera-to-world poses with OpenGL's axes",
-            "nerfstudio, instant-ngp and Blender store camera-to-world poses with OpenGL's axes. `quadlift import nerfstudio` \
-             converts them; a script of your own must do so too.",
+            "Camera-to-world poses with OpenGL axes",
+            "nerfstudio, instant-ngp and Blender store camera-to-world poses with OpenGL axes. `quadlift import nerfstudio` \
+             converts them; your own scripts must do the same.",
             "camera-to-world with OpenGL axes",
             "opengl_camera_to_world",
             with_poses(right, |m| inverse(opengl(m))),
         ),
         of(
-            "Boxes of images of another size",
+            "Boxes of resized images",
             "The detector ran on resized images, or the cameras were calibrated on images of another size.",
             "image size",
             "image_size",
@@ -130,52 +130,52 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
         ),
         of(
             "Boxes of letterboxed images",
-            "Many networks take square images: a photo is scaled to fit and gets margins. The raw boxes of the network are \
-             in the pixels of that square. (For margins of another shape give its size, such as `--letterbox 640x384`.)",
+            "Many networks take square images: a photo is scaled to fit and padded. The raw boxes of the network are in \
+             pixels of that square. (For other shapes give the padded size, such as `--letterbox 640x384`.)",
             "letterboxed image of 640 x 640",
             "letterbox",
             with_boxes(right, |b| [b[0] * gain + px, b[1] * gain + py, b[2] * gain + px, b[3] * gain + py]),
         ),
         of(
-            "Boxes as shares of the image",
-            "YOLO's label files hold coordinates from 0 to 1, which `quadlift import-detections yolo` converts; a scene file \
-             holds pixels.",
+            "Normalised boxes",
+            "YOLO label files contain coordinates from 0 to 1, which `quadlift import-detections yolo` converts; scene files \
+             use pixels.",
             "boxes are normalised",
             "normalized_boxes",
             with_boxes(right, |b| [b[0] / w, b[1] / h, b[2] / w, b[3] / h]),
         ),
         of(
-            "x and y of the boxes exchanged",
-            "Some programs (TensorFlow, NumPy code with rows first) have y before x.",
-            "x and y of the boxes are exchanged",
+            "Swapped x and y of boxes",
+            "Some programs (TensorFlow, NumPy code with rows first) write y before x.",
+            "x and y of the boxes are swapped",
             "swapped_xy",
             with_boxes(right, |b| [b[1], b[0], b[3], b[2]]),
         ),
         of(
             "A wrong focal length",
-            "Here half of it: the images were resized after the calibration, or the value comes from the metadata of a \
-             photo.",
+            "Here the focal length is half of the correct one: the images were resized after the calibration, or the \
+             value comes from the metadata of a photo.",
             "focal length",
             "focal_length",
             with_intrinsics(right, |k| [0.5 * k[0], 0.5 * k[1], k[2], k[3]]),
         ),
         of(
-            "Intrinsics as shares of the image",
+            "Normalised intrinsics",
             "Some programs divide focal lengths and principal point by the width and height of the image.",
             "intrinsics are normalised",
             "normalized_intrinsics",
             with_intrinsics(right, |k| [k[0] / w, k[1] / h, k[2] / w, k[3] / h]),
         ),
         of(
-            "Detections one frame late",
+            "Detections off by one frame",
             "The detector counts frames from 1 and the poses from 0, or a video lost its first frame.",
             "frame order is off by 1 frame",
             "frame_offset",
             with_frames(right, |k| Some(k + 1)),
         ),
         of(
-            "Frames in another order",
-            "A program that lists files has `10.jpg` before `2.jpg`; the poses are in the order of the numbers.",
+            "Different frame orders",
+            "A program that sorts file names puts `10.jpg` before `2.jpg`; the poses are in numerical order.",
             "frame order",
             "frame_order",
             with_frames(right, |k| Some(names[k].1)),

@@ -80,7 +80,7 @@ fn frames_without_the_world_object_are_left_out() {
     scene[1]["2"] = json!([object(7, [0.0, 0.0, 500.0])]);
     let import = parse(&scene, Some(5)).unwrap();
     assert_eq!(import.scene.frames.len(), 1);
-    assert!(import.notes.contains(&"1 frame without the world object was left out".to_owned()));
+    assert!(import.notes.contains(&"1 frame without the world object was skipped".to_owned()));
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn what_is_wrong_is_named_with_its_entry() {
     };
     insta::assert_snapshot!(message(&|_| {}, None), @r#"scene_camera.json: 2: there is no world pose ("cam_R_w2c"); choose the object whose model frame is the world (--world-object ID): 5, 7, 8"#);
     insta::assert_snapshot!(message(&|_| {}, Some(6)), @"scene_gt.json: no frame has a pose of object 6; there are poses of 5, 7, 8");
-    insta::assert_snapshot!(message(&|_| {}, Some(7)), @"scene_gt.json: object 7 is there several times in frame 2, so that it is no world");
+    insta::assert_snapshot!(message(&|_| {}, Some(7)), @"scene_gt.json: object 7 appears several times in frame 2; the world frame must be unique");
     insta::assert_snapshot!(message(&|s| s[0]["2"]["cam_K"] = json!([1, 2]), Some(5)), @"scene_camera.json: 2.cam_K: found a list of 2, expected a list of 9 numbers");
     insta::assert_snapshot!(message(&|s| s[0]["2"]["cam_K"][1] = json!(3), Some(5)), @"scene_camera.json: 2.cam_K: expected [fx, 0, cx, 0, fy, cy, 0, 0, 1]");
     insta::assert_snapshot!(message(&|s| s[0]["x"] = json!(3), Some(5)), @r#"scene_camera.json: found the key "x", expected a number"#);

@@ -126,7 +126,7 @@ fn what_is_wrong_in_text_is_named_with_its_line() {
     insta::assert_snapshot!(message("1 PINHOLE 640 480 -500 500 320 240", image), @"cameras.txt:1: camera 1: focal lengths are (-500, 500); expected two positive numbers (the intrinsics are singular)");
     insta::assert_snapshot!(message(&cameras.repeat(2), image), @"cameras.txt:4: the camera id 1 is used twice");
     insta::assert_snapshot!(message(cameras, "1 1 0 0 zero 0 0 2 1 a.png\n\n"), @r#"images.txt:1: field 5 is "zero"; expected a quaternion QW QX QY QZ"#);
-    insta::assert_snapshot!(message(cameras, "1 0 0 0 0 0 0 2 1 a.png\n\n"), @r#"images.txt:1: image "a.png" has the quaternion [0.0, 0.0, 0.0, 0.0], which is no rotation"#);
+    insta::assert_snapshot!(message(cameras, "1 0 0 0 0 0 0 2 1 a.png\n\n"), @r#"images.txt:1: image "a.png" has the quaternion [0.0, 0.0, 0.0, 0.0], which is not a rotation"#);
     insta::assert_snapshot!(message(cameras, "1 1 0 0 0 0 0 2 7 a.png\n\n"), @r#"images.txt:1: image "a.png" has the camera 7, which is not in the file of the cameras"#);
     insta::assert_snapshot!(message(cameras, &image.repeat(2)), @r#"images.txt:3: the image name "a.png" is used twice"#);
 }

@@ -24,7 +24,7 @@ pub struct AddOptions<'a> {
     /// The number that the detections give to the frame number 0 of the scene, where it is known. Where images are
     /// matched by name or time: the detections of frame number N belong to frame number 0, and so on.
     pub frame_offset: Option<i64>,
-    /// Largest difference of the times of an image and a frame, in seconds.
+    /// Maximum time difference between an image and a frame, in seconds.
     pub time_tolerance: f64,
     /// Width and height in pixels of the images in which the detections were made. Where the camera has another size,
     /// coordinates are scaled to it; where it has none, this is the size of its images too.
@@ -98,7 +98,7 @@ pub fn add_detections(
     let error = |problem: String| ReadError::new(&files.path, problem);
     if !options.replace && scene.detections.iter().any(|d| d.source.as_deref() == Some(options.source)) {
         return Err(error(format!(
-            "the scene has detections of the source \"{}\" already; give these another name (--source NAME) or replace \
+            "the scene already has detections of the source \"{}\"; choose another name (--source NAME) or replace \
              all (--replace)",
             options.source
         )));
@@ -154,8 +154,8 @@ pub fn add_detections(
             (true, None) => {
                 let name = image.key.words();
                 return Err(error(format!(
-                    "the coordinates of {name} are shares of the image's width and height, which are not known: the \
-                     camera has no \"width\" and \"height\" (--image-size WxH)"
+                    "the coordinates of {name} are fractions of image width and height, which are unknown: the camera \
+                     has no \"width\" and \"height\" (--image-size WxH)"
                 )));
             }
         };
@@ -212,8 +212,8 @@ fn image_size(
             if [w, h] != [found_w, found_h] && options.image_size != Some([found_w, found_h]) =>
         {
             Err(format!(
-                "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the detections \
-                 must be those of the images that belong to the camera (--image-size {found_w}x{found_h} scales them)",
+                "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the \
+                 detections must come from images of the camera's size (--image-size {found_w}x{found_h} scales them)",
                 key.words(),
                 frame.id
             ))
@@ -329,7 +329,7 @@ fn nothing_matches(scene: &SceneFile, files: &DetectionFiles, options: &AddOptio
         _ => "",
     };
     format!(
-        "no image of the detections is a frame of the scene{how}: the detections have the images {images}, the scene has \
-         the frames {frames}{hint}"
+        "no image of the detections matches a frame of the scene{how}: the detections have the images {images}, the \
+         scene has the frames {frames}{hint}"
     )
 }

@@ -64,11 +64,13 @@ pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFile
     }
     let mut notes = Vec::new();
     if crowds > 0 {
-        notes.push(format!("{crowds} annotations of crowds (\"iscrowd\") were left out"));
+        notes.push(format!("{crowds} crowd annotations (\"iscrowd\") were skipped"));
     }
     if names.categories.is_empty() {
-        notes
-            .push("the file does not name the categories: they are numbers (--annotations FILE names them)".to_owned());
+        notes.push(
+            "the file does not name the categories: category numbers are used (--annotations FILE names them)"
+                .to_owned(),
+        );
     }
     Ok(DetectionFiles {
         path: file.0.to_owned(),

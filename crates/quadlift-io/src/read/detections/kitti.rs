@@ -30,7 +30,7 @@ pub fn parse_kitti_labels(path: &Path, files: &[LabelFile]) -> Result<DetectionF
         let benchmark = benchmark(file)?;
         with_tracks |= benchmark == Benchmark::Tracking;
         if with_tracks && files.len() > 1 {
-            let problem = "this is a file of the tracking benchmark, which holds a whole sequence; name it alone";
+            let problem = "this is a file of the tracking benchmark, which holds a whole sequence; pass only this file";
             return Err(ReadError::new(&file.path, problem));
         }
         let key = |number| match benchmark {
@@ -59,7 +59,7 @@ pub fn parse_kitti_labels(path: &Path, files: &[LabelFile]) -> Result<DetectionF
     };
     let mut notes = vec![kind.to_owned()];
     if unlabelled > 0 {
-        notes.push(format!("{unlabelled} regions DontCare were left out"));
+        notes.push(format!("{unlabelled} DontCare regions were skipped"));
     }
     Ok(DetectionFiles {
         path: path.to_owned(),

@@ -28,7 +28,7 @@ pub fn parse_labelme(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles,
     let mut left_out = BTreeMap::new();
     let images = files.iter().map(|file| image(file, &mut left_out)).collect::<Result<_, _>>()?;
     let notes =
-        left_out.iter().map(|(kind, count)| format!("{count} shapes of the kind {kind} were left out")).collect();
+        left_out.iter().map(|(kind, count)| format!("{count} shapes of the kind {kind} were skipped")).collect();
     Ok(DetectionFiles {
         path: path.to_owned(),
         images,

@@ -220,10 +220,10 @@ fn offset(
             let last_frame = frames.keys().next_back().copied().unwrap_or_default();
             let (lowest, highest) = (found().min().unwrap_or_default(), found().max().unwrap_or_default());
             Err(format!(
-                "the detections number their images from {lowest} to {highest}, the names of the frames have the numbers \
-                 {first_frame} to {last_frame}, and it is not clear whether equal numbers mean the same image; \
-                 --frame-offset N says so: N is the number that the detections give to image 0 (0 if the numbers are the same, 1 if the \
-                 detections count from 1 and the images from 0, -1 the other way)"
+                "the detections number their images from {lowest} to {highest}, the names of the frames have the \
+                 numbers {first_frame} to {last_frame}, so it is ambiguous which numbers mean the same image; set \
+                 --frame-offset N, where N is the number that the detections give to image 0 (0 if the numbers are \
+                 the same, 1 if the detections count from 1 and the images from 0, -1 for the reverse)"
             ))
         }
     }

@@ -142,17 +142,17 @@ pub fn parse_mot(path: &Path, bytes: &[u8], options: &MotOptions) -> Result<Dete
         });
     }
     let columns = match kind {
-        MotKind::GroundTruth => "ground truth: after the box stand flag, class and visibility",
-        MotKind::Classes => "after the box stand confidence and class",
-        MotKind::Detections | MotKind::Auto => "after the box stands the confidence",
+        MotKind::GroundTruth => "ground truth: the columns after the box are flag, class and visibility",
+        MotKind::Classes => "the columns after the box are confidence and class",
+        MotKind::Detections | MotKind::Auto => "the column after the box is the confidence",
     };
     let edges = match options.boxes_from_zero {
         true => "left and top edges of boxes count from 0",
-        false => "left and top edges of boxes count from 1: 1 was subtracted (--box-origin 0 leaves them)",
+        false => "left and top edges of boxes count from 1: 1 was subtracted (--box-origin 0 keeps them)",
     };
     let mut notes = vec![format!("{columns} (--columns)"), edges.to_owned()];
     if ignored > 0 {
-        notes.push(format!("{ignored} boxes with the flag 0 were left out"));
+        notes.push(format!("{ignored} boxes with the flag 0 were skipped"));
     }
     Ok(DetectionFiles {
         path: path.to_owned(),

@@ -27,7 +27,7 @@ const TRACK: [&str; 5] = ["tracker_id", "track_id", "track", "object_id", "objec
 const IMAGE: [&str; 7] = ["image_path", "image_name", "file_name", "filename", "frame_name", "image", "path"];
 const NUMBER: [&str; 6] = ["frame_number", "frame_index", "frame_idx", "frame_id", "frame", "image_id"];
 const TIME: [&str; 3] = ["timestamp", "time", "seconds"];
-/// supervision's column of the corners of a turned box.
+/// supervision's column of the corners of a rotated box.
 const CORNERS: &str = "xyxyxyxy";
 
 /// What a table does not say.
@@ -117,7 +117,7 @@ impl Table<'_> {
             None => {
                 let found = self.first_of(&IMAGE).or(self.first_of(&NUMBER)).or(self.first_of(&TIME));
                 let index = found.ok_or_else(|| {
-                    let problem = "no column tells which image a row belongs to (\"frame\", \"image\" or \"time\"; \
+                    let problem = "no column identifies the image of a row (\"frame\", \"image\" or \"time\"; \
                                    --frame-column NAME)";
                     self.error(problem.to_owned())
                 })?;
@@ -133,7 +133,7 @@ impl Table<'_> {
             (Some(columns), _) => (columns, false),
             (None, Some(columns)) => (columns, true),
             (None, None) => {
-                return Err(self.error("no columns hold a box (x0, y0, x1, y1, or x, y, width, height)".to_owned()));
+                return Err(self.error("no columns contain a box (x0, y0, x1, y1, or x, y, width, height)".to_owned()));
             }
         };
         let (score, category) = (self.first_of(&SCORE), self.first_of(&CATEGORY));
@@ -172,7 +172,7 @@ impl Table<'_> {
             path: self.path.to_owned(),
             images: found.images,
             numbering: Numbering::Unknown,
-            notes: vec![format!("columns that were read: {}", columns.join(", "))],
+            notes: vec![format!("columns read: {}", columns.join(", "))],
             ..DetectionFiles::default()
         })
     }
@@ -181,7 +181,7 @@ impl Table<'_> {
         let cell = row.cells.get(column).map(String::as_str).unwrap_or_default();
         if cell.is_empty() {
             let name = &self.columns[column];
-            return Err(self.row_error(row, format!("the column \"{name}\" is empty; expected which image it is")));
+            return Err(self.row_error(row, format!("the column \"{name}\" is empty; expected the image of the row")));
         }
         let number = cell.strip_suffix(".0").unwrap_or(cell).parse().ok();
         Ok(match (kind, number) {

@@ -62,7 +62,7 @@ fn close(found: Option<[f64; 4]>, expected: &Value, tolerance: f64) {
 #[test]
 fn coco_agrees_with_pycocotools() {
     let files = read_coco(&fixture("instances.json"), None).unwrap();
-    assert!(files.notes.iter().any(|note| note.starts_with("1 annotations of crowds")), "{:?}", files.notes);
+    assert!(files.notes.iter().any(|note| note.starts_with("1 crowd annotations")), "{:?}", files.notes);
     let records = added(files, &["images/left/0001.png", "images/left/0002.png", "images/left/0003.png"]);
     assert_eq!(records.len(), 13);
     let mut of_image = [0; 3];
@@ -120,7 +120,7 @@ fn the_sinks_of_supervision_are_read() {
     assert!(ellipse.semi_axes.iter().all(|axis| (axis - radius).abs() < 1e-12), "{ellipse:?}");
     close(record.bounding_box, &serde_json::json!([20.0 - radius, 20.0 - radius, 20.0 + radius, 20.0 + radius]), 1e-12);
     let error = parse_csv(Path::new("a.csv"), b"x_min,y_min,x_max,y_max,note\n1,2,3,4,x\n", &TableOptions::default());
-    insta::assert_snapshot!(error.unwrap_err(), @r#"a.csv:1: no column tells which image a row belongs to ("frame", "image" or "time"; --frame-column NAME); the columns are x_min, y_min, x_max, y_max, note"#);
+    insta::assert_snapshot!(error.unwrap_err(), @r#"a.csv:1: no column identifies the image of a row ("frame", "image" or "time"; --frame-column NAME); the columns are x_min, y_min, x_max, y_max, note"#);
 }
 
 #[test]
@@ -195,14 +195,14 @@ fn the_columns_of_yolo_are_told_by_all_files() {
     assert!(matches!(files.images[0].detections[0].outline, Outline::Polygons(_)));
     // Repeated lines of a second run.
     let twice = yolo(&["1 0.5 0.5 0.2 0.2\n1 0.5 0.5 0.2 0.2\n"], YoloKind::Auto, ExtraColumns::Auto).unwrap();
-    assert_eq!((twice.images[0].detections.len(), twice.notes[1].starts_with("1 lines that stand twice")), (1, true));
+    assert_eq!((twice.images[0].detections.len(), twice.notes[1].starts_with("1 duplicate lines")), (1, true));
 }
 
 #[test]
 fn what_is_wrong_with_yolo_files_is_named() {
     let message = |lines: &[&str]| yolo(lines, YoloKind::Auto, ExtraColumns::Auto).unwrap_err();
-    insta::assert_snapshot!(message(&["0 0.5 0.5 0.2 0.2 1\n"]), @"0.txt:1: the last number of every line is 0 or 1: a score, or the id of the only track? --columns score or --columns track says so");
-    insta::assert_snapshot!(message(&["0 345.2 120 20 20\n"]), @"0.txt:1: coordinate 1 is 345.2; expected a share of the image's width or height, from 0 to 1");
+    insta::assert_snapshot!(message(&["0 0.5 0.5 0.2 0.2 1\n"]), @"0.txt:1: the last number of every line is 0 or 1: a score, or the id of the only track? Choose with --columns score or --columns track");
+    insta::assert_snapshot!(message(&["0 345.2 120 20 20\n"]), @"0.txt:1: coordinate 1 is 345.2; expected a fraction of image width or height, from 0 to 1");
     insta::assert_snapshot!(message(&["cup 0.5 0.5 0.2 0.2\n"]), @r#"0.txt:1: field 1 is "cup"; expected the number of a class"#);
     insta::assert_snapshot!(message(&["0 0.5 0.5 0.2 0.2\n1 0.5 0.5\n"]), @"0.txt:2: found 2 numbers after the class; but each line has a class, a box (--kind, --columns)");
     insta::assert_snapshot!(message(&["0 0.5 0.5 0.2 0.2 3.5\n"]), @"0.txt:1: the track id is 3.5; expected a whole number");
@@ -210,12 +210,12 @@ fn what_is_wrong_with_yolo_files_is_named() {
     insta::assert_snapshot!(message(&[with_both]), @"0.txt:2: found 0 numbers after the class; but each line has a class, a polygon, a score and a track id (--kind, --columns)");
     // Three keypoints with visibility after each box.
     let pose = "0 0.5 0.5 0.2 0.2 0.4 0.4 1 0.5 0.5 1 0.6 0.6 0.5\n";
-    insta::assert_snapshot!(message(&[pose, pose, pose]), @"0.txt:1: every line has 13 numbers after the class, which looks like a box and keypoints, and these are not read; --kind polygon if they are polygons");
+    insta::assert_snapshot!(message(&[pose, pose, pose]), @"0.txt:1: every line has 13 numbers after the class, which looks like a box and keypoints; keypoints are not supported (--kind polygon if the lines are polygons)");
     let files = yolo(&["0 0.5 0.5 0.2 0.2"], YoloKind::Auto, ExtraColumns::Auto).unwrap();
     let mut scene = scene(&["0.png"]);
     (scene.cameras[0].width, scene.cameras[0].height) = (None, None);
     let error = add_detections(&mut scene, files.clone(), &AddOptions::default()).unwrap_err();
-    insta::assert_snapshot!(error, @r#"labels: the coordinates of 0.txt are shares of the image's width and height, which are not known: the camera has no "width" and "height" (--image-size WxH)"#);
+    insta::assert_snapshot!(error, @r#"labels: the coordinates of 0.txt are fractions of image width and height, which are unknown: the camera has no "width" and "height" (--image-size WxH)"#);
     let options = AddOptions { image_size: Some([100.0, 50.0]), ..AddOptions::default() };
     add_detections(&mut scene, files, &options).unwrap();
     close(scene.detections[0].bounding_box, &serde_json::json!([40.0, 20.0, 60.0, 30.0]), 1e-12);
@@ -249,7 +249,7 @@ fn mot_counts_frames_ids_and_pixels_from_one() {
     // Ground truth: flag, class, visibility.
     let gt = "1,1,11,21,30,40,1,3,0.25\n1,2,11,21,30,40,0,1,1\n";
     let files = mot(gt, &auto).unwrap();
-    assert_eq!(files.notes[2], "1 boxes with the flag 0 were left out");
+    assert_eq!(files.notes[2], "1 boxes with the flag 0 were skipped");
     let records = added(files, &["a"]);
     assert_eq!((records.len(), records[0].category.as_deref()), (1, Some("car")));
     assert_eq!((records[0].visible_fraction, records[0].score), (Some(0.25), None));
@@ -278,7 +278,7 @@ fn kitti_labels_of_both_benchmarks() {
     };
     let tracking = "90 3 Car 0 1 -1.5 10 20 30 40 1.5 1.6 4 1 2 9 0.1\n91 -1 DontCare -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n";
     let files = parse_kitti_labels(Path::new("0001.txt"), &[file("0001.txt", tracking)]).unwrap();
-    assert_eq!(files.notes[1], "1 regions DontCare were left out");
+    assert_eq!(files.notes[1], "1 DontCare regions were skipped");
     let records = added(files, &["000090", "000091"]);
     let record = &records[0];
     assert_eq!((records.len(), &*record.frame, record.object.as_deref()), (1, "000090", Some("t3")));
@@ -322,10 +322,10 @@ fn csv_tables_with_and_without_names() {
     assert_eq!(&*records[0].frame, "12.53");
     let message = |text: &str| read(text, &auto).unwrap_err().to_string();
     insta::assert_snapshot!(message("1,2,3,4\n"), @"a.csv:1: found 4 columns without names; expected names in the first line, or 5 or 6 columns: frame, x0, y0, x1, y1, score");
-    insta::assert_snapshot!(message("frame,a,b\n1,2,3\n"), @"a.csv:1: no columns hold a box (x0, y0, x1, y1, or x, y, width, height); the columns are frame, a, b");
+    insta::assert_snapshot!(message("frame,a,b\n1,2,3\n"), @"a.csv:1: no columns contain a box (x0, y0, x1, y1, or x, y, width, height); the columns are frame, a, b");
     insta::assert_snapshot!(message("frame,x0,y0,x1,y1\n1,2,3,4,5\n1,2,x,4,5\n"), @r#"a.csv:3: the column "y0" is "x"; expected a number"#);
     insta::assert_snapshot!(message("frame,x0,y0,x1,y1\n1,2,3,4\n"), @"a.csv:2: found 4 columns; expected 5");
-    insta::assert_snapshot!(message("frame,x0,y0,x1,y1\n,2,3,4,5\n"), @r#"a.csv:2: the column "frame" is empty; expected which image it is"#);
+    insta::assert_snapshot!(message("frame,x0,y0,x1,y1\n,2,3,4,5\n"), @r#"a.csv:2: the column "frame" is empty; expected the image of the row"#);
 }
 
 #[test]
@@ -343,7 +343,7 @@ fn shapes_of_labelme() {
         {"label": "ball", "points": [[20, 20], [23, 24]], "group_id": null, "shape_type": "circle"},
         {"label": "cup", "points": [[1, 1]], "group_id": null, "shape_type": "point"}]}"#;
     let files = parse_labelme(Path::new("a.json"), &[file(text)]).unwrap();
-    assert_eq!(files.notes, ["1 shapes of the kind point were left out"]);
+    assert_eq!(files.notes, ["1 shapes of the kind point were skipped"]);
     let records = added(files, &["a.png"]);
     assert_eq!(records.len(), 3);
     assert_eq!(records[0].bounding_box, Some([10.5, 5.0, 30.0, 25.0]));
@@ -375,7 +375,7 @@ fn boxes_of_pascal_voc() {
         object("kite", "<robndbox><cx>5</cx></robndbox>"),
     );
     let files = parse_voc(Path::new("labels"), &[file(&text)]).unwrap();
-    assert_eq!(files.notes, ["1 objects without <bndbox> were left out"]);
+    assert_eq!(files.notes, ["1 objects without <bndbox> were skipped"]);
     let records = added(files, &["a.png"]);
     assert_eq!(records.len(), 1);
     assert_eq!(records[0].bounding_box, Some([11.0, 5.5, 30.0, 25.0]));
@@ -455,7 +455,7 @@ fn adding_keeps_what_is_there_and_tells_what_is_left_out() {
     let sources: Vec<_> = scene.detections.iter().map(|d| d.source.as_deref().unwrap()).collect();
     assert_eq!(sources, ["old", "new"]);
     let error = add_detections(&mut scene, files(), &options).unwrap_err();
-    insta::assert_snapshot!(error, @r#"a.csv: the scene has detections of the source "new" already; give these another name (--source NAME) or replace all (--replace)"#);
+    insta::assert_snapshot!(error, @r#"a.csv: the scene already has detections of the source "new"; choose another name (--source NAME) or replace all (--replace)"#);
     let report = add_detections(&mut scene, files(), &AddOptions { replace: true, ..options.clone() }).unwrap();
     assert_eq!((report.removed, scene.detections.len()), (2, 1));
     // Integer pixel centres move everything by half a pixel.
@@ -469,11 +469,11 @@ fn adding_keeps_what_is_there_and_tells_what_is_left_out() {
     insta::assert_snapshot!(error, @"a.csv: the track 1 has two detections in the image a.png");
     let other = read_coco(&fixture("instances.json"), None).unwrap();
     let error = add_detections(&mut scene, other.clone(), &options).unwrap_err();
-    insta::assert_snapshot!(error.problem, @r#"no image of the detections is a frame of the scene: the detections have the images "left/0001.png", "left/0002.png", "left/0003.png", the scene has the frames "a.png", "b.png", "d.png"; --match index compares the numbers in the names"#);
+    insta::assert_snapshot!(error.problem, @r#"no image of the detections matches a frame of the scene: the detections have the images "left/0001.png", "left/0002.png", "left/0003.png", the scene has the frames "a.png", "b.png", "d.png"; --match index compares the numbers in the names"#);
     scene.frames[0].id = "0001.png".to_owned();
     scene.cameras[0].width = Some(128.0);
     let error = add_detections(&mut scene, other.clone(), &options).unwrap_err();
-    insta::assert_snapshot!(error.problem, @r#"the image left/0001.png has 64 x 48 pixels, the camera of frame "0001.png" has 128 x 48; the detections must be those of the images that belong to the camera (--image-size 64x48 scales them)"#);
+    insta::assert_snapshot!(error.problem, @r#"the image left/0001.png has 64 x 48 pixels, the camera of frame "0001.png" has 128 x 48; the detections must come from images of the camera's size (--image-size 64x48 scales them)"#);
     // Told so, they are scaled: here the camera's images are twice as wide.
     let scaled = AddOptions { image_size: Some([64.0, 48.0]), replace: true, ..options };
     scene.cameras[0].width = Some(64.0);

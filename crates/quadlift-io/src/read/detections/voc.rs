@@ -31,11 +31,11 @@ pub fn parse_voc(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, Rea
     let mut notes = Vec::new();
     if from_one > 0 {
         notes.push(format!(
-            "{from_one} files of the VOC challenge count pixels from 1: half open boxes were made of them"
+            "{from_one} files of the VOC challenge count pixels from 1: 1 was subtracted from the left and top edges"
         ));
     }
     if without_box > 0 {
-        notes.push(format!("{without_box} objects without <bndbox> were left out"));
+        notes.push(format!("{without_box} objects without <bndbox> were skipped"));
     }
     Ok(DetectionFiles { path: path.to_owned(), images, numbering: Numbering::OfNames, notes, ..Default::default() })
 }

@@ -1,5 +1,5 @@
 //! Ultralytics YOLO: a text file for each image, a line `class x y width height` (or a polygon, or the corners of a
-//! turned box) for each object, as `predict` and `track` save them and as data sets have them.
+//! rotated box) for each object, as `predict` and `track` save them and as data sets have them.
 //!
 //! Coordinates are shares of the image's width and height, from its corner. Format: `Results.save_txt` of the package
 //! ultralytics.
@@ -53,7 +53,7 @@ pub fn read_yolo(path: &Path, options: &YoloOptions) -> Result<DetectionFiles, R
     let names = found.as_deref().map(read_names).transpose()?;
     let mut labels = parse_yolo(path, &files, &YoloOptions { names: options.names.or(names.as_ref()), ..*options })?;
     if let Some(found) = found {
-        labels.notes.push(format!("names of the classes: {}", found.display()));
+        labels.notes.push(format!("class names: {}", found.display()));
     }
     Ok(labels)
 }
@@ -109,15 +109,13 @@ pub fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Re
     }
     let mut notes = vec![columns.words()];
     if columns.kind == YoloKind::TurnedBox {
-        notes.push("of a turned box the ellipse in it was taken, and the box around that".to_owned());
+        notes.push("rotated boxes were replaced by the ellipse in them and its bounding box".to_owned());
     }
     if repeated > 0 {
-        notes.push(format!(
-            "{repeated} lines that stand twice in their file were left out: a run may have been repeated"
-        ));
+        notes.push(format!("{repeated} duplicate lines were ignored: a run may have been repeated"));
     }
     if options.names.is_none() {
-        notes.push("the names of the classes are not known: the categories are numbers (--names FILE)".to_owned());
+        notes.push("the class names are unknown: category numbers are used (--names FILE)".to_owned());
     }
     Ok(DetectionFiles { path: path.to_owned(), images, normalized: true, numbering: Numbering::OfNames, notes })
 }
@@ -126,7 +124,7 @@ fn check_coordinates(line: &LabelLine, coordinates: &[f64]) -> Result<(), ReadEr
     let outside = |x: &f64| !(-OUTSIDE..=1.0 + OUTSIDE).contains(x);
     match coordinates.iter().position(outside) {
         Some(index) => Err(line.line.error(format!(
-            "coordinate {} is {}; expected a share of the image's width or height, from 0 to 1",
+            "coordinate {} is {}; expected a fraction of image width or height, from 0 to 1",
             index + 1,
             coordinates[index]
         ))),

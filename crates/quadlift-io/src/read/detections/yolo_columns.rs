@@ -1,8 +1,8 @@
 //! What the columns of YOLO's label files mean, by the evidence of all of them: the files do not say.
 //!
-//! After the class stand coordinates from 0 to 1 (a box, the corners of a turned box, or a polygon), then a score from 0
-//! to 1 where it was saved, then a track id from 1 where there is one. So five numbers after a box's class are a score
-//! or an id, and an even number of them a polygon, or a shorter one with both.
+//! The class is followed by coordinates from 0 to 1 (a box, the corners of a rotated box, or a polygon), then a score
+//! from 0 to 1 if it was saved, then a track id from 1 if there is one. Five numbers after the class are therefore a
+//! box with a score or an id, and an even number of them is a polygon, or a shorter polygon with both.
 
 use crate::error::ReadError;
 use crate::read::text::Line;
@@ -67,7 +67,7 @@ impl Columns {
     /// In words.
     pub fn words(self) -> String {
         let coordinates = match self.kind {
-            YoloKind::TurnedBox => "the corners of a turned box",
+            YoloKind::TurnedBox => "the corners of a rotated box",
             YoloKind::Polygon => "a polygon",
             YoloKind::Box | YoloKind::Auto => "a box",
         };
@@ -130,8 +130,8 @@ pub fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) -> Resu
     {
         let count = first.values.len();
         let problem = format!(
-            "every line has {count} numbers after the class, which looks like a box and keypoints, and these are not read; \
-             --kind polygon if they are polygons"
+            "every line has {count} numbers after the class, which looks like a box and keypoints; keypoints are not \
+             supported (--kind polygon if the lines are polygons)"
         );
         return Err(first.line.error(problem));
     }
@@ -185,7 +185,7 @@ fn extra_columns(lines: &[LabelLine], kind: YoloKind) -> Result<ExtraColumns, Re
     if ones.iter().any(|line| last(line).fract() != 0.0) {
         return Ok(ExtraColumns::Score);
     }
-    let problem = "the last number of every line is 0 or 1: a score, or the id of the only track? --columns score or \
-                   --columns track says so";
+    let problem = "the last number of every line is 0 or 1: a score, or the id of the only track? Choose with \
+         --columns score or --columns track";
     Err(ones[0].line.error(problem))
 }

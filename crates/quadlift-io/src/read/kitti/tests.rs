@@ -107,5 +107,5 @@ fn what_is_wrong_is_named_with_its_line() {
     insta::assert_snapshot!(message(CALIB, &oxts, &label.replace("0 3", "0.5 3")), @r#"label.txt:1: field 1 is "0.5"; expected the number of a frame"#);
     insta::assert_snapshot!(message(CALIB, &oxts, &label.replace("1.57", "1.57 1 2")), @"label.txt:1: expected 17 or 18 fields; found more: 2");
     let many = KittiOptions { frames: Some(1..=7), ..options() };
-    insta::assert_snapshot!(parse(CALIB, &oxts, None, &many).unwrap_err(), @"oxts.txt: the sequence has 2 frames; asked for were 1 to 7");
+    insta::assert_snapshot!(parse(CALIB, &oxts, None, &many).unwrap_err(), @"oxts.txt: the sequence has 2 frames; requested were 1 to 7");
 }

@@ -40,7 +40,7 @@ fn a_drive_has_the_poses_that_pykitti_gives_it() {
         assert!((cuboid.center[i] - center[i].as_f64().unwrap()).abs() < 2e-3, "{cuboid:?}");
     }
     assert_eq!(cuboid.half_extents, [2.1, 0.8, 0.75]);
-    assert!(import.notes[2].starts_with("1 tracklets that stand still"), "{:?}", import.notes);
+    assert!(import.notes[2].starts_with("1 static tracklets"), "{:?}", import.notes);
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn a_part_of_a_drive_begins_at_its_own_first_frame() {
     let first = scene.frames[0].cam_from_world.unwrap();
     assert!((first[0][0] - 1.0).abs() < 1e-12 && (first[0][3] - 0.06).abs() < 1e-9, "{first:?}");
     let none = KittiRawOptions { frames: Some(9..=12), ..options() };
-    assert!(read_kitti_raw(&drive(), &none).unwrap_err().problem.contains("none of those"));
+    assert!(read_kitti_raw(&drive(), &none).unwrap_err().problem.contains("none of the requested"));
 }
 
 #[test]

@@ -41,7 +41,7 @@ fn images_get_the_pose_that_is_nearest_in_time() {
     let found: Vec<(&str, f64)> =
         import.scene.frames.iter().map(|f| (f.id.as_str(), -f.cam_from_world.unwrap()[0][3])).collect();
     assert_eq!(found, [("rgb/a.png", 1.0), ("rgb/b c.png", 5.0), ("rgb/d.png", 2.0)]);
-    assert!(import.notes.iter().any(|note| note.contains("1 have none and were left out")), "{:?}", import.notes);
+    assert!(import.notes.iter().any(|note| note.contains("1 have none and were skipped")), "{:?}", import.notes);
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn what_is_wrong_is_named_with_its_line() {
     let message =
         |trajectory: &str, calib: &str, images: Option<&str>| parse(trajectory, calib, images).unwrap_err().to_string();
     insta::assert_snapshot!(message("1 0 0 0 0 0 1\n", "1 1 1 1", None), @"traj.txt:1: the line ends after 7 fields; expected a quaternion qx qy qz qw");
-    insta::assert_snapshot!(message("1 0 0 0 0 0 0 0\n", "1 1 1 1", None), @"traj.txt:1: the quaternion 0 0 0 0 is no rotation");
+    insta::assert_snapshot!(message("1 0 0 0 0 0 0 0\n", "1 1 1 1", None), @"traj.txt:1: the quaternion 0 0 0 0 is not a rotation");
     insta::assert_snapshot!(message("# c\n1 0 0 nan 0 0 0 1\n", "1 1 1 1", None), @r#"traj.txt:2: field 4 is "nan"; expected a translation tx ty tz"#);
     insta::assert_snapshot!(message("1 0 0 0 0 0 0 1 9\n", "1 1 1 1", None), @"traj.txt:1: expected 8 numbers; found more: 9");
     insta::assert_snapshot!(message(good, "1 1 1", None), @"calib.txt:1: found 3 numbers; expected one line: fx fy cx cy [k1 k2 p1 p2 [k3]], or MODEL WIDTH HEIGHT PARAMS as in COLMAP");

@@ -54,7 +54,7 @@ fn wrong_masks_are_named() {
     assert_snapshot!(message(r#"{"rle": {"size": [6, 8], "counts": 48}}"#), @"scene.json:7:98: detections[0].mask.rle.counts: found the number `48`, expected a list of whole numbers, or the text of the compressed form");
     assert_snapshot!(message(r#"{"rle": {"size": [6, 8], "counts": [40, -3]}}"#), @"scene.json:7:103: detections[0].mask.rle.counts[1]: found the number `-3`, expected a whole number");
     assert_snapshot!(message(r#"{"rle": {"size": [6, 8], "counts": [40, 3]}}"#), @"scene.json: detections[0].mask.rle: the runs cover 43 pixels; the size [6, 8] has 48");
-    assert_snapshot!(message(r#"{"rle": {"size": [6, 8], "counts": "a b"}}"#), @"scene.json: detections[0].mask.rle: the character ' ' at position 1 does not belong to COCO's compressed runs");
+    assert_snapshot!(message(r#"{"rle": {"size": [6, 8], "counts": "a b"}}"#), @"scene.json: detections[0].mask.rle: the character ' ' at position 1 is not valid in COCO's compressed runs");
     assert_snapshot!(message(r#"{"polygons": []}"#), @"scene.json: detections[0].mask.polygons: there are no polygons; expected one or more");
     assert_snapshot!(message(r#"{"polygons": [[0, 0, 1, 0, 0]]}"#), @"scene.json: detections[0].mask.polygons: polygon 0 has 5 numbers; expected an even number [x, y, x, y, ...]");
     assert_snapshot!(message(r#"{"polygons": [0, 0, 1, 0, 0, 1]}"#), @r#"scene.json:7:76: detections[0].mask.polygons[0]: found the number `0`, expected a list ("polygons": [[x, y, x, y, ...], ...] in pixels)"#);
