@@ -50,6 +50,20 @@ impl DetectionRate {
     }
 }
 
+/// An infinite number is written as null, which JSON has and infinity is not.
+#[cfg(feature = "serde")]
+pub(crate) mod infinite_as_null {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
 /// Logarithm of the constant of the multivariate t distribution in `dimensions` dimensions.
 pub(crate) fn t_constant(dimensions: usize) -> f64 {
     let d = dimensions as f64;

@@ -5,7 +5,7 @@ use super::observe::Current;
 use super::recent::RecentBox;
 use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
-use super::views::KeptView;
+use super::views::{KeptView, to_bits};
 use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
@@ -48,15 +48,20 @@ impl ObjectMap {
             if old.owner.is_some() {
                 continue;
             }
-            let views = vec![old.view.clone(), current.views[pair.new as usize].clone()];
+            let views = [old.view.clone(), current.views[pair.new as usize].clone()];
+            let ids = [old.input_id, current.input_ids[pair.new as usize]];
             let (observations, statistics) = self.gather(&views);
             let start = Start::sphere(pair.sphere.center, pair.sphere.log_radius.exp());
             let Some(object) = fit(&observations, &statistics, vec![0, 1], &[start]) else { continue };
             let first_time = self.recent[pair.old.0].time;
             let id = ObjectId(self.next_id);
             self.next_id += 1;
-            let tracked = Tracked::new(id, object, views, [first_time, current.time]);
-            tracked.views.iter().for_each(|view| self.keyframes.hold(view.keyframe));
+            let mut tracked = Tracked::new(id, object, [first_time, current.time]);
+            for (view, input_id) in views.into_iter().zip(ids) {
+                self.keyframes.hold(view.keyframe);
+                tracked.add_view(view, input_id);
+            }
+            tracked.fitted_views = tracked.views.len();
             self.recent[pair.old.0].boxes[pair.old.1].owner = Some(id);
             taken_new.push(pair.new);
             update.objects[current.views[pair.new as usize].detection as usize] = Some(id);
@@ -74,11 +79,14 @@ impl ObjectMap {
         for (recent, frame) in self.recent.iter().enumerate().rev() {
             let Some(keyframe) = self.keyframes.get(frame.key) else { continue };
             let Some(inverse) = keyframe.camera.matrix.fixed_columns::<3>(0).try_inverse() else { continue };
-            for (place, RecentBox { view, .. }) in frame.boxes.iter().enumerate().filter(|(_, b)| b.owner.is_none()) {
+            for (place, RecentBox { view, input_id, .. }) in
+                frame.boxes.iter().enumerate().filter(|(_, b)| b.owner.is_none())
+            {
                 if others.len() >= most {
                     break;
                 }
                 let mut observation = view.observation(0, &keyframe.shift);
+                observation.id = *input_id;
                 observation.locate(&inverse, keyframe.camera.focal);
                 others.push((&keyframe.camera, observation, (recent, place)));
             }
@@ -120,10 +128,8 @@ impl ObjectMap {
         self.look_back(&mut tracked);
         let detections: Vec<DetectionRef> =
             tracked.views[..tracked.views.len() - 1].iter().filter_map(|view| self.detection_of(view)).collect();
-        for view in &tracked.views {
-            if let Some(id) = view.input_id {
-                self.tally.count(id, slot, 1);
-            }
+        for &(input_id, count) in &tracked.input_ids {
+            self.tally.count(input_id, slot, count);
         }
         self.slots[slot as usize] = Some(tracked);
         self.slot_of_id.insert(id, slot);
@@ -153,10 +159,11 @@ impl ObjectMap {
                 .filter(|(_, ratio)| ratio.value > 0.0)
                 .max_by(|a, b| a.1.value.total_cmp(&b.1.value).then(b.0.cmp(&a.0)));
             if let Some((index, ratio)) = best {
-                let mut view = boxes[places[index]].view.clone();
-                view.hidden = ratio.hidden;
+                let found = &boxes[places[index]];
+                let mut view = found.view.clone();
+                view.hidden = to_bits(ratio.hidden);
                 let mut longer = tracked.clone();
-                longer.add_view(view);
+                longer.add_view(view, found.input_id);
                 let (observations, statistics) = self.gather(&longer.views);
                 let start = Start::body(&tracked.object);
                 if let Some(fitted) = fit(&observations, &statistics, longer.object.boxes.clone(), &[start]) {

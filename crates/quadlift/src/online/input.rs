@@ -105,6 +105,14 @@ pub enum ObserveError {
         /// Number of its detections.
         count: usize,
     },
+    /// Too many categories.
+    #[error("frame {id:?} makes it {count} categories; expected {} at most", super::MAX_CATEGORIES)]
+    TooManyCategories {
+        /// Id of the frame.
+        id: String,
+        /// Number of categories of the map with this frame.
+        count: usize,
+    },
     /// The score of a detection is not a number.
     #[error("the score of detection {detection} of frame {id:?} is not a finite number")]
     Score {

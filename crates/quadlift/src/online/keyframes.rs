@@ -30,27 +30,27 @@ impl Keyframe {
 /// Frames by keys that grow with time.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Keyframes {
-    by_key: BTreeMap<u64, Keyframe>,
+    by_key: BTreeMap<u32, Keyframe>,
 }
 
 impl Keyframes {
-    pub fn insert(&mut self, key: u64, keyframe: Keyframe) {
+    pub fn insert(&mut self, key: u32, keyframe: Keyframe) {
         self.by_key.insert(key, keyframe);
     }
 
-    pub fn get(&self, key: u64) -> Option<&Keyframe> {
+    pub fn get(&self, key: u32) -> Option<&Keyframe> {
         self.by_key.get(&key)
     }
 
-    pub fn get_mut(&mut self, key: u64) -> Option<&mut Keyframe> {
+    pub fn get_mut(&mut self, key: u32) -> Option<&mut Keyframe> {
         self.by_key.get_mut(&key)
     }
 
-    pub fn camera(&self, key: u64) -> Option<&Camera> {
+    pub fn camera(&self, key: u32) -> Option<&Camera> {
         self.by_key.get(&key).map(|k| &k.camera)
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = (u64, &Keyframe)> {
+    pub fn iter(&self) -> impl Iterator<Item = (u32, &Keyframe)> {
         self.by_key.iter().map(|(&key, keyframe)| (key, keyframe))
     }
 
@@ -59,14 +59,14 @@ impl Keyframes {
     }
 
     /// One reference more.
-    pub fn hold(&mut self, key: u64) {
+    pub fn hold(&mut self, key: u32) {
         if let Some(keyframe) = self.by_key.get_mut(&key) {
             keyframe.references += 1;
         }
     }
 
     /// One reference less; without any the frame is forgotten.
-    pub fn release(&mut self, key: u64) {
+    pub fn release(&mut self, key: u32) {
         if let Some(keyframe) = self.by_key.get_mut(&key) {
             keyframe.references = keyframe.references.saturating_sub(1);
             if keyframe.references == 0 {

@@ -103,6 +103,6 @@ impl ObjectMap {
             })
             .collect();
         statistics.learn_edge_sd(&observations, &fitted);
-        fitted.iter().map(|o| evidence(&self.running.rate, &observations, &statistics, o).max(0.0)).sum()
+        fitted.iter().map(|o| evidence(&self.rate, &observations, &statistics, o).max(0.0)).sum()
     }
 }

@@ -37,7 +37,7 @@ impl ObjectMap {
     /// The evidence of an object's kept views against clutter, nats.
     pub(super) fn evidence_of(&self, tracked: &Tracked) -> f64 {
         let (observations, statistics) = self.gather(&tracked.views);
-        evidence(&self.running.rate, &observations, &statistics, &tracked.object)
+        evidence(&self.rate, &observations, &statistics, &tracked.object)
     }
 
     /// The number of objects that should be detected where none of them is, which contradicts the map.

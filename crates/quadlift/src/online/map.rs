@@ -5,21 +5,26 @@ use std::collections::{BTreeMap, HashMap, VecDeque};
 use nalgebra::{Point3, Vector3};
 
 use super::keyframes::Keyframes;
+use super::names::InputIds;
 use super::options::OnlineOptions;
 use super::recent::RecentFrame;
 use super::running::Running;
 use super::tracked::{Presence, Tracked};
 use super::update::ObjectId;
-use super::views::KeptView;
+use super::views::{KeptView, from_bits};
 use super::visibility::VisibilityIndex;
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::score::input_ids::IdTally;
 use crate::association::score::scene_statistics::SceneStatistics;
+use crate::association::statistics::DetectionRate;
 use crate::association::{AssociateError, IdUse};
 use crate::geometry::Ellipsoid;
 
 /// Slack of edges in pixels before there is evidence for another one.
 const FIRST_PIXEL_SD: f64 = 2.0;
+
+/// Numbers of views for which the probability of detections is tabulated.
+const RATE_VIEWS: usize = 1024;
 
 /// Room for errors of the range within which an object is looked for.
 const RANGE_MARGIN: f64 = 1.2 * 1.3;
@@ -57,15 +62,15 @@ const RANGE_MARGIN: f64 = 1.2 * 1.3;
 pub struct ObjectMap {
     pub(super) options: OnlineOptions,
     /// Key of the next frame.
-    pub(super) next_key: u64,
+    pub(super) next_key: u32,
     /// Time and id of the last frame.
     pub(super) last: Option<(f64, String)>,
     /// What is taken off the world's coordinates: the centre of the first camera.
     pub(super) origin: Vector3<f64>,
     /// Names of the categories; detections without one have a category of their own.
     pub(super) categories: Vec<Option<String>>,
-    pub(super) category_of_name: HashMap<String, u32>,
-    pub(super) no_category: Option<u32>,
+    pub(super) category_of_name: HashMap<String, u16>,
+    pub(super) no_category: Option<u16>,
     pub(super) input_ids: InputIds,
     pub(super) tally: IdTally,
     pub(super) running: Running,
@@ -85,14 +90,8 @@ pub struct ObjectMap {
     /// Frames in a row that contradicted the map.
     pub(super) disagreeing: u32,
     /// Numbers of views at which pairs of objects were tried as one.
-    pub(super) tried_pairs: HashMap<(u64, u64), (usize, usize)>,
-}
-
-/// Names of input ids, as numbers.
-#[derive(Debug, Clone, Default)]
-pub(super) struct InputIds {
-    pub number_of_name: HashMap<String, u32>,
-    pub next: u32,
+    pub(super) tried_pairs: BTreeMap<(u64, u64), (usize, usize)>,
+    pub(super) rate: DetectionRate,
 }
 
 /// An object of a map.
@@ -151,7 +150,8 @@ impl ObjectMap {
             indexed_range: 0.0,
             next_id: 1,
             disagreeing: 0,
-            tried_pairs: HashMap::new(),
+            tried_pairs: BTreeMap::new(),
+            rate: DetectionRate::new(RATE_VIEWS),
         })
     }
 
@@ -219,7 +219,9 @@ impl ObjectMap {
         let mut categories: Vec<(Option<String>, f64)> = tracked
             .categories
             .iter()
-            .map(|&(category, n)| (self.categories[category as usize].clone(), f64::from(n) / f64::from(total.max(1))))
+            .map(|&(category, n)| {
+                (self.categories[usize::from(category)].clone(), f64::from(n) / f64::from(total.max(1)))
+            })
             .collect();
         categories.sort_by(|a, b| b.1.total_cmp(&a.1));
         let evidence = self.evidence_of(tracked);
@@ -251,7 +253,7 @@ impl ObjectMap {
             let place = observations.cameras.len();
             observations.cameras.push(Camera { boxes: place..place + 1, ..keyframe.camera.clone() });
             observations.boxes.push(view.observation(place, &keyframe.shift));
-            statistics.hidden.push(view.hidden);
+            statistics.hidden.push(from_bits(view.hidden));
         }
         (observations, statistics)
     }

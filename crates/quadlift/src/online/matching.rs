@@ -6,9 +6,8 @@ use super::map::ObjectMap;
 use super::observe::Current;
 use super::tracked::Tracked;
 use super::update::{FrameUpdate, ObjectId};
-use super::views::least_telling;
+use super::views::{from_bits, least_telling, to_bits};
 use crate::association::score::fit::{Start, fit};
-use crate::association::score::input_ids::IdTally;
 use crate::association::score::log_likelihood_ratio::{LogLikelihoodRatio, LogLikelihoodRatios};
 use crate::association::score::object::{Prediction, is_visible};
 use crate::association::search::assignment::overlaps_image;
@@ -135,12 +134,12 @@ impl ObjectMap {
         }
         let mut taken = Vec::with_capacity(matched.pairs.len());
         for &(slot, index, ratio) in &matched.pairs {
-            current.views[index as usize].hidden = ratio.hidden;
+            current.views[index as usize].hidden = to_bits(ratio.hidden);
             if let Some(id) = self.give(slot, current, index) {
                 update.objects[current.views[index as usize].detection as usize] = Some(id);
                 taken.push((slot, index));
             } else {
-                current.views[index as usize].hidden = [false; 4];
+                current.views[index as usize].hidden = 0;
             }
         }
         current.free.retain(|index| !taken.iter().any(|(_, other)| other == index));
@@ -153,7 +152,8 @@ impl ObjectMap {
         let view = &current.views[index as usize];
         let mut tracked = self.slots.get_mut(slot as usize)?.take()?;
         self.keyframes.hold(view.keyframe);
-        tracked.add_view(view.clone());
+        let input_id = current.input_ids[index as usize];
+        tracked.add_view(view.clone(), input_id);
         let views = tracked.object.views();
         let grown = views < ALWAYS_FITTED || views as f64 >= REFIT_GROWTH * tracked.fitted_views as f64;
         if grown || self.surprise(&tracked, current, index) > SURPRISE {
@@ -164,7 +164,7 @@ impl ObjectMap {
                 None => {
                     let place = tracked.views.partition_point(|v| v.keyframe < view.keyframe);
                     tracked.take_view(place);
-                    tracked.uncount(view);
+                    tracked.uncount(view, input_id);
                     self.keyframes.release(view.keyframe);
                     self.slots[slot as usize] = Some(tracked);
                     return None;
@@ -172,7 +172,7 @@ impl ObjectMap {
             }
         }
         tracked.last_time = current.time;
-        if let Some(id) = view.input_id {
+        if let Some(id) = input_id {
             self.tally.count(id, slot, 1);
         }
         self.running.assigned += 1;
@@ -186,7 +186,7 @@ impl ObjectMap {
     /// How far a box is from what its object predicts: the sum of squares over its edges, in standard deviations.
     fn surprise(&self, tracked: &Tracked, current: &Current, index: u32) -> f64 {
         let observation = &current.observations.boxes[index as usize];
-        let hidden = current.views[index as usize].hidden;
+        let hidden = from_bits(current.views[index as usize].hidden);
         let residuals = tracked.object.residuals_px(&current.observations.cameras[0], observation);
         let information = self.running.statistics.sd(observation).powi(-2);
         let two_sided = (0..4).filter(|&e| !observation.cut[e] && !hidden[e]);
@@ -202,48 +202,6 @@ impl ObjectMap {
             let forgotten = tracked.take_view(place);
             tracked.object.forgotten += 1;
             keyframes.release(forgotten.keyframe);
-        }
-    }
-
-    /// The number of a category.
-    pub(super) fn category_index(&mut self, name: Option<&str>) -> u32 {
-        let known = match name {
-            Some(name) => self.category_of_name.get(name).copied(),
-            None => self.no_category,
-        };
-        if let Some(known) = known {
-            return known;
-        }
-        let index = self.categories.len() as u32;
-        match name {
-            Some(name) => {
-                self.category_of_name.insert(name.to_owned(), index);
-            }
-            None => self.no_category = Some(index),
-        }
-        let size = name.and_then(|name| crate::association::input::context::given_size(&self.options.priors, name));
-        self.categories.push(name.map(str::to_owned));
-        self.running.add_category(size);
-        index
-    }
-
-    /// The number of an input id, where ids are used.
-    pub(super) fn input_id_number(&mut self, name: &str) -> Option<u32> {
-        if self.options.ids == crate::association::IdUse::Ignore {
-            return None;
-        }
-        if let Some(&number) = self.input_ids.number_of_name.get(name) {
-            return Some(number);
-        }
-        let number = self.input_ids.next;
-        self.input_ids.next += 1;
-        self.input_ids.number_of_name.insert(name.to_owned(), number);
-        Some(number)
-    }
-
-    pub(super) fn forget_ids(tally: &mut IdTally, slot: u32, ids: &[u32]) {
-        for &id in ids {
-            tally.forget(id, slot);
         }
     }
 }

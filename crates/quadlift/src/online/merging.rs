@@ -80,7 +80,7 @@ impl ObjectMap {
     fn union(&self, older: &Tracked, younger: &Tracked, certain: bool) -> Option<Tracked> {
         let (major, minor) =
             if older.object.views() >= younger.object.views() { (older, younger) } else { (younger, older) };
-        let is_new = |keyframe: u64| !major.is_seen_in(keyframe);
+        let is_new = |keyframe: u32| !major.is_seen_in(keyframe);
         let new = minor.views.iter().filter(|v| is_new(v.keyframe)).count();
         let shared = minor.views.len() - new;
         if !certain && shared as f64 > SHARED_FRAMES * minor.views.len().min(major.views.len()) as f64 {
@@ -88,7 +88,7 @@ impl ObjectMap {
         }
         let mut union = major.clone();
         for view in minor.views.iter().filter(|v| is_new(v.keyframe)) {
-            union.add_view(view.clone());
+            union.add_view(view.clone(), None);
         }
         let (observations, statistics) = self.gather(&union.views);
         let starts = [Start::body(&major.object), Start::body(&minor.object)];
@@ -100,7 +100,7 @@ impl ObjectMap {
             .max(older.object.visible)
             .max(younger.object.visible);
         union.replace_fit(fitted);
-        let together = evidence(&self.running.rate, &observations, &statistics, &union.object);
+        let together = evidence(&self.rate, &observations, &statistics, &union.object);
         (certain || together > self.evidence_of(major) + self.evidence_of(minor)).then_some(union)
     }
 
@@ -108,19 +108,15 @@ impl ObjectMap {
     fn merge_into(&mut self, older: u32, younger: u32, mut union: Tracked, update: &mut FrameUpdate) {
         let (Some(old), Some(young)) = (self.slot(older).cloned(), self.slot(younger).cloned()) else { return };
         // Of two boxes in one frame one is clutter.
-        let lost: Vec<&KeptView> = old
-            .views
-            .iter()
-            .chain(&young.views)
-            .filter(|view| !union.views.iter().any(|v| (v.keyframe, v.detection) == (view.keyframe, view.detection)))
-            .collect();
+        let lost: Vec<&KeptView> =
+            old.views.iter().chain(&young.views).filter(|view| !union.views.iter().any(|v| v.is_same(view))).collect();
         self.running.assigned -= lost.len() as i64;
         let detections: Vec<DetectionRef> = lost.into_iter().filter_map(|view| self.detection_of(view)).collect();
         union.views.iter().for_each(|view| self.keyframes.hold(view.keyframe));
         for view in old.views.iter().chain(&young.views) {
             self.keyframes.release(view.keyframe);
         }
-        for &id in &young.input_ids {
+        for &(id, _) in &young.input_ids {
             let count = self.tally.forget(id, younger);
             self.tally.count(id, older, count);
         }
@@ -141,10 +137,16 @@ impl ObjectMap {
         union.first_time = old.first_time.min(young.first_time);
         union.last_time = old.last_time.max(young.last_time);
         union.last_keyframe = old.last_keyframe.max(young.last_keyframe);
-        for id in old.input_ids.iter().chain(&young.input_ids) {
-            if !union.input_ids.contains(id) {
-                union.input_ids.push(*id);
+        union.categories = old.categories.clone();
+        for &(category, count) in &young.categories {
+            match union.categories.iter_mut().find(|(known, _)| *known == category) {
+                Some((_, sum)) => *sum += count,
+                None => union.categories.push((category, count)),
             }
+        }
+        union.input_ids = old.input_ids.clone();
+        for &(id, count) in &young.input_ids {
+            union.count_id(Some(id), count);
         }
         for (_, target) in self.aliases.iter_mut().filter(|(_, target)| **target == young.id) {
             *target = old.id;

@@ -26,12 +26,14 @@ mod lifecycle;
 mod map;
 mod matching;
 mod merging;
+mod names;
 mod observe;
 mod options;
 mod poses;
 mod recent;
 mod running;
 mod scene;
+mod state;
 mod tracked;
 mod update;
 mod views;
@@ -41,8 +43,12 @@ pub use input::{Detection, Frame, ObserveError};
 pub use map::{MapObject, ObjectMap};
 pub use options::OnlineOptions;
 pub use poses::PoseUpdate;
+pub use state::{MapState, StateError};
 pub use tracked::Presence;
 pub use update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
 
 /// Detections of one frame, at most: matching more takes seconds.
 pub const MAX_DETECTIONS: usize = 20_000;
+
+/// Categories of a map, at most.
+pub const MAX_CATEGORIES: usize = 4096;

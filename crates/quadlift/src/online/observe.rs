@@ -1,16 +1,18 @@
 //! One frame: what is checked, and in which order things are done.
 
+use std::collections::BTreeSet;
+
 use nalgebra::Vector2;
 
-use super::MAX_DETECTIONS;
 use super::input::{Detection, Frame, ObserveError};
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
 use super::recent::{RecentBox, RecentFrame};
 use super::update::{Event, FrameUpdate};
-use super::views::KeptView;
+use super::views::{KeptView, to_bits};
+use super::{MAX_CATEGORIES, MAX_DETECTIONS};
 use crate::association::input::clutter::set_clutter;
-use crate::association::input::observations::{Observations, log_odds_against};
+use crate::association::input::observations::Observations;
 use crate::geometry::BoundingBox;
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
@@ -19,12 +21,14 @@ const BELIEVED_AFTER: u32 = 10;
 
 /// The boxes of the frame that is observed.
 pub(super) struct Current {
-    pub key: u64,
+    pub key: u32,
     pub time: f64,
     /// One camera and its boxes, from left to right.
     pub observations: Observations,
     /// The boxes as they are kept, in the same order.
     pub views: Vec<KeptView>,
+    /// Ids that they came with, in the same order.
+    pub input_ids: Vec<Option<u32>>,
     /// Boxes that belong to no object so far.
     pub free: Vec<u32>,
 }
@@ -53,8 +57,13 @@ impl ObjectMap {
             self.begin_objects(&mut current, &mut update);
             self.merge_overlapping(&seen, &mut update);
             self.learn_if_due();
-            let object_of = |view: &KeptView| update.objects[view.detection as usize];
-            let boxes = current.views.into_iter().map(|view| RecentBox { owner: object_of(&view), view }).collect();
+            let object_of = |view: &KeptView| update.objects[usize::from(view.detection)];
+            let boxes = current
+                .views
+                .into_iter()
+                .zip(current.input_ids)
+                .map(|(view, input_id)| RecentBox { owner: object_of(&view), view, input_id })
+                .collect();
             self.recent.push_back(RecentFrame { key: current.key, time: frame.time, boxes });
             self.look_back_at_frames(&mut update);
         } else {
@@ -74,7 +83,7 @@ impl ObjectMap {
         {
             return Err(ObserveError::TimeWentBack { id: id(), time: frame.time, last: *last });
         }
-        let is_known = |key: u64| self.keyframes.get(key).is_some_and(|k| k.frame.id == frame.id);
+        let is_known = |key: u32| self.keyframes.get(key).is_some_and(|k| k.frame.id == frame.id);
         let is_last = self.last.as_ref().is_some_and(|(_, last)| *last == frame.id);
         if is_last || self.recent.iter().any(|recent| is_known(recent.key)) {
             return Err(ObserveError::DuplicateFrame(id()));
@@ -90,6 +99,13 @@ impl ObjectMap {
         if detections.len() > MAX_DETECTIONS {
             return Err(ObserveError::TooManyDetections { id: id(), count: detections.len() });
         }
+        let is_new = |name: &str| !self.category_of_name.contains_key(name);
+        let new: BTreeSet<&str> = detections.iter().filter_map(|d| d.category).filter(|name| is_new(name)).collect();
+        // One more for detections without a category.
+        let count = self.categories.len() + new.len() + 1;
+        if count > MAX_CATEGORIES {
+            return Err(ObserveError::TooManyCategories { id: id(), count });
+        }
         match detections.iter().position(|d| d.score.is_some_and(|score| !score.is_finite())) {
             Some(detection) => Err(ObserveError::Score { id: id(), detection }),
             None => Ok(()),
@@ -99,7 +115,7 @@ impl ObjectMap {
     /// Counts the frame and prepares its boxes.
     fn take_in(&mut self, frame: &Frame, detections: &[Detection]) -> Current {
         let key = self.next_key;
-        self.next_key += 1;
+        self.next_key = self.next_key.saturating_add(1);
         if self.running.frames == 0 {
             self.origin = frame.projection.center_in_world().map_or(self.origin, |c| c.coords);
         }
@@ -115,14 +131,17 @@ impl ObjectMap {
                 Some(lens) => lens.undistort_box(&in_image),
                 None => Some(in_image),
             };
-            let Some(measured) = measured else { continue };
+            // As it is kept: a box that is empty or endless then is no box.
+            let rounded = |measured: BoundingBox| BoundingBox::new(measured.edges().map(|e| f64::from(e as f32))).ok();
+            let Some(measured) = measured.and_then(rounded) else { continue };
             if frame.image_size.is_none() {
-                self.running.extent = self.running.extent.sup(&Vector2::new(measured.x1(), measured.y1()));
+                let [width, height] = self.running.extent;
+                self.running.extent = [width.max(measured.x1()), height.max(measured.y1())];
             }
             views.push(self.view_of(key, index, detection, &measured, frame));
         }
         views.sort_by(|a, b| a.edges[0].total_cmp(&b.edges[0]).then(a.detection.cmp(&b.detection)));
-        let keyframe = Keyframe::new(frame.clone(), &self.origin, self.running.extent);
+        let keyframe = Keyframe::new(frame.clone(), &self.origin, self.running.extent.into());
         let mut camera = keyframe.camera.clone();
         camera.boxes = 0..views.len();
         self.keyframes.insert(key, keyframe);
@@ -130,19 +149,26 @@ impl ObjectMap {
         self.check_index();
         let mut observations = self.no_observations();
         observations.boxes = views.iter().map(|view| view.observation(0, &Vector2::zeros())).collect();
+        let input_ids: Vec<Option<u32>> = views
+            .iter()
+            .map(|view| detections[usize::from(view.detection)].id.and_then(|id| self.input_id_number(id, key)))
+            .collect();
+        for (observation, id) in observations.boxes.iter_mut().zip(&input_ids) {
+            observation.id = *id;
+        }
         observations.cameras.push(camera);
         observations.move_boxes(0, &Vector2::zeros());
         set_clutter(&mut observations.boxes, &observations.cameras[0], &self.running.box_sizes());
         for (view, observation) in views.iter_mut().zip(&observations.boxes) {
-            view.log_clutter = observation.log_clutter;
+            view.log_clutter = observation.log_clutter as f32;
         }
         let free = (0..views.len() as u32).collect();
-        Current { key, time: frame.time, observations, views, free }
+        Current { key, time: frame.time, observations, views, input_ids, free }
     }
 
     fn view_of(
         &mut self,
-        key: u64,
+        key: u32,
         index: usize,
         detection: &Detection,
         measured: &BoundingBox,
@@ -152,16 +178,15 @@ impl ObjectMap {
         let in_image = detection.bounding_box;
         let view = KeptView {
             keyframe: key,
-            detection: index as u32,
-            edges: measured.edges(),
-            in_image: frame.lens.map(|_| Box::new(in_image.edges())),
-            cut: edges_at_border(&in_image, frame.image_size, BORDER_TOLERANCE_PX),
-            hidden: [false; 4],
+            // Checked to be less than MAX_DETECTIONS.
+            detection: index as u16,
+            edges: measured.edges().map(|edge| edge as f32),
+            in_image: frame.lens.map(|_| Box::new(in_image.edges().map(|edge| edge as f32))),
+            cut: to_bits(edges_at_border(&in_image, frame.image_size, BORDER_TOLERANCE_PX)),
+            hidden: 0,
             category,
-            score: detection.score.map_or(f32::NAN, |score| score as f32),
-            input_id: detection.id.and_then(|id| self.input_id_number(id)),
+            score: detection.score.map(|score| score as f32),
             log_clutter: 0.0,
-            score_log_odds: log_odds_against(detection.score),
         };
         let observation = view.observation(0, &Vector2::zeros());
         self.running.count_box(observation.log_half, observation.half_size, category as usize);

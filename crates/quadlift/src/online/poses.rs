@@ -31,13 +31,13 @@ impl ObjectMap {
     pub fn update_poses(&mut self, poses: &[PoseUpdate]) -> FrameUpdate {
         let mut update = FrameUpdate::default();
         let new: BTreeMap<&str, &Projection> = poses.iter().map(|p| (p.frame.as_str(), &p.projection)).collect();
-        let moved: Vec<(u64, Projection)> = self
+        let moved: Vec<(u32, Projection)> = self
             .keyframes
             .iter()
             .filter_map(|(key, keyframe)| Some((key, **new.get(keyframe.frame.id.as_str())?)))
             .filter(|(_, projection)| projection.center_in_world().is_some())
             .collect();
-        let mut before: BTreeMap<u64, Camera> = BTreeMap::new();
+        let mut before: BTreeMap<u32, Camera> = BTreeMap::new();
         for (key, projection) in moved {
             let Some(keyframe) = self.keyframes.get_mut(key) else { continue };
             before.insert(key, keyframe.camera.clone());
@@ -66,7 +66,7 @@ impl ObjectMap {
     }
 
     /// An object fitted to its views where they are now, from where they carry it.
-    fn moved(&self, tracked: &Tracked, before: &BTreeMap<u64, Camera>) -> Option<Tracked> {
+    fn moved(&self, tracked: &Tracked, before: &BTreeMap<u32, Camera>) -> Option<Tracked> {
         let (observations, statistics) = self.gather(&tracked.views);
         let mut starts = vec![Start::body(&tracked.object)];
         for view in [tracked.views.first(), tracked.views.get(tracked.views.len() / 2), tracked.views.last()] {

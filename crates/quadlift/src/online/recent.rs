@@ -5,8 +5,8 @@ use nalgebra::Vector2;
 use super::map::ObjectMap;
 use super::observe::Current;
 use super::update::{Event, FrameUpdate, ObjectId, Removal};
-use super::views::KeptView;
-use crate::association::input::observations::Camera;
+use super::views::{KeptView, to_bits};
+use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatio;
 
@@ -17,17 +17,21 @@ pub(super) const WINDOW: usize = 24;
 const LOOKS: [usize; 3] = [3, 10, WINDOW];
 
 /// A frame whose boxes may still change their object.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct RecentFrame {
-    pub key: u64,
+    pub key: u32,
     pub time: f64,
     pub boxes: Vec<RecentBox>,
 }
 
 /// A box with its object.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct RecentBox {
     pub view: KeptView,
+    /// Id that the detection came with.
+    pub input_id: Option<u32>,
     pub owner: Option<ObjectId>,
 }
 
@@ -76,24 +80,25 @@ impl ObjectMap {
     /// Assigns the boxes of a recent frame again.
     fn look_again(&mut self, recent: usize, update: &mut FrameUpdate) {
         let Some(changes) = self.changes(recent) else { return };
-        let frame = &self.recent[recent];
-        let (key, views): (u64, Vec<KeptView>) = (frame.key, frame.boxes.iter().map(|b| b.view.clone()).collect());
+        let key = self.recent[recent].key;
+        let views: Vec<(KeptView, Option<u32>)> =
+            self.recent[recent].boxes.iter().map(|b| (b.view.clone(), b.input_id)).collect();
         let mut changed: Vec<u32> = Vec::new();
         for change in &changes {
             let Some(slot) = change.from else { continue };
-            self.take_back(slot, &views[change.index]);
+            self.take_back(slot, &views[change.index].0, views[change.index].1);
             changed.push(slot);
         }
         for change in &changes {
             let mut owner = None;
             if let Some((slot, ratio)) = change.to {
-                let mut view = views[change.index].clone();
-                view.hidden = ratio.hidden;
-                owner = self.add_late(slot, view);
+                let (mut view, input_id) = views[change.index].clone();
+                view.hidden = to_bits(ratio.hidden);
+                owner = self.add_late(slot, view, input_id);
                 changed.push(slot);
             }
             self.recent[recent].boxes[change.index].owner = owner;
-            let detections = self.detection_of(&views[change.index]).into_iter().collect();
+            let detections = self.detection_of(&views[change.index].0).into_iter().collect();
             update.events.push(Event::Reassigned { object: owner, detections });
         }
         changed.sort_unstable();
@@ -115,7 +120,8 @@ impl ObjectMap {
         let keyframe = self.keyframes.get(frame.key)?;
         let (camera, shift, noise) = (keyframe.camera.clone(), keyframe.shift, keyframe.frame.pose_noise);
         let mut observations = self.no_observations();
-        observations.boxes = frame.boxes.iter().map(|b| b.view.observation(0, &shift)).collect();
+        let observation = |b: &RecentBox| BoxObservation { id: b.input_id, ..b.view.observation(0, &shift) };
+        observations.boxes = frame.boxes.iter().map(observation).collect();
         observations.cameras.push(Camera { boxes: 0..frame.boxes.len(), ..camera.clone() });
         let slot_of = |id: &ObjectId| self.slot_of_id.get(&self.resolve(*id)).copied();
         let owners: Vec<Option<u32>> = frame.boxes.iter().map(|b| b.owner.as_ref().and_then(slot_of)).collect();
@@ -124,7 +130,8 @@ impl ObjectMap {
             |index: usize| owners[index].and_then(|slot| self.slot(slot)).is_some_and(|t| !t.is_seen_in(frame.key));
         let fixed: Vec<u32> = (0..owners.len()).filter(|&k| is_fixed(k)).filter_map(|k| owners[k]).collect();
         let free = (0..owners.len() as u32).filter(|&k| !is_fixed(k as usize)).collect();
-        let mut current = Current { key: frame.key, time: frame.time, observations, views: Vec::new(), free };
+        let mut current =
+            Current { key: frame.key, time: frame.time, observations, views: Vec::new(), input_ids: Vec::new(), free };
         let slots: Vec<u32> =
             self.visibility.near(&camera.center).into_iter().filter(|slot| !fixed.contains(slot)).collect();
         let owner = |index: u32| owners[index as usize];
@@ -155,24 +162,24 @@ impl ObjectMap {
     }
 
     /// Takes a view back from its object.
-    fn take_back(&mut self, slot: u32, view: &KeptView) {
+    fn take_back(&mut self, slot: u32, view: &KeptView, input_id: Option<u32>) {
         let Some(tracked) = self.slot_mut(slot) else { return };
         let Some(place) = tracked.views.iter().position(|v| v.keyframe == view.keyframe) else { return };
         let taken = tracked.take_view(place);
-        tracked.uncount(&taken);
+        tracked.uncount(&taken, input_id);
         self.running.assigned -= 1;
         self.keyframes.release(taken.keyframe);
-        if let Some(id) = taken.input_id {
+        if let Some(id) = input_id {
             self.tally.uncount(id, slot);
         }
     }
 
     /// Gives a view of an earlier frame to an object.
-    fn add_late(&mut self, slot: u32, view: KeptView) -> Option<ObjectId> {
+    fn add_late(&mut self, slot: u32, view: KeptView, input_id: Option<u32>) -> Option<ObjectId> {
         let key = view.keyframe;
         let tracked = self.slot_mut(slot)?;
-        let (id, input_id) = (tracked.id, view.input_id);
-        tracked.add_view(view);
+        let id = tracked.id;
+        tracked.add_view(view, input_id);
         tracked.object.visible = tracked.object.visible.max(tracked.object.views());
         self.running.assigned += 1;
         self.keyframes.hold(key);

@@ -2,11 +2,11 @@
 
 use nalgebra::Vector2;
 
+use super::state::MOST;
 use crate::association::input::clutter::BoxSizes;
 use crate::association::input::observations::SMALLEST_SIZE;
 use crate::association::input::sizes::LogSize;
 use crate::association::score::scene_statistics::{LARGEST_SHIFT_SD, SceneStatistics};
-use crate::association::statistics::DetectionRate;
 
 /// Bins of the histogram of half sizes, eight for each octave from 1/16 of a pixel on.
 const BINS: usize = 256;
@@ -21,7 +21,8 @@ const LEAST_SHIFT_SD: f64 = 0.2;
 const MIN_INFORMATIVE_FRAMES: u64 = 5;
 
 /// Everything that is learnt from all frames together.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Running {
     pub frames: u64,
     pub boxes: u64,
@@ -39,14 +40,13 @@ pub(super) struct Running {
     /// Longest focal length, pixels.
     pub longest_focal: f64,
     /// Extent of all boxes, for images of unknown size.
-    pub extent: Vector2<f64>,
+    pub extent: [f64; 2],
     /// Number of assigned boxes at which the statistics are learnt again.
     pub next_learning: i64,
     /// Number of assigned boxes at which the slack of edges is chosen again.
     pub next_slack: i64,
     pub statistics: SceneStatistics,
     pub given_sizes: Vec<Option<LogSize>>,
-    pub rate: DetectionRate,
 }
 
 impl Running {
@@ -63,13 +63,25 @@ impl Running {
             shift_squares: 0.0,
             shift_frames: 0,
             longest_focal: 0.0,
-            extent: Vector2::new(1.0, 1.0),
+            extent: [1.0, 1.0],
             next_learning: 6,
             next_slack: 60,
             statistics: SceneStatistics::unlearnt(pixel_sd),
             given_sizes: Vec::new(),
-            rate: DetectionRate::new(4096),
         }
+    }
+
+    /// Whether there are numbers for so many categories, and all lists have their sizes.
+    pub fn has_categories(&self, count: usize) -> bool {
+        let counts = [self.category_counts.len(), self.given_sizes.len(), self.statistics.log_sizes.len()];
+        counts.iter().all(|&n| n == count) && self.histogram.len() == BINS && self.statistics.hidden.is_empty()
+    }
+
+    /// Whether all counts can be counted on.
+    pub fn is_countable(&self) -> bool {
+        let assigned = self.assigned.unsigned_abs();
+        [self.frames, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MOST)
+            && self.histogram.iter().chain(&self.category_counts).all(|&n| n < MOST)
     }
 
     /// A category more.

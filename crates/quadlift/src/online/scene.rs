@@ -14,7 +14,7 @@ impl ObjectMap {
     pub fn to_scene(&self) -> Scene {
         let mut parts = SceneParts { name: "object map".to_owned(), ..Default::default() };
         let objects: Vec<_> = self.tracked().filter(|t| t.presence != Presence::Tentative).collect();
-        let mut frames: BTreeMap<u64, u32> = BTreeMap::new();
+        let mut frames: BTreeMap<u32, u32> = BTreeMap::new();
         for view in objects.iter().flat_map(|t| &t.views) {
             frames.insert(view.keyframe, 0);
         }
@@ -38,10 +38,10 @@ impl ObjectMap {
                 parts.detections.push(Detection {
                     frame_index: frames[&view.keyframe],
                     object_index: Some(index as u32),
-                    category_index: category_index[view.category as usize],
-                    score: (!view.score.is_nan()).then_some(f64::from(view.score)),
-                    bounding_box: BoundingBox::new(view.edges).ok(),
-                    box_in_image: view.in_image.as_ref().and_then(|edges| BoundingBox::new(**edges).ok()),
+                    category_index: category_index[usize::from(view.category)],
+                    score: view.score.map(f64::from),
+                    bounding_box: BoundingBox::new(view.edges.map(f64::from)).ok(),
+                    box_in_image: view.in_image.as_ref().and_then(|e| BoundingBox::new(e.map(f64::from)).ok()),
                     ..Default::default()
                 });
             }

@@ -6,6 +6,7 @@ use crate::association::score::object::Object;
 
 /// How certain the map is of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Presence {
     /// Its detections may still be clutter.
     Tentative,
@@ -29,9 +30,9 @@ pub(super) struct Tracked {
     /// Number of views, with the forgotten ones, at the last fit.
     pub fitted_views: usize,
     /// Number of its detections in each category, by index.
-    pub categories: Vec<(u32, u32)>,
-    /// Distinct ids of its detections.
-    pub input_ids: Vec<u32>,
+    pub categories: Vec<(u16, u32)>,
+    /// Ids that its detections came with, and how many of each.
+    pub input_ids: Vec<(u32, u32)>,
     pub presence: Presence,
     /// Logarithm of the odds that it is there.
     pub log_odds: f64,
@@ -43,22 +44,20 @@ pub(super) struct Tracked {
     pub first_time: f64,
     pub last_time: f64,
     /// Key of the frame of the last detection.
-    pub last_keyframe: u64,
+    pub last_keyframe: u32,
 }
 
 /// Distinct input ids that are remembered of an object.
 const MAX_INPUT_IDS: usize = 32;
 
 impl Tracked {
-    /// An object of some views, seen between two instants.
-    pub fn new(id: ObjectId, object: Object, views: Vec<KeptView>, [first_time, last_time]: [f64; 2]) -> Self {
-        let fitted_views = views.len();
-        let last_keyframe = views.last().map_or(0, |v| v.keyframe);
-        let mut tracked = Self {
+    /// An object of no views yet, seen between two instants.
+    pub fn new(id: ObjectId, object: Object, [first_time, last_time]: [f64; 2]) -> Self {
+        Self {
             id,
             object,
             views: Vec::new(),
-            fitted_views,
+            fitted_views: 0,
             categories: Vec::new(),
             input_ids: Vec::new(),
             presence: Presence::Tentative,
@@ -68,37 +67,42 @@ impl Tracked {
             missed: 0,
             first_time,
             last_time,
-            last_keyframe,
-        };
-        views.iter().for_each(|view| tracked.count(view));
-        tracked.views = views;
-        tracked
+            last_keyframe: 0,
+        }
     }
 
     /// Counts the category and the id of a detection.
-    pub fn count(&mut self, view: &KeptView) {
+    fn count(&mut self, view: &KeptView, input_id: Option<u32>) {
         match self.categories.iter_mut().find(|(category, _)| *category == view.category) {
             Some((_, count)) => *count += 1,
             None => self.categories.push((view.category, 1)),
         }
-        if let Some(id) = view.input_id
-            && !self.input_ids.contains(&id)
-            && self.input_ids.len() < MAX_INPUT_IDS
-        {
-            self.input_ids.push(id);
+        self.count_id(input_id, 1);
+    }
+
+    /// Counts an id, so many times.
+    pub fn count_id(&mut self, input_id: Option<u32>, times: u32) {
+        let Some(id) = input_id else { return };
+        if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| *known == id) {
+            *count += times;
+        } else if self.input_ids.len() < MAX_INPUT_IDS {
+            self.input_ids.push((id, times));
         }
     }
 
-    /// Takes a detection off the counts of categories.
-    pub fn uncount(&mut self, view: &KeptView) {
+    /// Takes a detection off the counts of categories and ids.
+    pub fn uncount(&mut self, view: &KeptView, input_id: Option<u32>) {
+        if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| Some(*known) == input_id) {
+            *count = count.saturating_sub(1);
+        }
         if let Some((_, count)) = self.categories.iter_mut().find(|(category, _)| *category == view.category) {
             *count = count.saturating_sub(1);
         }
     }
 
     /// Puts a view where its frame belongs. The fit does not know of it yet.
-    pub fn add_view(&mut self, view: KeptView) {
-        self.count(&view);
+    pub fn add_view(&mut self, view: KeptView, input_id: Option<u32>) {
+        self.count(&view, input_id);
         self.last_keyframe = self.last_keyframe.max(view.keyframe);
         let place = self.views.partition_point(|v| v.keyframe < view.keyframe);
         self.views.insert(place, view);
@@ -120,7 +124,7 @@ impl Tracked {
     }
 
     /// Whether it has a view of a frame; only of those that are kept.
-    pub fn is_seen_in(&self, keyframe: u64) -> bool {
+    pub fn is_seen_in(&self, keyframe: u32) -> bool {
         self.views.binary_search_by_key(&keyframe, |v| v.keyframe).is_ok()
     }
 

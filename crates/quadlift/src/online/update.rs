@@ -2,6 +2,7 @@
 
 /// Id of an object of a map: 1, 2, ... in the order in which objects came up. Ids are never used again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ObjectId(pub u64);
 
 impl std::fmt::Display for ObjectId {

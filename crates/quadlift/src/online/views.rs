@@ -3,51 +3,63 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::keyframes::Keyframes;
-use crate::association::input::observations::{BoxObservation, Camera};
+use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 
-/// A detection that an object keeps, or that may still find its object.
+/// A detection that an object keeps, or that may still find its object. A map has dozens for each object, so that it is small: 48
+/// bytes; edges are known to 1e-4 px.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct KeptView {
     /// Key of its frame.
-    pub keyframe: u64,
-    /// Index of the detection in the frame.
-    pub detection: u32,
+    pub keyframe: u32,
     /// Left, top, right and bottom edge, pixels of the pinhole camera.
-    pub edges: [f64; 4],
+    pub edges: [f32; 4],
     /// Where a lens bends the image: the edges in the image itself.
-    pub in_image: Option<Box<[f64; 4]>>,
-    /// Which edges the border of the image cuts off.
-    pub cut: [bool; 4],
-    /// Which edges another object hides.
-    pub hidden: [bool; 4],
-    /// Category, as an index.
-    pub category: u32,
-    /// Score of the detector; not a number where there is none.
-    pub score: f32,
-    /// Id that the detection came with.
-    pub input_id: Option<u32>,
+    pub in_image: Option<Box<[f32; 4]>>,
+    /// Score of the detector.
+    pub score: Option<f32>,
     /// See [`BoxObservation::log_clutter`].
-    pub log_clutter: f64,
-    /// See [`BoxObservation::score_log_odds`].
-    pub score_log_odds: f64,
+    pub log_clutter: f32,
+    /// Index of the detection in the frame.
+    pub detection: u16,
+    /// Category, as an index.
+    pub category: u16,
+    /// Which edges the border of the image cuts off, as bits.
+    pub cut: u8,
+    /// Which edges another object hides, as bits.
+    pub hidden: u8,
+}
+
+/// Four flags as bits.
+pub(super) fn to_bits(flags: [bool; 4]) -> u8 {
+    (0..4).map(|e| u8::from(flags[e]) << e).sum()
+}
+
+/// Bits as four flags.
+pub(super) fn from_bits(bits: u8) -> [bool; 4] {
+    std::array::from_fn(|e| bits & (1 << e) != 0)
 }
 
 impl KeptView {
     /// The box as association uses it, less the shift of its frame; `frame` is the place of its camera in a list.
     pub fn observation(&self, frame: usize, shift: &Vector2<f64>) -> BoxObservation {
-        let edges = std::array::from_fn(|e| self.edges[e] - shift[e % 2]);
+        let edges = std::array::from_fn(|e| f64::from(self.edges[e]) - shift[e % 2]);
         BoxObservation {
-            detection: self.detection as usize,
-            id: self.input_id,
-            log_clutter: self.log_clutter,
-            score_log_odds: self.score_log_odds,
-            ..BoxObservation::new(frame, edges, self.cut, self.category as usize)
+            detection: usize::from(self.detection),
+            log_clutter: f64::from(self.log_clutter),
+            score_log_odds: log_odds_against(self.score.map(f64::from)),
+            ..BoxObservation::new(frame, edges, from_bits(self.cut), usize::from(self.category))
         }
     }
 
+    /// Whether this is the detection of another view.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (self.keyframe, self.detection) == (other.keyframe, other.detection)
+    }
+
     /// Number of edges that tell where the object ends.
-    fn telling_edges(&self) -> usize {
-        (0..4).filter(|&e| !self.cut[e] && !self.hidden[e]).count()
+    fn telling_edges(&self) -> u32 {
+        4 - (self.cut | self.hidden).count_ones()
     }
 }
 
@@ -68,8 +80,8 @@ pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &
         for b in a + 1..places.len() {
             let (d, l) = (places[a].0 - places[b].0, places[a].1 - places[b].1);
             // Views that tell little are forgotten for less.
-            let worth = views[a].telling_edges().min(views[b].telling_edges()) as f64;
-            let apart = (d.norm_squared() + 0.25 * l * l) * (1.0 + worth);
+            let worth = views[a].telling_edges().min(views[b].telling_edges());
+            let apart = (d.norm_squared() + 0.25 * l * l) * f64::from(1 + worth);
             if apart < closest {
                 (nearest, closest) = ((a, b), apart);
             }

@@ -1,6 +1,6 @@
 //! Input ids as evidence.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use super::object::Object;
 use crate::association::input::observations::Observations;
@@ -9,16 +9,17 @@ use crate::association::input::observations::Observations;
 const MOST_RIVALS: f64 = 20.0;
 
 /// How often each id sits in each object.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct IdTally {
     wrong_share: f64,
-    by_id: HashMap<u32, Vec<(u32, u32)>>,
+    by_id: BTreeMap<u32, Vec<(u32, u32)>>,
 }
 
 impl IdTally {
     /// An empty tally for ids that are wrong with a probability.
     pub fn new(wrong_share: f64) -> Self {
-        Self { wrong_share, by_id: HashMap::new() }
+        Self { wrong_share, by_id: BTreeMap::new() }
     }
 
     /// The tally of all objects, numbered by their places.
@@ -71,6 +72,11 @@ impl IdTally {
         for id in boxes.iter().filter_map(|&b| observations.boxes[b as usize].id) {
             self.forget(id, object);
         }
+    }
+
+    /// Forgets an id in all objects.
+    pub fn forget_id(&mut self, id: u32) {
+        self.by_id.remove(&id);
     }
 
     /// What a box's id adds to the gain of the box for an object, where the box now belongs to `current`: the log

@@ -22,7 +22,8 @@ const MIN_INFORMATIVE_VIEWS: usize = 4;
 pub(crate) const LARGEST_SHIFT_SD: f64 = 10.0;
 
 /// What is learnt.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct SceneStatistics {
     /// Standard deviation of an edge relative to the half size of its box.
     pub edge_sd: f64,
@@ -34,12 +35,14 @@ pub(crate) struct SceneStatistics {
     pub log_sizes: Vec<Option<LogSize>>,
     /// Volume in which objects may be, cubed world units: what their centres fill; around a lone object, a ball about it
     /// that reaches to its cameras. Infinite before any object is known: no object has evidence then.
+    #[cfg_attr(feature = "serde", serde(with = "crate::association::statistics::infinite_as_null"))]
     pub volume: f64,
     /// Number of objects.
     pub objects: f64,
     /// For each box, which edges another object hides.
     pub hidden: Vec<[bool; 4]>,
     /// Shift of each frame that has been taken off its boxes, pixels.
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub shifts: Vec<Vector2<f64>>,
     /// Standard deviation of the shifts, pixels.
     pub shift_sd: f64,

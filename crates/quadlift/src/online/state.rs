@@ -1,0 +1,337 @@
+//! The state of a map as plain numbers: what a program stores to go on later.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix3, Matrix3x4, SMatrix, Vector2, Vector3};
+
+use super::input::Frame;
+use super::keyframes::{Keyframe, Keyframes};
+use super::map::ObjectMap;
+use super::names::InputIds;
+use super::options::OnlineOptions;
+use super::recent::RecentFrame;
+use super::running::Running;
+use super::tracked::{Presence, Tracked};
+use super::update::ObjectId;
+use super::views::KeptView;
+use crate::association::AssociateError;
+use crate::association::score::input_ids::IdTally;
+use crate::association::score::object::Object;
+use crate::geometry::{Camera, CameraModel, Projection};
+use crate::solve::PoseNoise;
+
+/// The whole state of an [`ObjectMap`] but its options. With the feature `serde` it can be written and read; what is read is
+/// checked by [`ObjectMap::from_state`].
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct MapState {
+    /// Number of this format.
+    version: u32,
+    next_key: u32,
+    next_id: u64,
+    last: Option<(f64, String)>,
+    origin: [f64; 3],
+    categories: Vec<Option<String>>,
+    input_ids: InputIds,
+    tally: IdTally,
+    running: Running,
+    keyframes: Vec<(u32, KeyframeState)>,
+    recent: Vec<RecentFrame>,
+    slots: Vec<Option<TrackedState>>,
+    free_slots: Vec<u32>,
+    aliases: Vec<(ObjectId, ObjectId)>,
+    indexed_range: f64,
+    disagreeing: u32,
+    tried_pairs: Vec<((u64, u64), (usize, usize))>,
+}
+
+/// The number of the format that this version writes and reads.
+const VERSION: u32 = 1;
+
+/// Counts are smaller than this, so that counting on does not overflow.
+pub(super) const MOST: u64 = 1 << 53;
+
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct KeyframeState {
+    id: String,
+    time: f64,
+    /// By rows.
+    projection: [[f64; 4]; 3],
+    image_size: Option<[f64; 2]>,
+    /// Name and parameters of the camera with a lens.
+    lens: Option<(String, Vec<f64>)>,
+    pose_noise: Option<[f64; 2]>,
+    /// The image size, or what stood for it.
+    extent: [f64; 2],
+    shift: [f64; 2],
+    references: u32,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct TrackedState {
+    id: ObjectId,
+    center: [f64; 3],
+    /// By columns.
+    root: [[f64; 3]; 3],
+    radius: f64,
+    cost: f64,
+    log_det_hessian: f64,
+    /// By columns.
+    covariance: Vec<f64>,
+    category: usize,
+    forgotten: usize,
+    visible: usize,
+    views: Vec<KeptView>,
+    fitted_views: usize,
+    categories: Vec<(u16, u32)>,
+    input_ids: Vec<(u32, u32)>,
+    presence: Presence,
+    log_odds: f64,
+    clear: [u32; 3],
+    times: [f64; 2],
+    last_keyframe: u32,
+}
+
+/// Why a state is not one of a map.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StateError {
+    /// It was written by another version.
+    #[error("the state has format {found}; expected {VERSION}")]
+    Version {
+        /// The format found.
+        found: u32,
+    },
+    /// Something in it contradicts something else in it.
+    #[error("the state is damaged: {0}")]
+    Damaged(&'static str),
+    /// The options are wrong.
+    #[error(transparent)]
+    Options(#[from] AssociateError),
+}
+
+impl ObjectMap {
+    /// The state of the map. [`ObjectMap::from_state`] with the same options gives a map that goes on exactly as this one.
+    pub fn to_state(&self) -> MapState {
+        MapState {
+            version: VERSION,
+            next_key: self.next_key,
+            next_id: self.next_id,
+            last: self.last.clone(),
+            origin: self.origin.into(),
+            categories: self.categories.clone(),
+            input_ids: self.input_ids.clone(),
+            tally: self.tally.clone(),
+            running: self.running.clone(),
+            keyframes: self.keyframes.iter().map(|(key, keyframe)| (key, KeyframeState::of(keyframe))).collect(),
+            recent: self.recent.iter().cloned().collect(),
+            slots: self.slots.iter().map(|slot| slot.as_ref().map(TrackedState::of)).collect(),
+            free_slots: self.free_slots.clone(),
+            aliases: self.aliases.iter().map(|(&alias, &id)| (alias, id)).collect(),
+            indexed_range: self.indexed_range,
+            disagreeing: self.disagreeing,
+            tried_pairs: self.tried_pairs.iter().map(|(&pair, &views)| (pair, views)).collect(),
+        }
+    }
+
+    /// The map of a state.
+    ///
+    /// # Errors
+    /// [`StateError`] when the state is of another version or damaged, or when the options are wrong.
+    pub fn from_state(options: OnlineOptions, state: MapState) -> Result<Self, StateError> {
+        if state.version != VERSION {
+            return Err(StateError::Version { found: state.version });
+        }
+        state.check()?;
+        let mut map = Self::new(options)?;
+        for (index, name) in state.categories.iter().enumerate() {
+            // Checked to be few.
+            match name {
+                Some(name) => {
+                    map.category_of_name.insert(name.clone(), index as u16);
+                }
+                None => map.no_category = Some(index as u16),
+            }
+        }
+        map.next_key = state.next_key;
+        map.next_id = state.next_id;
+        map.last = state.last;
+        map.origin = Vector3::from(state.origin);
+        map.categories = state.categories;
+        map.input_ids = state.input_ids;
+        map.tally = state.tally;
+        map.running = state.running;
+        let mut keyframes = Keyframes::default();
+        for (key, keyframe) in state.keyframes {
+            keyframes.insert(key, keyframe.into_keyframe(&map.origin)?);
+        }
+        map.keyframes = keyframes;
+        map.recent = state.recent.into();
+        map.slots = state.slots.into_iter().map(|slot| slot.map(TrackedState::into_tracked)).collect();
+        map.free_slots = state.free_slots;
+        map.aliases = state.aliases.into_iter().collect();
+        map.indexed_range = state.indexed_range;
+        map.disagreeing = state.disagreeing;
+        map.tried_pairs = state.tried_pairs.into_iter().collect();
+        for slot in 0..map.slots.len() as u32 {
+            if let Some(id) = map.slot(slot).map(|tracked| tracked.id) {
+                map.slot_of_id.insert(id, slot);
+            }
+            map.index(slot);
+        }
+        Ok(map)
+    }
+}
+
+impl MapState {
+    /// Whether everything that refers to something finds it.
+    fn check(&self) -> Result<(), StateError> {
+        let hold = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(StateError::Damaged(what)) };
+        hold(self.categories.len() <= super::MAX_CATEGORIES, "too many categories")?;
+        hold(self.running.has_categories(self.categories.len()), "statistics of other categories")?;
+        hold(self.running.is_countable() && self.next_id < MOST, "a count is out of range")?;
+        hold(self.keyframes.windows(2).all(|w| w[0].0 < w[1].0), "frames are not in order")?;
+        hold(self.keyframes.iter().all(|(key, _)| *key < self.next_key), "a frame of the future")?;
+        hold(self.recent.windows(2).all(|w| w[0].key < w[1].key), "recent frames are not in order")?;
+        let is_known = |key: u32| self.keyframes.binary_search_by_key(&key, |(key, _)| *key).is_ok();
+        let is_view = |view: &KeptView| {
+            let [x0, y0, x1, y1] = view.edges;
+            is_known(view.keyframe)
+                && usize::from(view.category) < self.categories.len()
+                && x0 < x1
+                && y0 < y1
+                && view.edges.iter().all(|e| e.is_finite())
+        };
+        for frame in &self.recent {
+            hold(is_known(frame.key), "a recent frame is missing")?;
+            hold(frame.boxes.iter().all(|b| is_view(&b.view) && b.view.keyframe == frame.key), "a box is wrong")?;
+        }
+        let mut ids = BTreeMap::new();
+        for tracked in self.slots.iter().flatten() {
+            hold(tracked.covariance.len() == 81, "a covariance has the wrong size")?;
+            hold(tracked.category < self.categories.len(), "an object has an unknown category")?;
+            let known = tracked.categories.iter().all(|(c, _)| usize::from(*c) < self.categories.len());
+            hold(known, "an object has an unknown category")?;
+            hold(tracked.views.iter().all(is_view) && tracked.views.len() >= 2, "a view of an object is wrong")?;
+            hold(tracked.views.windows(2).all(|w| w[0].keyframe < w[1].keyframe), "views are not in order")?;
+            hold(tracked.id.0 < self.next_id && ids.insert(tracked.id, ()).is_none(), "an id is used twice")?;
+            let counts = [tracked.visible, tracked.forgotten, tracked.fitted_views];
+            let is_small = |n: u64| n < u64::from(u32::MAX / 2);
+            let countable =
+                counts.iter().all(|&n| is_small(n as u64)) && tracked.clear.iter().all(|&n| is_small(n.into()));
+            hold(countable, "a count of an object is out of range")?;
+            let numbers = [&tracked.center[..], tracked.root.as_flattened(), &tracked.covariance, &tracked.times];
+            hold(numbers.iter().all(|n| n.iter().all(|x| x.is_finite())), "an object is not finite")?;
+            hold(tracked.radius > 0.0 && tracked.radius.is_finite(), "an object has no size")?;
+        }
+        let is_free = |slot: &u32| matches!(self.slots.get(*slot as usize), Some(None));
+        let mut free = self.free_slots.clone();
+        free.sort_unstable();
+        free.dedup();
+        hold(free.len() == self.free_slots.len() && free.iter().all(is_free), "a free slot is taken")?;
+        // Aliases lead to older objects, so that following them ends.
+        hold(self.aliases.iter().all(|(alias, id)| id < alias), "an alias leads to a younger object")
+    }
+}
+
+impl KeyframeState {
+    fn of(keyframe: &Keyframe) -> Self {
+        let frame = &keyframe.frame;
+        let matrix = frame.projection.matrix();
+        Self {
+            id: frame.id.clone(),
+            time: frame.time,
+            projection: std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])),
+            image_size: frame.image_size.map(Into::into),
+            lens: frame.lens.map(|lens| (lens.model().name().to_owned(), lens.params().to_vec())),
+            pose_noise: frame.pose_noise.map(|noise| [noise.rotation_sd, noise.translation_sd]),
+            extent: keyframe.camera.size.into(),
+            shift: keyframe.shift.into(),
+            references: keyframe.references,
+        }
+    }
+
+    fn into_keyframe(self, origin: &Vector3<f64>) -> Result<Keyframe, StateError> {
+        let matrix = Matrix3x4::from_fn(|i, j| self.projection[i][j]);
+        let projection = Projection::from_matrix(matrix).map_err(|_| StateError::Damaged("a camera is singular"))?;
+        let lens = match self.lens {
+            Some((model, params)) => {
+                let model = CameraModel::from_name(&model).ok_or(StateError::Damaged("an unknown camera model"))?;
+                Some(Camera::new(model, &params).map_err(|_| StateError::Damaged("a lens is wrong"))?)
+            }
+            None => None,
+        };
+        let noise = |[rotation_sd, translation_sd]: [f64; 2]| PoseNoise { rotation_sd, translation_sd };
+        let frame = Frame {
+            id: self.id,
+            time: self.time,
+            projection,
+            image_size: self.image_size.map(Vector2::from),
+            lens,
+            pose_noise: self.pose_noise.map(noise),
+        };
+        let keyframe = Keyframe::new(frame, origin, Vector2::from(self.extent));
+        Ok(Keyframe { shift: Vector2::from(self.shift), references: self.references, ..keyframe })
+    }
+}
+
+impl TrackedState {
+    fn of(tracked: &Tracked) -> Self {
+        let object = &tracked.object;
+        Self {
+            id: tracked.id,
+            center: object.center.into(),
+            root: object.root.into(),
+            radius: object.radius,
+            cost: object.cost,
+            log_det_hessian: object.log_det_hessian,
+            covariance: object.covariance.as_slice().to_vec(),
+            category: object.category,
+            forgotten: object.forgotten,
+            visible: object.visible,
+            views: tracked.views.clone(),
+            fitted_views: tracked.fitted_views,
+            categories: tracked.categories.clone(),
+            input_ids: tracked.input_ids.clone(),
+            presence: tracked.presence,
+            log_odds: tracked.log_odds,
+            clear: [tracked.clear, tracked.clear_detected, tracked.missed],
+            times: [tracked.first_time, tracked.last_time],
+            last_keyframe: tracked.last_keyframe,
+        }
+    }
+
+    fn into_tracked(self) -> Tracked {
+        let object = Object {
+            boxes: (0..self.views.len() as u32).collect(),
+            center: Vector3::from(self.center),
+            root: Matrix3::from(self.root),
+            radius: self.radius,
+            cost: self.cost,
+            log_det_hessian: self.log_det_hessian,
+            // Checked to have 81 entries.
+            covariance: SMatrix::from_iterator(self.covariance.iter().copied().chain(std::iter::repeat(0.0))),
+            category: self.category,
+            forgotten: self.forgotten,
+            visible: self.visible,
+            trusted_id: None,
+        };
+        let [clear, clear_detected, missed] = self.clear;
+        let [first_time, last_time] = self.times;
+        Tracked {
+            views: self.views,
+            fitted_views: self.fitted_views,
+            categories: self.categories,
+            input_ids: self.input_ids,
+            presence: self.presence,
+            log_odds: self.log_odds,
+            clear,
+            clear_detected,
+            missed,
+            last_keyframe: self.last_keyframe,
+            ..Tracked::new(self.id, object, [first_time, last_time])
+        }
+    }
+}
