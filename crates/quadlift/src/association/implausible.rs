@@ -8,23 +8,23 @@ use super::search::state::State;
 use super::statistics::median;
 use super::warning::AssociationWarning;
 
-/// Ratio of the longest to the shortest semi-axis beyond which an object is doubtful where nothing is known of others.
+/// Ratio of the longest to the shortest semi-axis above which an object is doubtful if its category has no statistics.
 const LARGEST_ASPECT: f64 = 8.0;
 
-/// Deviations from what is usual, in standard deviations and taken together, beyond which an object is doubtful.
+/// Combined deviation from the typical values, in standard deviations, above which an object is doubtful.
 const LARGEST_DEVIATION: f64 = 3.0;
 
-/// Objects that must be there to tell what is usual.
+/// Minimum number of objects to estimate the typical values.
 const MIN_INFORMATIVE_OBJECTS: usize = 6;
 
-/// Standard deviations are not taken for smaller than these: of the log radius and of the log aspect of a category.
+/// Lower bounds of the standard deviations of the log radius and the log aspect of a category.
 const LEAST_SIZE_SD: f64 = 0.12;
 const LEAST_ASPECT_SD: f64 = 0.3;
 
 /// Standard deviation of the logarithm of the evidence per view.
 const LOG_EVIDENCE_SD: f64 = 0.35;
 
-/// Log odds by the scores of its boxes below which an object is doubtful: the detector gives it one chance in four.
+/// Log odds by the scores of its boxes below which an object is doubtful: a probability of one in four.
 const LEAST_SCORE_LOG_ODDS: f64 = -1.1;
 
 /// For each object, why it is doubtful, if it is.
@@ -84,7 +84,7 @@ fn log_aspect(object: &Object) -> f64 {
     (longest / shortest).ln()
 }
 
-/// Median and robust standard deviation, where there are enough values.
+/// Median and robust standard deviation, if there are enough values.
 fn usual(mut values: Vec<f64>, least_sd: f64) -> Option<(f64, f64)> {
     if values.len() < MIN_INFORMATIVE_OBJECTS {
         return None;

@@ -4,20 +4,20 @@
 //! boxes. All decisions compare log probabilities:
 //!
 //! 1. `input`: boxes, cameras, neighbouring frames, density of clutter.
-//! 2. `search::growth`: along a chain of neighbouring frames each box goes to the object that predicts it
-//!    (`score::log_likelihood_ratio`); boxes that are left form new objects in pairs (`score::rays`).
+//! 2. `search::growth`: along a chain of neighbouring frames each box is assigned to the object that predicts it
+//!    (`score::log_likelihood_ratio`); the remaining boxes form new objects in pairs (`score::rays`).
 //! 3. `search::em`, rounds: assign the boxes again (`search::assignment`), fit the bodies (`score::fit`), update the scene's
 //!    noise, sizes and clutter (`score::scene_statistics`, `search::frame_shift`), remove weak objects
 //!    (`score::evidence`), merge (`search::merge`), and add new ones (`search::births`).
-//! 4. `search::passes`: all of that twice, the second time with the learnt statistics; the result with more evidence is kept. A
-//!    thorough search tries more starts and searches weak objects again (`search::reseed`).
+//! 4. `search::passes`: runs all of this twice, the second time with the learnt statistics; the result with more
+//!    evidence is kept. A thorough search tries more starts and searches weak objects again (`search::reseed`).
 //!
 //! Scores of detections count once per object, and only against it. As evidence of each box (a likelihood ratio learnt from
 //! assigned and unassigned boxes) they changed F1 on driving videos by less than 0.01 in either direction. So did priors on upright
 //! stance and a common ground plane (KITTI 0000, 0001, 0007, 0009: .997 .989 .920 .974 without, .997 .991 .923 .966 with
 //! upright cars, .997 .989 .921 .969 with cars on the ground). Only size priors enter the fits (.997 .988 .920 .981).
 //!
-//! Nothing is drawn at random: the same input gives the same result on any number of threads.
+//! The algorithm is deterministic: the same input gives the same result on any number of threads.
 
 mod implausible;
 pub(crate) mod input;
@@ -46,7 +46,7 @@ use search::passes;
 /// Divides the detections of a scene into objects.
 ///
 /// # Errors
-/// [`AssociateError`] when the options do not fit the scene. A scene in which nothing can be found is no error: see
+/// [`AssociateError`] if the options do not fit the scene. A scene without any object is not an error: see
 /// [`Association::outcome`].
 pub fn associate(scene: &Scene, options: &AssociateOptions) -> Result<Association, AssociateError> {
     associate_observed(scene, options, &Unobserved)
@@ -55,7 +55,7 @@ pub fn associate(scene: &Scene, options: &AssociateOptions) -> Result<Associatio
 /// [`associate()`] with an observer.
 ///
 /// # Errors
-/// As [`associate()`]; [`AssociateError::Cancelled`] where the observer cancels.
+/// As [`associate()`]; [`AssociateError::Cancelled`] if the observer cancels.
 pub fn associate_observed(
     scene: &Scene,
     options: &AssociateOptions,

@@ -16,19 +16,19 @@ pub enum IdUse {
     Ignore,
 }
 
-/// A part of association that can be switched off, to find out what it is worth (`quadlift reproduce association`).
+/// A part of association that can be switched off for ablations (`quadlift reproduce association`).
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// Objects whose union has more evidence are merged.
     Merge,
-    /// The weaker of two bodies in one place goes.
+    /// The weaker of two overlapping bodies is removed.
     Nested,
-    /// Weak objects are dissolved and sought anew; only in a thorough search.
+    /// Weak objects are released and searched again; only in a thorough search.
     Dissolve,
-    /// Everything is done twice, the second time with what has been learnt.
+    /// The search runs twice, the second time with the learnt statistics.
     SecondPass,
-    /// A reason for which objects are doubtful.
+    /// A reason for doubtful objects.
     Warning(AssociationWarning),
 }
 
@@ -57,7 +57,7 @@ pub struct AssociateOptions {
     /// Search from several starts and search weak objects again. About eight times as slow. It helps with few views or many
     /// misses (F1 .986 to .993 with 6 views, .990 to .998 with 60 % missed) and hardly elsewhere.
     pub thorough: bool,
-    /// Leave a part out; not for use, only to measure what it is worth.
+    /// Switch a part off; for ablations only.
     #[doc(hidden)]
     pub without: Option<Part>,
 }

@@ -29,7 +29,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The outcome in words.
+    /// The outcome as text.
     pub fn text(self) -> &'static str {
         match self {
             Self::Found => "objects were found",
@@ -40,14 +40,14 @@ impl Outcome {
     }
 }
 
-/// An object that association has found.
+/// An object found by association.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AssociatedObject {
-    /// Its id: the one that most of its detections came with, where no other object has it, else a new one.
+    /// Its id: the most frequent id of its detections if no other object has it, otherwise a new one.
     pub id: String,
-    /// Index into [`crate::scene::SceneParts::categories`]: the category of most of its detections.
+    /// Index into [`crate::scene::SceneParts::categories`]: the most frequent category of its detections.
     pub category_index: Option<u32>,
-    /// Number of its detections, each in a frame of its own.
+    /// Number of its detections, at most one per frame.
     pub views: usize,
     /// Number of frames in which it should be detected, if nothing hides it; at least `views`.
     pub expected_views: usize,
@@ -69,24 +69,23 @@ pub struct Association {
     pub object_of_detection: Vec<Option<u32>>,
     /// The objects, in the order of their first detections.
     pub objects: Vec<AssociatedObject>,
-    /// Detections that took no part.
+    /// Skipped detections.
     pub skipped: SkippedDetections,
-    /// Detections that took part and belong to no object.
+    /// Unassigned detections.
     pub clutter: usize,
     /// Standard deviation of box edges relative to the mean half size of the box, as the objects show it.
     pub edge_sd: f64,
-    /// The part of the standard deviation of box edges that does not depend on the box, pixels: as given, or as found.
+    /// The size-independent part of the standard deviation of box edges, pixels: given or selected.
     pub pixel_sd: f64,
-    /// Standard deviation of the shifts of whole frames, which errors of their poses cause, pixels.
+    /// Standard deviation of the shifts of whole frames due to pose errors, pixels.
     pub frame_shift_sd: f64,
 }
 
 impl Association {
-    /// The scene with the objects of this association: the detections that took part name their objects or, where they
-    /// belong to none, nothing.
+    /// The scene with the object ids of this association; unassigned detections have none.
     ///
-    /// Detections of other sources keep the ids they have. Detections that were left out for their score or as
-    /// duplicates name nothing.
+    /// Detections of other sources keep their ids. Detections that were skipped for their score or as duplicates have
+    /// none.
     pub fn applied_to(&self, scene: &Scene, source: Option<u32>) -> Scene {
         let mut result = scene.clone().into_parts();
         result.object_ids = self.objects.iter().map(|o| o.id.clone()).collect();
@@ -110,7 +109,7 @@ impl Association {
     }
 }
 
-/// An object with the detections that are its own.
+/// An object with its detections.
 struct Found<'a> {
     /// Indices into the scene, ascending.
     members: Vec<usize>,
@@ -175,8 +174,8 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
     association
 }
 
-/// Ids of the objects: the one that most of an object's detections came with (the object with most of them gets it), or
-/// a new one that the scene does not use.
+/// Ids of the objects: the most frequent id of an object's detections (for the object with most of them), or a new one
+/// that is not used in the scene.
 fn names(scene: &Scene, found: &[Found], ids: IdUse) -> Vec<String> {
     let mut claims: Vec<(usize, u32, usize)> = Vec::new();
     for (object, Found { members, trusted_id, .. }) in found.iter().enumerate() {

@@ -2,8 +2,8 @@
 
 use crate::geometry::gamma::ln_gamma;
 
-/// Degrees of freedom of Student's t distribution, the likelihood of an edge. Heavier tails than those of the estimators (9),
-/// which know which boxes are the object's: here wrong boxes are still among them. Not swept.
+/// Degrees of freedom of Student's t distribution, the likelihood of an edge. Heavier tails than those of the
+/// estimators (9), because wrong boxes are still included here. Not swept.
 pub(crate) const STUDENT_T_DOF: f64 = 5.0;
 
 /// `ln 2 pi`.
@@ -23,7 +23,7 @@ pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
     quantile(values, 0.5)
 }
 
-/// `ln B(k + 1, n - k + 1)`: the probability of `k` certain detections of `n`, all rates of detection alike likely.
+/// `ln B(k + 1, n - k + 1)`: the probability of `k` given detections of `n` for a uniform prior on the detection rate.
 #[derive(Debug, Clone)]
 pub(crate) struct DetectionRate {
     ln_factorial: Vec<f64>,

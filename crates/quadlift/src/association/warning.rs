@@ -1,24 +1,24 @@
 //! Reasons why an object is doubtful: a closed list that files and programs may rely on.
 
-/// Why an object may not be one standing thing.
+/// Why an object may be moving or be several objects.
 ///
-/// A thing that moves seldom looks like clutter: some standing ellipsoid explains its boxes more or less, but that is
-/// oddly long, oddly large or small, or explains them less well than the scene's other objects explain theirs.
+/// A moving object rarely looks like clutter: some static ellipsoid explains its boxes approximately, but it is
+/// unusually long, large or small, or fits worse than the scene's other objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum AssociationWarning {
     /// Its body is implausibly long.
     Elongated,
-    /// Its size is not that of the other objects of its category.
+    /// Its size differs from the other objects of its category.
     UnusualSize,
-    /// Its detections agree with one standing body much less than those of the scene's other objects.
+    /// Its detections fit a static body much worse than those of the scene's other objects.
     WeakEvidence,
     /// The detector itself gives its boxes low scores.
     LowScores,
 }
 
 impl AssociationWarning {
-    /// The reason in words.
+    /// The reason as text.
     pub fn text(self) -> &'static str {
         match self {
             Self::Elongated => "implausibly long body: the object may be moving",

@@ -1,10 +1,10 @@
 //! Cross-validation: how good the estimates are, without the truth (docs/method.md, section 14).
 //!
 //! A view of an object is left out, the object is fitted to the others, and its box in the view that was left out is
-//! predicted. How well measured and predicted boxes agree (IoU, errors of the edges) tells about the estimate what its
-//! residuals cannot: a body that follows three boxes has small residuals, and predicts a fourth one badly. Noise levels,
-//! the kind of body, the ground plane and corrections of poses are kept as all views gave them; to judge noise levels,
-//! give them ([`crate::solve::MapOptions::sigmas`]) and compare the errors.
+//! predicted. The agreement of measured and predicted boxes (IoU, errors of the edges) detects overfitting, which
+//! residuals cannot: a body that fits three boxes closely has small residuals, but may predict a fourth one badly.
+//! Noise levels, the kind of body, the ground plane and pose corrections stay as estimated from all views; to evaluate
+//! noise levels, pass them ([`crate::solve::MapOptions::sigmas`]) and compare the errors.
 //!
 //! [`crate::localize()`] does it for a few views of each scene, or for all of them ([`Extent`]).
 
@@ -32,10 +32,11 @@ pub enum Extent {
 pub struct CrossValidationOptions {
     /// How much is cross-validated.
     pub extent: Extent,
-    /// Fits for each object, at most (2 at least): in objects with more views several of them are left out together.
+    /// Maximum number of fits per object (at least 2): in objects with more views, several views are left out together.
     pub fits_per_object: usize,
-    /// Fits for the scene with [`Extent::Sample`], at most, evenly spread over its objects. 16 of them took 1 to 3 % of the
-    /// time of localising 50 objects in 20 views (6 to 9 % where the kind of body was given); 8 take about half of that.
+    /// Maximum number of fits for the scene with [`Extent::Sample`], evenly spread over its objects. 16 of them took 1
+    /// to 3 % of the time of localising 50 objects in 20 views (6 to 9 % where the kind of body was given); 8 take
+    /// about half of that.
     pub sampled_fits: usize,
 }
 

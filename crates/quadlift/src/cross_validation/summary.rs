@@ -1,42 +1,42 @@
-//! From predictions of single views to what they say about objects and the scene.
+//! Summaries of predictions of single views for objects and the scene.
 
 use super::{CrossValidationOptions, Extent};
 use crate::solve::{Estimate, Fold, FoldPrediction, LARGE_ERROR, Prediction};
 
-/// What the left-out views of a scene tell.
+/// Predictions of left-out views of a scene, summarised.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CrossValidation {
     /// How much was cross-validated.
     pub extent: Extent,
-    /// The objects of which views were left out, in the order of the estimates. With [`Extent::Sample`] only some of their
-    /// views were.
+    /// The objects with left-out views, in the order of the estimates. With [`Extent::Sample`] only some of their views
+    /// are left out.
     pub objects: Vec<ObjectCrossValidation>,
 }
 
-/// What the left-out views of an object tell.
+/// Predictions of left-out views of an object, summarised.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ObjectCrossValidation {
     /// Index of its estimate in [`crate::Localization::estimates`].
     pub estimate_index: usize,
     /// The predictions, in the order of the object's views.
     pub predictions: Vec<Prediction>,
-    /// Views that were left out and could not be predicted, because the others give no body.
+    /// Left-out views that could not be predicted, because the others determine no body.
     pub not_predicted: usize,
-    /// The view that the others contradict, as an index into `predictions`.
+    /// The outlier view, which contradicts the others, as an index into `predictions`.
     pub odd: Option<usize>,
 }
 
-/// Error of a prediction, relative to what the fit leaves in the views that it uses, from which a view is odd.
+/// Minimum error of the prediction of an outlier view, relative to the residuals of the used views.
 const ODD_RATIO: f64 = 5.0;
 
 /// Parameters of a body.
 const PARAMETERS: f64 = 9.0;
 
-/// Error of a fit that is taken for exact.
+/// Error below which a fit counts as exact.
 const EXACT: f64 = 1e-3;
 
 impl ObjectCrossValidation {
-    /// Mean IoU of the predicted and the measured boxes of the left-out views; absent where none could be predicted.
+    /// Mean IoU of the predicted and the measured boxes of the left-out views; absent if none could be predicted.
     pub fn iou(&self) -> Option<f64> {
         mean(self.predictions.iter().map(|prediction| prediction.iou))
     }
@@ -51,8 +51,8 @@ impl ObjectCrossValidation {
         median_edge_error(self.predictions.iter())
     }
 
-    /// The view that the others contradict: a fit to the others agrees with each of them much better than with it. It takes
-    /// four views to tell; of several the oddest is named.
+    /// The outlier view: a fit to the other views agrees with each of them much better than with it. This needs at
+    /// least four views; the worst of several is reported.
     pub fn odd_view(&self) -> Option<&Prediction> {
         self.predictions.get(self.odd?)
     }

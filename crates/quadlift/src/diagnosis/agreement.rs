@@ -1,6 +1,6 @@
 //! How well the boxes of a scene agree, and how much better they do after a correction.
 
-/// Boxes from which on a sample says something.
+/// Minimum number of boxes of a sample.
 pub(crate) const FEWEST_BOXES: usize = 8;
 
 /// A correction explains a disagreement when it makes the misses smaller by this factor (a logarithm: 1.28 times)...
@@ -18,13 +18,13 @@ const ENOUGH_OBJECTS: usize = 4;
 const EXPLAINS_FEW_OBJECTS: f64 = 0.6;
 const EXPLAINS_FEW_BOXES: f64 = 0.9;
 
-/// A correction that makes the misses smaller by this (a logarithm) is worth a warning, when it is significant.
+/// A significant correction that reduces the misses by this (a logarithm) gives a warning.
 const WORTH_A_WARNING: f64 = 0.1;
 
 /// After a correction that explains a disagreement the boxes agree.
 const AGREES: f64 = 0.5;
 
-/// How well a scene agrees with itself.
+/// How consistent a scene is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
     /// Typical distance between the middle of a box and the object's projected centre, in half sizes of the box: the
@@ -32,7 +32,7 @@ pub struct Agreement {
     pub miss: f64,
     /// Share of the boxes that miss by less than half of their half size, in [0, 1].
     pub share: f64,
-    /// Number of boxes that were looked at.
+    /// Number of boxes used.
     pub boxes: usize,
 }
 
@@ -44,12 +44,12 @@ pub(crate) struct Improvement {
     pub gain: f64,
     /// Its standard deviation, from the differences between objects (the boxes of an object err together).
     pub sd: f64,
-    /// Share of all changes, summed over the objects, that are for the better, in [0, 1].
+    /// Fraction of all changes, summed over the objects, that are improvements, in [0, 1].
     pub unanimity: f64,
 }
 
 impl Improvement {
-    /// Whether the hypothesis is right, as far as so many boxes of so many objects tell.
+    /// Whether the hypothesis is accepted, given these numbers of boxes and objects.
     pub(crate) fn explains(&self, boxes: usize, objects: usize) -> bool {
         if self.after.miss > AGREES || boxes < FEWEST_BOXES {
             return false;
@@ -61,7 +61,7 @@ impl Improvement {
         self.gain >= least && self.unanimity >= UNANIMOUS
     }
 
-    /// Whether it may be right.
+    /// Whether the hypothesis is plausible.
     pub(crate) fn is_likely(&self, boxes: usize, objects: usize) -> bool {
         let enough = boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS;
         enough && self.gain >= WORTH_A_WARNING && self.gain >= SIGNIFICANT * self.sd && self.unanimity >= UNANIMOUS

@@ -8,8 +8,8 @@ use crate::geometry::{BoundingBox, Ellipse};
 use crate::scene::Scene;
 
 impl Correction {
-    /// The corrected scene. Detections that have no place or no measurement any more are left out; lenses are kept as
-    /// they are (what was undistorted with wrong intrinsics is not undistorted again).
+    /// The corrected scene. Detections without a frame or a measurement are dropped; lenses are not changed
+    /// (measurements undistorted with wrong intrinsics are not undistorted again).
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut corrected = rewrite(
             scene,

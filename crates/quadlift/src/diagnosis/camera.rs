@@ -18,7 +18,7 @@ pub struct CameraParts {
 }
 
 impl CameraParts {
-    /// Takes a projection apart; a skew is dropped. `None` where the camera has no finite centre.
+    /// Takes a projection apart; a skew is dropped. `None` if the camera has no finite centre.
     pub fn from_projection(projection: &Projection) -> Option<Self> {
         let pose = projection.camera_pose()?;
         let rotation = pose.matrix().fixed_columns::<3>(0).into_owned();
@@ -31,7 +31,7 @@ impl CameraParts {
         })
     }
 
-    /// The projection `K [R | t]`; `None` where it is singular.
+    /// The projection `K [R | t]`; `None` if it is singular.
     pub fn projection(&self) -> Option<Projection> {
         let mut pose = Matrix3x4::zeros();
         pose.fixed_columns_mut::<3>(0).copy_from(&self.rotation);

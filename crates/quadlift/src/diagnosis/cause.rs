@@ -3,7 +3,7 @@
 use super::agreement::Agreement;
 use super::correction::Correction;
 
-/// Which of the usual mistakes explains why a scene is inconsistent.
+/// The kind of mistake that explains why a scene is inconsistent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum CauseName {
@@ -13,7 +13,7 @@ pub enum CauseName {
     OpenGlAxes,
     /// Poses map from a camera with OpenGL's axes to the world (nerfstudio, Blender).
     OpenGlCameraToWorld,
-    /// Camera axes are those of a robot's body (x forward, y left, z up).
+    /// Camera axes are a robot's body axes (x forward, y left, z up).
     BodyAxes,
     /// Poses map from a robot's body (x forward, y left, z up) to the world.
     BodyToWorld,
@@ -55,7 +55,7 @@ pub enum CauseName {
     DuplicatePoses,
     /// The trajectory changes its scale.
     ScaleJump,
-    /// `up` is not the direction in which the cameras stand upright.
+    /// `up` is not the direction in which the cameras are upright.
     Up,
     /// Lengths do not fit the priors on sizes: they are in another unit.
     LengthUnit,
@@ -130,21 +130,22 @@ impl CauseName {
 pub struct Cause {
     /// Which mistake.
     pub name: CauseName,
-    /// How much of it: the factor on focal lengths (`focal_length`), the factor on the boxes' pixels (`image_size`), the
-    /// side of the letterboxed image in pixels (`letterbox`), the coefficient of a radial lens (`missing_distortion`), the
-    /// number of frames (`frame_offset`), the share of the frames (`duplicate_poses`), the factor on the
-    /// later part of the trajectory (`scale_jump`), the factor on all lengths (`length_unit`). Absent where there is nothing to measure.
+    /// Its parameter: the factor on focal lengths (`focal_length`), the factor on the box coordinates (`image_size`),
+    /// the side of the letterboxed image in pixels (`letterbox`), the coefficient of a radial lens
+    /// (`missing_distortion`), the number of frames (`frame_offset`), the fraction of the frames (`duplicate_poses`),
+    /// the factor on the later part of the trajectory (`scale_jump`), the factor on all lengths (`length_unit`). Absent
+    /// if the mistake has no parameter.
     pub value: Option<f64>,
-    /// What undoes it, where something does.
+    /// The correction, if there is one.
     pub correction: Option<Correction>,
-    /// How well the scene agrees with itself as it is.
+    /// Agreement of the scene as it is.
     pub before: Agreement,
-    /// How well it agrees with itself once the mistake is undone; the same as `before` where agreement does not tell.
+    /// Agreement after the correction; equal to `before` if boxes do not determine the mistake.
     pub after: Agreement,
 }
 
 impl Cause {
-    /// The cause that a correction undoes.
+    /// The cause that a correction corrects.
     pub(crate) fn new(correction: Correction, before: Agreement, after: Agreement) -> Self {
         Self { name: correction.cause(), value: correction.value(), correction: Some(correction), before, after }
     }

@@ -1,4 +1,5 @@
-//! Corrections of the usual mistakes: what a wrong convention did to a scene, undone (docs/method.md, section 16.2).
+//! Corrections of common mistakes: they undo the effect of a wrong convention on a scene (docs/method.md, section
+//! 16.2).
 //!
 //! Each correction is a pure map of one part of the input: poses, intrinsics, boxes or the frames of detections. Scenes
 //! in memory and records of files are corrected by the same maps.
@@ -26,7 +27,7 @@ pub enum BoxFormat {
     SwappedAxes,
 }
 
-/// What undoes one of the usual mistakes.
+/// A correction of one of the common mistakes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Correction {
     /// The poses map from the camera to the world; they are inverted.
@@ -35,7 +36,7 @@ pub enum Correction {
     OpenGlAxes,
     /// The poses map from a camera with OpenGL's axes to the world (nerfstudio, Blender).
     InvertOpenGlPoses,
-    /// The camera axes are those of a robot's body (x forward, y left, z up).
+    /// The camera axes are a robot's body axes (x forward, y left, z up).
     BodyAxes,
     /// The poses map from a robot's body (x forward, y left, z up) to the world.
     InvertBodyPoses,
@@ -51,8 +52,8 @@ pub enum Correction {
     QuaternionOrder {
         /// Whether they were `w, x, y, z`, read as `x, y, z, w`.
         was_wxyz: bool,
-        /// Whether they turn from the camera to the world, so that the camera centres are right; otherwise the
-        /// translations of `cam_from_world` are.
+        /// Whether they rotate from camera to world, so that the camera centres are correct; otherwise the translations
+        /// of `cam_from_world` are correct.
         world_from_cam: bool,
     },
     /// Focal lengths are multiplied by a factor.
@@ -120,8 +121,8 @@ fn mirror() -> Matrix3<f64> {
 }
 
 impl Correction {
-    /// The corrected pose of a camera, `R` and `t` of `cam_from_world`; the same where the correction is of something
-    /// else.
+    /// The corrected pose of a camera, `R` and `t` of `cam_from_world`; unchanged if the correction does not affect
+    /// poses.
     pub fn pose(&self, r: &Matrix3<f64>, t: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
         let inverse = || (r.transpose(), -(r.transpose() * t));
         let turned = |by: Matrix3<f64>, (r, t): (Matrix3<f64>, Vector3<f64>)| (by * r, by * t);
@@ -142,8 +143,8 @@ impl Correction {
         }
     }
 
-    /// Where a point of the world lies in the world of the corrected poses: the same place, but for corrections that mirror
-    /// the world or change its unit. Points of the scene, such as those of a COLMAP model, move with it.
+    /// Maps a world point to the world of the corrected poses: unchanged, except for corrections that mirror the world
+    /// or change its unit. Points of the scene, such as those of a COLMAP model, move with it.
     pub fn world_point(&self, point: &Point3<f64>) -> Point3<f64> {
         match *self {
             Self::LeftHandedAxes | Self::InvertLeftHandedPoses => mirror() * point,
@@ -152,8 +153,8 @@ impl Correction {
         }
     }
 
-    /// The corrected intrinsics of a camera whose image has this size in pixels; `None` where the size is needed and
-    /// not known, or the result is not valid.
+    /// The corrected intrinsics of a camera whose image has this size in pixels; `None` if the size is needed but
+    /// unknown, or if the result is invalid.
     pub fn intrinsics(&self, k: &Intrinsics, image_size: Option<Vector2<f64>>) -> Option<Intrinsics> {
         match *self {
             Self::FocalFactor(factor) => Intrinsics::new(k.fx * factor, k.fy * factor, k.cx, k.cy).ok(),
@@ -169,7 +170,8 @@ impl Correction {
         }
     }
 
-    /// The corrected box of a camera with these (right) intrinsics and image size in pixels; `None` where there is none.
+    /// The corrected box of a camera with these (correct) intrinsics and image size in pixels; `None` if it is not a
+    /// valid box.
     pub fn bounding_box(
         &self,
         b: &BoundingBox,
@@ -188,8 +190,8 @@ impl Correction {
         BoundingBox::new(edges).ok()
     }
 
-    /// The corrected four numbers of a box, which need not be those of a box before; `None` where the image size, in
-    /// pixels, is needed and not known. Lenses change nothing here.
+    /// The corrected four numbers of a box, which may be invalid before; `None` if the image size, in pixels, is needed
+    /// but unknown. Lenses have no effect here.
     pub fn edges(&self, [x0, y0, x1, y1]: [f64; 4], image_size: Option<Vector2<f64>>) -> Option<[f64; 4]> {
         let (w, h) = (x1 - x0, y1 - y0);
         Some(match *self {
@@ -208,7 +210,7 @@ impl Correction {
         })
     }
 
-    /// The corrected ellipse; `None` where there is none. Orders of a box's numbers and lenses do not change ellipses.
+    /// The corrected ellipse; `None` if there is none. Box formats and lenses do not change ellipses.
     pub fn ellipse(&self, ellipse: &Ellipse, image_size: Option<Vector2<f64>>) -> Option<Ellipse> {
         let (factor, shift) = self.pixel_map(image_size)?;
         if factor == Vector2::repeat(1.0) && shift == Vector2::zeros() {
@@ -219,8 +221,8 @@ impl Correction {
         Ellipse::from_shape(center, &(scale * ellipse.shape() * scale)).ok()
     }
 
-    /// The corrected pixel is the given one times the first vector plus the second; `None` where the image size is
-    /// needed and not known. Identity where the correction is of something else.
+    /// The corrected pixel is the given one times the first vector plus the second; `None` if the image size is needed
+    /// but unknown. Identity if the correction does not affect pixels.
     pub fn pixel_map(&self, image_size: Option<Vector2<f64>>) -> Option<(Vector2<f64>, Vector2<f64>)> {
         Some(match *self {
             Self::ImageScale(factor) => (Vector2::repeat(factor), Vector2::zeros()),
@@ -235,8 +237,8 @@ impl Correction {
         })
     }
 
-    /// For each frame, the frame to which its detections belong; `None` for those that belong to none. `ids` are the
-    /// names of the frames in their order. `None` where the correction leaves every detection in its frame.
+    /// For each frame, the frame to which its detections belong, or `None` if there is none. `ids` are the names of the
+    /// frames in order. `None` if the correction keeps every detection in its frame.
     pub fn frames(&self, ids: &[&str]) -> Option<Vec<Option<usize>>> {
         let count = ids.len();
         match *self {
@@ -280,7 +282,7 @@ fn reordered(r: &Matrix3<f64>, t: &Vector3<f64>, was_wxyz: bool, world_from_cam:
     if world_from_cam { (rotation.transpose(), -(rotation.transpose() * center)) } else { (rotation, *t) }
 }
 
-/// A pixel of a pinhole camera from one of a `SIMPLE_RADIAL` lens; `None` where the lens maps nothing there.
+/// A pixel of a pinhole camera from one of a `SIMPLE_RADIAL` lens; `None` if the lens maps no point there.
 fn undistorted(pixel: &Vector2<f64>, k: &Intrinsics, coefficient: f64) -> Option<Vector2<f64>> {
     let distorted = Vector2::new((pixel.x - k.cx) / k.fx, (pixel.y - k.cy) / k.fy);
     let radius = distorted.norm();
@@ -301,8 +303,8 @@ fn undistorted(pixel: &Vector2<f64>, k: &Intrinsics, coefficient: f64) -> Option
     pixel.iter().all(|x| x.is_finite()).then_some(pixel)
 }
 
-/// A mistake: the inverse of a [`Correction`], which makes test scenes. [`Correction::Up`] has none: it says what is right
-/// whatever was wrong.
+/// A mistake: the inverse of a [`Correction`], which makes test scenes. [`Correction::Up`] has none: it sets the
+/// correct value independent of the wrong one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mistake(pub Correction);
 
@@ -342,7 +344,7 @@ impl Mistake {
         }
     }
 
-    /// The box as the mistake writes it; `None` where it would be none.
+    /// The box as written by the mistake; `None` if it would be invalid.
     pub fn bounding_box(
         &self,
         b: &BoundingBox,

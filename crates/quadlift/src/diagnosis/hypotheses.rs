@@ -1,11 +1,11 @@
-//! The mistakes that are tried, in order of preference: of two that explain a scene equally well the first one is named.
+//! The tested mistakes, in order of preference: of two that explain a scene equally well the first one is reported.
 
 use nalgebra::Vector2;
 
 use super::cause::CauseName;
 use super::correction::{BoxFormat, Correction};
 
-/// Corrections that have no number to find.
+/// Corrections without a parameter.
 pub(crate) fn discrete(frame_ids: &[&str]) -> Vec<Correction> {
     let mut all = vec![
         Correction::InvertPoses,
@@ -39,7 +39,7 @@ pub(crate) fn discrete(frame_ids: &[&str]) -> Vec<Correction> {
     );
     all.extend([Correction::AlphabeticalFrames, Correction::NumericFrames, Correction::ReversedFrames]);
     all.extend([1, -1, 2, -2, 3, -3, 4, -4, 5, -5, 10, -10].map(Correction::FrameOffset));
-    // An order of names that changes nothing explains nothing.
+    // An order of names that changes nothing is not an explanation.
     all.retain(|correction| {
         correction.frames(frame_ids).is_none_or(|frames| frames.iter().enumerate().any(|(k, to)| *to != Some(k)))
     });
@@ -51,9 +51,9 @@ pub(crate) fn discrete(frame_ids: &[&str]) -> Vec<Correction> {
 pub(crate) struct Family {
     /// The correction with a number.
     pub make: fn(f64) -> Correction,
-    /// Numbers that are tried first, ascending.
+    /// Grid of parameter values, ascending.
     pub grid: &'static [f64],
-    /// Whether the numbers are factors, whose logarithm is sought.
+    /// Whether the parameter is a factor, which is searched in its logarithm.
     pub is_factor: bool,
 }
 
@@ -114,7 +114,7 @@ impl Correction {
         }
     }
 
-    /// By which factor it makes the angles larger under which boxes are seen, for the corrections that have a number.
+    /// The factor by which it enlarges the viewing angles of boxes, for corrections with a parameter.
     pub(crate) fn angular_growth(self, image_size: Option<Vector2<f64>>) -> f64 {
         match self {
             Self::FocalFactor(factor) => 1.0 / factor,

@@ -9,18 +9,17 @@ use super::verdict::Diagnosis;
 use crate::scene::{Detection, Scene};
 use crate::solve::CategoryPriors;
 
-/// Objects with a prior from which on they say something.
+/// Minimum number of objects with a prior.
 const FEWEST_OBJECTS: usize = 3;
 
-/// Sizes that differ by this factor from what is known are in another unit: no prior is so wrong.
+/// Sizes that differ by this factor from the prior are in another unit: no prior is that inaccurate.
 const OTHER_UNIT: f64 = 2.5;
 
-/// The factor must be clear beside the differences between objects: so many times their median distance from it, in its
-/// logarithm.
+/// The factor must be significant: this many times the median deviation of the objects from it, in its logarithm.
 const CLEAR: f64 = 3.0;
 
-/// The factor that the lengths of a scene lack to agree with what is known of the sizes of its categories, where they
-/// clearly do not agree.
+/// The factor by which the lengths of a scene have to be multiplied to match the size priors of its categories, if they
+/// clearly disagree.
 pub(crate) fn wrong_lengths(
     scene: &Scene,
     is_used: impl Fn(&Detection) -> bool,
@@ -55,9 +54,9 @@ pub(crate) fn wrong_lengths(
 }
 
 impl Diagnosis {
-    /// Checks the lengths of a scene against what is known of the sizes of its categories, the full extents in world
-    /// units: a scene in millimetres does not agree with priors in metres. Nothing changes where they agree, where too
-    /// few objects have a prior, or where the scene is inconsistent anyway.
+    /// Compares the lengths of a scene with size priors of its categories, full extents in world units: a scene in
+    /// millimetres contradicts priors in metres. Does nothing if they agree, if too few objects have a prior, or if the
+    /// scene is inconsistent anyway.
     pub fn check_lengths(&mut self, scene: &Scene, is_used: impl Fn(&Detection) -> bool, priors: &CategoryPriors) {
         let Some(agreement) = self.agreement.filter(|_| self.consistent && !priors.by_category.is_empty()) else {
             return;

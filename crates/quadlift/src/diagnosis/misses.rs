@@ -14,10 +14,10 @@ const SMALLEST_MISS: f64 = 0.003;
 /// A box that misses by less than this many half sizes agrees with the others of its object.
 const AGREES: f64 = 0.5;
 
-/// A box that reaches farther out of the image than this share of the image's size was not measured in it.
+/// A box that extends beyond the image by more than this fraction of the image size was not measured in it.
 const OUTSIDE_MARGIN: f64 = 0.1;
 
-/// Share of the boxes that may be of something else: as many as the fits of objects bear.
+/// Assumed fraction of outlier boxes: as many as the fits of objects tolerate.
 const OUTLIER_SHARE: f64 = 0.3;
 
 /// The misses of all boxes of a sample, object by object.
@@ -29,7 +29,7 @@ pub(crate) struct Misses {
     ends: Vec<usize>,
     /// Scale of the misses, see [`scale_of`].
     scale: f64,
-    /// What each miss costs under that scale, see [`cost`].
+    /// The cost of each miss under that scale, see [`cost`].
     costs: Vec<f64>,
 }
 
@@ -40,7 +40,7 @@ impl Misses {
         Self { values, ends, scale, costs }
     }
 
-    /// What users see of it.
+    /// The public summary.
     pub(crate) fn agreement(&self) -> Agreement {
         let agreeing = self.values.iter().filter(|miss| **miss < AGREES).count() as f64;
         let boxes = self.values.len();
@@ -59,7 +59,7 @@ impl Misses {
         let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / total;
         let objects = sums.len() as f64;
         let squares: f64 = sums.iter().map(|(sum, boxes)| (sum - gain * boxes).powi(2)).sum();
-        // One object tells nothing of the differences: as if each box were apart.
+        // A single object gives no variance between objects: boxes are treated as independent.
         let sd =
             if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
         let better: f64 = sums.iter().map(|(sum, _)| sum.max(0.0)).sum();
@@ -69,7 +69,7 @@ impl Misses {
 }
 
 /// Half the negative log likelihood of a box that misses by `miss`, up to a constant: Student's t distribution in the
-/// plane with two degrees of freedom, or a box of something else, which may miss by anything up to [`LARGEST_MISS`].
+/// plane with two degrees of freedom, or an outlier, which is uniform up to [`LARGEST_MISS`].
 fn cost(miss: f64, scale: f64) -> f64 {
     let own = (scale * (1.0 + 0.5 * (miss / scale).powi(2))).powi(-2);
     let other = 2.0 / LARGEST_MISS.powi(2);
@@ -89,11 +89,12 @@ fn scale_of(misses: &[f64]) -> f64 {
     scale
 }
 
-/// A correction is given up after a share of the boxes when these cost on average so much more than they do as they are.
+/// A correction is abandoned after a fraction of the boxes if their mean cost exceeds the cost without the correction
+/// by this much.
 const HOPELESS: [(f64, f64); 2] = [(0.05, 1.5), (0.25, 0.5)];
 
-/// The misses of a sample after a correction, or as it is; `None` where they are hopeless beside `given`, the misses of the
-/// sample as it is.
+/// The misses of a sample after a correction, or as it is; `None` if they are much worse than `given`, the misses of
+/// the sample as it is.
 pub(crate) fn misses(sample: &Sample, correction: Option<Correction>, given: Option<&Misses>) -> Option<Misses> {
     let frames = correction.and_then(|correction| correction.frames(&sample.frame_ids));
     let total = sample.boxes();
@@ -123,8 +124,8 @@ pub(crate) fn misses(sample: &Sample, correction: Option<Correction>, given: Opt
     (!values.is_empty()).then(|| Misses::new(values, ends))
 }
 
-/// The ray of a box after a correction; `frames` has the frame to which the detections of each frame belong then. `None`
-/// where the box has no place.
+/// The ray of a box after a correction; `frames` has the frame to which the detections of each frame belong then.
+/// `None` if the box has no frame.
 pub(crate) fn corrected_ray(
     sample: &Sample,
     seen: &Seen,
@@ -136,8 +137,8 @@ pub(crate) fn corrected_ray(
     let mut camera = sample.frames[frame].camera?;
     let image_size = sample.frames[given].image_size;
     let mut bounding_box = seen.bounding_box;
-    // The unit of a miss is the half size that was measured, so that boxes that a correction enlarges do not seem to
-    // agree better.
+    // Misses are in measured half sizes, so that a correction that enlarges boxes does not seem to improve the
+    // agreement.
     let mut half_size = bounding_box.mean_half_size();
     if let Some(correction) = correction {
         camera = correction.camera(&camera, sample.frames[frame].image_size)?;
@@ -149,7 +150,7 @@ pub(crate) fn corrected_ray(
     fits.then(|| Ray::new(&camera, &bounding_box, half_size))
 }
 
-/// Whether a box lies in an image, but for a margin; where the size of the image is not known it does.
+/// Whether a box lies in an image, up to a margin; true if the image size is unknown.
 fn lies_in_image(b: &BoundingBox, image_size: Option<Vector2<f64>>) -> bool {
     image_size.is_none_or(|size| {
         let margin = size * OUTSIDE_MARGIN;
@@ -157,7 +158,7 @@ fn lies_in_image(b: &BoundingBox, image_size: Option<Vector2<f64>>) -> bool {
     })
 }
 
-/// The mean half extent of an object of a sample, in world units: that of the sphere that its boxes show; `None` where its
+/// The mean half extent of an object of a sample, in world units: that of the sphere that its boxes show; `None` if its
 /// rays do not meet.
 pub(crate) fn size(sample: &Sample, object: &[Seen]) -> Option<f64> {
     let rays: Vec<Ray> = object.iter().filter_map(|seen| corrected_ray(sample, seen, None, None)).collect();

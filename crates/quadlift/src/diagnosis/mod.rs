@@ -1,10 +1,11 @@
-//! The self-check: does a scene agree with itself, and if not, which of the usual mistakes explains it (docs/method.md, section 16)?
+//! The self-check: whether a scene is consistent, and if not, which common mistake explains it (docs/method.md, section
+//! 16).
 //!
 //! 1. `sample`: some objects with their boxes, without boxes cut by the image border.
 //! 2. `rays`, `misses`, `agreement`: how far the rays through the centres of an object's boxes miss each other, in half sizes
 //!    of the boxes.
-//! 3. `correction`, `hypotheses`, `search`: undoes the usual mistakes one by one; the one after which the scene agrees much
-//!    better is its cause.
+//! 3. `correction`, `hypotheses`, `search`: undo common mistakes one by one; the correction after which the scene
+//!    agrees much better is its cause.
 //! 4. `trajectory`, `object_ids`: if no correction explains it, whether poses repeat, the scale jumps, or ids change between objects.
 //! 5. `with_ids` combines these for scenes with object ids. Without ids, `without_ids` and `trials` associate the detections under
 //!    each hypothesis.

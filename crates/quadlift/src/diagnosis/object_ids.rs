@@ -1,5 +1,5 @@
 //! Checks whether object ids persist across frames. Numbers that restart in each frame do not: association without the
-//! ids then finds consistent objects that are made of many ids.
+//! ids then finds consistent objects that combine many ids.
 
 use std::collections::BTreeMap;
 
@@ -9,17 +9,17 @@ use super::trials::Tried;
 use crate::association::{AssociateOptions, IdUse};
 use crate::scene::{Detection, Scene};
 
-/// Share of an object's boxes that its most frequent id names, on average: ids that stay with their objects reach nearly
-/// one, whatever the false boxes; numbers that start anew in each frame less than this.
+/// Mean fraction of an object's boxes with its most frequent id: persistent ids reach nearly one despite false boxes;
+/// numbers that restart in each frame stay below this.
 const MIXED: f64 = 0.7;
 
 /// Evidence for each detection (nats) with which objects are found without ids.
 const FOUND: f64 = 2.0;
 
-/// Boxes of the objects that were found miss by less than this share of what those of the given ones miss by.
+/// Boxes of the associated objects miss by less than this fraction of the misses of the given objects.
 const BETTER: f64 = 0.5;
 
-/// The cause of a scene whose ids do not stay with their objects, where association without them shows that.
+/// The cause `ObjectIds`, if association without the ids shows that they switch between objects.
 pub(crate) fn mixed_ids(scene: &Scene, is_used: &impl Fn(&Detection) -> bool, before: Agreement) -> Option<Cause> {
     let options = AssociateOptions { ids: IdUse::Ignore, ..Default::default() };
     let mut used = scene.clone().into_parts();

@@ -31,15 +31,15 @@ pub(crate) const LARGEST_MISS: f64 = 3.0;
 pub(crate) struct Ray {
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
-    /// Where it meets the plane at depth one.
+    /// The intersection with the plane at depth one.
     direction: Vector2<f64>,
     /// Half size of the box at depth one.
     half_size: f64,
 }
 
 impl Ray {
-    /// The ray through the middle of a box: the planes halfway between those of opposite edges meet in it. Through the
-    /// centre of a sphere it goes exactly.
+    /// The ray through the centre of a box: the intersection of the planes halfway between those of opposite edges. For
+    /// a sphere it passes exactly through the centre.
     pub(crate) fn new(camera: &CameraParts, b: &BoundingBox, half_size: f64) -> Self {
         let k = &camera.intrinsics;
         let middle = |low: f64, high: f64| (0.5 * (low.atan() + high.atan())).tan();
@@ -93,14 +93,15 @@ pub(crate) fn misses_of(rays: &[Ray]) -> Vec<f64> {
     rays.iter().map(|ray| (ray.miss(&point) * dof).min(LARGEST_MISS)).collect()
 }
 
-/// The point where most of the rays meet; `None` where they do not.
+/// The point where most of the rays meet; `None` if they do not meet.
 pub(crate) fn meeting_point(rays: &[Ray]) -> Option<Vector3<f64>> {
     let point = refined(rays, least_squares(rays, &vec![1.0; rays.len()])?)?;
     let contested = rays.len() >= FEWEST_FOR_PAIRS && total_cost(rays, &point) > CONTESTED * rays.len() as f64;
     Some(if contested { best_of_pairs(rays, point) } else { point })
 }
 
-/// The point where most of the rays meet, from a start: squared misses, those beyond a shrinking scale count less and less.
+/// The point where most of the rays meet, from a start: squared misses with decreasing weights beyond a shrinking
+/// scale.
 fn refined(rays: &[Ray], start: Vector3<f64>) -> Option<Vector3<f64>> {
     let mut point = start;
     let mut weights = vec![1.0; rays.len()];
@@ -143,7 +144,7 @@ fn least_squares(rays: &[Ray], weights: &[f64]) -> Option<Vector3<f64>> {
     solve_spd(&normal, &right).filter(|p| p.iter().all(|x| x.is_finite()))
 }
 
-/// A better point than the given one, where two rays meet that others agree with.
+/// A better point than the given one, at the intersection of two rays, if other rays agree with it.
 fn best_of_pairs(rays: &[Ray], given: Vector3<f64>) -> Vector3<f64> {
     let mut best = (total_cost(rays, &given), given);
     let count = rays.len();
@@ -163,7 +164,7 @@ fn best_of_pairs(rays: &[Ray], given: Vector3<f64>) -> Vector3<f64> {
     if total_cost(rays, &point) < best.0 { point } else { best.1 }
 }
 
-/// What the misses of a point cost, in [0, 1] each.
+/// The cost of the misses of a point, in [0, 1] each.
 fn total_cost(rays: &[Ray], point: &Vector3<f64>) -> f64 {
     let bounded = |miss: f64| 1.0 - 1.0 / (1.0 + (miss / CONTESTED_MISS).powi(2));
     rays.iter().map(|ray| bounded(ray.miss(point))).sum()

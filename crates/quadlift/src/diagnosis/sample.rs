@@ -1,4 +1,4 @@
-//! The sample that is checked: some objects with their boxes and cameras.
+//! The checked sample: some objects with their boxes and cameras.
 
 use nalgebra::Vector2;
 
@@ -6,7 +6,7 @@ use super::camera::CameraParts;
 use crate::geometry::BoundingBox;
 use crate::scene::{Detection, Scene};
 
-/// Boxes that are looked at, at most: enough to tell, and few enough to be quick.
+/// Maximum number of boxes: enough for the check, and few enough to be fast.
 const MOST_BOXES: usize = 300;
 
 /// Distance from the image border, in pixels, within which a box counts as cut off: its centre is not the object's.
@@ -15,7 +15,7 @@ const BORDER_PX: f64 = 2.0;
 /// A frame of the sample.
 #[derive(Debug, Clone)]
 pub(crate) struct SampleFrame {
-    /// `None` where the projection has no finite centre.
+    /// `None` if the projection has no finite centre.
     pub camera: Option<CameraParts>,
     pub image_size: Option<Vector2<f64>>,
 }
@@ -39,18 +39,18 @@ pub(crate) struct Sample<'a> {
 }
 
 impl<'a> Sample<'a> {
-    /// Takes objects evenly from those that the detections name, of those with many views a part of the views.
+    /// Samples objects and views evenly.
     pub(crate) fn new(scene: &'a Scene, is_used: impl Fn(&Detection) -> bool) -> Self {
         let count = |only_whole: bool| {
             let used = scene.detections.iter().filter(|d| d.object_index.is_some() && is_used(d));
             used.filter(|d| measured_box(scene, d, only_whole).is_some()).count()
         };
-        // Where the border seems to cut nearly all boxes they are not in pixels.
+        // If the border seems to cut nearly all boxes, they are not in pixels.
         let only_whole = 10 * count(true) >= count(false);
         let box_of = |d: &Detection| measured_box(scene, d, only_whole);
         let groups = scene.detections_by_object(|d| is_used(d) && box_of(d).is_some());
         let groups: Vec<(usize, &Vec<u32>)> = groups.iter().enumerate().filter(|(_, group)| group.len() >= 2).collect();
-        // Objects with two views tell little: they are looked at only where there are no others.
+        // Objects with two views carry little information: they are used only if there are no others.
         let has_three = groups.iter().any(|(_, group)| group.len() >= 3);
         let groups: Vec<(usize, &Vec<u32>)> =
             groups.into_iter().filter(|(_, group)| !has_three || group.len() >= 3).collect();
@@ -89,8 +89,7 @@ impl<'a> Sample<'a> {
     }
 }
 
-/// The box of a detection, or the one around its ellipse; with `only_whole` only where the border of the image does not
-/// cut it.
+/// The box of a detection, or the one around its ellipse; with `only_whole` only if the image border does not cut it.
 fn measured_box(scene: &Scene, detection: &Detection, only_whole: bool) -> Option<BoundingBox> {
     let measured = detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()))?;
     let b = detection.box_in_image.unwrap_or(measured);

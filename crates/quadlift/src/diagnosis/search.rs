@@ -7,24 +7,24 @@ use super::misses::{Misses, misses};
 use super::sample::Sample;
 use crate::parallel::map_indices;
 
-/// Steps in which the number of a family is narrowed down; the last interval is 2 % of the first.
+/// Steps of the golden-section search of a family; the last interval is 2 % of the first.
 const NARROWING: usize = 8;
 
 /// Share of the way in a section (golden).
 const GOLDEN: f64 = 0.381_966_011_250_105_1;
 
-/// Agreement after a correction within this factor of the best one's (the logarithm of misses) is as good: the
-/// correction that comes first in the list is named.
+/// Agreement after a correction within this factor of the best one's (the logarithm of misses) is equally good: the
+/// first such correction in the list is reported.
 const AS_GOOD: f64 = 0.03;
 
-/// A correction with what it does.
+/// A correction with its effect.
 #[derive(Debug, Clone)]
 pub(crate) struct Explanation {
     pub correction: Correction,
     pub gain: Improvement,
 }
 
-/// How well a sample agrees as it is, and corrections that make it agree better, the best ones first.
+/// The agreement of a sample as it is, and corrections that improve it, the best first.
 #[derive(Debug, Clone)]
 pub(crate) struct Search {
     /// The sample as it is.
@@ -32,7 +32,7 @@ pub(crate) struct Search {
     pub explanations: Vec<Explanation>,
 }
 
-/// Tries all corrections; `None` where there is nothing to look at.
+/// Tries all corrections; `None` if the sample is empty.
 pub(crate) fn search(sample: &Sample) -> Option<Search> {
     let given = misses(sample, None, None)?;
     let discrete = discrete(&sample.frame_ids);
@@ -40,7 +40,7 @@ pub(crate) fn search(sample: &Sample) -> Option<Search> {
     let try_one = |correction: Correction| {
         let after = misses(sample, Some(correction), Some(&given))?;
         let mut gain = given.gain_of(&after);
-        // Errors of the poses are angles: beside boxes that look larger they look smaller, which explains nothing.
+        // Errors of the poses are angles: enlarging the boxes makes them relatively smaller, which explains nothing.
         gain.gain -= correction.angular_growth(image_size).ln().max(0.0);
         Some(Explanation { correction, gain })
     };
@@ -49,7 +49,7 @@ pub(crate) fn search(sample: &Sample) -> Option<Search> {
     let narrowed = map_indices(FAMILIES.len(), |k| narrowed(&FAMILIES[k], &try_one));
     found.extend(narrowed.into_iter().flatten());
     found.retain(|e| e.gain.gain > 0.0);
-    // The first of those that are as good as the best.
+    // The first of those that are equally good as the best.
     let best = found.iter().map(|e| e.gain.gain).fold(0.0, f64::max);
     found.sort_by(|a, b| {
         let close = |e: &Explanation| e.gain.gain >= best - AS_GOOD;
@@ -62,7 +62,7 @@ pub(crate) fn search(sample: &Sample) -> Option<Search> {
     Some(Search { given, explanations: found })
 }
 
-/// The best correction of a family, where one of its grid is better than none: from the best of them, by golden sections.
+/// The best correction of a family, if one of its grid improves the agreement, refined by golden-section search.
 fn narrowed(family: &Family, try_one: &impl Fn(Correction) -> Option<Explanation>) -> Option<Explanation> {
     let try_value = |value: f64| try_one((family.make)(value));
     let gain = |e: &Option<Explanation>| e.as_ref().map_or(f64::NEG_INFINITY, |e| e.gain.gain);

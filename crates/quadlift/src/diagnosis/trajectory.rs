@@ -14,13 +14,13 @@ use crate::parallel::map_indices;
 /// Boxes of one object in frames of one pose that are farther apart than this many half sizes show that something moved.
 const MOVED: f64 = 0.3;
 
-/// Frames that repeat a pose, although something moved, from which on they are a mistake.
+/// Minimum number of frames that repeat a pose although something moved.
 const FEWEST_REPEATED: usize = 3;
 
-/// Frames with which a jump can be told from chance.
+/// Minimum number of frames to detect a jump.
 const FEWEST_FRAMES: usize = 8;
 
-/// Places of the jump that are tried first.
+/// Grid of jump positions.
 const PLACES: usize = 12;
 
 /// How often the distance between places is halved.
@@ -29,11 +29,11 @@ const HALVINGS: usize = 4;
 /// Rounds of reweighting.
 const ROUNDS: usize = 8;
 
-/// A factor this near to one is no jump.
+/// A factor this close to one is not a jump.
 const SAME_SCALE: f64 = 1.1;
 
-/// Share of the frames with boxes in two frames of one pose that show that something moved in between; `None` where there
-/// are too few to tell.
+/// Fraction of the frames with boxes that repeat a pose although something moved in between; `None` if there are too
+/// few.
 pub(crate) fn repeated_poses(sample: &Sample) -> Option<f64> {
     let mut seen_in = vec![false; sample.frames.len()];
     sample.objects.iter().flatten().for_each(|seen| seen_in[seen.frame as usize] = true);
@@ -70,15 +70,15 @@ pub(crate) fn repeated_poses(sample: &Sample) -> Option<f64> {
 
 /// A trajectory whose scale differs from a frame on.
 pub(crate) struct ScaleJump {
-    /// The trajectory from that frame on is to be multiplied by this.
+    /// Factor by which the trajectory from that frame on has to be multiplied.
     pub factor: f64,
     pub gain: Improvement,
 }
 
-/// The jump of the scale that explains a sample best, where one does.
+/// The scale jump that explains a sample best, if any.
 ///
-/// The objects' places are found from the frames before the jump; the factor and the shift that make the rays of the frames
-/// after it meet them are linear.
+/// The objects are located from the frames before the jump; the factor and the shift that align the rays of the later
+/// frames with them follow from a linear system.
 pub(crate) fn scale_jump(sample: &Sample, given: &Misses) -> Option<ScaleJump> {
     let mut used: Vec<u32> = sample.objects.iter().flatten().map(|seen| seen.frame).collect();
     used.sort_unstable();
@@ -123,7 +123,7 @@ fn rescaled<'a>(sample: &Sample<'a>, from: u32) -> Option<(f64, Sample<'a>)> {
         let Some(place) = meeting_point(&rays(false)) else { continue };
         later.extend(rays(true).into_iter().map(|ray| (ray, place)));
     }
-    // Least squares of normal . (place - shift - factor center), in half sizes; large ones count less and less.
+    // Least squares of normal . (place - shift - factor center), in half sizes; with decreasing weights for large ones.
     let mut solution = Vector4::new(0.0, 0.0, 0.0, 1.0);
     for round in 0..ROUNDS {
         let residuals: Vec<[(Vector4<f64>, f64); 2]> = later

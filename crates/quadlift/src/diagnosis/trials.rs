@@ -13,13 +13,13 @@ use crate::association::{AssociateError, AssociateOptions, Association, associat
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene};
 
-/// Frames of the part that is associated again, at most.
+/// Maximum number of frames of the part that is associated again.
 const MOST_FRAMES: usize = 20;
 
-/// Every so many frames of a longer scene, at most: views that are far apart do not show the same objects.
+/// Maximum stride of frames of a longer scene: views that are far apart do not show the same objects.
 const LONGEST_STRIDE: usize = 3;
 
-/// Boxes of the part that is associated again, at most: the largest ones of each frame.
+/// Maximum number of boxes of that part: the largest ones of each frame.
 const MOST_BOXES: usize = 200;
 
 /// How often the distance between two numbers of a family is halved.
@@ -28,10 +28,10 @@ const HALVINGS: usize = 3;
 /// A correction that changes nothing.
 const NOTHING: Correction = Correction::FrameOffset(0);
 
-/// A part of a scene that is associated again and again.
+/// A part of a scene that is associated under each hypothesis.
 pub(crate) struct Tried<'a> {
     scene: &'a Scene,
-    /// Which frames take part.
+    /// The selected frames.
     pub(crate) frames: Vec<bool>,
     boxes_in_frame: usize,
     source: Option<u32>,
@@ -44,7 +44,7 @@ pub(crate) struct Trial {
     /// Evidence for each detection, nats.
     pub evidence: f64,
     pub agreement: Agreement,
-    /// The part, with the objects that were found.
+    /// The part with the associated objects.
     pub named: Scene,
     /// The places of its detections in the whole scene, corrected.
     pub detections: Vec<usize>,
@@ -135,7 +135,7 @@ impl<'a> Tried<'a> {
 }
 
 impl Trial {
-    /// Its correction, with a number that suits the objects that were found.
+    /// Its correction, with a parameter refined on the associated objects.
     pub(crate) fn refined(&self, is_used: &impl Fn(&Detection) -> bool) -> Correction {
         let correction = self.correction;
         let sample = Sample::new(&self.named, is_used);
@@ -149,7 +149,7 @@ impl Trial {
     }
 }
 
-/// Agreement of the objects that an association found; boxes without an object do not agree with any.
+/// Agreement of the objects of an association; unassigned boxes count as disagreeing.
 fn diagnose_agreement(named: &Scene, assigned: f64) -> Agreement {
     let found = misses(&Sample::new(named, |_| true), None, None);
     let Some(found) = found.map(|misses| misses.agreement()) else {

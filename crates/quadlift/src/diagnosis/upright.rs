@@ -6,10 +6,10 @@ use super::camera::CameraParts;
 use super::correction::Correction;
 use crate::scene::Scene;
 
-/// Frames that are looked at, at most.
+/// Maximum number of frames.
 const MOST_FRAMES: usize = 200;
 
-/// Frames from which on they say something.
+/// Minimum number of frames.
 const FEWEST_FRAMES: usize = 5;
 
 /// Cameras whose x axis rises by less than this (a sine: 20 degrees) are upright.
@@ -20,7 +20,7 @@ const LEVEL: f64 = 0.34;
 const RISES: f64 = 0.17;
 const STEEP: f64 = 0.94;
 
-/// Share of the cameras that are upright where there is an upright direction.
+/// Fraction of upright cameras if there is an upright direction.
 const NEARLY_ALL: f64 = 0.95;
 
 /// The cameras must look into different directions, or many directions are level: second eigenvalue of the scatter of their
@@ -36,8 +36,8 @@ const CONTRADICTS: f64 = 0.866;
 /// An upright direction this near to an axis of the world is that axis (a cosine: 10 degrees).
 const IS_AXIS: f64 = 0.985;
 
-/// The correction of a scene's `up`, where it contradicts the direction in which nearly all its cameras are upright; and
-/// whether that is certain: all cameras may be mounted upside down.
+/// The correction of a scene's `up` if it contradicts the direction in which nearly all its cameras are upright, and
+/// whether it is certain: all cameras may be mounted upside down.
 pub(crate) fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
     let up = scene.up?;
     let stride = scene.frames.len().div_ceil(MOST_FRAMES).max(1);
@@ -57,7 +57,8 @@ pub(crate) fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
     (cosine < CONTRADICTS).then_some((correction, cosine > -CONTRADICTS))
 }
 
-/// Whether a camera is held level where up is so: its image may be turned by quarters, as for portraits.
+/// Whether a camera is level for this up direction; its image may be rotated by multiples of 90 degrees, as for
+/// portraits.
 fn is_level(camera: &Matrix3<f64>, up: &Vector3<f64>) -> bool {
     let [right, down, forward] = in_camera(camera, up);
     let looks_down = forward < -STEEP;
@@ -76,7 +77,7 @@ fn in_camera(camera: &Matrix3<f64>, direction: &Vector3<f64>) -> [f64; 3] {
     (camera * direction).into()
 }
 
-/// The world direction in which nearly all cameras are upright; `None` where there is none, or many.
+/// The world direction in which nearly all cameras are upright; `None` if there is none or if it is ambiguous.
 fn upright_direction(cameras: &[Matrix3<f64>]) -> Option<Vector3<f64>> {
     if cameras.len() < FEWEST_FRAMES {
         return None;
@@ -104,7 +105,7 @@ fn upright_direction(cameras: &[Matrix3<f64>]) -> Option<Vector3<f64>> {
     (upright >= NEARLY_ALL * count).then_some(up)
 }
 
-/// The axis of the world that a direction nearly is, or the direction with three decimals.
+/// The world axis closest to a direction, or the direction with three decimals.
 fn snapped(direction: Vector3<f64>) -> Vector3<f64> {
     let largest = direction.iamax();
     if direction[largest].abs() > IS_AXIS {

@@ -18,23 +18,23 @@ const INCONSISTENT_SHARE: f64 = 0.3;
 /// Scenes whose boxes typically miss by less than this many half sizes agree, whatever would make them agree better.
 const NEGLIGIBLE_MISS: f64 = 0.005;
 
-/// Explanations that are reported, at most.
+/// Maximum number of reported explanations.
 const MOST_CAUSES: usize = 3;
 
-/// What the self-check found.
+/// The result of the self-check.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnosis {
-    /// Whether the scene agrees with itself, as far as can be seen.
+    /// Whether the scene is consistent.
     pub consistent: bool,
-    /// How well it agrees; `None` where there was nothing to look at (no object with two boxes).
+    /// Its agreement; `None` if nothing could be checked (no object with two boxes).
     pub agreement: Option<Agreement>,
-    /// What explains the disagreement, the best explanation first. Of a consistent scene: what makes it agree a little
-    /// better, and may be wrong.
+    /// Causes of the inconsistency, the best explanation first. For a consistent scene: possible mistakes, whose
+    /// correction improves the agreement slightly.
     pub causes: Vec<Cause>,
 }
 
 impl Default for Diagnosis {
-    /// Nothing to look at, nothing wrong.
+    /// Nothing to check: consistent.
     fn default() -> Self {
         Self { consistent: true, agreement: None, causes: Vec::new() }
     }
@@ -53,7 +53,7 @@ impl Diagnosis {
     }
 }
 
-/// The agreement of the boxes of each object, and the corrections that explain it.
+/// The agreement of the boxes of each object, and corrections that improve it.
 pub(crate) fn of_search(search: &Search, sample: &Sample) -> Diagnosis {
     let (boxes, objects) = (sample.boxes(), sample.objects.len());
     let before = search.given.agreement();

@@ -6,24 +6,24 @@ use super::verdict::{Diagnosis, of_search};
 use super::{object_ids, search, trajectory};
 use crate::scene::{Detection, Scene};
 
-/// Where boxes miss by more than this, or fewer than this share of them agree, the trajectory and the ids are looked at.
+/// If boxes miss by more than this, or a smaller fraction of them agrees, the trajectory and the ids are checked.
 const SUSPICIOUS_MISS: f64 = 0.1;
 const SUSPICIOUS_SHARE: f64 = 0.85;
 
 /// A jump of the scale has more numbers to fit than a correction: it must explain the boxes better by this (a logarithm).
 const CLEARLY_BETTER: f64 = 0.2;
 
-/// Share of the frames that repeat a pose although something moved, from which on the scene is wrong.
+/// Fraction of frames that repeat a pose although something moved above which the scene is inconsistent.
 const MANY_REPEATED: f64 = 0.2;
 
-/// Share of these frames from which on whatever else seems to explain the scene does not.
+/// Fraction of these frames above which other explanations are discarded.
 const MOST_REPEATED: f64 = 0.5;
 
-/// Checks whether the boxes of each object agree with each other, and if not, which mistake explains it; and whether the
-/// scene's `up` agrees with the cameras.
+/// Checks whether the boxes of each object are consistent, and if not, which mistake explains it; also checks the
+/// scene's `up` against the cameras.
 ///
-/// Looks at the detections that name an object and that `is_used` accepts (those of one source). It takes a few
-/// milliseconds for a scene of any size, because a sample is enough; more where the scene is inconsistent.
+/// Uses the detections with an object id that `is_used` accepts (those of one source). Takes a few milliseconds for a
+/// scene of any size, because a sample is enough; longer if the scene is inconsistent.
 pub fn diagnose(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Diagnosis {
     of_boxes(scene, is_used).and_up(scene)
 }

@@ -1,8 +1,8 @@
-//! The self-check of a scene whose detections name no objects: objects are sought under each hypothesis.
+//! The self-check of a scene without object ids: the detections are associated under each hypothesis.
 //!
-//! Association finds objects in wrong scenes, too, but explains its boxes with less evidence. Where an association has
-//! little evidence, the usual mistakes are undone one by one and a part of the scene is associated again; the one with
-//! much more evidence is the cause.
+//! Association also finds objects in corrupted scenes, but with less evidence. If an association has little evidence,
+//! common mistakes are undone one by one and a part of the scene is associated again; the mistake whose correction
+//! yields much more evidence is the cause.
 
 use super::agreement::FEWEST_BOXES;
 use super::cause::Cause;
@@ -15,13 +15,13 @@ use crate::association::{AssociateError, AssociateOptions, Association};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene};
 
-/// How often the objects that were found refine a number, at most.
+/// Maximum number of refinements of a parameter with the associated objects.
 const REFINEMENTS: usize = 3;
 
-/// Evidence for each detection (nats) from which on an association needs no second look.
+/// Evidence per detection (nats) above which an association is not checked further.
 const PLENTY_OF_EVIDENCE: f64 = 6.0;
 
-/// Typical miss of the objects that an association found, in half sizes, up to which it needs no second look.
+/// Typical miss of the objects of an association, in half sizes, up to which it is not checked further.
 const SMALL_MISS: f64 = 0.12;
 
 /// The evidence for each detection must grow by so many nats...
@@ -30,16 +30,16 @@ const MORE_NATS: f64 = 1.5;
 /// ...and by this factor.
 const MORE_TIMES: f64 = 1.6;
 
-/// Evidence below which nothing agrees.
+/// Evidence below which no detections agree.
 const NO_EVIDENCE: f64 = 0.3;
 
-/// Frames with boxes from which on objects should be found.
+/// Minimum number of frames with boxes in which objects should be found.
 const ENOUGH_FRAMES: usize = 5;
 
 /// Checks the association of a scene whose detections name no objects, or whose ids are only evidence.
 ///
-/// Where association has found much evidence this takes a few milliseconds; otherwise a part of the scene is associated
-/// under each hypothesis, which may take seconds.
+/// Takes a few milliseconds if the association has much evidence; otherwise a part of the scene is associated under
+/// each hypothesis, which may take seconds.
 ///
 /// # Errors
 /// Those of [`crate::associate()`] with the same options.
@@ -55,7 +55,7 @@ pub fn diagnose_association(
     Ok(with_hypotheses(scene, found, association, is_used, options)?.and_up(scene))
 }
 
-/// The diagnosis of an association, beside those of the scene with each mistake undone.
+/// The diagnosis of an association, compared with associations after each correction.
 fn with_hypotheses(
     scene: &Scene,
     found: Diagnosis,
@@ -90,7 +90,7 @@ fn with_hypotheses(
         let consistent = found.consistent && (before.evidence > NO_EVIDENCE || !is_told);
         return Ok(Diagnosis { consistent, ..found });
     };
-    // The objects that are found with the coarse number tell a better one, with which they are found better.
+    // The objects associated with the coarse parameter refine it, which in turn improves the association.
     for _ in 0..REFINEMENTS {
         let refined = tried.with(best.refined(&is_used));
         if evidence_of(&refined) <= best.evidence {

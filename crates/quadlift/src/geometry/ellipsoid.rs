@@ -142,7 +142,7 @@ impl DualQuadric {
         finite.then(|| (Point3::from(t), shape))
     }
 
-    /// The ellipsoid, where the quadric is one; nothing is repaired.
+    /// The ellipsoid, if the quadric is one; nothing is repaired.
     ///
     /// # Errors
     /// [`EllipsoidError::NotAnEllipsoid`] carries the centre, [`EllipsoidError::NotFinite`] when there is none.

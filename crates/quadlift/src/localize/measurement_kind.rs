@@ -1,27 +1,27 @@
-//! Which measurements of detections are used.
+//! Selection of the measurements of detections.
 
 use crate::scene::{Detection, View};
 
-/// Which of a detection's measurements are used.
+/// Which measurements of a detection are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MeasurementKind {
-    /// What the detection has. Of one with box and ellipse `map` takes place and size from the box's edges and the shape
-    /// from the ellipse; `planes` takes the box, `lfd`, `pfd` and `reg` take the ellipse.
+    /// All measurements of the detection. With box and ellipse, `map` uses the box for position and size and the
+    /// ellipse for shape; `planes` uses the box; `lfd`, `pfd` and `reg` use the ellipse.
     #[default]
     Auto,
-    /// The box; detections without one take no part.
+    /// The box; detections without one are skipped.
     Box,
-    /// The ellipse; detections without one take no part.
+    /// The ellipse; detections without one are skipped.
     Ellipse,
-    /// Box and ellipse, as with `Auto`; detections that lack one of them take no part.
+    /// Box and ellipse, as with `Auto`; detections without either of them are skipped.
     BoxAndEllipse,
-    /// The supporting lines of the mask, in the place of the box's edges, with `map` and `planes`; detections without
-    /// any ([`Detection::support_lines`]) take no part.
+    /// The supporting lines of the mask instead of the edges of the box, with `map` and `planes`; detections without
+    /// any ([`Detection::support_lines`]) are skipped.
     Mask,
 }
 
 impl MeasurementKind {
-    /// Whether a detection has what is used.
+    /// Whether a detection has the selected measurement.
     pub(super) fn are_in(self, detection: &Detection) -> bool {
         match self {
             Self::Auto => true,
@@ -32,7 +32,7 @@ impl MeasurementKind {
         }
     }
 
-    /// Removes from a view what is not used.
+    /// Removes unused measurements from a view.
     pub(super) fn keep_only(self, view: &mut View) {
         if self != Self::Mask {
             view.support_lines = None;

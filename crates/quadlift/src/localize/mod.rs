@@ -1,4 +1,4 @@
-//! The one call: a scene and options in, estimates out.
+//! The main entry point: a scene and options in, estimates out.
 
 mod measurement_kind;
 mod options;
@@ -37,25 +37,25 @@ pub enum LocalizeError {
 /// The result for a scene.
 #[derive(Debug, Clone, Default)]
 pub struct Localization {
-    /// One estimate for each object id that a detection of the chosen source names, in the order of the ids.
+    /// One estimate per object id of the detections of the chosen source, in the order of the ids.
     pub estimates: Vec<Estimate>,
-    /// Detections that took no part.
+    /// Skipped detections.
     pub skipped: SkippedDetections,
-    /// Noise levels that the scene's residuals show, or that were given ([`crate::solve::Method::Map`] only).
+    /// Noise levels, estimated from the scene's residuals or given ([`crate::solve::Method::Map`] only).
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, where [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub pose_noise: Option<PoseNoise>,
-    /// The kind of body that was fitted: the one that was asked for, or the one that was chosen.
+    /// The fitted kind of body, given or selected.
     pub body: Option<BodyKind>,
-    /// How well the views of an object predict those that were left out.
+    /// Cross-validation: how well left-out views are predicted.
     pub cross_validation: CrossValidation,
-    /// Whether the scene agrees with itself. Where it does not, objects have the status [`Status::Inconsistent`] instead
-    /// of [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
+    /// The self-check. If the scene is inconsistent, objects have the status [`Status::Inconsistent`] instead of
+    /// [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
     pub diagnosis: Diagnosis,
 }
 
 impl Localization {
-    /// The noise levels by their names in results, those of the poses last.
+    /// The noise levels by their names in results, pose noise last.
     pub fn noise_levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let of_poses =
             self.pose_noise.map(|poses| POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd]));
@@ -63,10 +63,10 @@ impl Localization {
     }
 }
 
-/// Localises every object that the detections name.
+/// Localises every object with an id in the detections.
 ///
 /// # Errors
-/// [`LocalizeError`] when the options do not fit the scene; a single object that cannot be solved is a
+/// [`LocalizeError`] if the options do not fit the scene; a single object that cannot be solved is a
 /// [`crate::solve::Status`] instead.
 pub fn localize(scene: &Scene, options: &LocalizeOptions) -> Result<Localization, LocalizeError> {
     localize_observed(scene, options, &Unobserved)
@@ -75,7 +75,7 @@ pub fn localize(scene: &Scene, options: &LocalizeOptions) -> Result<Localization
 /// [`localize()`] with an observer, whose steps are objects.
 ///
 /// # Errors
-/// As [`localize()`]; [`LocalizeError::Cancelled`] where the observer cancels.
+/// As [`localize()`]; [`LocalizeError::Cancelled`] if the observer cancels.
 pub fn localize_observed(
     scene: &Scene,
     options: &LocalizeOptions,
@@ -99,10 +99,10 @@ pub fn localize_observed(
     for group in &mut groups {
         group.sort_by_key(|&index| scene.detections[index as usize].frame_index);
     }
-    // The closed forms do not look at them.
+    // The closed forms do not use them.
     let uses_hidden_edges = map_options.is_some_and(|map| map.hidden_edges);
     let hidden = scene.hidden_edges(|d| uses_hidden_edges && from_source(d));
-    // Objects that only other sources name are not listed; those whose detections are all left out are.
+    // Objects of other sources are not listed; objects whose detections are all skipped are.
     let mut named = vec![false; scene.object_ids.len()];
     let mut skipped = SkippedDetections::default();
     for detection in scene.detections.iter().filter(|d| from_source(d)) {
@@ -126,12 +126,12 @@ pub fn localize_observed(
             view.hidden_edges = hidden[detection as usize];
         }
         object.views.iter_mut().for_each(|view| options.measurements.keep_only(view));
-        // The closed forms keep the border as it is; the refinement knows that detectors are wrong near it.
+        // The closed forms use the border as it is; the refinement accounts for detector errors near it.
         if let Some(map_options) = map_options {
             object.views.iter_mut().for_each(|view| *view = view.within_margin(map_options.border_margin));
         }
         if object.views.len() < fewest {
-            // Too few to be asked for: the solvers answer with a status.
+            // Too few views: the solvers return a status.
             object.views.clear();
         }
         object

@@ -16,7 +16,7 @@ use crate::solve::{CategoryPriors, ENCLOSING_QUANTILE, MapOptions, Method};
 /// ```
 #[derive(Debug, Clone)]
 pub struct LocalizeOptions {
-    /// Which estimator, with its options.
+    /// The estimator with its options.
     pub method: Method,
     /// Take the detections of this source only; needed when the scene has several.
     pub source: Option<String>,
@@ -26,15 +26,16 @@ pub struct LocalizeOptions {
     pub max_occluded: Option<f64>,
     /// Skip detections with a higher truncation level.
     pub max_truncated: Option<f64>,
-    /// Which of a detection's measurements are used.
+    /// Which measurements of a detection are used.
     pub measurements: MeasurementKind,
-    /// Quantile of (distance of the measured plane) / (reach of the body) that the enclosing body takes, in [0, 1].
+    /// Quantile of (distance of the measured plane) / (support of the body) for the enclosing body, in [0, 1].
     pub enclosing_quantile: f64,
-    /// Report objects of a scene that is inconsistent (see [`crate::diagnosis`]) as if it did; otherwise none of them
-    /// is [`crate::solve::Status::Ok`].
+    /// Accept a scene that is inconsistent (see [`crate::diagnosis`]); otherwise none of its objects is
+    /// [`crate::solve::Status::Ok`].
     pub accept_inconsistent: bool,
-    /// Sizes that categories have: an object that is much longer or shorter than all of its category gets a warning
-    /// ([`crate::solve::Warning::ImplausibleSize`]). No estimate depends on them; the priors of [`MapOptions`] do more.
+    /// Sizes of categories: an object that is much longer or shorter than its category gets a warning
+    /// ([`crate::solve::Warning::ImplausibleSize`]). Estimates do not depend on them, in contrast to the priors of
+    /// [`MapOptions`].
     pub plausible_sizes: CategoryPriors,
     /// Seed of the random numbers.
     pub seed: u64,

@@ -6,10 +6,10 @@ use crate::scene::Scene;
 use crate::solve::{MapOptions, Method, OptionError, refuse};
 
 impl LocalizeOptions {
-    /// Whether the options make sense by themselves, whatever the scene is.
+    /// Validates the options, independent of a scene.
     ///
     /// # Errors
-    /// [`OptionError`] names the first option that is outside of its range.
+    /// [`OptionError`] names the first option that is out of range.
     pub fn validate(&self) -> Result<(), OptionError> {
         if self.measurements == MeasurementKind::Mask && !matches!(self.method, Method::Map(_) | Method::Planes) {
             return refuse("only the methods map and planes use masks; the others use their ellipses");
@@ -21,7 +21,7 @@ impl LocalizeOptions {
     }
 }
 
-/// Refuses what needs a scene's `up` where it is not known.
+/// Rejects options that need the scene's `up` if it is missing.
 pub(super) fn check_up(options: &MapOptions, scene: &Scene) -> Result<(), OptionError> {
     if scene.up.is_some() || scene.frames.is_empty() {
         return Ok(());

@@ -8,24 +8,23 @@ use crate::geometry::Ellipsoid;
 /// Agreement of two divisions of the same detections.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DivisionScore {
-    /// Of the pairs of detections of true objects that were put together, the share that belongs together; 1 when
-    /// there are none.
+    /// Fraction of the assigned pairs of detections of true objects that are correct; 1 if there are none.
     pub precision: f64,
-    /// Of the pairs of detections that belong together, the share that was put together; 1 when there are none.
+    /// Fraction of the true pairs of detections that were assigned to the same object; 1 if there are none.
     pub recall: f64,
     /// Harmonic mean of precision and recall.
     pub f1: f64,
     /// Adjusted Rand index over all detections, those without an object each on their own: 1 for equal divisions, 0 on
     /// average for random ones.
     pub adjusted_rand_index: f64,
-    /// Found objects most of whose detections are of a true object of which another found object has more.
+    /// Number of found objects whose main true object is covered better by another found object.
     pub duplicates: usize,
 }
 
 /// Scores a division of detections into objects against the true one; `None` marks detections without an object. Both
 /// lists have the same detections in the same order; any numbers serve as names of objects.
 ///
-/// Detections of no true object only count for the adjusted Rand index.
+/// Detections without a true object only affect the adjusted Rand index.
 pub fn pairwise_clustering_scores(truth: &[Option<u32>], found: &[Option<u32>]) -> DivisionScore {
     let both = || truth.iter().copied().zip(found.iter().copied());
     let of_true_objects = || both().filter_map(|(t, f)| Some((t?, f)));
@@ -79,19 +78,19 @@ pub struct FoundScore {
     pub true_objects: usize,
     /// Number of found objects.
     pub found: usize,
-    /// Found objects that are paired with a true one.
+    /// Number of found objects paired with a true one.
     pub matched: usize,
     /// Mean volume IoU of these pairs; absent without pairs.
     pub mean_iou3d: Option<f64>,
 }
 
 impl FoundScore {
-    /// Share of the found objects that are true; absent when nothing was found.
+    /// Fraction of the found objects that are correct; absent if nothing was found.
     pub fn precision(&self) -> Option<f64> {
         (self.found > 0).then(|| self.matched as f64 / self.found as f64)
     }
 
-    /// Share of the true objects that were found; absent when there are none.
+    /// Fraction of the true objects that were found; absent if there are none.
     pub fn recall(&self) -> Option<f64> {
         (self.true_objects > 0).then(|| self.matched as f64 / self.true_objects as f64)
     }

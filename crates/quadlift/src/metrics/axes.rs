@@ -18,7 +18,7 @@ pub fn main_axis_angle(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
     u.cross(&v).norm().atan2(u.dot(&v).abs())
 }
 
-/// The smallest angle of a rotation that turns the axes of `a` into those of `b`, in [0, 2 pi / 3] radians.
+/// The smallest angle of a rotation from the axes of `a` to those of `b`, in [0, 2 pi / 3] radians.
 ///
 /// Axes correspond by their length (longest to longest, and so on), whatever their order in the two bodies. The
 /// remaining symmetry is that of a body with three different axes, the half turns about each of them. Where two

@@ -1,8 +1,8 @@
-//! Regions that are calibrated on objects whose truth is known (split conformal prediction).
+//! Confidence regions calibrated on objects with ground truth (split conformal prediction).
 
 use super::SquaredErrors;
 
-/// A part of an estimate that has a region.
+/// A part of an estimate with a region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RegionPart {
     /// The centre: 3 degrees of freedom.
@@ -36,14 +36,13 @@ impl RegionPart {
     }
 }
 
-/// Limits on squared distances that hold the truth as often as they say, from objects whose truth is known (split
-/// conformal prediction: Vovk, Gammerman, Shafer, *Algorithmic Learning in a Random World*, 2005).
+/// Calibrated limits on squared distances from objects with ground truth (split conformal prediction: Vovk, Gammerman,
+/// Shafer, *Algorithmic Learning in a Random World*, 2005).
 ///
-/// A region is all truths whose squared distance from the estimate, in units of its covariance
-/// ([`super::squared_errors`]), is at most [`Calibration::limit`]. Of an object that is like those of the calibration
-/// (exchangeable with them: same detector, same kind of scenes, same options), the truth lies in the region of level p
-/// with a probability of at least p, whatever is wrong with the covariances. This holds on average over objects, not for
-/// each kind of them.
+/// A region contains all truths whose squared Mahalanobis distance from the estimate ([`super::squared_errors`]) is at
+/// most [`Calibration::limit`]. For an object that is exchangeable with those of the calibration (same detector, same
+/// kind of scenes, same options), the truth lies in the region of level p with a probability of at least p, even if the
+/// covariances are wrong. This holds on average over objects, not for each kind of them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Calibration {
     /// The squared distances of each part, in ascending order.
@@ -51,7 +50,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// From the errors of objects whose truth is known. A distance that is not a number counts as infinite.
+    /// Builds the limits from the errors of objects with ground truth. NaN distances count as infinite.
     pub fn new(errors: &[SquaredErrors]) -> Self {
         let sorted = RegionPart::ALL.map(|part| {
             let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
@@ -67,9 +66,9 @@ impl Calibration {
         self.sorted[0].len()
     }
 
-    /// The squared distance that takes the place of the quantile of chi-square at `level`, in (0, 1): the k-th smallest
-    /// one of n objects, k = ceil(level (n + 1)). `None` where there are too few objects for the level (below 19 for
-    /// 95 %), or the limit would be infinite.
+    /// The squared distance that replaces the chi-square quantile at `level`, in (0, 1): the k-th smallest one of n
+    /// objects, k = ceil(level (n + 1)). `None` if there are too few objects for the level (below 19 for 95 %), or the
+    /// limit would be infinite.
     pub fn limit(&self, part: RegionPart, level: f64) -> Option<f64> {
         let sorted = &self.sorted[part as usize];
         // Rounding must not ask for one more object.

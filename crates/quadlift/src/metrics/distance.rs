@@ -15,8 +15,8 @@ const REFINED: usize = 6;
 /// Hausdorff distance between two convex bodies, `max_u |h_A(u) - h_B(u)|` over the unit directions, where h is the
 /// support function about a common point (so that the distance of the centres counts). World units.
 ///
-/// A fixed set of directions and a local search from the best of them: a lower bound of the distance, for
-/// ellipsoids precise to about 1e-9 of it, for bodies with edges to about 1e-4. NaN when a body holds a number that is not finite.
+/// A fixed set of directions and a local search from the best of them: a lower bound of the distance, for ellipsoids
+/// precise to about 1e-9 of it, for bodies with edges to about 1e-4. NaN if a body contains a non-finite number.
 pub fn hausdorff_distance(a: &impl ConvexBody, b: &impl ConvexBody) -> f64 {
     let offset = b.center() - a.center();
     // The bodies are symmetric: u and -u together give the sum of both moduli.
@@ -78,7 +78,7 @@ fn refine(f: &impl Fn(&Vector3<f64>) -> f64, mut value: f64, mut u: Vector3<f64>
 /// Squared Wasserstein-2 distance between the uniform distributions on two ellipsoids, in squared world units:
 /// `|dt|^2 + tr(S1 + S2 - 2 (S1^1/2 S2 S1^1/2)^1/2)` with the second moments `S = A / 5`.
 ///
-/// NaN when a body holds a number that is not finite.
+/// NaN if a body contains a non-finite number.
 pub fn squared_wasserstein(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
     let r = a.rotation.matrix();
     let root = r * Matrix3::from_diagonal(&a.semi_axes) * r.transpose();

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::geometry::{Cuboid, Ellipsoid, Projection};
 
-/// What an estimator says about one object; what it does not say is absent.
+/// The estimate of one object; missing values are absent.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EstimatedObject {
     /// The id.
@@ -19,17 +19,17 @@ pub struct EstimatedObject {
     pub status: String,
     /// The centre in the world; a failed estimation can have one nevertheless.
     pub center: Option<Point3<f64>>,
-    /// The ellipsoid that is tangent to the measurements.
+    /// The tangent ellipsoid.
     pub ellipsoid: Option<Ellipsoid>,
-    /// The larger one that holds the real object.
+    /// The enclosing one, which should contain the real object.
     pub enclosing_ellipsoid: Option<Ellipsoid>,
-    /// The cuboid that is tangent to the measurements.
+    /// The tangent cuboid.
     pub cuboid: Option<Cuboid>,
-    /// The larger one that holds the real object.
+    /// The enclosing one, which should contain the real object.
     pub enclosing_cuboid: Option<Cuboid>,
 }
 
-/// The truth about one object. Where there is a cuboid only, its inscribed ellipsoid stands for it.
+/// The ground truth of one object. If there is only a cuboid, its inscribed ellipsoid is used.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TruthObject {
     /// The id.
@@ -40,14 +40,14 @@ pub struct TruthObject {
     pub cuboid: Option<Cuboid>,
 }
 
-/// Scores of one object of the truth; absent where one of the two sides lacks what is compared.
+/// Scores of one true object; absent if either side has no value.
 ///
-/// The volume IoUs are the exception: a failed estimation scores 0, not nothing, so that no method gains by failing.
+/// Volume IoUs are the exception: a failed estimate scores 0, so that no method gains by failing.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ObjectScore {
     /// The id.
     pub id: String,
-    /// Id of the estimate that it is paired with; absent when there is none.
+    /// Id of the paired estimate; absent if there is none.
     pub estimate: Option<String>,
     /// Status of that estimate.
     pub status: Option<String>,
@@ -86,7 +86,7 @@ pub struct ReprojectionScore {
     pub frames: usize,
 }
 
-/// A mean and the number of objects that it is taken over.
+/// A mean and its number of objects.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mean {
     /// The mean.
@@ -137,16 +137,16 @@ pub struct Evaluation {
     pub objects: Vec<ObjectScore>,
     /// How estimates and true objects were paired.
     pub paired_by: PairedBy,
-    /// Ids of the estimates that are paired with no object of the truth.
+    /// Ids of estimates that are not paired with a true object.
     pub unmatched: Vec<String>,
     /// Means over the objects.
     pub mean: MeanScore,
-    /// Number of objects of the truth without an estimated body, whether it is missing or failed.
+    /// Number of true objects without an estimated body, missing or failed.
     pub failures: usize,
 }
 
 impl Evaluation {
-    /// Share of the objects of the truth without an estimated body; `None` when there is no truth.
+    /// Fraction of true objects without an estimated body; `None` if there are no true objects.
     pub fn failure_share(&self) -> Option<f64> {
         (!self.objects.is_empty()).then(|| self.failures as f64 / self.objects.len() as f64)
     }

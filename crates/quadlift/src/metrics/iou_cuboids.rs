@@ -7,7 +7,7 @@ use crate::geometry::{ConvexBody, Cuboid};
 
 /// Volume of the intersection over volume of the union, in [0, 1], exact to rounding.
 ///
-/// Zero when a body has no volume or holds a number that is not finite.
+/// Zero if a body has no volume or contains a non-finite number.
 pub fn iou3d_cuboids(a: &Cuboid, b: &Cuboid) -> f64 {
     ratio_of_union(cuboid_intersection_volume(a, b), a.volume(), b.volume())
 }

@@ -11,7 +11,7 @@ use crate::geometry::linalg::axes_of_image_of_ball;
 
 /// Area of the intersection over area of the union, in [0, 1], exact to rounding.
 ///
-/// Zero when an ellipse has no area or holds a number that is not finite.
+/// Zero if an ellipse has no area or contains a non-finite number.
 pub fn ellipse_iou(a: &Ellipse, b: &Ellipse) -> f64 {
     let area = |e: &Ellipse| PI * e.semi_axes.x * e.semi_axes.y;
     ratio_of_union(intersection_area(a, b).unwrap_or(0.0), area(a), area(b))

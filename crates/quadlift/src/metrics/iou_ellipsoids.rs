@@ -15,14 +15,13 @@ const DEFAULT_TOLERANCE: f64 = 1e-7;
 /// Volume of the intersection over volume of the union, in [0, 1].
 ///
 /// Relative error of the intersection over 18,000 random pairs, with axes in proportions up to 1 : 1000: median 1e-11,
-/// 99th percentile 2e-7, worst 8e-6.
-/// Zero when a body has no volume or holds a number that is not finite.
+/// 99th percentile 2e-7, worst 8e-6. Zero if a body has no volume or contains a non-finite number.
 pub fn iou3d_ellipsoids(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
     ratio_of_union(ellipsoid_intersection_volume(a, b, DEFAULT_TOLERANCE), a.volume(), b.volume())
 }
 
 /// Volume common to two ellipsoids, in cubic world units, to about the given relative tolerance (1e-7 is usual, 1e-11
-/// the limit). Zero when a body has no volume or holds a number that is not finite.
+/// the limit). Zero if a body has no volume or contains a non-finite number.
 ///
 /// Space is mapped so that the larger body becomes the unit ball, and cut into parallel slices that are the overlap
 /// of a circle and an ellipse. The slices are normal to the direction in which the bodies would first touch if they

@@ -1,7 +1,7 @@
 //! How good an estimate is, against the truth (E7).
 //!
-//! [`evaluate`] scores a whole list of objects, [`pairwise_clustering_scores`] how detections were divided into objects; the measures that it reports, and some more, are functions of their
-//! own. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
+//! [`evaluate`] scores a list of objects, [`pairwise_clustering_scores`] associations of detections; the individual
+//! measures are separate functions. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
 
 mod association;
 mod axes;

@@ -9,8 +9,8 @@ use crate::solve::Matrix9;
 /// The normalised estimation error squared `e^T Sigma^-1 e`, with `e` the error of the centre (3) and of `vech` of the
 /// shape matrix A (6), the coordinates of [`crate::solve::CovarianceCoordinates::CenterVechShape`].
 ///
-/// Where the covariance is right it follows chi-square with 9 degrees of freedom (mean 9, median 8.34). `None` when
-/// the covariance is not positive definite.
+/// If the covariance is correct it follows chi-square with 9 degrees of freedom (mean 9, median 8.34). `None` if the
+/// covariance is not positive definite.
 pub fn nees(estimate: &Ellipsoid, truth: &Ellipsoid, covariance: &Matrix9) -> Option<f64> {
     let mut error = SVector::<f64, 9>::zeros();
     error.fixed_rows_mut::<3>(0).copy_from(&(estimate.center - truth.center));

@@ -1,10 +1,10 @@
-//! Pairs of found and true bodies by overlap, where there are no ids.
+//! Pairing of found and true bodies by overlap.
 
 use super::iou3d_ellipsoids;
 use crate::geometry::Ellipsoid;
 use crate::optimize::matching::{Pair, best_pairs};
 
-/// A found and a true body that belong together.
+/// A pair of a found and a true body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OverlapPair {
     /// Index of the found body.
@@ -15,8 +15,8 @@ pub struct OverlapPair {
     pub iou3d: f64,
 }
 
-/// Pairs found with true bodies one to one, with the greatest total volume IoU over pairs that overlap and reach
-/// `least_iou`; in the order of the found ones. Objects without a body are never paired.
+/// Pairs found with true bodies one to one, with the maximum total volume IoU over pairs that reach `least_iou`; in the
+/// order of the found ones. Objects without a body are never paired.
 pub fn pair_by_overlap(found: &[Option<Ellipsoid>], truth: &[Option<Ellipsoid>], least_iou: f64) -> Vec<OverlapPair> {
     // Along x, so that only neighbours are compared.
     let mut bodies: Vec<(usize, &Ellipsoid)> =

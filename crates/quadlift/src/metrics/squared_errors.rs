@@ -6,7 +6,7 @@ use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, vech3};
 use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
 
-/// Squared Mahalanobis distances of the truth from an estimate (ours). Where the covariance is honest they follow
+/// Squared Mahalanobis distances of the truth from an estimate (ours). If the covariance is calibrated they follow
 /// chi-square distributions: with 3 degrees of freedom for centre and extents, with 9 for the whole body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SquaredErrors {
@@ -25,9 +25,9 @@ const SQUARED_EXTENTS: [usize; 3] = [3, 6, 8];
 /// Squared Mahalanobis distances between an estimated and a true body, whose centre is that of the same kind of body:
 /// compare a tangent body with a tangent one.
 ///
-/// Two bodies of one kind are compared in their half extents, others through the ellipsoids that stand for them (see
-/// [`Body::ellipsoid`]). The axes of a body that is no ellipsoid can be named in 24 ways; the one in which the truth is
-/// nearest counts. `None` when the covariance is not positive definite.
+/// Two bodies of one kind are compared in their half extents, others through their equivalent ellipsoids (see
+/// [`Body::ellipsoid`]). The axes of a body other than an ellipsoid can be named in 24 ways; the one closest to the
+/// truth is used. `None` if the covariance is not positive definite.
 pub fn squared_errors(estimate: &Body, covariance: &Covariance, truth: &Body) -> Option<SquaredErrors> {
     let (estimate, truth) = if are_of_one_kind(estimate, truth) {
         (inscribed(estimate), inscribed(truth))

@@ -15,7 +15,7 @@ use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, Projection};
 pub struct DetectionInput<'a> {
     /// Id of the frame, which must have been added before.
     pub frame: &'a str,
-    /// Id of the object, where the identity is known.
+    /// Id of the object, if known.
     pub object: Option<&'a str>,
     /// Category.
     pub category: Option<&'a str>,
@@ -35,7 +35,7 @@ pub struct DetectionInput<'a> {
     pub truncated: Option<f64>,
 }
 
-/// Builds a [`Scene`], refusing what would not be valid.
+/// Builds and validates a [`Scene`].
 #[derive(Debug, Default)]
 pub struct SceneBuilder {
     scene: SceneParts,
@@ -123,8 +123,8 @@ impl SceneBuilder {
         Ok(index)
     }
 
-    /// Adds a detection, measured in the image as it is; where the frame's camera has a lens, it is undistorted. What
-    /// the lens has no pinhole pixels for (see [`Camera::undistort_point`]) stays without box or ellipse. Returns its
+    /// Adds a detection, measured in the image as it is; if the frame's camera has a lens model, it is undistorted.
+    /// Detections without pinhole pixels (see [`Camera::undistort_point`]) have neither box nor ellipse. Returns its
     /// index.
     ///
     /// # Errors
@@ -137,7 +137,7 @@ impl SceneBuilder {
         if input.bounding_box.is_none() && input.ellipse.is_none() {
             return Err(SceneError::NothingMeasured);
         }
-        // A detection that is refused leaves no names behind. One with a new name is no duplicate.
+        // A rejected detection adds no names. One with a new name is not a duplicate.
         let known = |name: Option<&str>, names: &HashMap<String, u32>| match name {
             Some(name) => names.get(name).copied().map(Some),
             None => Some(None),

@@ -1,4 +1,4 @@
-//! Box edges that another detection probably hides (docs/method.md, section 2.1).
+//! Box edges that are probably hidden by another detection (docs/method.md, section 2.1).
 
 use crate::tuning::HIDING_OVERLAP;
 use crate::tuning::HIDING_REACH_PX;
@@ -10,15 +10,14 @@ use crate::geometry::{BoundingBox, Projection};
 /// A box reaches lower by more than this many pixels.
 const LOWER_PX: f64 = 1.0;
 
-/// In frames with more boxes than this nothing is looked for: every pair is compared, and where so many boxes crowd, all
-/// of them overlap.
+/// Frames with more boxes than this are skipped: every pair is compared, and in such crowds all boxes overlap.
 const MOST_BOXES: usize = 1000;
 
 impl Scene {
-    /// For each detection, which edges of its box (left, top, right, bottom) another detection of its frame probably hides:
-    /// what is known of it ([`Detection::hidden_edges`]), or what [`hidden_edges`] says. Detections that `keep`
-    /// refuses neither hide nor are hidden. Where the scene's `up` is known cameras may be rolled: each image is looked at as
-    /// turned by the quarter turns after which its ground is nearest to its lower edge.
+    /// For each detection, which edges of its box (left, top, right, bottom) are probably hidden by another detection
+    /// of its frame: given in [`Detection::hidden_edges`], or computed by [`hidden_edges`]. Detections that `keep`
+    /// rejects neither hide nor are hidden. If the scene has `up`, cameras may be rolled: each image is rotated by the
+    /// multiple of 90 degrees that brings the ground closest to its lower edge.
     pub fn hidden_edges(&self, keep: impl Fn(&Detection) -> bool) -> Vec<[bool; 4]> {
         let mut side_below = vec![BELOW; self.frames.len()];
         if let Some(up) = self.up {
@@ -99,8 +98,8 @@ fn turned_back([left, top, right, bottom]: [bool; 4], below: usize) -> [bool; 4]
 }
 
 /// For each box with its frame, which of its edges (left, top, right, bottom) lie inside another box of the frame that
-/// reaches lower in the image, and is therefore nearer where things stand on the ground. Only left and right edges are
-/// found; what is no box neither hides nor is hidden.
+/// reaches lower in the image, and is therefore nearer if objects stand on the ground. Only left and right edges are
+/// detected; invalid boxes neither hide nor are hidden.
 pub fn hidden_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 4]> {
     let mut hidden = vec![[false; 4]; boxes.len()];
     let mut places: Vec<(usize, &F, &BoundingBox)> = Vec::with_capacity(boxes.len());

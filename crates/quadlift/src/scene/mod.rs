@@ -1,6 +1,6 @@
-//! What users bring: posed frames and the detections in them, validated and indexed.
+//! The input: posed frames with detections, validated and indexed.
 //!
-//! A [`Scene`] is built with [`SceneBuilder`]; after that no solver meets an unknown id, an empty box or a NaN.
+//! A [`Scene`] is built with [`SceneBuilder`]; solvers therefore never see an unknown id, an empty box or a NaN.
 
 mod builder;
 mod error;
@@ -50,7 +50,7 @@ impl Scene {
         Ok(Self(parts))
     }
 
-    /// Changes the scene and checks it again. A copy is changed, because a change that is refused cannot be undone;
+    /// Changes the scene and validates it again. A copy is changed, because a rejected change cannot be undone;
     /// [`Scene::into_parts`] and [`Scene::from_parts`] change a scene without a copy.
     ///
     /// ```
@@ -69,7 +69,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets the supporting lines of a detection's mask, by the index of the detection. Nothing where there is no such
+    /// Sets the supporting lines of the mask of the detection with this index. Does nothing if there is no such
     /// detection.
     pub fn set_support_lines(&mut self, detection: usize, lines: Option<SupportLines>) {
         if let Some(detection) = self.0.detections.get_mut(detection) {

@@ -7,24 +7,24 @@ use nalgebra::{Unit, Vector2, Vector3};
 use super::error::SceneError;
 use crate::geometry::{BoundingBox, Camera, Ellipse, Projection, SupportLines};
 
-/// What a [`super::Scene`] holds.
+/// The contents of a [`super::Scene`].
 #[derive(Debug, Clone, Default)]
 pub struct SceneParts {
     /// Name of the scene, for messages.
     pub name: String,
-    /// World unit ("m", ...), where it is known.
+    /// World unit ("m", ...), if known.
     pub length_unit: Option<String>,
-    /// World direction against gravity, where it is known.
+    /// World direction against gravity, if known.
     pub up: Option<Unit<Vector3<f64>>>,
     /// The posed images.
     pub frames: Vec<Frame>,
     /// The detections, in the order of the input.
     pub detections: Vec<Detection>,
-    /// Ids of the objects that the detections name; [`Detection::object_index`] points here.
+    /// Object ids of the detections; [`Detection::object_index`] points here.
     pub object_ids: Vec<String>,
-    /// Categories that the detections name; [`Detection::category_index`] points here.
+    /// Categories of the detections; [`Detection::category_index`] points here.
     pub categories: Vec<String>,
-    /// Sources (detectors) that the detections name; [`Detection::source_index`] points here.
+    /// Sources (detectors) of the detections; [`Detection::source_index`] points here.
     pub sources: Vec<String>,
 }
 
@@ -33,16 +33,16 @@ pub struct SceneParts {
 pub struct Frame {
     /// Id of the frame.
     pub id: String,
-    /// World to pixels; where there is a lens, to those of its pinhole camera ([`Camera::pinhole`]).
+    /// World to pixels; with a lens model, to pixels of its pinhole camera ([`Camera::pinhole`]).
     pub projection: Projection,
-    /// Width and height of the image as it is, in pixels, where known; without them no box edge counts as cut off.
+    /// Width and height of the original image in pixels, if known; without them no box edge is treated as cut off.
     pub image_size: Option<Vector2<f64>>,
-    /// The camera that made the image, where it has lens distortion. The measurements of a scene are undistorted
-    /// already; this is for what is measured in the image later.
+    /// The camera of the image, if it has lens distortion. The measurements of a scene are already undistorted; this is
+    /// for later measurements in the image.
     pub lens: Option<Camera>,
 }
 
-/// What was measured in an image, in the pixels of [`Frame::projection`].
+/// Measurements in an image, in the pixels of [`Frame::projection`].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Undistorted {
     /// The box.
@@ -54,8 +54,8 @@ pub struct Undistorted {
 }
 
 impl Frame {
-    /// A box and an ellipse that were measured in the image as it is, without the distortion of its lens. What the lens
-    /// has no pinhole pixels for (see [`Camera::undistort_point`]) is left out.
+    /// A box and an ellipse that were measured in the image as it is, without the distortion of its lens. Measurements
+    /// without pinhole pixels (see [`Camera::undistort_point`]) are dropped.
     pub fn undistorted(&self, bounding_box: Option<BoundingBox>, ellipse: Option<Ellipse>) -> Undistorted {
         let Some(lens) = &self.lens else { return Undistorted { bounding_box, ellipse, box_in_image: None } };
         Undistorted {
@@ -68,7 +68,7 @@ impl Frame {
 }
 
 /// One detection of one object in one frame: a box, an ellipse or both, in the pixels of [`Frame::projection`]. Neither
-/// where the lens has no pinhole pixels for it; [`crate::localize()`] leaves such detections out.
+/// if the lens has no pinhole pixels for it; [`crate::localize()`] skips such detections.
 #[derive(Debug, Clone, Default)]
 pub struct Detection {
     /// Index into [`SceneParts::frames`].
@@ -85,16 +85,16 @@ pub struct Detection {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
-    /// The supporting lines of the mask in pixels, where it was looked at: a scene is built without them. Boxed, because
-    /// most of millions of detections have none.
+    /// The supporting lines of the mask in pixels, if computed: a scene is built without them. Boxed, because most
+    /// detections have none.
     pub support_lines: Option<Box<SupportLines>>,
     /// Whether ellipse and mask may be of a part of the object: the border of the image or another object cuts them.
     pub partial: bool,
-    /// Where a lens bends the image: the measured box, or the box around the measured ellipse, in the image itself,
-    /// whose border may cut it.
+    /// With lens distortion: the measured box, or the box around the measured ellipse, in the original image, whose
+    /// border may cut it.
     pub box_in_image: Option<BoundingBox>,
-    /// Which edges of the box another detection of the frame hides, where it was found before: what hides them need not be
-    /// in the scene. Without it the scene's own boxes tell ([`super::Scene::hidden_edges`]).
+    /// Which edges of the box are hidden by another detection of the frame, if precomputed: the hiding detection need
+    /// not be in the scene. Otherwise computed from the boxes of the scene ([`super::Scene::hidden_edges`]).
     pub hidden_edges: Option<[bool; 4]>,
     /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
     pub occluded: Option<f64>,

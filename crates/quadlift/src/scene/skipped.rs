@@ -1,6 +1,6 @@
 //! Counts of skipped detections, by reason.
 
-/// Detections that took no part in a localisation or an association, by reason.
+/// Numbers of detections skipped in a localisation or an association, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct SkippedDetections {
@@ -8,9 +8,9 @@ pub struct SkippedDetections {
     pub without_object: usize,
     /// Their occlusion or truncation level is too high.
     pub occluded_or_truncated: usize,
-    /// They lie where the lens cannot be undistorted, see [`crate::geometry::Camera::undistort_point`].
+    /// In a part of the image where the lens cannot be undistorted, see [`crate::geometry::Camera::undistort_point`].
     pub beyond_lens: usize,
-    /// They lack what is used of detections, see [`crate::LocalizeOptions::measurements`].
+    /// Without the selected measurement, see [`crate::LocalizeOptions::measurements`].
     pub without_measurement: usize,
     /// They are of another source (association).
     pub other_source: usize,

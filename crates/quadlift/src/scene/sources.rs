@@ -1,8 +1,8 @@
-//! Choice of the source (detector) where a scene has several.
+//! Choice of the source (detector) if a scene has several.
 
 use super::Scene;
 
-/// Why it is not clear which source's detections to take.
+/// Why the source of detections cannot be determined.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SourceError {
@@ -18,7 +18,7 @@ pub enum SourceError {
         if .known.is_empty() { "none with a source".to_owned() } else { .known.join(", ") }
     )]
     Unknown {
-        /// The source that was asked for.
+        /// The requested source.
         chosen: String,
         /// The sources of the scene.
         known: Vec<String>,

@@ -5,8 +5,7 @@ use nalgebra::Vector2;
 use super::{Detection, Scene};
 use crate::geometry::{BoundingBox, Ellipse, Projection, SupportLines};
 
-/// Edges this close to the image border (pixels) are where the object is cut off. KITTI's boxes end at 1241 to 1243 of
-/// 1242 pixels.
+/// Edges this close to the image border (pixels) count as cut off. KITTI's boxes end at 1241 to 1243 of 1242 pixels.
 pub const BORDER_TOLERANCE_PX: f64 = 2.0;
 
 /// Which of the edges `x0, y0, x1, y1` lie within `tolerance` pixels of the image border.
@@ -23,7 +22,7 @@ pub fn edges_at_border(bounding_box: &BoundingBox, image_size: Option<Vector2<f6
 /// One object seen in one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
-    /// Index of the frame in [`crate::scene::SceneParts::frames`]; any number where there is no scene.
+    /// Index of the frame in [`crate::scene::SceneParts::frames`]; arbitrary without a scene.
     pub frame_index: usize,
     /// World to pixels.
     pub projection: Projection,
@@ -33,17 +32,17 @@ pub struct View {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
-    /// The supporting lines of the mask in pixels; where there are any, they take the place of the box's edges.
+    /// The supporting lines of the mask in pixels; if there are any, they replace the edges of the box.
     pub support_lines: Option<SupportLines>,
     /// Whether the ellipse may be of a part of the object.
     pub partial: bool,
-    /// Where a lens bends the image: the box in the image itself, see [`Detection::box_in_image`].
+    /// With lens distortion: the box in the original image, see [`Detection::box_in_image`].
     pub box_in_image: Option<BoundingBox>,
-    /// Which edges of the box (left, top, right, bottom) another detection of the frame probably hides.
+    /// Which edges of the box (left, top, right, bottom) are probably hidden by another detection of the frame.
     pub hidden_edges: [bool; 4],
     /// Which edges of the box, or of the box around the ellipse (left, top, right, bottom), lie so close to the image
-    /// border that the object is cut off there: they tell only that it reaches at least so far. Decided once, for the
-    /// fit and for everything that is reported of it ([`View::with_cut_off_edges`]).
+    /// border that the object is cut off there: they only bound its extent from below. Decided once, for the fit and
+    /// its report ([`View::with_cut_off_edges`]).
     pub cut_off: [bool; 4],
 }
 
@@ -68,8 +67,8 @@ impl View {
         Self { ellipse: Some(ellipse), ..Self::unmeasured(projection) }
     }
 
-    /// The view in an image of this width and height (pixels): edges at its border tell only that the object reaches at
-    /// least so far.
+    /// The view in an image of this width and height (pixels): edges at its border only bound the extent of the object
+    /// from below.
     #[must_use]
     pub fn with_image_size(self, width: f64, height: f64) -> Self {
         Self { image_size: Some(Vector2::new(width, height)), ..self }.with_cut_off_edges(BORDER_TOLERANCE_PX)
@@ -90,13 +89,13 @@ impl View {
         }
     }
 
-    /// What the closed forms for ellipses use: the ellipse, or the one inscribed in the box.
+    /// The measurement for the closed forms: the ellipse, or the one inscribed in the box.
     pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
         self.ellipse.or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
     }
 
-    /// The view with the edges cut off that lie within `tolerance` pixels of the image border; none where the size of
-    /// the image is not known.
+    /// The view with the edges cut off that lie within `tolerance` pixels of the image border; none if the image size
+    /// is unknown.
     #[must_use]
     pub fn with_cut_off_edges(mut self, tolerance: f64) -> Self {
         let measured = self.measured_box().map(|measured| self.in_image(&measured));
@@ -104,15 +103,15 @@ impl View {
         self
     }
 
-    /// The view with the edges cut off that lie within this share of the image's larger side of its border, and within
-    /// [`BORDER_TOLERANCE_PX`] in any case: detectors err near the border.
+    /// The view with the edges cut off that lie within this fraction of the larger image side from the border, and
+    /// within [`BORDER_TOLERANCE_PX`] in any case: detectors are inaccurate near the border.
     #[must_use]
     pub(crate) fn within_margin(self, margin: f64) -> Self {
         let margin = self.image_size.map_or(0.0, |size| margin * size.max());
         self.with_cut_off_edges(margin.max(BORDER_TOLERANCE_PX))
     }
 
-    /// The box that stands for the measurement, in pixels: the box itself, or the one around the ellipse.
+    /// The box of the measurement in pixels: the box itself, or the one around the ellipse.
     pub fn measured_box(&self) -> Option<BoundingBox> {
         self.bounding_box.or_else(|| self.ellipse.as_ref().map(|ellipse| ellipse.bounding_box()))
     }
@@ -129,14 +128,15 @@ impl View {
 pub struct ObjectViews {
     /// Index into [`crate::scene::SceneParts::object_ids`].
     pub object_index: usize,
-    /// Index into [`crate::scene::SceneParts::categories`]: the category of most of its detections, the first of equals.
+    /// Index into [`crate::scene::SceneParts::categories`]: the most frequent category of its detections, the first one
+    /// of ties.
     pub category_index: Option<usize>,
     /// The views, in the order in which their detections were given.
     pub views: Vec<View>,
 }
 
 impl Scene {
-    /// The view that a detection gives.
+    /// The view of a detection.
     pub fn view(&self, detection: &Detection) -> View {
         let frame = &self.frames[detection.frame_index as usize];
         View {
@@ -154,7 +154,7 @@ impl Scene {
         .with_cut_off_edges(BORDER_TOLERANCE_PX)
     }
 
-    /// For each object, the indices of the detections that name it and that `keep` accepts.
+    /// For each object, the indices of its detections that `keep` accepts.
     pub fn detections_by_object(&self, keep: impl Fn(&Detection) -> bool) -> Vec<Vec<u32>> {
         let mut groups = vec![Vec::new(); self.object_ids.len()];
         for (index, detection) in self.detections.iter().enumerate() {

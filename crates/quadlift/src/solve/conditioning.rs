@@ -1,7 +1,8 @@
-//! The object's own frame: every estimator but `pfd` and `reg` works there, so that its answer moves with the world.
+//! The object frame: every estimator except `pfd` and `reg` works there, so that results are equivariant to changes of
+//! the world frame.
 //!
-//! The origin is the point that the detections' centres triangulate to, the unit is the size that they suggest at
-//! that depth. World coordinates enter only through differences that are formed here, once.
+//! The origin is triangulated from the centres of the detections, the unit is their size at that depth. World
+//! coordinates enter only through differences that are formed here, once.
 
 use nalgebra::{Matrix3x4, Point3, Vector3};
 

@@ -1,14 +1,14 @@
-//! The body that holds the real object, which fills only part of the body that its boxes touch (E5, "Tangent or
+//! The body that encloses the real object, which fills only part of the tangent body of its boxes (E5, "Tangent or
 //! enclosing").
 //!
-//! A box edge is the plane at which the real object ends. The planes of a real object lie partly inside, partly outside of
-//! the body that fits them best; the enclosing body is one that most of them do not leave. It is found in two ways: as the
-//! fitted body times a factor, and as an ellipsoid of its own, which need not have the same proportions.
+//! A box edge is the plane at which the real object ends. The planes of a real object lie partly inside, partly outside
+//! of the body that fits them best; the enclosing body is one that most of them do not leave. It is found in two ways:
+//! as the fitted body times a factor, and as a separate ellipsoid, which need not have the same proportions.
 //!
-//! The ellipsoid minimises the mean pinball loss of the logarithm of (distance of the plane) / (reach of the ellipsoid),
-//! which makes it the quantile of the planes in each direction (quantile regression: Koenker and Bassett, *Regression
-//! quantiles*, Econometrica 46, 1978). Few planes do not determine its proportions: they are drawn to those of the fitted
-//! body (docs/method.md, section 13).
+//! The ellipsoid minimises the mean pinball loss of the logarithm of (distance of the plane) / (reach of the
+//! ellipsoid), which makes it the quantile of the planes in each direction (quantile regression: Koenker and Bassett,
+//! *Regression quantiles*, Econometrica 46, 1978). Few planes do not determine its proportions: they are pulled towards
+//! those of the fitted body (docs/method.md, section 13).
 
 use crate::tuning::ENCLOSING_PRIOR_SD;
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, SVector, Vector3};
@@ -22,8 +22,8 @@ use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
 
-/// Planes from which on the ellipsoid has proportions of its own: twice its parameters. Below it gains nothing: see the 3
-/// views above.
+/// Minimum number of planes for separate proportions: twice the parameters. With fewer planes there is no gain: see the
+/// 3 views above.
 const FEWEST_PLANES: usize = 18;
 
 /// The loss is round about zero, over this share of its mean.
@@ -51,14 +51,14 @@ struct Plane {
 /// The enclosing body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Enclosing {
-    /// The factor by which the fitted body must grow to hold the real object: the quantile of (distance of the plane) /
-    /// (reach of the body).
+    /// The factor by which the fitted body must grow to enclose the real object: the quantile of (distance of the
+    /// plane) / (reach of the body).
     pub scale: f64,
-    /// The ellipsoid with proportions of its own; absent where there are too few planes.
+    /// The ellipsoid with separate proportions; absent with too few planes.
     pub ellipsoid: Option<Ellipsoid>,
 }
 
-/// The body that holds the object of these views; `None` without a plane, or where the planes contradict the body.
+/// The body that encloses the object of these views; `None` without a plane, or if the planes contradict the body.
 pub(super) fn enclosing(views: &[View], body: &Body, quantile: f64) -> Option<Enclosing> {
     let unit = body.ellipsoid().semi_axes.product().cbrt();
     let frame = ObjectFrame { origin: body.center(), unit };
@@ -128,7 +128,7 @@ struct Loss<'a> {
 }
 
 impl Fit {
-    /// The ellipsoid of its own that holds the object, in the frame of the planes, whose unit is `unit`.
+    /// The separate enclosing ellipsoid, in the frame of the planes, whose unit is `unit`.
     fn of(body: &Ellipsoid, planes: &[Plane], unit: f64, quantile: f64) -> Option<Self> {
         let axes = body.rotation.matrix() * Matrix3::from_diagonal(&(body.semi_axes / unit));
         let body = Self { center: Vector3::zeros(), axes };

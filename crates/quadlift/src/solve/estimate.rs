@@ -12,10 +12,10 @@ pub type Matrix9 = SMatrix<f64, 9, 9>;
 pub enum Status {
     /// A body was found.
     Ok,
-    /// A body was found, but its measurements contradict each other, or the scene contradicts itself: the body is given
-    /// so that it can be looked at, and does not count as localised.
+    /// A body was found, but its measurements contradict each other, or the scene is inconsistent. The body is reported
+    /// for inspection and does not count as localised.
     Inconsistent,
-    /// The quadric that fits best is not an ellipsoid; its centre is reported. Nothing is repaired.
+    /// The best-fitting quadric is not an ellipsoid; only its centre is reported. Nothing is repaired.
     NotAnEllipsoid,
     /// Fewer views than the method needs.
     TooFewViews,
@@ -43,11 +43,11 @@ impl Status {
     }
 }
 
-/// Something that makes an estimate weaker than its status says; the text is for people.
+/// A reason why an estimate is weaker than its status suggests; `Display` gives a readable message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
-    /// The viewing rays differ by a small angle only, so that the depth is uncertain.
+    /// The viewing rays differ by a small angle only, so the depth is uncertain.
     NarrowBaseline {
         /// The largest angle between two viewing rays, radians.
         largest_angle: f64,
@@ -69,13 +69,13 @@ pub enum Warning {
     },
     /// The covariance could not be computed.
     NoCovariance,
-    /// The iteration ended before it had found the body that fits best ([`super::Method::Map`] only).
+    /// The optimisation stopped before reaching the best fit ([`super::Method::Map`] only).
     NotConverged,
-    /// The longest extent is not one that things of its category have ([`crate::LocalizeOptions::plausible_sizes`]).
+    /// The longest extent is implausible for its category ([`crate::LocalizeOptions::plausible_sizes`]).
     ImplausibleSize {
         /// The longest full extent of the body, world units.
         extent: f64,
-        /// That of most things of the category.
+        /// Typical extent of the category.
         expected: f64,
     },
 }
@@ -139,22 +139,22 @@ impl Rejection {
     }
 }
 
-/// What one view contributed to an estimate.
+/// The contribution of one view to an estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewReport {
     /// Index of the frame in the scene.
     pub frame_index: usize,
-    /// Root mean square distance between the measured and the predicted box edges (or, for an ellipse, its four
-    /// extreme tangents), in pixels. An edge that is cut off at the image border counts only where the body does not
-    /// reach it. Absent when the body has no outline in the view, or no edge counts.
+    /// Root mean square distance between the measured and the predicted box edges (or, for an ellipse, its four extreme
+    /// tangents), in pixels. An edge that is cut off at the image border is used only if the body does not reach it.
+    /// Absent if the body has no outline in the view, or if no edge is used.
     pub residual_px: Option<f64>,
-    /// Root mean square residual of what the fit used of the view, in standard deviations of the scene's noise:
-    /// relative to the size of the box, so that a large residual in pixels may be a small one here
-    /// ([`super::Method::Map`] only).
+    /// Root mean square residual of the measurements used of the view, in standard deviations of the scene's noise,
+    /// which is relative to the size of the box: a large residual in pixels may be small here ([`super::Method::Map`]
+    /// only).
     pub deviations: Option<f64>,
-    /// Whether the view was used. One that was not is an outlier, or its object could not be solved.
+    /// Whether the view was used. If not, it is an outlier, or its object could not be solved.
     pub inlier: bool,
-    /// Why it was rejected; absent where it was used, and where the object could not be solved.
+    /// Why it was rejected; absent if it was used or if the object could not be solved.
     pub rejected_because: Option<Rejection>,
 }
 
@@ -164,22 +164,22 @@ impl ViewReport {
         Self { inlier: false, ..Self::without_body(frame_index) }
     }
 
-    /// A view that was used, of which nothing else is known: the object has no body.
+    /// A used view without residuals, because the object has no body.
     pub fn without_body(frame_index: usize) -> Self {
         Self { frame_index, residual_px: None, deviations: None, inlier: true, rejected_because: None }
     }
 }
 
-/// How far an object's measurements are from its body, over those that were used.
+/// Residual statistics of an object over the used measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misfit {
     /// Root of the mean squared residual per degree of freedom, in standard deviations of the scene's noise: about one
-    /// where the object's boxes err like the others. From five views on weighted as in the fit, where wild residuals count
-    /// little.
+    /// for objects with typical noise. With at least five views weighted as in the fit, so that gross errors have
+    /// little effect.
     pub deviations: f64,
     /// Root of the mean squared residual per degree of freedom, relative to the half size of the measured boxes.
     pub relative: f64,
-    /// Degrees of freedom: residuals less what the fit took of them.
+    /// Degrees of freedom: residuals minus the degrees used by the fit.
     pub dof: f64,
 }
 
@@ -203,7 +203,7 @@ pub struct Covariance {
     pub matrix: Matrix9,
 }
 
-/// Another body that agrees with an object's measurements.
+/// Another body that is consistent with the measurements of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alternative {
     /// The body, tangent to the measurements.
@@ -263,7 +263,7 @@ impl Estimate {
         }
     }
 
-    /// What takes the place of an estimate in work that was cancelled, whose results nobody sees.
+    /// A placeholder estimate in cancelled work, whose results are discarded.
     pub(crate) fn cancelled() -> Self {
         Self::failed(0, None, Status::Diverged)
     }
@@ -282,12 +282,12 @@ impl Estimate {
         }
     }
 
-    /// The ellipsoid that encloses the object: [`Estimate::enclosing`], else that of [`Estimate::enclosing_body`].
+    /// The ellipsoid that encloses the object: [`Estimate::enclosing`], otherwise that of [`Estimate::enclosing_body`].
     pub fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
         self.enclosing.or_else(|| self.enclosing_body().as_ref().map(Body::ellipsoid))
     }
 
-    /// The cuboid, where the body is one.
+    /// The cuboid, if the body is one.
     pub fn cuboid(&self) -> Option<Cuboid> {
         match self.body {
             Some(Body::Cuboid(cuboid)) => Some(cuboid),
@@ -295,7 +295,7 @@ impl Estimate {
         }
     }
 
-    /// Number of views that were used.
+    /// Number of used views.
     pub fn views_used(&self) -> usize {
         self.views.iter().filter(|view| view.inlier).count()
     }

@@ -13,8 +13,8 @@ use crate::scene::{ObjectViews, View};
 
 /// Estimates one object from its views, by any method.
 ///
-/// The objects of a scene share noise levels, and with them the default method knows better how far to trust boxes; where
-/// there is a scene, [`crate::localize()`] is the better choice.
+/// In a scene, the default method estimates noise levels from all objects, which improves the weights of boxes; with a
+/// scene, prefer [`crate::localize()`].
 ///
 /// ```
 /// use nalgebra::Matrix3x4;
@@ -49,32 +49,32 @@ impl Estimator {
     /// An estimator of this method: [`Method`], or [`super::MapOptions`] for the default one.
     ///
     /// # Errors
-    /// [`OptionError`] names the option of the method that is outside of its range.
+    /// [`OptionError`] names the option of the method that is out of range.
     pub fn new(method: impl Into<Method>) -> Result<Self, OptionError> {
         let method = method.into();
         method.validate()?;
         Ok(Self { method, up: None, category: None, seed: 0 })
     }
 
-    /// With the world direction against gravity, which some priors need.
+    /// Sets the world direction against gravity, which some priors need.
     #[must_use]
     pub fn with_up(self, up: Unit<Vector3<f64>>) -> Self {
         Self { up: Some(up), ..self }
     }
 
-    /// With the object's category, which chooses among [`super::MapOptions::priors`].
+    /// Sets the category of the object, which selects one of [`super::MapOptions::priors`].
     #[must_use]
     pub fn with_category(self, category: impl Into<String>) -> Self {
         Self { category: Some(category.into()), ..self }
     }
 
-    /// With another seed of what is drawn at random.
+    /// Sets the seed of the random numbers.
     #[must_use]
     pub fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
     }
 
-    /// Estimates the object that the views show. It never fails: [`Estimate::status`] says how it ended.
+    /// Estimates the object of these views. It never fails: [`Estimate::status`] describes the outcome.
     pub fn fit(&self, views: &[View]) -> Estimate {
         let category_index = self.category.as_ref().map(|_| 0);
         let mut object = ObjectViews { object_index: 0, category_index, views: views.to_vec() };

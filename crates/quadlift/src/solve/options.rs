@@ -1,11 +1,11 @@
-//! What can be chosen about the estimators.
+//! Options of the estimators.
 
 use std::collections::BTreeMap;
 
 use super::sigmas::Sigmas;
 use crate::geometry::Body;
 
-/// Which estimator solves for each object, with its options.
+/// The estimator for each object, with its options.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Method {
@@ -34,7 +34,7 @@ impl From<MapOptions> for Method {
 }
 
 impl Method {
-    /// The fewest views with which the method can give an answer.
+    /// The minimum number of views of the method.
     pub fn fewest_views(&self) -> usize {
         match self {
             Self::Map(_) | Self::Reg(_) => 2,
@@ -42,18 +42,18 @@ impl Method {
         }
     }
 
-    /// The options of [`Method::Map`], where it is that.
+    /// The options of [`Method::Map`], if it is the method.
     pub fn map_options(&self) -> Option<&MapOptions> {
         if let Self::Map(options) = self { Some(options) } else { None }
     }
 
-    /// The options of [`Method::Map`] to change, where it is that.
+    /// The options of [`Method::Map`] for modification, if it is the method.
     pub fn map_options_mut(&mut self) -> Option<&mut MapOptions> {
         if let Self::Map(options) = self { Some(options) } else { None }
     }
 }
 
-/// The kind of body that is fitted.
+/// The fitted kind of body.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum BodyKind {
     /// An ellipsoid.
@@ -108,7 +108,7 @@ pub struct CategoryPriors {
 }
 
 impl CategoryPriors {
-    /// The prior of a category, or the one named "*" for all that have none of their own.
+    /// The prior of a category, or the default prior "*".
     pub fn of(&self, category: &str) -> Option<&CategoryPrior> {
         self.by_category.get(category).or_else(|| self.by_category.get("*"))
     }
@@ -145,7 +145,7 @@ pub struct MapOptions {
     /// Mean half size of a box, in pixels, at which the constant part of the edge noise equals the part that is proportional
     /// to the size. 0 makes the noise proportional to the size. Tuned on 27 cars of KITTI.
     pub pixel_noise_size: f64,
-    /// Whether each edge has a heavy-tailed loss, so that single wrong edges count less.
+    /// Whether each edge has a heavy-tailed loss, which down-weights single wrong edges.
     pub heavy_tails: bool,
     /// Whether to estimate the correlation of an edge's errors between neighbouring views, which lowers their weight.
     pub correlated_views: bool,

@@ -6,10 +6,10 @@ use super::options::CategoryPriors;
 /// Standard deviations of a category's sizes that are not odd.
 const USUAL_SDS: f64 = 3.0;
 
-/// Beyond what is usual an estimate may be off by this factor, as one along the view often is.
+/// Tolerance factor beyond the typical range: estimates along the view are often off by this factor.
 const ROOM_FOR_ERRORS: f64 = 1.5;
 
-/// Warns of estimates whose longest extent is not that of their category.
+/// Warns of estimates whose longest extent is implausible for their category.
 pub(crate) fn warn_of_implausible_sizes(estimates: &mut [Estimate], categories: &[String], sizes: &CategoryPriors) {
     for estimate in estimates {
         let Some(category) = estimate.category_index.and_then(|index| categories.get(index)) else { continue };

@@ -1,5 +1,5 @@
-//! What a body predicts for a view that had no part in it: the box, its overlap with the measured one, and the errors of
-//! its edges (ours).
+//! Prediction of a left-out view by a body: the box, its overlap with the measured one, and the errors of its edges
+//! (ours).
 
 use crate::geometry::{Body, BoundingBox, project_bounding_box};
 use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
@@ -16,16 +16,17 @@ pub struct Prediction {
     pub frame_index: usize,
     /// The measured box, or the box around the measured ellipse, in pixels.
     pub measured: BoundingBox,
-    /// The box of the body's outline, in pixels, not cut at the image border; absent where the body does not lie wholly
-    /// in front of the camera.
+    /// The box of the body's outline, in pixels, not cut at the image border; absent if the body is not entirely in
+    /// front of the camera.
     pub predicted: Option<BoundingBox>,
-    /// Intersection over union of both, in [0, 1]: 0 without a predicted box. Both are cut at the image border, and a
-    /// measured edge that is cut off ([`Prediction::cut_off`]) agrees with every prediction that reaches at least so far.
+    /// Intersection over union of both, in [0, 1]: 0 without a predicted box. Both are clipped at the image border, and
+    /// a measured edge that is cut off ([`Prediction::cut_off`]) agrees with every prediction that extends at least to
+    /// it.
     pub iou: f64,
-    /// Which of the edges `x0, y0, x1, y1` of the measured box lie so near the image border that they tell only that the
-    /// object reaches at least so far.
+    /// Which of the edges `x0, y0, x1, y1` of the measured box lie so near the image border that they only bound the
+    /// extent of the object from below.
     pub cut_off: [bool; 4],
-    /// Which of the edges another detection of the frame probably hides.
+    /// Which of the edges are probably hidden by another detection of the frame.
     pub hidden: [bool; 4],
 }
 
@@ -37,15 +38,15 @@ impl Prediction {
         let margin = view.image_size.map_or(0.0, |size| border_margin * size.max()).max(BORDER_TOLERANCE_PX);
         let cut_off = edges_at_border(&view.in_image(&measured), view.image_size, margin);
         let predicted = project_bounding_box(&view.projection, body).ok();
-        // Where a lens bends the image its border is no box in these pixels.
+        // With lens distortion the image border is not a box in these pixels.
         let image = view.image_size.filter(|_| view.box_in_image.is_none()).map(|size| [0.0, 0.0, size.x, size.y]);
         let iou = predicted.map_or(0.0, |predicted| cut_iou(&measured, &predicted, cut_off, image));
         let frame_index = view.frame_index;
         Some(Self { object_index, frame_index, measured, predicted, iou, cut_off, hidden: view.hidden_edges })
     }
 
-    /// Error of each edge `x0, y0, x1, y1` relative to the mean half size `(w + h) / 4` of the measured box: positive where
-    /// the predicted box reaches further out. Absent for edges that are cut off, and without a predicted box.
+    /// Error of each edge `x0, y0, x1, y1` relative to the mean half size `(w + h) / 4` of the measured box: positive
+    /// if the predicted box is larger. Absent for edges that are cut off, and without a predicted box.
     pub fn edge_errors(&self) -> [Option<f64>; 4] {
         let Some(predicted) = self.predicted else { return [None; 4] };
         let (half_size, measured, predicted) =
@@ -90,22 +91,22 @@ fn cut_iou(measured: &BoundingBox, predicted: &BoundingBox, cut_off: [bool; 4], 
 /// Views of one object that are left out together.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fold {
-    /// Which object, counted as the estimates are.
+    /// Index of the object among the estimates.
     pub object: usize,
     /// The views that are left out, as indices into [`ObjectViews::views`].
     pub views: Vec<usize>,
-    /// Whether `map` starts from the fit to all views, which is quick, instead of the object's own starts. Where several
-    /// bodies fit the other views, the ones left out have a say in which is found.
+    /// Whether `map` starts from the fit to all views, which is quick, instead of the object's own starts. If several
+    /// bodies fit the other views, the left-out ones influence which one is found.
     pub warm_start: bool,
 }
 
-/// What the other views of an object tell about those of a [`Fold`].
+/// The predictions of the views of a [`Fold`] from the other views of the object.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FoldPrediction {
-    /// One prediction for each view that was left out and has a box or an ellipse; none where the other views gave no
+    /// One prediction for each view that was left out and has a box or an ellipse; none if the other views determine no
     /// body.
     pub predictions: Vec<Prediction>,
-    /// Number of views from which the body was fitted.
+    /// Number of views used for the body.
     pub fitted_views: usize,
     /// Median over these views of the root mean square edge error ([`Prediction::error`]) that the fit leaves in them; only
     /// where a view that was left out has an error above 0.2, and may contradict the others.

@@ -1,5 +1,5 @@
-//! What every estimate carries besides its body, whatever the method: residuals in pixels, how much larger the real
-//! object is, and what makes the geometry weak.
+//! Common parts of every estimate besides its body: residuals in pixels, the enclosing body, and warnings about weak
+//! geometry.
 
 use nalgebra::{Point3, Vector3};
 
@@ -14,7 +14,7 @@ const NARROW_BASELINE: f64 = 0.087;
 /// A body whose outline is this many times larger or smaller than measured is none.
 const RUN_AWAY: f64 = 10.0;
 
-/// An estimate with a body, its residuals and warnings. `inlier` tells which views were used.
+/// An estimate with a body, its residuals and warnings. `inlier` marks the used views.
 pub(super) fn describe(
     mut estimate: Estimate,
     body: Body,
@@ -51,7 +51,7 @@ pub(super) fn describe(
     estimate
 }
 
-/// An estimate of a quadric that is no ellipsoid: its centre and the views, nothing else.
+/// An estimate of a quadric that is not an ellipsoid: only its centre and the views.
 pub(super) fn describe_center(mut estimate: Estimate, center: Point3<f64>, views: &[View]) -> Estimate {
     estimate.center = Some(center);
     estimate.views = views.iter().map(|view| ViewReport::without_body(view.frame_index)).collect();
@@ -61,8 +61,8 @@ pub(super) fn describe_center(mut estimate: Estimate, center: Point3<f64>, views
     estimate
 }
 
-/// Root mean square distance of measured and predicted edges, over those that the fit used: one that is cut off counts
-/// only where the body does not reach it.
+/// Root mean square distance of measured and predicted edges, over those used by the fit: an edge that is cut off is
+/// used only if the body does not reach it.
 fn view_residual(view: &View, body: &Body) -> Option<f64> {
     let measured = view.measured_box()?;
     let predicted = project_bounding_box(&view.projection, body).ok()?;
@@ -76,9 +76,9 @@ fn view_residual(view: &View, body: &Body) -> Option<f64> {
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// Whether a body is one at all: it can be seen in some view, and there it is about as large as it was measured, to
-/// within a factor of ten in the median view. A fit that has run away to a point, or beyond all bounds, is not (ours).
-/// Where the image border cuts the box it bounds the size from below only.
+/// Whether a body is plausible: it is visible in some view, and its size matches the measured one to within a factor of
+/// ten in the median view. A fit that diverged to a point or to infinity is not (ours). If the image border cuts the
+/// box, it only bounds the size from below.
 pub(super) fn is_a_body(body: &Body, views: &[View]) -> bool {
     let ratio = |view: &View| {
         let measured = view.measured_box()?;

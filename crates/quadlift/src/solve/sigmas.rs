@@ -27,7 +27,7 @@ pub const SIGMA_NAMES: [&str; 20] = [
     SPREAD_NAMES[1],
 ];
 
-/// Errors that the views of an object have in common, for each kind of measurement.
+/// Errors common to the views of an object, for each kind of measurement.
 pub(super) const COMMON_NAMES: [&str; 7] = [
     "edge_common",
     "ellipse_center_common",
@@ -41,29 +41,29 @@ pub(super) const COMMON_NAMES: [&str; 7] = [
 /// Mean squared residual of a scene in units of the noise, and the relative variance of that of its objects.
 pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
 
-/// What results report of the cameras' poses, which is not the noise of detections.
+/// Pose noise in results, which is not noise of detections.
 pub(crate) const POSE_NOISE_NAMES: [&str; 2] = ["pose_rotation", "pose_translation"];
 
-/// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to the
-/// half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis ratio),
-/// correlations between neighbouring views, the errors that the views of an object have in common (`edge_common` and
-/// others: in units of the noise), and how much objects differ (`residual_level`, `residual_spread`). The last two kinds
-/// enter covariances only.
+/// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to
+/// the half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis
+/// ratio), correlations between neighbouring views, the errors common to the views of an object (`edge_common` and
+/// others: in units of the noise), and differences between objects (`residual_level`, `residual_spread`). The last two
+/// kinds affect only covariances.
 ///
-/// With them the estimate of an object depends on its own views and the options only, not on which other objects
-/// are in the scene, so that objects can be localised apart from each other: on several machines, or one by one as they
-/// are seen. Ground planes and errors of poses are still shared by the objects of a scene.
+/// With them the estimate of an object depends on its own views and the options only, not on the other objects of the
+/// scene, so objects can be localised independently: on several machines, or one by one as they are seen. Ground planes
+/// and pose corrections are still shared by the objects of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Sigmas(BTreeMap<&'static str, f64>);
 
-/// Why noise levels are refused.
+/// Why noise levels are rejected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SigmasError {
     /// There is no noise level of this name.
     #[error("\"{0}\" is not a noise level; expected one of {names}", names = SIGMA_NAMES.join(", "))]
     Unknown(String),
-    /// A name that is given twice.
+    /// A duplicate name.
     #[error("{0} is given twice")]
     Twice(&'static str),
     /// A number out of its range.
@@ -82,8 +82,9 @@ pub enum SigmasError {
 }
 
 impl Sigmas {
-    /// Takes what results report; what they say of poses is left out. Levels that are not given have their defaults: 0.1,
-    /// of partial ellipses 0.2, of hidden edges twice that of others, `edge_px` 67 times `edge_relative`, correlations and common errors 0.
+    /// Accepts the levels of results and ignores their pose noise. Levels that are not given have their defaults: 0.1,
+    /// of partial ellipses 0.2, of hidden edges twice that of others, `edge_px` 67 times `edge_relative`, correlations
+    /// and common errors 0.
     ///
     /// # Errors
     /// [`SigmasError`] names the level that is unknown or out of range.
@@ -122,12 +123,12 @@ impl Sigmas {
         Self(levels.into_iter().collect())
     }
 
-    /// The level of this name, where it is given.
+    /// The level with this name, if given.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.0.get(name).copied()
     }
 
-    /// The levels that are there, in the order of [`SIGMA_NAMES`].
+    /// The given levels, in the order of [`SIGMA_NAMES`].
     pub fn levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
         SIGMA_NAMES.into_iter().filter_map(|name| Some((name, self.get(name)?)))
     }

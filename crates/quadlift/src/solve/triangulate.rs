@@ -1,12 +1,12 @@
-//! Where an object is and how large, roughly, from the centres and sizes of its outlines: the frame in which the
-//! closed forms are well conditioned, and the start of the iterations.
+//! Rough position and size of an object from the centres and sizes of its outlines: the frame in which the closed forms
+//! are well conditioned, and the start of the iterations.
 
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::closed_form::streaming_qr::StreamingQr;
 use crate::geometry::{Ellipse, Projection};
 
-/// Rounds of reweighting that turn the algebraic error into one in pixels.
+/// Rounds of reweighting that convert the algebraic error to pixels.
 const ROUNDS: usize = 3;
 
 /// Below this share of their size, differences are rounding errors.
@@ -14,8 +14,8 @@ const ROUNDING: f64 = 1e-12;
 
 /// The point whose images are nearest to the given pixels (linear triangulation, rows divided by the depth).
 ///
-/// `None` when it is not determined: fewer than two views, all cameras at one point, parallel rays, or numbers that
-/// are not finite. Where rays diverge the point may lie behind the cameras.
+/// `None` if it is not determined: fewer than two views, all cameras at one point, parallel rays, or non-finite
+/// numbers. If rays diverge, the point may lie behind the cameras.
 pub fn triangulate(observations: &[(Projection, Vector2<f64>)]) -> Option<Point3<f64>> {
     // Relative to a camera centre the numbers are of the size of the baselines, wherever the world's origin is.
     let origin = observations.first()?.0.center_in_world()?;

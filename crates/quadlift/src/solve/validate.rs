@@ -1,18 +1,18 @@
-//! Options of the estimators outside of their ranges are refused before anything is calculated.
+//! Options of the estimators are validated before anything is computed.
 
 use super::options::{BodyKind, CategoryPrior, MapOptions, Method, PoseNoise, RegOptions};
 
-/// An option that is outside of its range, or that the scene does not allow; the text names it, what was found and what was
+/// An option that is out of range, or that the scene does not allow; the message names it, what was found and what was
 /// expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct OptionError(String);
 
 impl Method {
-    /// Whether the method's options make sense by themselves, whatever the scene is.
+    /// Validates the options of the method, independent of a scene.
     ///
     /// # Errors
-    /// [`OptionError`] names the first option that is outside of its range.
+    /// [`OptionError`] names the first option that is out of range.
     pub fn validate(&self) -> Result<(), OptionError> {
         match self {
             Self::Map(options) => options.validate(),
@@ -23,10 +23,10 @@ impl Method {
 }
 
 impl MapOptions {
-    /// Whether the options make sense by themselves, whatever the scene is.
+    /// Validates the options, independent of a scene.
     ///
     /// # Errors
-    /// [`OptionError`] names the first option that is outside of its range.
+    /// [`OptionError`] names the first option that is out of range.
     pub fn validate(&self) -> Result<(), OptionError> {
         if let Some(BodyKind::Superellipsoid(q)) = self.body
             && !(1.0..=2.0).contains(&q)

@@ -25,7 +25,7 @@ pub(super) fn intrinsics(trajectory: Trajectory) -> Intrinsics {
     Intrinsics { fx: focal, fy: focal, cx: 0.5 * width, cy: 0.5 * height }
 }
 
-/// A camera in a world that is neither scaled nor moved: `cam_from_world` in its two parts.
+/// A camera in the world before scaling and translation: the two parts of `cam_from_world`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pose {
     rotation: Matrix3<f64>,
@@ -41,7 +41,7 @@ impl Pose {
         CamFromWorld::new(matrix)
     }
 
-    /// The camera turned about its centre by a small random rotation: normal angles about each axis, in radians.
+    /// The camera rotated about its centre by a small random rotation: normal angles about each axis, in radians.
     pub(super) fn with_noise(&self, sd: f64, rng: &mut ChaCha8Rng) -> Self {
         let turn = Rotation3::new(Vector3::from_fn(|_, _| sd * random::normal(rng)));
         Self { rotation: turn * self.rotation, translation: turn * self.translation }
@@ -52,7 +52,7 @@ impl Pose {
     }
 }
 
-/// The cameras of all views, in order; only the random ones are drawn.
+/// The cameras of all views, in order; only random trajectories use random numbers.
 pub(super) fn poses(options: &SyntheticOptions, rng: &mut ChaCha8Rng) -> Vec<Pose> {
     let last = options.views.saturating_sub(1).max(1) as f64;
     let at_distance = Vector3::new(0.0, 0.0, options.distance);
@@ -74,7 +74,7 @@ pub(super) fn poses(options: &SyntheticOptions, rng: &mut ChaCha8Rng) -> Vec<Pos
         .collect()
 }
 
-/// A camera anywhere above the floor that looks at a place on it.
+/// A camera anywhere above the floor that looks at a point on it.
 fn above_the_floor(side: f64, rng: &mut ChaCha8Rng) -> Pose {
     let mut within = |low: f64, high: f64| rng.random_range(low..high) * side;
     let center = Vector3::new(within(-0.8, 0.8), within(-0.8, 0.8), within(0.1, 0.5));
@@ -83,7 +83,7 @@ fn above_the_floor(side: f64, rng: &mut ChaCha8Rng) -> Pose {
     Pose::at(center, look(back.y.atan2(back.x), back.z.atan2(back.xy().norm())))
 }
 
-/// A camera in a car that sways a little on its way along x, 1.65 above the ground.
+/// A camera in a car that sways slightly while driving along x, 1.65 above the ground.
 fn on_the_street(view: usize) -> Pose {
     let along = view as f64;
     let center = Vector3::new(along, 0.3 * (along / 30.0).sin(), 1.65);

@@ -1,4 +1,4 @@
-//! What a detector misses and makes up.
+//! Misses and false positives of a detector.
 
 use nalgebra::Vector2;
 use rand::RngExt;
@@ -8,7 +8,7 @@ use super::options::Detector;
 use super::random;
 use crate::geometry::{BoundingBox, BoundingBoxError};
 
-/// Boxes that a cut at the border of the image leaves smaller than this, in pixels, are not detected.
+/// Boxes that are smaller than this after clipping at the image border, in pixels, are not detected.
 const SMALLEST_BOX: f64 = 2.0;
 
 /// Standard deviation of the edges of a duplicate, in mean half sizes.
@@ -17,13 +17,13 @@ const DUPLICATE_SD: f64 = 0.12;
 /// Standard deviation of the logarithms of the sides of a false box, relative to a true one.
 const FALSE_SIZE_SD: f64 = 0.3;
 
-/// Share of an object that others may cover before it is no longer detected.
+/// Fraction of an object that others may cover before it is missed.
 const MOST_COVERED: f64 = 0.65;
 
 /// Points of an outline that are tested for being covered.
 const POINTS: usize = 60;
 
-/// Draws what a detector does; each decision has its own stream, so that one does not change the draws of another.
+/// Simulates a detector; each decision has its own random stream, so that they are independent.
 pub(super) struct DetectorSource {
     detector: Detector,
     misses: ChaCha8Rng,

@@ -1,8 +1,8 @@
 //! Seeded synthetic scenes with known truth: the set-up of PfD's synthetic experiments and variations of it.
 //!
 //! In that set-up objects lie in a cube of side 20 about the origin, cameras stand around it at a distance and look at
-//! its centre, and every object is seen by every camera. Other places of the cameras, and a [`Detector`] that misses
-//! objects and makes some up, make scenes as they are met in practice. The world's z axis points up.
+//! its centre, and every object is seen by every camera. Other trajectories, and a [`Detector`] with misses and false
+//! positives, make realistic scenes. The world's z axis points up.
 
 mod cameras;
 mod detector;
@@ -35,7 +35,7 @@ const FIRST_DETECTOR_STREAM: u64 = 10;
 const TRACK_STREAM: u64 = 13;
 const EDGE_BIAS_STREAM: u64 = 14;
 
-/// A scene and what is true about it.
+/// A scene and its ground truth.
 #[derive(Debug, Clone)]
 pub struct SyntheticScene {
     /// The scene as an estimator gets it: no categories, no sources, no length unit. The detections of true objects are
@@ -81,8 +81,8 @@ struct Found {
 /// the ellipse by the one inscribed in the wrong box.
 ///
 /// # Errors
-/// [`SyntheticError`] when an option is out of its range, or an object does not lie in front of a camera (on those
-/// trajectories where it must).
+/// [`SyntheticError`] when an option is out of its range, or if an object does not lie in front of a camera (on
+/// trajectories that require it).
 pub fn generate(options: &SyntheticOptions) -> Result<SyntheticScene, SyntheticError> {
     options.check()?;
     let mut builder = SceneBuilder::new("synthetic");
@@ -157,7 +157,7 @@ fn detect(
     let is_free = options.trajectory.is_free();
     let bodies: Vec<Body> =
         objects.iter().enumerate().map(|(k, o)| o.body(options.kind_of(k), 1.0, &Vector3::zeros())).collect();
-    // The exact boxes of what is in view, by object and frame.
+    // The exact boxes of visible objects, by object and frame.
     let mut exact_boxes = vec![vec![None; projections.len()]; bodies.len()];
     for (object, body) in bodies.iter().enumerate() {
         for (frame, projection) in projections.iter().enumerate() {
@@ -188,7 +188,7 @@ fn detect(
         let bias = [(); 4].map(|()| options.edge_bias * random::normal(&mut biases));
         for (frame, projection) in projections.iter().enumerate() {
             let Some(exact_box) = exact_boxes[object][frame] else { continue };
-            // Everything is drawn, whether it is needed or not: one option does not change the draws of another.
+            // All random numbers are drawn, even if unused, so that options are independent.
             let outlier = noise.outlier(&exact_box)?;
             let mut bounding_box = exact_box;
             if options.observations.boxes() {
@@ -237,7 +237,7 @@ fn detect(
     Ok(found)
 }
 
-/// Which objects nearer ones cover, by object and frame.
+/// Which objects are covered by nearer ones, by object and frame.
 fn covered(bodies: &[Body], projections: &[Projection], boxes: &[Vec<Option<BoundingBox>>]) -> Vec<Vec<bool>> {
     let mut covered = vec![vec![false; projections.len()]; bodies.len()];
     for (frame, projection) in projections.iter().enumerate() {
@@ -252,7 +252,7 @@ fn covered(bodies: &[Body], projections: &[Projection], boxes: &[Vec<Option<Boun
     covered
 }
 
-/// The id that each detection names.
+/// The id of each detection.
 fn names(options: &SyntheticOptions, found: &[Found], truth: &[(String, Body)]) -> Vec<Option<String>> {
     match options.ids {
         SyntheticIds::True => found.iter().map(|f| f.object.map(|object| truth[object].0.clone())).collect(),

@@ -13,7 +13,7 @@ use crate::geometry::{BoundingBox, BoundingBoxError, Ellipse, EllipseError};
 /// Width and height in pixels that a box keeps when noise would make its edges cross.
 const SMALLEST_BOX: f64 = 1e-2;
 
-/// Draws noise and outliers. Each kind of noise has its own stream, so that one does not change the draws of another.
+/// Draws noise and outliers. Each kind of noise has its own random stream, so that they are independent.
 pub(super) struct NoiseSource<'a> {
     noise: &'a [Noise],
     outlier_share: f64,
@@ -22,7 +22,7 @@ pub(super) struct NoiseSource<'a> {
 }
 
 impl<'a> NoiseSource<'a> {
-    /// The noise that the options ask for; `first_stream` and the six after it are taken.
+    /// The noise of the options; `first_stream` and the six after it are taken.
     pub(super) fn new(options: &'a SyntheticOptions, first_stream: u64) -> Self {
         Self {
             noise: &options.noise,

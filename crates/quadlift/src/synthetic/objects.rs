@@ -16,7 +16,7 @@ const FLOOR_HEIGHT: f64 = 0.15;
 const CAR_GAP: f64 = 6.0;
 const CAR: Vector3<f64> = Vector3::new(2.1, 0.85, 0.75);
 
-/// What is drawn of an object, in a world that is neither scaled nor moved.
+/// An object in the world before scaling and translation.
 pub(super) struct Object {
     center: Point3<f64>,
     semi_axes: Vector3<f64>,
@@ -24,7 +24,7 @@ pub(super) struct Object {
 }
 
 impl Object {
-    /// Draws the object with a number: parked along a street, or anywhere in a cube (flattened to a floor).
+    /// Draws the object with this number: parked along a street, or anywhere in a cube (flattened to a floor).
     pub(super) fn draw(index: usize, trajectory: Trajectory, cube_side: f64, rng: &mut ChaCha8Rng) -> Self {
         if trajectory == Trajectory::Street {
             return Self::draw_parked(index, rng);
@@ -36,7 +36,7 @@ impl Object {
         object
     }
 
-    /// The same object upright on the plane z = 0: turned about the vertical only, by the angle that its rotation has about
+    /// The same object upright on the plane z = 0: rotated about the vertical only, by the angle of its rotation about
     /// the world's z axis.
     pub(super) fn standing(self) -> Self {
         let (_, _, yaw) = self.rotation.euler_angles();

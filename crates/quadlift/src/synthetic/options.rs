@@ -1,4 +1,4 @@
-//! What can be chosen about a synthetic scene, and what is refused.
+//! Options of synthetic scenes and their validation.
 
 use nalgebra::Vector3;
 
@@ -6,27 +6,26 @@ use crate::geometry::{BoundingBoxError, CameraError, EllipseError, ProjectionErr
 use crate::scene::SceneError;
 use crate::solve::BodyKind;
 
-/// Everything that can be chosen about a synthetic scene; the default is the set-up of PfD's synthetic experiments,
-/// without noise.
+/// Options of a synthetic scene; the default is the set-up of PfD's synthetic experiments, without noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SyntheticOptions {
-    /// Seed of everything that is drawn. Objects, every kind of noise and outliers have draws of their own: changing
-    /// one leaves the others as they are.
+    /// Seed of the random numbers. Objects, every kind of noise and outliers have independent streams: changing one
+    /// does not affect the others.
     pub seed: u64,
     /// Number of objects. The first n objects and their noise are the same for any greater number.
     pub objects: usize,
     /// Kind of the bodies; the half extents of cuboids are drawn like the semi-axes of ellipsoids.
     pub body: BodyKind,
-    /// Kinds that the objects have in turn, instead of `body`; empty where all are of one kind. Places, sizes and
-    /// rotations are the same whatever the kinds are.
+    /// Kinds of the objects in turn, instead of `body`; empty if all are of one kind. Positions, sizes and rotations do
+    /// not depend on the kinds.
     pub kinds: Vec<BodyKind>,
-    /// Whether objects stand upright on the plane z = 0, their third axis vertical and turned about it by any angle.
+    /// Whether objects stand upright on the plane z = 0, with a vertical third axis and an arbitrary rotation about it.
     pub standing: bool,
     /// Number of views.
     pub views: usize,
     /// Camera positions.
     pub trajectory: Trajectory,
-    /// Side of the cube that holds the centres of the objects, in world units before `scale`.
+    /// Side of the cube that contains the centres of the objects, in world units before `scale`.
     pub cube_side: f64,
     /// Distance of the cameras from the centre of the objects, in world units before `scale`.
     pub distance: f64,
@@ -40,32 +39,33 @@ pub struct SyntheticOptions {
     pub noise: Vec<Noise>,
     /// Probability, in [0, 1], that a detection is replaced by a wrong box near the true one.
     pub outlier_share: f64,
-    /// Standard deviation of an error of each object's left, top, right and bottom edges that is the same in all of its
-    /// boxes, in units of their mean half sizes: what a detector always leaves out or adds.
+    /// Standard deviation of the systematic error of the left, top, right and bottom edge of each object, the same in
+    /// all of its boxes, in units of their mean half sizes.
     pub edge_bias: f64,
-    /// Standard deviation of the error of the cameras' rotations about each of their axes, in degrees: the scene's
-    /// cameras are not quite those that have made the measurements.
+    /// Standard deviation of the error of the cameras' rotations about each of their axes, in degrees: the cameras of
+    /// the scene differ slightly from those of the measurements.
     pub pose_noise: f64,
-    /// What the detector misses and makes up.
+    /// Misses and false positives of the detector.
     pub detector: Detector,
-    /// What the detections say about the identity of the objects.
+    /// Object ids of the detections.
     pub ids: SyntheticIds,
 }
 
-/// What a detector misses and makes up (ours); the default is a perfect one.
+/// Misses and false positives of a detector (ours); the default is a perfect detector.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Detector {
     /// Probability, in [0, 1], that a visible object is not detected.
     pub misses: f64,
-    /// Number of false boxes per true box, on average: as large as true ones, where the frame's true ones are.
+    /// Mean number of false boxes per true box, with the sizes and positions of the true boxes of the frame.
     pub false_boxes: f64,
-    /// Probability, in [0, 1], that an object is reported twice, by a second box with edges 0.12 mean half sizes off.
+    /// Probability, in [0, 1], that an object is detected twice, by a second box with edges off by 0.12 mean half
+    /// sizes.
     pub duplicates: f64,
-    /// Whether objects hide each other: one of which others cover more than 65 % is not detected.
+    /// Whether objects occlude each other: an object that is covered by more than 65 % is missed.
     pub occlusion: bool,
 }
 
-/// What the detections say about the identity of the objects; false boxes and duplicates never name one.
+/// Object ids of the detections; false boxes and duplicates never have one.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum SyntheticIds {
     /// The truth.
@@ -73,12 +73,12 @@ pub enum SyntheticIds {
     True,
     /// Nothing.
     Absent,
-    /// What a tracker makes of it.
+    /// Ids of a simulated tracker.
     Tracks {
         /// Probability, in [0, 1], at every detection that its track ends and a new one begins.
         fragments: f64,
         /// Probability, in [0, 1], at every detection that its track and that of the nearest other object in the frame
-        /// are exchanged from then on.
+        /// are swapped from then on.
         switches: f64,
     },
 }
@@ -111,8 +111,8 @@ impl Default for SyntheticOptions {
 /// Camera positions.
 ///
 /// On `Paper`, `Arc` and `Orbit` they look at the centre of the objects from a distance, and every object must be in
-/// front of them; nothing is cut off at the border of the image. From `Random` and `Street` objects are seen that lie in
-/// the image by half at least, and boxes end at its border.
+/// front of them; nothing is cut off at the image border. With `Random` and `Street`, objects that lie at least half
+/// inside the image are visible, and boxes are clipped at its border.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trajectory {
     /// Azimuth and elevation from 0 to the given angles (PfD section 5.1: 60 and 70 degrees).
@@ -188,7 +188,7 @@ pub enum Noise {
     Rotation(f64),
     /// SE: both semi-axes times 1 + noise, one factor for both; in [0, 1).
     Size(f64),
-    /// SE2: a factor of its own for each semi-axis; in [0, 1).
+    /// SE2: a separate factor for each semi-axis; in [0, 1).
     SizePerAxis(f64),
     /// TE: added to the centre in x and y, in units of the mean semi-axis of the exact ellipse.
     Translation(f64),
@@ -235,13 +235,13 @@ pub enum SyntheticError {
         what: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// Its allowed values.
         expected: &'static str,
     },
-    /// Ellipses are asked of bodies whose outlines are none.
+    /// Ellipses are requested for bodies whose outlines are not ellipses.
     #[error("only ellipsoids have elliptical outlines; observe boxes instead")]
     NotAnEllipse,
-    /// A noise acts on what is not observed.
+    /// A noise affects a measurement that is not observed.
     #[error("{0} cannot be applied: noise and bias of box edges need boxes, all other noise needs ellipses")]
     NoiseWithoutObservation(&'static str),
     /// An object has no outline in a view.
@@ -274,7 +274,7 @@ impl SyntheticOptions {
         if self.kinds.is_empty() { self.body } else { self.kinds[object % self.kinds.len()] }
     }
 
-    /// Refuses what would not give a scene.
+    /// Rejects invalid options.
     pub(super) fn check(&self) -> Result<(), SyntheticError> {
         let positive = |x: f64| x.is_finite() && x > 0.0;
         let out_of_range = |what, value, expected| Err(SyntheticError::OutOfRange { what, value, expected });

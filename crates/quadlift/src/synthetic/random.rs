@@ -1,4 +1,4 @@
-//! Draws that the rand crate does not bring: normal numbers, uniform rotations, separate streams of one seed.
+//! Random numbers beyond the rand crate: normal numbers, uniform rotations, separate streams of one seed.
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use rand::{RngExt, SeedableRng};

@@ -1,4 +1,4 @@
-//! The ids that a tracker would give: tracks that break and swap their objects.
+//! Simulated tracker ids: tracks that break and swap their objects.
 
 use std::collections::BTreeMap;
 

@@ -5,10 +5,10 @@ use nalgebra::Vector2;
 use super::observations::{BoxObservation, Camera, Observations};
 use crate::association::statistics::LN_2PI;
 
-/// Other boxes of a frame that are looked at for the density at one; more are sampled evenly.
+/// Maximum number of other boxes of a frame for the density at a box; more are sampled evenly.
 const MOST_NEIGHBOURS: usize = 2000;
 
-/// Boxes of a frame that count as much as the assumption that clutter is anywhere.
+/// Weight of the uniform density of clutter, in boxes of a frame.
 const UNIFORM_WEIGHT: f64 = 3.0;
 
 /// How large boxes are: a normal distribution of the logarithms of half the width and half the height.
@@ -18,7 +18,7 @@ pub(crate) struct BoxSizes {
     sd: f64,
 }
 
-/// Standard deviation of the log sizes, at least.
+/// Minimum standard deviation of the log sizes.
 const LEAST_SD: f64 = 0.3;
 
 impl BoxSizes {
@@ -43,8 +43,8 @@ impl BoxSizes {
     }
 }
 
-/// Sets the log density of clutter at each box of a frame, as if there were one clutter box per frame: where (more where the
-/// frame's other boxes are) and how large (as the scene's boxes), over the four edges in pixels.
+/// Sets the log density of clutter at each box of a frame for one clutter box per frame: of position (higher near the
+/// frame's other boxes) and size (like the scene's boxes), over the four edges in pixels.
 pub(crate) fn set_clutter(boxes: &mut [BoxObservation], camera: &Camera, sizes: &BoxSizes) {
     let places = places(boxes);
     for observation in boxes {
@@ -54,8 +54,8 @@ pub(crate) fn set_clutter(boxes: &mut [BoxObservation], camera: &Camera, sizes: 
     }
 }
 
-/// For births: log density over the middle and the two log sizes of what else an unassigned box may be, clutter or
-/// another object near by.
+/// For births: log density, over the centre and the two log sizes, of the alternatives for an unassigned box: clutter
+/// or another object nearby.
 pub(crate) fn log_density_among_neighbours(observations: &Observations, log_rate: f64, used: &[bool]) -> Vec<f64> {
     let mut densities: Vec<f64> = observations.boxes.iter().map(|b| observations.sizes.log_density(b)).collect();
     for camera in &observations.cameras {
@@ -96,11 +96,11 @@ fn places(boxes: &[BoxObservation]) -> Places {
     Places { middles, bandwidth: (0.7 * sd).add_scalar(half_size), count }
 }
 
-/// Log density of the place of a clutter box, per square pixel: where the frame's other boxes are, or anywhere.
+/// Log density of the position of a clutter box, per square pixel: near the frame's other boxes, or uniform.
 fn place_density(places: &Places, observation: &BoxObservation, image: Vector2<f64>) -> f64 {
     let uniform = 1.0 / image.product();
     let kernel = |d: Vector2<f64>| (-0.5 * d.component_div(&places.bandwidth).norm_squared()).exp();
-    // The box itself is among the places (as a whole number of samples, when sampled): its own kernel is taken off.
+    // The box itself is among the positions (as a whole number of samples, when sampled): its own kernel is subtracted.
     let share = (places.middles.len() as f64 / places.count).min(1.0);
     let others: f64 = places.middles.iter().map(|m| kernel(m - observation.center())).sum::<f64>() - share;
     let others = others.max(0.0) / (std::f64::consts::TAU * places.bandwidth.product());

@@ -1,4 +1,4 @@
-//! Everything that stays the same during association: near cameras, detection rates, options.
+//! Constant inputs of association: near cameras, detection rates, options.
 
 use nalgebra::Vector3;
 
@@ -15,10 +15,10 @@ use crate::solve::CategoryPriors;
 /// between an ellipsoid's and a cuboid's.
 const TOUCHING_SIZE: f64 = 1.15;
 
-/// Smallest standard deviation of a log radius: real objects touch their boxes in ways of their own.
+/// Minimum standard deviation of a log radius: real objects touch their boxes in different ways.
 const LEAST_SIZE_SD: f64 = 0.25;
 
-/// The size that a prior gives to the objects of a category.
+/// The prior size of the objects of a category.
 pub(crate) fn given_size(priors: &CategoryPriors, category: &str) -> Option<LogSize> {
     let size = priors.of(category)?.size?;
     let half = size.mean.map(|x| (0.5 * x).ln());
@@ -29,7 +29,7 @@ pub(crate) fn given_size(priors: &CategoryPriors, category: &str) -> Option<LogS
     })
 }
 
-/// The part of the input that stays.
+/// Constant inputs.
 #[derive(Debug)]
 pub(crate) struct AssociationContext<'a> {
     pub options: &'a AssociateOptions,
@@ -63,12 +63,12 @@ impl<'a> AssociationContext<'a> {
         }
     }
 
-    /// Whether a box belongs to the object that it names without question.
+    /// Whether the object id of a box is trusted.
     pub fn is_trusted(&self, observation: &BoxObservation) -> bool {
         self.options.ids == IdUse::Trust && observation.id.is_some()
     }
 
-    /// Frames whose cameras are so near that an object of this size may be seen as large as boxes are, ascending.
+    /// Frames whose cameras are near enough for an object of this size to appear as large as the boxes, ascending.
     pub fn frames_near(&self, center: &Vector3<f64>, longest_semi_axis: f64, least_half_size: f64) -> Vec<u32> {
         let range = 1.2 * self.longest_focal * longest_semi_axis / least_half_size.max(1e-9);
         self.camera_tree.within(center, range)

@@ -3,7 +3,7 @@
 use super::observations::Camera;
 use super::point_tree::PointTree;
 
-/// Frames that a birth from one box looks at for its partner.
+/// Frames in which a birth searches for a partner of a box.
 const PARTNERS: usize = 10;
 
 /// Frames in which a birth is tested.
@@ -12,13 +12,13 @@ const WITNESSES: usize = 48;
 /// Nearest frames among which partners and witnesses are chosen.
 const NEIGHBOURS: usize = 400;
 
-/// Partners look into directions that differ by less than this cosine (101 degrees).
+/// Cosine of the maximum angle between the viewing directions of partners (101 degrees).
 const LEAST_COSINE: f64 = -0.2;
 
 /// Frames with which the next one of the file is compared.
 const COMPARED: usize = 64;
 
-/// Share of frames whose next one must be their nearest for the file to count as a video.
+/// Fraction of frames whose next one must be their nearest for the file to count as a video.
 const VIDEO_SHARE: f64 = 0.8;
 
 /// Which frames are neighbours.
@@ -45,7 +45,7 @@ impl FrameOrder {
         Self { frames, is_video, partners, witnesses }
     }
 
-    /// The order from a frame on: both ways of a video, else always the nearest frame that is left.
+    /// The order from a frame on: both directions of a video, otherwise always the nearest remaining frame.
     pub fn starting_at(&self, cameras: &[Camera], first: usize) -> Vec<u32> {
         if self.is_video {
             let count = cameras.len() as u32;
@@ -68,7 +68,7 @@ fn difference(a: &Camera, b: &Camera, unit: f64) -> f64 {
     (a.center - b.center).norm() / unit + 0.5 * (1.0 - a.axis.dot(&b.axis))
 }
 
-/// Whether the frames come in an order in which the next is the nearest, of a sample of all.
+/// Whether the next frame in the order is usually the nearest, for a sample of frames.
 fn is_video(cameras: &[Camera], unit: f64) -> bool {
     let step = cameras.len().div_ceil(COMPARED).max(1);
     let is_nearest = |frame: usize| {
@@ -83,7 +83,7 @@ fn is_video(cameras: &[Camera], unit: f64) -> bool {
     nearest as f64 >= VIDEO_SHARE * steps as f64
 }
 
-/// From `first` on always the nearest frame that is left.
+/// From `first` on always the nearest remaining frame.
 fn chain(cameras: &[Camera], unit: f64, first: usize) -> Vec<u32> {
     let mut left: Vec<u32> = (0..cameras.len() as u32).filter(|&f| f as usize != first).collect();
     let mut order = Vec::with_capacity(cameras.len());

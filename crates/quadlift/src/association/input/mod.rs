@@ -1,5 +1,5 @@
-//! Input of association: the detections that take part, their boxes and cameras, neighbouring frames, clutter
-//! densities, sizes.
+//! Input of association: the selected detections, their boxes and cameras, neighbouring frames, clutter densities,
+//! sizes.
 
 pub(crate) mod clutter;
 pub(crate) mod context;

@@ -1,4 +1,4 @@
-//! The boxes to associate, sorted by frame, with the values that are computed once for each.
+//! The boxes to associate, sorted by frame, with precomputed values.
 
 use super::clutter::{BoxSizes, set_clutter};
 use crate::tuning::WRONG_CATEGORY_SHARE;
@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Matrix3x4, Vector2, Vector3};
 use crate::geometry::Projection;
 use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
 
-/// Smaller scores count as this one.
+/// Lower bound of scores.
 const LEAST_SCORE: f64 = 1e-3;
 
 /// The smallest predicted size that a detector is expected to find, relative to the 2 % quantile of the sizes.
@@ -26,7 +26,7 @@ pub(crate) struct Camera {
     pub axis: Vector3<f64>,
     /// Mean focal length in pixels.
     pub focal: f64,
-    /// Width and height in pixels; the extent of the boxes where the image's is not known.
+    /// Width and height in pixels; the extent of the boxes if the image size is unknown.
     pub size: Vector2<f64>,
     /// Its boxes, sorted by their left edges.
     pub boxes: Range<usize>,
@@ -39,9 +39,9 @@ pub(crate) struct BoxObservation {
     pub detection: usize,
     /// Index of the frame.
     pub frame: usize,
-    /// Index of the category among those that occur; no category counts as one of its own.
+    /// Index of the category among those that occur; a missing category is a separate one.
     pub category: usize,
-    /// Object that the detection names.
+    /// Object id of the detection.
     pub id: Option<u32>,
     /// Left, top, right and bottom edge, less the frame's shift.
     pub edges: [f64; 4],
@@ -53,7 +53,7 @@ pub(crate) struct BoxObservation {
     pub log_half: [f64; 2],
     /// Log density of clutter at the box, over its four edges in pixels, as if there were one clutter box per frame.
     pub log_clutter: f64,
-    /// Logarithm of the odds that the detector gives it, where they are against it.
+    /// Log odds of its score, if negative.
     pub score_log_odds: f64,
     /// Points on the ray through the middle are `center + depth * ray`.
     pub ray: Vector3<f64>,
@@ -99,7 +99,7 @@ impl BoxObservation {
         }
     }
 
-    /// Sets the ray through the middle; `inverse` is that of the first three columns of the camera's matrix.
+    /// Sets the ray through the centre; `inverse` is the inverse of the first three columns of the camera matrix.
     pub fn locate(&mut self, inverse: &Matrix3<f64>, focal: f64) {
         let center = self.center();
         self.ray = inverse * Vector3::new(center.x, center.y, 1.0);
@@ -128,7 +128,7 @@ pub(crate) struct Observations {
     pub categories: Vec<Option<u32>>,
     /// Predicted boxes of a smaller half size are not expected to be detected.
     pub least_half_size: f64,
-    /// What has been taken off the world's coordinates.
+    /// The offset that was subtracted from world coordinates.
     pub origin: Vector3<f64>,
     /// How large the boxes are.
     pub sizes: BoxSizes,
@@ -136,7 +136,7 @@ pub(crate) struct Observations {
     pub category_share: Vec<f64>,
 }
 
-/// Logarithm of the odds of a score that is a probability, where it is less than one half; 0 without one.
+/// Log odds of a score (a probability) below one half; otherwise 0.
 pub(crate) fn log_odds_against(score: Option<f64>) -> f64 {
     match score {
         Some(score) if (0.0..0.5).contains(&score) => {
@@ -148,8 +148,8 @@ pub(crate) fn log_odds_against(score: Option<f64>) -> f64 {
 }
 
 impl Observations {
-    /// Prepares the given detections (indices into the scene); those that have an ellipse only count with the box
-    /// around it. Detections in frames whose camera has no finite centre are left out.
+    /// Prepares the given detections (indices into the scene); those with only an ellipse are represented by the box
+    /// around it. Detections in frames whose camera has no finite centre are skipped.
     pub fn new(scene: &Scene, detections: &[usize]) -> Self {
         let centers: Vec<_> = scene.frames.iter().map(|f| f.projection.center_in_world().map(|c| c.coords)).collect();
         let count = centers.iter().flatten().count().max(1) as f64;

@@ -30,7 +30,7 @@ impl PartialOrd for Found {
     }
 }
 
-/// A k-d tree over points that do not move.
+/// A static k-d tree.
 #[derive(Debug, Clone)]
 pub(crate) struct PointTree {
     points: Vec<Vector3<f64>>,
@@ -97,7 +97,7 @@ impl PointTree {
         found
     }
 
-    /// Indices of the `count` nearest points (fewer where there are fewer), nearest first, equals by index.
+    /// Indices of the `count` nearest points (or all points if there are fewer), nearest first, ties by index.
     pub fn nearest(&self, place: &Vector3<f64>, count: usize) -> Vec<u32> {
         // The farthest of the best so far is on top.
         let mut best: BinaryHeap<Found> = BinaryHeap::with_capacity(count + 1);
@@ -107,7 +107,7 @@ impl PointTree {
                 best.pop();
             }
         };
-        // Ranges to be looked at, with the squared distance of the plane that hides them.
+        // Ranges to visit, with the squared distance of their splitting plane.
         let mut ranges = vec![(0.0, 0..self.order.len())];
         while let Some((hidden_by, range)) = ranges.pop() {
             if best.len() == count && best.peek().is_none_or(|worst| hidden_by > worst.squared) {

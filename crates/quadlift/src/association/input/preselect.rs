@@ -1,10 +1,10 @@
-//! Selects the detections that take part.
+//! Selects the detections to associate.
 
 use crate::association::options::{AssociateError, AssociateOptions};
 use crate::geometry::BoundingBox;
 use crate::scene::{Detection, Scene, SkippedDetections};
 
-/// The detections that take part (indices into the scene, ascending) and how many do not, by reason.
+/// The selected detections (indices into the scene, ascending) and the numbers of skipped ones, by reason.
 pub(crate) fn select(
     scene: &Scene,
     options: &AssociateOptions,
@@ -33,8 +33,8 @@ fn is_below(score: Option<f64>, least: Option<f64>) -> bool {
     least.zip(score).is_some_and(|(least, score)| score < least)
 }
 
-/// Non-maximum suppression in every frame and category: the best detections first, those that overlap one of them by
-/// more than `limit` are dropped.
+/// Non-maximum suppression in every frame and category: processes the best detections first and drops those that
+/// overlap one of them by more than `limit`.
 fn without_duplicates(scene: &Scene, mut indices: Vec<usize>, limit: f64) -> Vec<usize> {
     let bounds = |detection: &Detection| detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()));
     let rank = |index: usize| {

@@ -1,8 +1,8 @@
-//! The most probable ellipsoid for a set of boxes: fast, for the many sets that are tried.
+//! The most probable ellipsoid for a set of boxes: fast, for many candidate sets.
 //!
-//! Beside the estimator ([`crate::solve::map`]) it has one noise level, no ellipses and no robust loss over views, so that a
-//! residual costs a third: tangent planes, Student's t per edge, priors on shape and size. Bodies, normal equations and
-//! Levenberg-Marquardt are the same.
+//! In contrast to the estimator ([`crate::solve::map`]) it has one noise level, no ellipses and no robust loss over
+//! views, so that a residual takes a third of the time: tangent planes, Student's t per edge, priors on shape and size.
+//! Bodies, normal equations and Levenberg-Marquardt are the same.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -16,13 +16,13 @@ use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::optimize::levenberg_marquardt::{Stop, minimise};
 use crate::optimize::normal_equations::NormalEquations;
 
-/// Standard deviation of the deviation of log semi-axes from their mean. Wider than that of the estimators (0.4): bodies are
-/// compared here by what few boxes say. Not swept.
+/// Standard deviation of the deviation of log semi-axes from their mean. Wider than that of the estimators (0.4):
+/// bodies are compared here by few boxes. Not swept.
 pub(crate) const SHAPE_SD: f64 = 0.5;
 
 const STOP: Stop = Stop { evaluations: 40, promised_decrease: 1e-3 };
 
-/// Where a fit starts.
+/// The start of a fit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Start {
     /// Centre.
@@ -75,7 +75,7 @@ pub(crate) fn fit(
     Some(Object { visible: boxes.len(), boxes, ..best })
 }
 
-/// The category of most of the boxes, the first of equals.
+/// The most frequent category of the boxes, the first one of ties.
 fn majority_category(observations: &Observations, boxes: &[u32]) -> usize {
     let categories = observations.categories.len();
     if categories <= 1 {
@@ -163,7 +163,7 @@ fn measure(
     }
 }
 
-/// Cost (twice the negative log posterior) and derivatives; `None` where a box's camera does not see the centre ahead.
+/// Cost (twice the negative log posterior) and derivatives; `None` if the centre is behind the camera of a box.
 fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &EllipsoidModel) -> Option<NormalEquations> {
     let mut equations = NormalEquations::zero();
     let center = body.center();
@@ -253,7 +253,7 @@ mod tests {
         let boxes: Vec<u32> = (0..8).collect();
         let center = truth.center.coords - observations.origin;
         let object = fit(&observations, &statistics, boxes.clone(), &[Start::sphere(center, 2.0)]).unwrap();
-        // The cost of a body that is moved, minimised over nothing: the likelihood and the priors once more.
+        // The cost of a body at given parameters: likelihood and priors.
         let cost = |step: &nalgebra::SVector<f64, 9>| {
             let start = Start::body(&object);
             let measured: Vec<Measured> = boxes

@@ -1,4 +1,4 @@
-//! The unassigned boxes of a frame, and the one that a sphere explains best.
+//! The unassigned boxes of a frame, and search for the box that a sphere explains best.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -7,18 +7,18 @@ use super::range_tree::{Part, RangeTree};
 /// Squared Mahalanobis distance of a box's middle from the predicted one, at most.
 pub(crate) const SQUARED_GATE: f64 = 25.0;
 
-/// Fewer boxes than this are looked at one by one: a tree does not pay off.
+/// Fewer boxes than this are searched linearly: a tree does not pay off.
 const LEAST_INDEXED: usize = 48;
 
-/// The category of boxes that have been taken away.
+/// The category of removed boxes.
 const TAKEN: u32 = u32::MAX;
 
-/// A box that may be claimed.
+/// A free box.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Free {
     pub center: Vector2<f64>,
     pub log_half: [f64; 2],
-    /// Log density of what else the box may be.
+    /// Log density of the alternatives for the box.
     pub density: f64,
     pub category: u32,
     pub index: u32,
@@ -37,12 +37,12 @@ impl Free {
 pub(crate) struct FreeBoxes {
     /// By the horizontal places of their middles.
     boxes: Vec<Free>,
-    /// Over middles, sizes and aspects, where there are many; with the smallest density of each part.
+    /// Over centres, sizes and aspects, if there are many boxes; with the minimum density of each part.
     tree: RangeTree,
     densities: Vec<f64>,
 }
 
-/// What a sphere predicts of a box, and how sure it is.
+/// The prediction of a box by a sphere, with its uncertainty.
 #[derive(Debug)]
 pub(crate) struct Expected {
     pub category: u32,
@@ -59,7 +59,7 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// Log likelihood ratio of a box; `None` where it is too far away or of another category.
+    /// Log likelihood ratio of a box; `None` if it is too far away or of another category.
     #[inline]
     fn value(&self, candidate: &Free) -> Option<f64> {
         if candidate.category != self.category {
@@ -77,7 +77,7 @@ impl Expected {
         Some(self.constant - 0.5 * square - candidate.density)
     }
 
-    /// What [`Self::value`] is below for all boxes of a part.
+    /// Upper bound of [`Self::value`] for all boxes of a part.
     fn bound(&self, part: &Part, density: f64) -> f64 {
         let expected = [self.place.x, self.place.y, self.log_half_size, 0.0];
         let apart = |k: usize| (part.low[k] - expected[k]).max(expected[k] - part.high[k]).max(0.0);
@@ -118,7 +118,7 @@ impl FreeBoxes {
         }
     }
 
-    /// Those that are left.
+    /// The remaining boxes.
     pub fn left(&self) -> impl Iterator<Item = &Free> {
         self.boxes.iter().filter(|item| item.category != TAKEN)
     }
@@ -131,8 +131,8 @@ impl FreeBoxes {
         near.enumerate().find(|(_, b)| b.category == category).map(|(k, _)| first + k)
     }
 
-    /// The box with the greatest log likelihood ratio, the leftmost of equals, with the ratio; `reach` is how far it may
-    /// be horizontally, `first` what [`Self::first_near`] says.
+    /// The box with the maximum log likelihood ratio, the leftmost one of ties, with the ratio; `reach` is its maximum
+    /// horizontal distance, `first` the result of [`Self::first_near`].
     #[inline]
     pub fn best(&self, expected: &Expected, first: usize, reach: f64) -> Option<(u32, f64)> {
         let mut best: Option<(usize, f64)> = None;
@@ -157,7 +157,7 @@ impl FreeBoxes {
             }
             if let Some([a, b]) = self.tree.parts[k].halves {
                 let (a, b) = ((bound(a), a), (bound(b), b));
-                // The more promising half is looked at first.
+                // The more promising half is visited first.
                 open.extend(if a.0 > b.0 { [b, a] } else { [a, b] });
                 continue;
             }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::object::Object;
 use crate::association::input::observations::Observations;
 
-/// Other objects that a wrong id may sit in count as this many at most.
+/// Maximum number of other objects to which a wrong id may belong.
 const MOST_RIVALS: f64 = 20.0;
 
 /// How often each id sits in each object.
@@ -17,7 +17,7 @@ pub(crate) struct IdTally {
 }
 
 impl IdTally {
-    /// An empty tally for ids that are wrong with a probability.
+    /// An empty tally for ids with this error probability.
     pub fn new(wrong_share: f64) -> Self {
         Self { wrong_share, by_id: BTreeMap::new() }
     }
@@ -79,11 +79,11 @@ impl IdTally {
         self.by_id.remove(&id);
     }
 
-    /// What a box's id adds to the gain of the box for an object, where the box now belongs to `current`: the log
+    /// The contribution of the id of a box to its gain for an object, if the box now belongs to `current`: the log
     /// probability of meeting this id in this object, relative to a box without an id.
     pub fn bonus(&self, id: Option<u32>, object: u32, current: Option<u32>, objects: usize) -> f64 {
         let Some(counts) = id.and_then(|id| self.by_id.get(&id)) else { return 0.0 };
-        // The box itself is no evidence.
+        // The box itself is excluded.
         let others = |o: u32, count: u32| count - u32::from(current == Some(o)).min(count);
         let total: u32 = counts.iter().map(|&(o, count)| others(o, count)).sum();
         if total == 0 {
@@ -94,12 +94,12 @@ impl IdTally {
         ((1.0 - self.wrong_share) * share * (objects as f64).min(MOST_RIVALS) + self.wrong_share).ln()
     }
 
-    /// The most that [`Self::bonus`] can be.
+    /// Upper bound of [`Self::bonus`].
     pub fn largest_bonus(&self) -> f64 {
         if self.by_id.is_empty() { 0.0 } else { MOST_RIVALS.ln() }
     }
 
-    /// What two ids add to the plausibility of a pair of boxes as one new object.
+    /// The contribution of two ids to the score of a pair of boxes as a new object.
     pub fn pair_bonus(&self, a: Option<u32>, b: Option<u32>) -> f64 {
         match (a, b) {
             (Some(a), Some(b)) if a == b => MOST_RIVALS.ln(),

@@ -10,10 +10,10 @@ use crate::association::statistics::{STUDENT_T_DOF, t_constant};
 /// Probability that an edge of a detection is hidden by another object.
 pub(crate) const HIDDEN_SHARE: f64 = 0.05;
 
-/// Edges that lie more standard deviations than this inside of the prediction may be hidden.
+/// Edges that lie inside the prediction by more than this many standard deviations may be hidden.
 const HIDDEN_BEYOND: f64 = -2.0;
 
-/// Edges of a box that may be hidden, at most.
+/// Maximum number of hidden edges of a box.
 const MOST_HIDDEN: usize = 2;
 
 /// The gain of taking a box for a detection of an object.
@@ -21,7 +21,7 @@ const MOST_HIDDEN: usize = 2;
 pub(crate) struct LogLikelihoodRatio {
     /// Logarithm of the ratio of the likelihoods, without the evidence of ids.
     pub value: f64,
-    /// The edges that are hidden if it is one.
+    /// Its hidden edges.
     pub hidden: [bool; 4],
 }
 
@@ -39,8 +39,8 @@ impl<'a> LogLikelihoodRatios<'a> {
         Self { observations, statistics, constants: std::array::from_fn(t_constant) }
     }
 
-    /// The gain of a box (by index) for an object whose outline in the box's frame is predicted; `None` when they do
-    /// not overlap or too few edges tell anything.
+    /// The gain of a box (by index) for an object whose outline in the box's frame is predicted; `None` if they do not
+    /// overlap or too few edges are informative.
     pub fn gain(&self, object: &Object, prediction: &Prediction, index: usize) -> Option<LogLikelihoodRatio> {
         let observation = &self.observations.boxes[index];
         let (own, other) = (&prediction.edges, &observation.edges);
@@ -55,7 +55,7 @@ impl<'a> LogLikelihoodRatios<'a> {
         let mut best: Option<LogLikelihoodRatio> = None;
         for attempt in 0..=MOST_HIDDEN {
             if attempt > 0 {
-                // One edge more is given up: the one that lies farthest inside of the prediction.
+                // One more edge is treated as hidden: the one farthest inside the prediction.
                 let deviation = |a: usize| residuals[a] / covariance[(a, a)].sqrt();
                 let worst = (0..count)
                     .filter(|&a| !hidden[edges[a]] && deviation(a) < HIDDEN_BEYOND)
@@ -88,8 +88,8 @@ impl<'a> LogLikelihoodRatios<'a> {
         Some(gain)
     }
 
-    /// Residuals of the edges that tell something, in standard deviations of an edge; their covariance `I + J H^-1 J^T`;
-    /// which edges they are; how many.
+    /// Residuals of the informative edges, in standard deviations of an edge; their covariance `I + J H^-1 J^T`; which
+    /// edges they are; how many.
     fn residuals(
         &self,
         object: &Object,
@@ -128,8 +128,8 @@ pub(crate) fn log_rate_odds(object: &Object) -> f64 {
     ((object.views() + 1) as f64 / (missed + 1) as f64).ln()
 }
 
-/// Derivatives of how far a plane (of normal `n`) lies from the body, times a scale, by the parameters in the order of
-/// [`Object::covariance`].
+/// Derivatives of the distance of a plane (with normal `n`) from the body, times a scale, by the parameters in the
+/// order of [`Object::covariance`].
 pub(crate) fn derivatives(object: &Object, normal: &Vector3<f64>, scale: f64) -> [f64; 9] {
     let u = object.root.tr_mul(normal);
     let slope = -scale / (2.0 * u.norm());
@@ -229,7 +229,7 @@ mod tests {
             let rate = (object.boxes.len() as f64 + 1.0).ln();
             let expected = constant - 4.5 * (1.0 + square / 5.0).ln() - 4.0 * (sd.ln() + clutter) + rate;
             let gain = gain.unwrap();
-            // Residuals are distances of planes from the body and only nearly those of edges.
+            // Residuals are distances of planes from the body, which approximate those of edges.
             assert!((gain.value - expected).abs() < 0.02, "{} {expected}", gain.value);
             assert_eq!(gain.hidden, [false; 4]);
         });
@@ -295,7 +295,7 @@ mod tests {
         let (a_little, much) = (gain(true, -2.0), gain(true, -12.0));
         assert!((a_little.value - much.value).abs() < 1e-9 && much.hidden == [false; 4], "{a_little:?} {much:?}");
         assert!(gain(false, -12.0).value < gain(false, -2.0).value - 1.0);
-        // A box that reaches farther than the object contradicts it, cut off or not.
+        // A box that extends beyond the object contradicts it, cut off or not.
         assert!((gain(true, 12.0).value - gain(false, 12.0).value).abs() < 1e-9);
     }
 

@@ -12,11 +12,11 @@ pub(crate) struct Part {
     /// Smallest and largest coordinates.
     pub low: [f64; 4],
     pub high: [f64; 4],
-    /// The parts that it is divided into, unless it is a leaf.
+    /// Its children, unless it is a leaf.
     pub halves: Option<[usize; 2]>,
 }
 
-/// A k-d tree over points that do not move. Part 0, if there are points, holds them all.
+/// A static k-d tree. Part 0, if there are points, contains all of them.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RangeTree {
     /// Indices of the points, part by part.
@@ -34,7 +34,7 @@ impl RangeTree {
         tree
     }
 
-    /// Adds the part of a range of the order and those below it; returns its place.
+    /// Adds the part of a range of the order and its children; returns its index.
     fn divide(&mut self, points: &[[f64; 4]], start: usize, end: usize) -> usize {
         let indices = &mut self.order[start..end];
         let (mut low, mut high) = ([f64::INFINITY; 4], [f64::NEG_INFINITY; 4]);

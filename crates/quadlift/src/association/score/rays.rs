@@ -8,14 +8,14 @@ use crate::geometry::linalg::{invert_spd, solve_spd};
 /// Standard deviation of a ray across its direction, in radii of the sphere that fills the box.
 pub(crate) const RAY_SD: f64 = 0.2;
 
-/// Standard deviation of the log radius that a box shows.
+/// Standard deviation of the log radius estimated from a box.
 pub(crate) const LOG_RADIUS_SD: f64 = 0.28;
 
-/// Gaps between rays, and log ratios of radii, are refused beyond so many standard deviations.
+/// Gaps between rays, and log ratios of radii, are rejected above this many standard deviations.
 const LARGEST_GAP: f64 = 3.0;
 const LARGEST_RATIO: f64 = 2.5;
 
-/// Squared sine of the angle between rays below which they say nothing about depth (0.06 degrees).
+/// Squared sine of the angle between rays below which they do not determine depth (0.06 degrees).
 const LEAST_SQUARED_SINE: f64 = 1e-6;
 
 /// A sphere.
@@ -25,7 +25,7 @@ pub(crate) struct Sphere {
     pub log_radius: f64,
 }
 
-/// A sphere that two boxes may show.
+/// A sphere that is consistent with two boxes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PairSphere {
     pub sphere: Sphere,
@@ -33,8 +33,8 @@ pub(crate) struct PairSphere {
     pub disagreement: f64,
 }
 
-/// The sphere that two boxes of different cameras may show; `None` when their rays pass too far from each other, meet
-/// behind a camera, or say nothing about depth, or when the sizes do not agree.
+/// The sphere of two boxes of different cameras; `None` if their rays pass too far from each other, meet behind a
+/// camera, or do not determine depth, or if the sizes are inconsistent.
 pub(crate) fn pair_sphere(a: (&Camera, &BoxObservation), b: (&Camera, &BoxObservation)) -> Option<PairSphere> {
     let ((camera_a, box_a), (camera_b, box_b)) = (a, b);
     let (da, db) = (&box_a.ray, &box_b.ray);
@@ -68,7 +68,7 @@ pub(crate) fn pair_sphere(a: (&Camera, &BoxObservation), b: (&Camera, &BoxObserv
     Some(PairSphere { sphere: Sphere { center, log_radius: 0.5 * (ra * rb).ln() }, disagreement })
 }
 
-/// The information about the centre that the rays through boxes give, and the sum of it times the cameras' centres.
+/// The information matrix of the centre from the rays through boxes, and its sum weighted with the camera centres.
 fn information(observations: &Observations, boxes: &[u32], center: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
     let (mut sum, mut toward) = (Matrix3::zeros(), Vector3::zeros());
     for &index in boxes {
@@ -84,15 +84,15 @@ fn information(observations: &Observations, boxes: &[u32], center: &Vector3<f64>
     (sum, toward)
 }
 
-/// Covariance of a sphere's centre that is seen along the rays through boxes; that of its radius where they say too
-/// little.
+/// Covariance of the centre of a sphere seen along the rays through boxes; isotropic with its radius if they do not
+/// determine it.
 pub(crate) fn center_covariance(observations: &Observations, boxes: &[u32], sphere: &Sphere) -> Matrix3<f64> {
     let (mut sum, _) = information(observations, boxes, &sphere.center);
     sum += Matrix3::identity() * (1e-7 * sum.trace());
     invert_spd(&sum).unwrap_or_else(|| Matrix3::identity() * (2.0 * sphere.log_radius).exp())
 }
 
-/// The sphere that many boxes show together, from a first guess of its centre; `None` when it is not in front of all.
+/// The sphere of many boxes, from a first guess of its centre; `None` if it is not in front of all cameras.
 pub(crate) fn triangulate_sphere(observations: &Observations, boxes: &[u32], guess: &Vector3<f64>) -> Option<Sphere> {
     let mut center = *guess;
     for _ in 0..2 {

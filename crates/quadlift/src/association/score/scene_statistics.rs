@@ -8,40 +8,40 @@ use crate::association::input::observations::{BoxObservation, Observations};
 use crate::association::input::sizes::LogSize;
 use crate::association::statistics::{median, quantile};
 
-/// Relative standard deviation of an edge to begin with, and the range that it may be learnt in.
+/// Initial relative standard deviation of an edge, and its allowed range.
 const FIRST_EDGE_SD: f64 = 0.1;
 const EDGE_SD_RANGE: [f64; 2] = [0.015, 0.3];
 
-/// Share of all boxes that are clutter, to begin with.
+/// Initial fraction of clutter among all boxes.
 const FIRST_CLUTTER_SHARE: f64 = 0.2;
 
-/// Views that an object needs to count for noise and sizes.
+/// Minimum number of views of objects used to learn noise and sizes.
 const MIN_INFORMATIVE_VIEWS: usize = 4;
 
 /// Largest standard deviation of a frame's shift, pixels.
 pub(crate) const LARGEST_SHIFT_SD: f64 = 10.0;
 
-/// What is learnt.
+/// Learnt statistics of a scene.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct SceneStatistics {
     /// Standard deviation of an edge relative to the half size of its box.
     pub edge_sd: f64,
-    /// The part that does not depend on the size, pixels.
+    /// The size-independent part, pixels.
     pub pixel_sd: f64,
     /// Logarithm of the number of clutter boxes per frame.
     pub log_clutter_rate: f64,
-    /// Sizes of each category, where they are known.
+    /// Sizes of each category, if known.
     pub log_sizes: Vec<Option<LogSize>>,
-    /// Volume in which objects may be, cubed world units: what their centres fill; around a lone object, a ball about it
-    /// that reaches to its cameras. Infinite before any object is known: no object has evidence then.
+    /// Volume of possible object centres, cubed world units: the extent of the centres; for a single object, a ball
+    /// about it that reaches to its cameras. Infinite before any object is known: no object has evidence then.
     #[cfg_attr(feature = "serde", serde(with = "crate::association::statistics::infinite_as_null"))]
     pub volume: f64,
     /// Number of objects.
     pub objects: f64,
-    /// For each box, which edges another object hides.
+    /// For each box, the edges hidden by another object.
     pub hidden: Vec<[bool; 4]>,
-    /// Shift of each frame that has been taken off its boxes, pixels.
+    /// Shift of each frame that was subtracted from its boxes, pixels.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub shifts: Vec<Vector2<f64>>,
     /// Standard deviation of the shifts, pixels.
@@ -81,7 +81,7 @@ impl SceneStatistics {
         (self.edge_sd * observation.half_size).hypot(self.pixel_sd)
     }
 
-    /// Edges of a box that only tell how far the object reaches at least.
+    /// Edges of a box that only bound the extent of the object from below.
     pub fn one_sided(&self, index: usize, observation: &BoxObservation) -> [bool; 4] {
         std::array::from_fn(|e| observation.cut[e] || self.hidden[index][e])
     }
@@ -162,10 +162,10 @@ pub(crate) fn first_log_clutter_rate(boxes_per_frame: f64) -> f64 {
     (boxes_per_frame * FIRST_CLUTTER_SHARE).max(0.05).ln()
 }
 
-/// The volume in which objects may be; `None` where there is no object.
+/// The volume of possible object centres; `None` without objects.
 pub(crate) fn volume_of(observations: &Observations, objects: &[Object]) -> Option<f64> {
     if let [lone] = objects {
-        // Nothing tells how far others are apart. The distance of the cameras is a length of the scene's own.
+        // There is no distance between objects. The distance of the cameras is a length scale of the scene.
         let depth = |&index: &u32| {
             let camera = &observations.cameras[observations.boxes[index as usize].frame];
             camera.axis.dot(&lone.center) + camera.matrix[(2, 3)]

@@ -10,24 +10,24 @@ use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::statistics::LN_2PI;
 
-/// Standard deviation of the logarithm of the aspect of a box around a body that is no sphere.
+/// Standard deviation of the log aspect of a box around a body that is not a sphere.
 const LOG_ASPECT_SD: f64 = 0.33;
 
 /// Nearer than this many radii a sphere has no box.
 const NEAREST: f64 = 1.05;
 
-/// What a sphere explains.
+/// The score of a sphere.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Score {
     /// Logarithm of the ratio of the likelihoods with and without the sphere.
     pub value: f64,
-    /// Number of boxes that it explains in the frames that were looked at.
+    /// Number of explained boxes in the tested frames.
     pub detected: usize,
     /// The boxes, in the order of the frames.
     pub boxes: Vec<u32>,
 }
 
-/// Scores spheres over the boxes that belong to no object.
+/// Scores spheres over the unassigned boxes.
 pub(crate) struct SphereScorer<'a> {
     pub context: &'a AssociationContext<'a>,
     pub observations: &'a Observations,
@@ -37,7 +37,7 @@ pub(crate) struct SphereScorer<'a> {
 }
 
 impl<'a> SphereScorer<'a> {
-    /// For the boxes that are not used.
+    /// For the unused boxes.
     pub fn new(
         context: &'a AssociationContext<'a>,
         observations: &'a Observations,
@@ -76,7 +76,7 @@ impl<'a> SphereScorer<'a> {
         }
     }
 
-    /// The penalty of a size that the category's objects do not have; `None` when it is out of the question.
+    /// The penalty of a size that is unusual for the category; `None` if it is impossible.
     pub fn size_penalty(&self, log_radius: f64, category: usize) -> Option<f64> {
         let Some(size) = self.statistics.log_sizes[category] else { return Some(0.0) };
         let deviation = (log_radius - size.mean) / size.sd;
@@ -101,7 +101,7 @@ impl<'a> SphereScorer<'a> {
                 best_of_frame.extend(best);
             }
         }
-        // The rate at which it is detected is its own: a box counts when it is more likely than a miss.
+        // Each sphere has its own detection rate: a box counts if it is more likely than a miss.
         let (mut rate, mut sum, mut detected): (f64, f64, usize) = (0.5, 0.0, 0);
         let threshold = |rate: f64| -(rate / (1.0 - rate)).ln();
         for _ in 0..3 {
@@ -116,8 +116,8 @@ impl<'a> SphereScorer<'a> {
         Score { value, detected, boxes }
     }
 
-    /// The free box of a frame that fits best, if any, with its log likelihood ratio; `None` when the frame does not see
-    /// the sphere.
+    /// The best-fitting free box of a frame, if any, with its log likelihood ratio; `None` if the sphere is not visible
+    /// in the frame.
     fn best_in_frame(
         &self,
         sphere: &Sphere,

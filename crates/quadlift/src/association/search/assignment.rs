@@ -10,17 +10,17 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::parallel::map_indices;
 
-/// What an object gets.
+/// The assignment of an object.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Assignment {
     /// Indices of its boxes, ascending.
     pub boxes: Vec<u32>,
-    /// Frames in which it should be seen.
+    /// Frames in which it should be visible.
     pub visible: usize,
 }
 
-/// Assigns the boxes for which `free` holds; those that are trusted to be of an object stay with it. Notes in the model
-/// which edges are hidden.
+/// Assigns the boxes for which `free` holds; boxes with a trusted id stay with their object. Stores in the model which
+/// edges are hidden.
 pub(crate) fn assign(
     context: &AssociationContext,
     observations: &Observations,
@@ -72,7 +72,7 @@ pub(crate) fn assign(
     assignments
 }
 
-/// For each box, the place of the object that has it.
+/// For each box, the index of its object.
 pub(crate) fn owners(boxes: usize, objects: &[Object]) -> Vec<Option<u32>> {
     let mut owners = vec![None; boxes];
     for (place, object) in objects.iter().enumerate() {
@@ -83,7 +83,7 @@ pub(crate) fn owners(boxes: usize, objects: &[Object]) -> Vec<Option<u32>> {
     owners
 }
 
-/// The number of frames in which an object should be seen.
+/// The number of frames in which an object should be visible.
 pub(crate) fn count_visible(context: &AssociationContext, observations: &Observations, object: &Object) -> usize {
     let least = observations.least_half_size;
     let is_seen = |frame: &&u32| {
@@ -93,7 +93,7 @@ pub(crate) fn count_visible(context: &AssociationContext, observations: &Observa
     context.frames_near(&object.center, object.longest_semi_axis(), least).iter().filter(is_seen).count()
 }
 
-/// The boxes that an object keeps whatever happens.
+/// The boxes that an object always keeps.
 fn trusted_boxes(context: &AssociationContext, observations: &Observations, object: &Object) -> Vec<u32> {
     if object.trusted_id.is_none() {
         return Vec::new();
@@ -101,7 +101,7 @@ fn trusted_boxes(context: &AssociationContext, observations: &Observations, obje
     object.boxes.iter().copied().filter(|&i| context.is_trusted(&observations.boxes[i as usize])).collect()
 }
 
-/// Boxes with a positive gain for an object, and the number of frames in which it should be seen.
+/// Boxes with a positive gain for an object, and the number of frames in which it should be visible.
 fn gaining(
     context: &AssociationContext,
     gains: &LogLikelihoodRatios,

@@ -10,29 +10,30 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::score::sphere_score::{Score, SphereScorer};
 use crate::parallel::map_indices;
 
-/// Spheres that are kept of one box.
+/// Maximum number of kept spheres per box.
 const KEPT: usize = 3;
 
 /// All boxes are paired with all while the square of their number is not larger.
 const ALL_PAIRS: usize = 1_000_000;
 
-/// Free boxes of the partner frames (nearest first) that a box is paired with, about: in crowds not those of all frames.
+/// Approximate number of free boxes of the partner frames (nearest first) that a box is paired with: in crowds not
+/// those of all frames.
 const MOST_PARTNERS: usize = 2000;
 
-/// Spheres of one box that are tested, at most: those whose boxes agree best. Fewer, but not less than the first number,
-/// where so many boxes are free that it would take too long.
+/// Range of the number of tested spheres per box, those with the best agreement first. With many free boxes fewer are
+/// tested, to limit the time.
 const TESTED: [usize; 2] = [10, 100];
 
-/// Spheres that are tested in all, about.
+/// Approximate total number of tested spheres.
 const TESTED_IN_ALL: usize = 200_000;
 
-/// Least score of a birth where nothing has been found yet; later, the evidence decides.
+/// Minimum score of a birth before any object is found; later, the evidence decides.
 const FIRST_LEAST_SCORE: f64 = 4.0;
 
-/// A birth most of whose boxes others have taken is dropped.
+/// A birth that has lost most of its boxes to others is dropped.
 const MOST_TAKEN: f64 = 0.75;
 
-/// A sphere and the boxes that it claims.
+/// A sphere and its boxes.
 #[derive(Debug, Clone)]
 pub(crate) struct Birth {
     pub sphere: Sphere,
@@ -42,8 +43,8 @@ pub(crate) struct Birth {
     score: f64,
 }
 
-/// Finds births among the boxes that are not used, starting from those for which `is_seed` holds. No two share a box;
-/// the best comes first.
+/// Finds births among the unused boxes, starting from those for which `is_seed` holds. No two share a box; the best
+/// comes first.
 pub(crate) fn births(
     context: &AssociationContext,
     observations: &Observations,
@@ -84,7 +85,7 @@ pub(crate) fn births(
         if taken > MOST_TAKEN || free.len() < least_views || rescored >= 3 {
             continue;
         }
-        // Better births have taken some of its boxes: it counts what is left.
+        // Better births have taken some of its boxes: it is rescored on the remaining ones.
         let Some(sphere) = triangulate_sphere(observations, &free, &birth.sphere.center) else { continue };
         let ends = vec![free[0], free[free.len() - 1]];
         let again = improve(&scorer, &Birth { sphere, boxes: ends, score: 0.0 }, category, 2);
@@ -98,7 +99,7 @@ pub(crate) fn births(
     accepted
 }
 
-/// A birth that waits for its turn: the best score first, equals by their places.
+/// A birth in the queue: the best score first, ties by index.
 struct Queued {
     birth: Birth,
     category: usize,
@@ -191,7 +192,7 @@ fn best_spheres(scorer: &SphereScorer, index: usize, spheres: &[(f64, u32, Spher
     best
 }
 
-/// Keeps the best of the spheres that are about the same, with their categories; the best comes first.
+/// Keeps the best one of nearly identical spheres, with their categories; the best comes first.
 fn distinct(observations: &Observations, mut births: Vec<Birth>) -> Vec<(Birth, usize)> {
     births.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut seen = HashSet::new();
@@ -208,7 +209,7 @@ fn distinct(observations: &Observations, mut births: Vec<Birth>) -> Vec<(Birth, 
     kept
 }
 
-/// Scores a sphere in all frames that may see it, then triangulates it from what it claims, a few times; the best of all.
+/// Scores a sphere in all frames that may see it, then triangulates it from its boxes, a few times; returns the best.
 fn improve(scorer: &SphereScorer, birth: &Birth, category: usize, rounds: usize) -> Option<Birth> {
     let (observations, context) = (scorer.observations, scorer.context);
     let (mut sphere, mut boxes) = (birth.sphere, birth.boxes.clone());

@@ -1,14 +1,14 @@
-//! Which boxes of a frame can be worth something to an object, without asking about all of them.
+//! Candidate boxes of an object in a frame, without evaluating all boxes.
 //!
 //! In a crowd an object's outline overlaps hundreds of boxes, and the gain of nearly all of them is far below zero. The
-//! boxes of a frame are put into a tree over their four edges. A bound on the gain (ours) decides about a whole node:
+//! boxes of a frame are stored in a tree over their four edges. A bound on the gain (ours) decides about a whole node:
 //! with `f` the distance of a box's edge from the body in pixels times depth, `f` is zero at the predicted edge and its
-//! slope is at least `z - |B^T p|` (`z` the depth of the centre, `B` the root of the shape, `p` the camera's third row), so
-//! that an edge `d` pixels away has a residual of at least `(1 - q) d / sd`, `q = |B^T p| / z`. The standard deviation
-//! that the body's own uncertainty gives to the prediction changes by at most `kappa d`. From residuals and variances
-//! follow two lower bounds on the squared Mahalanobis distance `r^T S^-1 r`: `r_e^2 / S_ee` for any edge, and
-//! `|r|^2 / (1 + tr(S - I))`. As only boxes with a positive gain are ever assigned, leaving out those whose bound is not
-//! positive changes nothing.
+//! slope is at least `z - |B^T p|` (`z` the depth of the centre, `B` the root of the shape, `p` the camera's third
+//! row), so that an edge `d` pixels away has a residual of at least `(1 - q) d / sd`, `q = |B^T p| / z`. The standard
+//! deviation that the body's own uncertainty gives to the prediction changes by at most `kappa d`. From residuals and
+//! variances follow two lower bounds on the squared Mahalanobis distance `r^T S^-1 r`: `r_e^2 / S_ee` for any edge, and
+//! `|r|^2 / (1 + tr(S - I))`. As only boxes with a positive gain are ever assigned, skipping those whose bound is not
+//! positive is exact.
 
 use nalgebra::SVector;
 
@@ -21,31 +21,31 @@ use crate::association::score::range_tree::{Part, RangeTree};
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::{STUDENT_T_DOF, t_constant};
 
-/// Fewer boxes than this are all asked: a tree does not pay off.
+/// Fewer boxes than this are searched linearly: a tree does not pay off.
 const LEAST_INDEXED: usize = 64;
 
-/// Boxes of one frame that an object may be assigned, at most: those with the greatest gains. In crowds, more have a
+/// Maximum number of candidate boxes of an object per frame: those with the largest gains. In crowds, more have a
 /// positive one.
 const MOST: usize = 16;
 
 /// Bounds are loosened by this factor against rounding.
 const SLACK: f64 = 1.0 + 1e-6;
 
-/// Numbers of edges that may be seen of a box, with what belongs to them.
+/// Possible numbers of visible edges of a box, with their constants.
 const SEEN: [usize; 3] = [4, 3, 2];
 
-/// A box that an object may have.
+/// A candidate box.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Candidate {
     pub index: u32,
     pub gain: LogLikelihoodRatio,
 }
 
-/// Boxes of one frame that may be assigned.
+/// Assignable boxes of one frame.
 #[derive(Debug)]
 pub(crate) struct Candidates {
-    /// Boxes that are always asked if they overlap the prediction, ascending: all of them where there are few, else those
-    /// that the border of the image cuts off.
+    /// Boxes that are always evaluated if they overlap the prediction, ascending: all of them if there are few,
+    /// otherwise those cut off by the image border.
     listed: Vec<u32>,
     indexed: Vec<Indexed>,
     tree: RangeTree,
@@ -60,7 +60,7 @@ struct Indexed {
     edges: [f64; 4],
     /// Variance of an edge, squared pixels.
     variance: f64,
-    /// A factor on what `1 + square / STUDENT_T_DOF` may be, in the order of [`SEEN`].
+    /// A factor on the bound of `1 + square / STUDENT_T_DOF`, in the order of [`SEEN`].
     limits: [f64; 3],
 }
 
@@ -142,7 +142,7 @@ impl Candidates {
                 query.demand(least);
                 if let Some([a, b]) = self.tree.parts[place].halves {
                     let (a, b) = ((promise(&query, a), a), (promise(&query, b), b));
-                    // The more promising half is looked at first.
+                    // The more promising half is visited first.
                     open.extend(if a.0 > b.0 { [b, a] } else { [a, b] });
                     continue;
                 }
@@ -163,7 +163,7 @@ impl Candidates {
 #[derive(Default)]
 struct Best {
     candidates: Vec<Candidate>,
-    /// Gains that are not greater are of no interest.
+    /// Smaller gains are ignored.
     least: f64,
 }
 
@@ -184,10 +184,10 @@ impl Best {
     }
 }
 
-/// An object's outline in a frame, and what its gains are bounded by.
+/// The outline of an object in a frame, and the bounds of its gains.
 struct Query {
     predicted: [f64; 4],
-    /// The least slope of a residual over the distance of the edge.
+    /// The minimum slope of a residual over the distance of the edge.
     slope: f64,
     /// Standard deviations of the predicted edges, pixels, and how much they grow per pixel of distance at most.
     sds: [f64; 4],
@@ -233,14 +233,15 @@ impl Query {
         }
     }
 
-    /// More than one if a box with edges in the given ranges can gain what is demanded; the more, the more it can gain.
+    /// Above one if a box with edges in the given ranges can reach the required gain; it increases with the possible
+    /// gain.
     fn promise(&self, low: &[f64; 4], high: &[f64; 4], variance: f64, limits: &[f64; 3]) -> f64 {
         let own = &self.predicted;
         if own[0] > high[2] || own[2] < low[0] || own[1] > high[3] || own[3] < low[1] {
             return 0.0;
         }
-        // Squared Mahalanobis distances of single edges, and squared residuals in pixels; apart for edges that lie inside
-        // of the prediction and may be hidden, the largest first.
+        // Squared Mahalanobis distances of single edges, and squared residuals in pixels; separately for edges that lie
+        // inside the prediction and may be hidden, the largest first.
         let (mut alone, mut hideable_alone) = (0.0f64, [0.0f64; 3]);
         let (mut sum, mut hideable_sum) = (0.0f64, [0.0f64; 2]);
         let (mut total_variance, mut hideable) = (variance, 0);
@@ -271,13 +272,13 @@ impl Query {
     }
 }
 
-/// What `1 + square / STUDENT_T_DOF` must be below for a positive gain, where everything else of the gain is given; `k` counts in
-/// [`SEEN`].
+/// Upper bound of `1 + square / STUDENT_T_DOF` for a positive gain, with all other terms of the gain given; `k` counts
+/// in [`SEEN`].
 fn limit(k: usize, gain: f64) -> f64 {
     (2.0 / (STUDENT_T_DOF + SEEN[k] as f64) * gain).exp()
 }
 
-/// Puts a value into a list that is sorted from the largest down.
+/// Inserts a value into a list in descending order.
 fn insert<const N: usize>(sorted: &mut [f64; N], mut value: f64) {
     for place in sorted.iter_mut() {
         if value > *place {

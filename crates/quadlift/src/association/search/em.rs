@@ -13,10 +13,10 @@ use crate::association::options::Part;
 /// Rounds, at most.
 pub(crate) const ROUNDS: usize = 8;
 
-/// Rounds that begin with births, besides the third last.
+/// Rounds that start with births, besides the third last.
 const BIRTH_ROUNDS: usize = 2;
 
-/// Rounds in which a fit also starts from a sphere.
+/// Rounds in which fits also start from a sphere.
 const SPHERE_ROUNDS: usize = 1;
 
 impl State {

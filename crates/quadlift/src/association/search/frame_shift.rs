@@ -10,10 +10,10 @@ use crate::association::statistics::STUDENT_T_DOF;
 /// Smallest standard deviation of the shifts, pixels.
 const LEAST_SHIFT_SD: f64 = 0.2;
 
-/// Views that an object needs to say where a frame's boxes should be.
+/// Minimum number of views of objects used to estimate the shift of a frame.
 const MIN_INFORMATIVE_VIEWS: usize = 4;
 
-/// Frames that must tell something before the spread of the shifts is learnt.
+/// Minimum number of informative frames to learn the spread of the shifts.
 const MIN_INFORMATIVE_FRAMES: usize = 5;
 
 /// Estimates the shifts from all objects (their most probable values, with a Gaussian prior whose spread is learnt) and

@@ -1,5 +1,5 @@
-//! Grows objects along a chain of neighbouring frames: each box goes to the object that predicts it; boxes that are
-//! left form new objects in pairs.
+//! Grows objects along a chain of neighbouring frames: each box goes to the object that predicts it; the remaining
+//! boxes form new objects in pairs.
 
 use std::collections::{HashSet, VecDeque};
 use std::ops::ControlFlow;
@@ -18,25 +18,25 @@ use crate::association::score::rays::{Sphere, pair_sphere};
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::optimize::matching::{Pair, best_pairs};
 
-/// Frames back in which an unassigned box looks for a partner.
+/// Number of previous frames in which an unassigned box searches for a partner.
 const WINDOW: usize = 12;
 
 /// Disagreement of the boxes of a new object, at most.
 const LARGEST_DISAGREEMENT: f64 = 6.0;
 
-/// Below this number of views an object is fitted anew at every box, later when its views have grown by this factor.
+/// Below this number of views an object is refitted at every box, later when its views have grown by this factor.
 const ALWAYS_FITTED: usize = 12;
 const REFIT_GROWTH: f64 = 1.15;
 
 /// Objects of two views die when they have been missed more often than this.
 const MOST_MISSES: usize = 4;
 
-/// In videos of more frames than `LONG_VIDEO`, objects that have not been seen for so many frames are left alone: the
+/// In videos of more frames than `LONG_VIDEO`, objects that have not been seen for this many frames are skipped: the
 /// poses may have drifted.
 const PARKED_AFTER: usize = 60;
 const LONG_VIDEO: usize = 400;
 
-/// The most that pairs of boxes are tested for one box.
+/// Maximum number of tested pairs per box.
 const MOST_PAIRS: usize = 20_000;
 
 /// An object while it grows.
@@ -46,7 +46,7 @@ struct Growing {
     last_seen: usize,
     /// Views at the last fit.
     fitted_views: usize,
-    /// Where it was, and how large, when the frames that may see it were noted.
+    /// Its position and size when the frames that may see it were stored.
     noted: (Vector3<f64>, f64),
     alive: bool,
 }
@@ -57,7 +57,7 @@ struct Growth<'a> {
     observations: &'a Observations,
     statistics: &'a mut SceneStatistics,
     slots: Vec<Growing>,
-    /// For each frame, objects that it may see; with repetitions.
+    /// For each frame, objects that may be visible in it; with repetitions.
     near: Vec<Vec<u32>>,
     /// For each frame, when it comes.
     step_of: Vec<usize>,
@@ -65,9 +65,8 @@ struct Growth<'a> {
     alive: usize,
 }
 
-/// Grows objects over the frames of `order` from the boxes for which `free` holds, with some objects to begin with.
-/// Returns those with enough views. `report` is called
-/// after each frame.
+/// Grows objects over the frames of `order` from the boxes for which `free` holds, starting with some objects. Returns
+/// those with enough views. `report` is called after each frame.
 pub(crate) fn grow(
     context: &AssociationContext,
     observations: &Observations,
@@ -113,7 +112,7 @@ pub(crate) fn grow(
 }
 
 impl Growth<'_> {
-    /// Adds an object that was seen at a step and that the frames from another step on may see.
+    /// Adds an object that was seen at a step and may be visible in the frames from another step on.
     fn add(&mut self, object: Object, seen: usize, from: usize) {
         let slot = self.slots.len() as u32;
         if let Some(tally) = &mut self.tally {
@@ -125,10 +124,10 @@ impl Growth<'_> {
         self.note(slot, from);
     }
 
-    /// Notes the frames from a step on that may see an object, unless it is about where and as large as it was.
+    /// Stores the frames from a step on that may see an object, unless its position and size are nearly unchanged.
     fn note(&mut self, slot: u32, from: usize) {
         let growing = &mut self.slots[slot as usize];
-        // With a margin, so that small changes need no new look.
+        // With a margin, so that small changes need no update.
         let size = 1.3 * growing.object.longest_semi_axis();
         let center = growing.object.center;
         let (old_center, old_size) = growing.noted;
@@ -144,7 +143,7 @@ impl Growth<'_> {
         }
     }
 
-    /// Gives the boxes of a frame to the objects that predict them; returns those that are left.
+    /// Assigns the boxes of a frame to the objects that predict them; returns the remaining ones.
     fn extend(&mut self, frame: usize, step: usize, left: Vec<u32>) -> Vec<u32> {
         let observations = self.observations;
         let mut slots = std::mem::take(&mut self.near[frame]);
@@ -184,7 +183,7 @@ impl Growth<'_> {
         left.into_iter().filter(|index| taken.binary_search(index).is_err()).collect()
     }
 
-    /// The possible pairs of objects and free boxes of a frame, their gains, and the objects that should be seen.
+    /// The possible pairs of objects and free boxes of a frame, their gains, and the objects that should be visible.
     fn gains(&self, frame: usize, slots: &[u32], left: &[u32]) -> (Vec<Pair>, Vec<LogLikelihoodRatio>, Vec<u32>) {
         let observations = self.observations;
         let camera = &observations.cameras[frame];
@@ -198,7 +197,7 @@ impl Growth<'_> {
             if is_visible(&prediction, camera, observations.least_half_size) {
                 seen.push(slot);
             }
-            // A trusted object that its id names in this frame takes no other box.
+            // A trusted object with a box of its id in this frame takes no other box.
             let is_named = object.trusted_id.is_some() && object.frames(observations).any(|f| f == frame);
             if is_named || !overlaps_image(&prediction.edges, &camera.size) {
                 continue;
@@ -215,7 +214,7 @@ impl Growth<'_> {
         (pairs, gains, seen)
     }
 
-    /// Gives a box to an object, which is fitted anew where it has few views; `false` when that fails.
+    /// Assigns a box to an object, which is refitted if it has few views; `false` if that fails.
     fn take(&mut self, slot: u32, index: u32, hidden: [bool; 4], step: usize) -> bool {
         let growing = &mut self.slots[slot as usize];
         let before = self.statistics.hidden[index as usize];
@@ -243,7 +242,7 @@ impl Growth<'_> {
         true
     }
 
-    /// Begins new objects from pairs of a frame's free boxes with those of the last frames; returns the boxes used.
+    /// Creates new objects from pairs of a frame's free boxes with those of the last frames; returns the used boxes.
     fn begin(&mut self, step: usize, left: &[u32], pool: &VecDeque<(usize, u32)>) -> HashSet<u32> {
         let observations = self.observations;
         let sides = |index: u32| {

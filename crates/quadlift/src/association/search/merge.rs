@@ -15,10 +15,10 @@ use crate::association::statistics::quantile;
 /// Objects are tried as one when their centres are nearer than this many times the sum of their radii.
 pub(crate) const NEAR: f64 = 1.2;
 
-/// Share of the smaller object's frames in which both may be seen, at most.
+/// Maximum fraction of the smaller object's frames in which both have a box.
 pub(crate) const SHARED_FRAMES: f64 = 0.5;
 
-/// Centres nearer than this many semi-axes of each other's bodies are taken for duplicates,
+/// Centres closer than this many semi-axes of each other's bodies count as duplicates,
 pub(crate) const SAME_PLACE: f64 = 0.5;
 /// when the logarithms of the radii differ by less than this,
 pub(crate) const SAME_SIZE: f64 = 0.35;
@@ -55,7 +55,7 @@ pub(crate) fn merge(
     objects.into_iter().flatten().collect()
 }
 
-/// Both objects as one, where it is fit to be one.
+/// The merged object, if it can be fitted.
 fn union(
     context: &AssociationContext,
     observations: &Observations,
@@ -63,7 +63,7 @@ fn union(
     a: &Object,
     b: &Object,
 ) -> Option<Object> {
-    // Boxes of the one with more stay (or of the one whose boxes are trusted), the other adds those of other frames.
+    // The boxes of the larger (or trusted) object are kept, and the other adds boxes of other frames.
     let first_stays = a.trusted_id.is_some() || b.trusted_id.is_none() && a.boxes.len() >= b.boxes.len();
     let (major, minor) = if first_stays { (a, b) } else { (b, a) };
     let taken: Vec<usize> = major.frames(observations).collect();
@@ -81,8 +81,8 @@ fn union(
     Some(union)
 }
 
-/// Drops the weaker of two objects that fill the same place and are about as large: bodies do not nest, but detectors
-/// report one object twice.
+/// Drops the weaker of two objects that occupy the same volume and are about as large: bodies do not nest, but
+/// detectors report one object twice.
 pub(crate) fn drop_nested(
     context: &AssociationContext,
     observations: &Observations,
@@ -112,8 +112,7 @@ pub(crate) fn within(body: &Object, point: &Vector3<f64>) -> f64 {
     body.root.lu().solve(&(point - body.center)).map_or(f64::INFINITY, |x| x.norm())
 }
 
-/// Pairs of objects of one category that are near each other, with how far they are apart; `is_open` holds for one of
-/// them at least.
+/// Pairs of nearby objects of one category with their distances; `is_open` holds for at least one of them.
 fn near_pairs(
     objects: &[Object],
     is_open: impl Fn(&Object) -> bool,

@@ -19,16 +19,16 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
 
-/// Rounds after growth, before anything is born of what is left.
+/// Rounds after growth, before births from the remaining boxes.
 const FIRST_ROUNDS: usize = 2;
 
 /// Slack of edges in pixels: as much as costs little evidence.
 pub(crate) const PIXEL_SDS: [f64; 3] = [2.0, 4.0, 8.0];
 
-/// Rounds in which it is tried whether more slack is worth a search of its own.
+/// Rounds in which more slack is tested before a full search.
 const TRIAL_ROUNDS: usize = 2;
 
-/// Finds the objects; `None` where the observer cancels.
+/// Finds the objects; `None` if the observer cancels.
 pub(crate) fn search(
     context: &AssociationContext,
     observations: Observations,
@@ -94,7 +94,7 @@ fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
             best = better(context, best, pass(state.clone(), order));
         }
     }
-    // Once more with what has been learnt: noise, sizes, and above all the shifts of the frames.
+    // Second pass with the learnt statistics: noise, sizes, and in particular the shifts of the frames.
     if context.options.uses(Part::SecondPass) {
         let again = pass(best.clone(), Some(&context.order.frames));
         best = better(context, best, again);
@@ -102,7 +102,7 @@ fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
     best
 }
 
-/// Counts what has been done.
+/// Counts finished steps.
 struct Steps<'a> {
     watch: Watch<'a>,
     /// Rounds take about as long as the growth over all frames.
@@ -118,7 +118,7 @@ impl<'a> Steps<'a> {
         Self { watch: Watch::new(observer, of_passes), per_round, of_passes }
     }
 
-    /// Counts steps; breaks where the observer has cancelled.
+    /// Counts steps; breaks if the observer has cancelled.
     fn advance(&self, steps: usize) -> ControlFlow<()> {
         self.watch.advance(steps);
         if self.watch.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -157,7 +157,7 @@ impl State {
     }
 }
 
-/// Objects of the ids, where those are trusted.
+/// Objects of trusted ids.
 fn trusted_objects(context: &AssociationContext, state: &State) -> Vec<Object> {
     if context.options.ids != IdUse::Trust {
         return Vec::new();

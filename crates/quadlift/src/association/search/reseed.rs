@@ -11,19 +11,19 @@ use crate::association::input::point_tree::PointTree;
 use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
 use crate::association::score::object::Object;
 
-/// Objects that are dissolved together, at most.
+/// Maximum number of objects that are released together.
 const MAX_RESEEDED: usize = 3;
 
 /// Neighbours are nearer than this many times the sum of the radii.
 const NEAR: f64 = 1.2;
 
-/// Evidence that the new objects must have more than the old ones.
+/// Minimum gain in evidence of the new objects over the old ones.
 const MIN_IMPROVEMENT: f64 = 1.0;
 
-/// Rounds in which the new objects settle.
+/// Rounds until the new objects converge.
 const ROUNDS: usize = 3;
 
-/// Dissolves the weakest objects, one after the other, and keeps what is better.
+/// Releases the boxes of the weakest objects, one after the other, searches again, and keeps the better result.
 pub(crate) fn reseed_weak(context: &AssociationContext, state: &mut State) {
     let per_view =
         |o: &Object| evidence(&context.rate, &state.observations, &state.statistics, o) / o.boxes.len() as f64;
@@ -107,7 +107,7 @@ fn neighbours(objects: &[Object], suspect: usize) -> Vec<usize> {
     near
 }
 
-/// Grows objects from the boxes that are not used; those that take a freed one count.
+/// Grows objects from the unused boxes; those that use a released box are kept.
 fn regrow(context: &AssociationContext, state: &mut State, used: &[bool], freed: &[bool]) -> Vec<Object> {
     let observations = &state.observations;
     let is_free = |i: usize| !used[i] && !context.is_trusted(&observations.boxes[i]);
@@ -124,7 +124,7 @@ fn regrow(context: &AssociationContext, state: &mut State, used: &[bool], freed:
     grown
 }
 
-/// Lets objects settle on the boxes that others do not use.
+/// Refines objects on the boxes that others do not use.
 fn settle(context: &AssociationContext, state: &mut State, mut objects: Vec<Object>, used: &[bool]) -> Vec<Object> {
     let is_free = |i: usize| !used[i];
     for round in 0..ROUNDS {

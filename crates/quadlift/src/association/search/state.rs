@@ -12,7 +12,7 @@ use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::parallel::map_indices;
 
-/// Everything that changes while objects are sought.
+/// The mutable state of the search.
 #[derive(Debug, Clone)]
 pub(crate) struct State {
     pub observations: Observations,
@@ -26,13 +26,13 @@ impl State {
         self.objects.iter().map(|o| evidence(&context.rate, &self.observations, &self.statistics, o).max(0.0)).sum()
     }
 
-    /// Assigns all boxes and fits every object to its own; those with too few are given up.
+    /// Assigns all boxes and refits every object; those with too few boxes are removed.
     pub fn assign_and_fit(&mut self, context: &AssociationContext, with_spheres: bool) {
         let assignments = assign(context, &self.observations, &mut self.statistics, &self.objects, &|_| true);
         self.objects = refit(context, &self.observations, &self.statistics, &self.objects, &assignments, with_spheres);
     }
 
-    /// Gives up objects with too little evidence; those that are trusted stay.
+    /// Removes objects with too little evidence; trusted ones are kept.
     pub fn give_up_weak(&mut self, context: &AssociationContext) {
         let (observations, statistics) = (&self.observations, &self.statistics);
         self.objects
@@ -44,7 +44,7 @@ impl State {
         self.statistics.learn(context, &self.observations, &self.objects);
     }
 
-    /// Merges objects that are one.
+    /// Merges duplicate objects.
     pub fn merge(&mut self, context: &AssociationContext) {
         if !context.options.uses(Part::Merge) {
             return;
@@ -66,12 +66,12 @@ impl State {
         }
     }
 
-    /// Which object each box belongs to.
+    /// The object of each box.
     pub fn owners(&self) -> Vec<Option<u32>> {
         owners(self.observations.boxes.len(), &self.objects)
     }
 
-    /// Adds new objects from boxes that belong to none, unless these are the same as those that were `tried` last.
+    /// Adds new objects from unassigned boxes, unless these are the same as those that were `tried` last.
     pub fn add_births(&mut self, context: &AssociationContext, tried: &mut Vec<bool>) {
         let used: Vec<bool> = self.owners().iter().map(Option::is_some).collect();
         if used.iter().filter(|&&u| !u).count() <= 2 || used == *tried {
@@ -83,7 +83,7 @@ impl State {
     }
 }
 
-/// Births as objects: fitted, with the number of frames that should see them.
+/// Births as objects: fitted, with the number of frames in which they should be visible.
 pub(crate) fn born(
     context: &AssociationContext,
     observations: &Observations,
@@ -102,7 +102,7 @@ pub(crate) fn born(
     objects.into_iter().flatten().collect()
 }
 
-/// Fits objects to their shares; those with too few boxes are given up, unless trusted.
+/// Fits objects to their boxes; those with too few boxes are removed, unless trusted.
 pub(crate) fn refit(
     context: &AssociationContext,
     observations: &Observations,

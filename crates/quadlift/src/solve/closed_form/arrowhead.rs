@@ -22,7 +22,7 @@ use crate::geometry::{VECH3, VECH4};
 /// Views whose equations go into the QR factorisation at once.
 const BLOCK: usize = 8;
 
-/// Newton steps on theta before it is given up; 2 to 8 are usual.
+/// Maximum number of Newton steps on theta; 2 to 8 are typical.
 const MAX_ITERATIONS: usize = 60;
 
 /// The level of rounding errors in [`Arrowhead::is_degenerate`] for systems in pixels.
@@ -122,8 +122,8 @@ impl Arrowhead {
 
     /// The minimiser with `|w| = 1`; `None` when it has no quadric (v = 0) or a number is not finite.
     pub(crate) fn minimise_unit_w(&self) -> Option<Minimiser> {
-        // A view with n_f = 0 has no part in the eigenproblem: its beta is 0, or all of w. The latter would leave
-        // v = 0, which is refused at the end.
+        // A view with n_f = 0 has no part in the eigenproblem: its beta is 0, or all of w. The latter would leave v =
+        // 0, which is rejected at the end.
         let squared = |f: usize| self.norms[f] * self.norms[f];
         let coupled = |f: &usize| self.couplings[*f].iter().any(|&x| x != 0.0);
         let views = 0..self.norms.len();

@@ -1,7 +1,7 @@
 //! The conditioned closed form: *3D Object Localisation from Multi-view Image Detections* (LfD, TPAMI 2017).
 //!
-//! The same equations as in [`super::pfd`], in coordinates in which they are well scaled: the centre of each ellipse
-//! becomes the image's origin and `sqrt(l1^2 + l2^2)` its unit, and the world's origin moves to the object.
+//! The same equations as in [`super::pfd`], in well-scaled coordinates: the centre of each ellipse becomes the image
+//! origin and `sqrt(l1^2 + l2^2)` its unit, and the world's origin moves to the object.
 //!
 //! LfD solves in the world frame first and moves the origin to that estimate. Here the first pass already has an
 //! object frame (ours): the origin at the triangulated centre and the mean depth as the unit, so that the result
@@ -29,7 +29,7 @@ pub struct ConditionedSolution {
 }
 
 impl ConditionedSolution {
-    /// The ellipsoid, where the quadric is one; nothing is repaired.
+    /// The ellipsoid, if the quadric is one; nothing is repaired.
     ///
     /// # Errors
     /// [`EllipsoidError::NotAnEllipsoid`] carries the centre.

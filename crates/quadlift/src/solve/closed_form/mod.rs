@@ -18,8 +18,8 @@ use super::report::{describe, describe_center};
 use crate::geometry::{Body, Ellipse, Ellipsoid, EllipsoidError, Projection};
 use crate::scene::ObjectViews;
 
-/// Solves for one object with a closed form or the paper's regularised estimator. The objects of a scene share their noise
-/// levels under [`Method::Map`], see [`super::map`]; here it gives what `planes` gives.
+/// Solves for one object with a closed form or the paper's regularised estimator. [`Method::Map`] needs all objects of
+/// a scene, see [`super::map`]; here it gives the result of `planes`.
 pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing_quantile: f64) -> Estimate {
     let blank = |status| Estimate::failed(object.object_index, object.category_index, status);
     if object.views.len() < method.fewest_views() {

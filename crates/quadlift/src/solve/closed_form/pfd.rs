@@ -10,7 +10,7 @@ use nalgebra::SVector;
 use super::arrowhead::{Arrowhead, Minimiser, PIXEL_ROUNDING};
 use crate::geometry::{DualQuadric, Ellipse, Projection, vech3};
 
-/// Views without which the equations have many solutions.
+/// Minimum number of views for a unique solution.
 pub(crate) const FEWEST_VIEWS: usize = 3;
 
 /// Why a closed form has no solution.
@@ -25,8 +25,8 @@ pub enum ClosedFormError {
         /// Views needed.
         needed: usize,
     },
-    /// The equations do not determine the quadric (all views from one point, for instance), or hold numbers that
-    /// are not finite.
+    /// The equations do not determine the quadric (for example, all views from one point), or contain non-finite
+    /// numbers.
     #[error("the views do not determine the object")]
     Degenerate,
 }

@@ -13,13 +13,13 @@ use crate::scene::{BORDER_TOLERANCE_PX, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::Status;
 
-/// Rows that enter the factorisation together.
+/// Number of rows per update of the factorisation.
 const ROWS_PER_BLOCK: usize = 40;
 
 /// A pivot smaller than this share of the largest one is zero: the planes do not determine a quadric.
 const SINGULAR: f64 = 1e-13;
 
-/// Fewest tangent planes that determine a quadric.
+/// Minimum number of tangent planes that determine a quadric.
 pub const FEWEST_PLANES: usize = 9;
 
 /// The plane through the camera and the box edge `edge` (0 left, 1 top, 2 right, 3 bottom), positive on the side of
@@ -53,7 +53,7 @@ pub fn planes(views: &[View]) -> Result<ConditionedSolution, Status> {
     Ok(ConditionedSolution { center: frame.point_in_world(&center.coords), shape: shape * (frame.unit * frame.unit) })
 }
 
-/// The same in an object frame, and the answer in that frame.
+/// The same in an object frame, with the result in that frame.
 pub fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<DualQuadric, Status> {
     if views.iter().filter(|view| view.bounding_box.is_some()).count() < 3 {
         return Err(Status::TooFewViews);
@@ -88,7 +88,7 @@ pub(crate) fn tangency_row(plane: &Vector4<f64>) -> [f64; 10] {
     VECH4.map(|(i, j)| plane[i] * plane[j] * if i == j { 1.0 } else { 2.0 })
 }
 
-/// The dual quadric with last entry -1 that satisfies the rows best; `None` when they do not determine it.
+/// The dual quadric with last entry -1 that satisfies the rows best; `None` if they do not determine it.
 pub(crate) fn quadric_tangent_to(rows: &mut [[f64; 10]]) -> Option<DualQuadric> {
     let mut qr = StreamingQr::new();
     for block in rows.chunks_mut(ROWS_PER_BLOCK) {

@@ -16,10 +16,10 @@ use crate::geometry::{DualQuadric, Ellipse, Projection, VECH4};
 use crate::solve::options::RegOptions;
 use crate::solve::triangulate::{object_radius, triangulate};
 
-/// Two views suffice: the sphere fills in what they leave open.
+/// Two views suffice: the sphere determines the remaining parameters.
 const FEWEST_VIEWS: usize = 2;
 
-/// Iterations after which the result is taken as it is.
+/// Maximum number of iterations.
 const MAX_ITERATIONS: usize = 200;
 
 /// `(t_1, t_2, t_3, log a, log b)`.

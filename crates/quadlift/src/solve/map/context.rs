@@ -1,11 +1,11 @@
-//! Input that the objects of a scene share.
+//! Input shared by the objects of a scene.
 
 use nalgebra::{Point3, Unit, Vector3};
 
 use crate::observer::Watch;
 use crate::solve::options::MapOptions;
 
-/// What the objects of a scene share.
+/// Data shared by the objects of a scene.
 #[derive(Debug, Clone)]
 pub(crate) struct MapContext<'a> {
     /// Names of the categories, by index.
@@ -25,7 +25,7 @@ pub(crate) struct MapContext<'a> {
 }
 
 impl MapContext<'_> {
-    /// Whether the objects have more in common than noise levels: the ground, or cameras that are moved.
+    /// Whether the objects share more than noise levels: the ground plane, or corrected poses.
     pub(super) fn has_shared_unknowns(&self) -> bool {
         let MapOptions { ground_plane, priors, pose_noise, .. } = self.options;
         let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);

@@ -25,7 +25,7 @@ use super::sigmas::Sigmas;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
-/// Objects from which the noise levels are estimated; larger scenes use this many, evenly spread.
+/// Maximum number of objects for the estimate of the noise levels, evenly spread.
 const NOISE_SAMPLE: usize = 2000;
 
 /// The answer for a scene.
@@ -33,27 +33,28 @@ const NOISE_SAMPLE: usize = 2000;
 pub(crate) struct MapSolution {
     /// One estimate per object.
     pub estimates: Vec<Estimate>,
-    /// Noise levels that the residuals show, or that were given.
+    /// Noise levels, estimated or given.
     pub noise: Sigmas,
-    /// Root mean square corrections of the poses, where they were estimated.
+    /// Root mean square corrections of the poses, if estimated.
     pub pose_noise: Option<PoseNoise>,
-    /// The kind of body that was fitted; `None` where objects differ.
+    /// The fitted kind of body; `None` if objects differ.
     pub body: Option<BodyKind>,
-    /// The folds that were chosen.
+    /// The chosen folds.
     pub folds: Vec<Fold>,
-    /// What the other views of the objects tell about those that were left out, for each fold.
+    /// The predictions of left-out views from the others, for each fold.
     pub predicted: Vec<FoldPrediction>,
 }
 
-/// Chooses which views of which objects are left out, one fit for each fold, once the estimates are there.
+/// Chooses which views of which objects are left out, one fit per fold, after the estimates.
 pub(crate) type ChooseFolds<'a> = &'a (dyn Fn(&[Estimate]) -> Vec<Fold> + Sync);
 
-/// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. Each finished
-/// object is a step for the observer; where it cancels, what comes out is of no use.
+/// Solves for `count` objects; `views_of` gathers the views of one, on demand and from any thread. Each finished object
+/// is a step for the observer; if it cancels, the result is meaningless.
 ///
-/// The views of each fold are then left out, the object is fitted again to the others, from its starts or from where the
-/// fit to all views ended ([`Fold::warm_start`]), and its views are predicted. What the objects of the scene share is kept as it was found with all views: noise levels, ground plane, the
-/// corrections of the poses of the views that are left in, and the kind of body.
+/// The views of each fold are then left out, the object is fitted again to the others, from its starts or from where
+/// the fit to all views ended ([`Fold::warm_start`]), and its views are predicted. Data shared by the objects stays as
+/// estimated from all views: noise levels, ground plane, corrections of the poses of the remaining views, and the kind
+/// of body.
 pub(crate) fn map(
     count: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
@@ -64,7 +65,7 @@ pub(crate) fn map(
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
     let fitted = |body_kinds: &[BodyKind]| SceneFit::without_upright(body_kinds, &|k| views_of(sample[k]), context);
-    // Where the objects share nothing that is unknown, each is fitted by itself.
+    // Without shared unknowns, each object is fitted independently.
     let apart = options.sigmas.is_some() && !context.has_shared_unknowns();
     let together = |body_kinds: &[BodyKind]| fitted(if apart { &[] } else { body_kinds });
     let all = |kind| vec![kind; sample.len()];

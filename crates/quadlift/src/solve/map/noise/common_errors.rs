@@ -1,10 +1,10 @@
-//! Errors that the views of an object have in common (docs/method.md, section 12.4).
+//! Errors common to the views of an object (docs/method.md, section 12.4).
 //!
-//! The normal equations of a fit know the noise of single measurements, which averages out over many views. What does
-//! not average out: the body is not quite of its kind, a detector puts the same edge of the same object wrong in the
-//! same way, poses drift. All of these make the errors of measurements alike that are made from nearly the same
-//! direction. So the error of an edge is taken as noise plus a random field on the sphere of directions (the normal of
-//! the edge's tangent plane, in the world),
+//! The normal equations of a fit model the noise of single measurements, which averages out over many views. Other
+//! errors do not: bodies are not exactly of their kind, detectors misplace the same edge of an object in the same way,
+//! and poses drift. All of these correlate the errors of measurements from similar directions. The error of an edge is
+//! therefore modelled as noise plus a random field on the sphere of directions (the normal of the edge's tangent plane,
+//! in the world),
 //!
 //! `e_i = noise_i + reach_i f(u_i)`,  `cov(f(u), f(v)) = s^2 / (1 + |u - v| / L)`,
 //!
@@ -12,12 +12,12 @@
 //! mixture of exponentials, so it is positive definite and has no one scale. Ellipses have a field for each component,
 //! over the directions of the cameras' axes.
 //!
-//! Objects also differ in how well a body of their kind suits them: the covariance of each is scaled by the variance of
-//! its own residuals, as far as objects of the scene are seen to differ ([`Spread`]).
+//! Objects also differ in how well a body of their kind fits them: the covariance of each is scaled by the variance of
+//! its own residuals, depending on how much the objects of the scene differ ([`Spread`]).
 //!
 //! The variance `s^2` is estimated from products of residuals of different views, over all objects of the scene, with
-//! the degrees of freedom that the fits took ([`CommonStatistics`]); where the products show nothing it is zero, and the
-//! covariance is that of the noise. The field then adds `H^-1 J^T W K W J H^-1` to the covariance of a fit; the fit
+//! the degrees of freedom used by the fits ([`CommonStatistics`]); if the products are not significant it is zero, and
+//! the covariance is that of the noise. The field then adds `H^-1 J^T W K W J H^-1` to the covariance of a fit; the fit
 //! itself does not change.
 
 use crate::tuning::CORRELATION_SCALE;
@@ -26,17 +26,17 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS, Row};
 use crate::solve::estimate::Matrix9;
 
-/// Kinds of measurements whose errors the views of an object may have in common: those of [`super::levels::NoiseGroup`], hidden edges
-/// with the others.
+/// Kinds of measurements with errors common to the views of an object: those of [`super::levels::NoiseGroup`], hidden
+/// edges with the others.
 pub(crate) const COMMON_CLASSES: usize = 7;
 
 /// Rows of an object that are compared with each other, about: of more, evenly spread views are taken.
 const MOST_ROWS: usize = 320;
 
-/// Standard errors of the variance of the field below which it is taken as nothing.
+/// Number of standard errors below which the variance of the field is set to zero.
 const SIGNIFICANT: f64 = 2.0;
 
-/// Largest cost of robustness that is believed.
+/// Upper bound of the cost of robustness.
 const LARGEST_COST: f64 = 1.5;
 
 /// One measurement of an object, at its fit.
@@ -46,11 +46,11 @@ pub(crate) struct CommonRow {
     pub view: usize,
     /// Which kind of measurement it is.
     pub class: usize,
-    /// Which one of those of its view: 0 for all edges, which the direction tells apart.
+    /// Its component in the view: 0 for all edges, which are distinguished by their direction.
     pub component: usize,
     /// Unit vector on which the field is defined.
     pub direction: Vector3<f64>,
-    /// How far the body reaches there, in half sizes of the detection.
+    /// Reach of the body in this direction, in half sizes of the detection.
     pub reach: f64,
     /// Whitened residual and its derivatives.
     pub residual: f64,
@@ -82,11 +82,11 @@ fn thinned(rows: &[CommonRow]) -> (Vec<&CommonRow>, f64) {
     (kept, each)
 }
 
-/// What the residuals of a scene tell about the field of each kind of measurement.
+/// Statistics of the residuals of a scene about the field of each kind of measurement.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct CommonStatistics([ClassStatistics; COMMON_CLASSES]);
 
-/// Two sums over residuals, what they are expected to be, and how far the second scatters.
+/// Two sums over residuals, their expectations, and the variance of the second.
 #[derive(Debug, Clone, Copy, Default)]
 struct ClassStatistics {
     /// Weighted squares; products of different views, weighted with the correlation of the field.
@@ -178,8 +178,7 @@ impl CommonStatistics {
         }
     }
 
-    /// Standard deviation of the field in units of the noise, for each kind of measurement. Zero where it is not clearly
-    /// there.
+    /// Standard deviation of the field in units of the noise, for each kind of measurement. Zero if not significant.
     pub(crate) fn deviations(&self) -> [f64; COMMON_CLASSES] {
         self.0.map(|sums| sums.variance().map_or(0.0, f64::sqrt))
     }
@@ -196,13 +195,13 @@ impl ClassStatistics {
         let field = (a * self.sums[1] - c * self.sums[0]) / determinant;
         // Were there noise only, it would have this variance.
         let deviation = self.scatter.max(0.0).sqrt() * self.sums[0] / determinant;
-        // Fades in, so that a little more evidence never changes much.
+        // Fades in, so that the result depends continuously on the evidence.
         let threshold = SIGNIFICANT * deviation / field;
         (field > 0.0 && threshold < 1.0).then_some(field * (1.0 - threshold * threshold))
     }
 }
 
-/// What the field adds to the covariance of a fit, whose inverse normal equations are `covariance`.
+/// The contribution of the field to the covariance of a fit, whose inverse normal equations are `covariance`.
 pub(crate) fn added_covariance(
     rows: &[CommonRow],
     deviations: &[f64; COMMON_CLASSES],
@@ -248,8 +247,8 @@ impl ObjectAgreement {
         })
     }
 
-    /// The variance of the object's errors in units of the scene's: its own, drawn to 1 as far as objects are alike and
-    /// its residuals are few.
+    /// The variance of the object's errors in units of the scene's: its own variance, shrunk towards 1 if objects are
+    /// similar or its residuals are few.
     pub(crate) fn relative_variance(&self, spread: Spread) -> f64 {
         if spread.variance <= 0.0 || self.dof <= 0.0 || spread.level <= 0.0 {
             return 1.0;
@@ -270,7 +269,7 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// By the method of moments; zero where the objects do not clearly differ.
+    /// By the method of moments; zero if the objects do not differ significantly.
     pub(crate) fn of(objects: &[ObjectAgreement]) -> Self {
         let counted = || objects.iter().filter(|object| object.dof > 1.0);
         let (squares, dof) = counted().fold((0.0, 0.0), |(a, b), object| (a + object.squares, b + object.dof));
@@ -299,7 +298,7 @@ pub(crate) fn cost_of_robustness(rows: &[CommonRow]) -> f64 {
     let scores = sum(|row| (row.weight * row.residual).powi(2));
     let slope = sum(|row| row.slope);
     let ratio = rows.len() as f64 * scores * sum(|row| row.weight) / (slope * slope * squares);
-    // Of a few residuals it says little.
+    // Not reliable for few residuals.
     if slope > 0.0 && ratio.is_finite() { ratio.clamp(1.0, LARGEST_COST) } else { 1.0 }
 }
 

@@ -1,7 +1,7 @@
 //! Variance components: how large each kind of measurement error is, from the residuals themselves (docs/method.md, section 7.1).
 //!
-//! This is what lets one estimator serve every noise: with orientations that are useless and sizes that are exact it
-//! finds both out and weighs them so.
+//! One estimator can therefore handle every kind of noise: with useless orientations and exact sizes it detects both
+//! and weights them accordingly.
 
 use super::common_errors::{COMMON_CLASSES, Spread};
 use super::usual_level::most_probable;
@@ -12,13 +12,13 @@ use crate::tuning::MANY_VIEWS;
 use crate::tuning::NOISE_FLOOR;
 use crate::tuning::TEMPERING;
 
-/// A kind of measurement error with a standard deviation of its own.
+/// A kind of measurement error with its own standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum NoiseGroup {
     /// Edge of a box, or another tangent line, relative to the half size (for boxes of a certain size, see
     /// [`crate::solve::map::residuals::measurements`]).
     Edge,
-    /// Edge of a box that another box probably hides.
+    /// Edge of a box that is probably hidden by another box.
     HiddenEdge,
     /// Centre of an ellipse, relative to its mean semi-axis.
     EllipseCenter,
@@ -30,7 +30,7 @@ pub(crate) enum NoiseGroup {
     EllipseAngle,
     /// Shape of an ellipse beside a box: half the logarithm of its axis ratio as a vector at twice its angle.
     Shape,
-    /// Anything of an ellipse that may be that of a part of the object only.
+    /// Any residual of an ellipse that may cover only a part of the object.
     PartialEllipse,
 }
 
@@ -58,7 +58,7 @@ impl NoiseGroup {
         matches!(self, Self::Edge | Self::HiddenEdge)
     }
 
-    /// Index of its kind among those whose errors views may have in common.
+    /// Index of its kind among those with errors common to views.
     pub(crate) fn common_class(self) -> usize {
         (self as usize).saturating_sub(1)
     }
@@ -73,13 +73,13 @@ impl NoiseGroup {
 /// Number of noise groups.
 const GROUPS: usize = 8;
 
-/// Where the estimation starts, and the level that is usual for detectors.
+/// Start of the estimation, and the typical level of detectors.
 const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
 
-/// Largest correlation between views that is believed.
+/// Upper bound of the correlation between views.
 pub(crate) const LARGEST_CORRELATION: f64 = 0.9;
 
-/// Degrees of freedom from which views are told to be correlated.
+/// Minimum degrees of freedom to estimate the correlation of views.
 const ENOUGH_PAIRS: f64 = 16.0;
 
 const RATIO_FREEDOM: f64 = 4.0;
@@ -108,24 +108,24 @@ impl Weights {
     }
 }
 
-/// What the residuals of a scene tell about its measurements that enters covariances, and not the fits.
+/// Statistics of the residuals that affect covariances, but not the fits.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct CovarianceLevels {
-    /// Standard deviation of the errors that the views of an object have in common, in units of the noise, for each kind
-    /// of measurement ([`NoiseGroup::common_class`]).
+    /// Standard deviation of the errors common to the views of an object, in units of the noise, for each kind of
+    /// measurement ([`NoiseGroup::common_class`]).
     pub common: [f64; COMMON_CLASSES],
     /// How much objects differ.
     pub spread: Spread,
 }
 
-/// What the residuals of a scene tell about its measurements.
+/// Noise statistics from the residuals of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct NoiseLevels {
     /// A standard deviation for each group.
     sd: [f64; GROUPS],
     /// Correlation of an error with that in the object's next view, in [0, 1): of edges, of ellipses.
     correlation: [f64; 2],
-    /// What enters the covariance only.
+    /// Terms that affect only the covariance.
     covariance: CovarianceLevels,
     /// Half size of a box, in pixels, at which the part of the edge noise that is constant in pixels equals the part
     /// that is proportional to the size.
@@ -138,8 +138,7 @@ impl NoiseLevels {
         Self { sd: DEFAULTS, correlation: [0.0; 2], covariance: CovarianceLevels::default(), pixel_size }
     }
 
-    /// Levels that are given. Hidden edges are twice as noisy as others where nothing is said of them; of other groups the
-    /// default is taken.
+    /// Given levels. Hidden edges default to twice the noise of other edges; other groups have their default.
     pub(crate) fn given(sigmas: &Sigmas, pixel_size: f64) -> Self {
         let of_group = |group: NoiseGroup| sigmas.get(group.name()).map(|x| x / reported_part(group));
         let sd = NoiseGroup::ALL.map(|group| {
@@ -159,7 +158,7 @@ impl NoiseLevels {
         Self { sd, correlation, covariance, pixel_size }
     }
 
-    /// What enters covariances only.
+    /// Terms that affect only covariances.
     pub(crate) fn covariance_levels(&self) -> &CovarianceLevels {
         &self.covariance
     }
@@ -169,8 +168,9 @@ impl NoiseLevels {
         Self { covariance, ..*self }
     }
 
-    /// How the noise of an edge, relative to the half size of its box, depends on that size: a detector errs by pixels
-    /// on small boxes and by a share of the size on large ones (E9). One where both parts are equal.
+    /// How the noise of an edge, relative to the half size of its box, depends on that size: detector errors are
+    /// constant in pixels for small boxes and proportional to the size for large ones (E9). One where both parts are
+    /// equal.
     #[inline]
     pub(crate) fn size_factor(&self, half_size: f64) -> f64 {
         let pixels = self.pixel_size / half_size;
@@ -193,14 +193,14 @@ impl NoiseLevels {
         Self { sd: self.sd.map(|s| s * factor), ..*self }
     }
 
-    /// How much a residual counts among those of `views` views: errors that stay the same from view to view tell their
-    /// own size no better in many views than in few (E9). `(1 - c) / (1 + c)` is the share of independent views in a
-    /// long row of them with the correlation c between neighbours.
+    /// Weight of a residual among those of `views` views: errors that persist from view to view are not better
+    /// determined by many views (E9). `(1 - c) / (1 + c)` is the fraction of independent views in a long sequence with
+    /// the correlation c between neighbours.
     pub(crate) fn weights(&self, views: usize) -> Weights {
         Weights(self.correlation.map(|c| ((1.0 - c) / (1.0 + c)).max(1.0 / views.max(1) as f64)))
     }
 
-    /// The levels that the statistics ask for.
+    /// The levels from the statistics.
     pub(crate) fn updated(&self, statistics: &NoiseStatistics) -> Self {
         let told = |group: NoiseGroup| {
             let g = group as usize;
@@ -208,7 +208,7 @@ impl NoiseLevels {
             let level = if dof > 0.0 { self.sd[g] * (statistics.squares[g] / dof).sqrt() } else { DEFAULTS[g] };
             (level.max(NOISE_FLOOR.get()), dof)
         };
-        // Neighbouring views that err alike tell less.
+        // Correlated neighbouring views carry less information.
         let counted = |groups: &[NoiseGroup]| {
             let c = self.correlation[usize::from(!groups[0].is_edge())];
             let independent = (1.0 - c) / (1.0 + c);
@@ -255,8 +255,8 @@ impl NoiseLevels {
             .fold(0.0, f64::max)
     }
 
-    /// Names and levels of what has data. The noise of an edge has two equal parts at the half size `pixel_size`: it is
-    /// reported as both, relative to the half size and in pixels.
+    /// Names and levels of the groups with data. The noise of an edge has two equal parts at the half size
+    /// `pixel_size`: it is reported as both, relative to the half size and in pixels.
     pub(crate) fn report(&self, statistics: &NoiseStatistics) -> Vec<(&'static str, f64)> {
         let mut report = Vec::new();
         let with_data = |group: &&NoiseGroup| statistics.dof[**group as usize] > 0.0;
@@ -278,7 +278,7 @@ impl NoiseLevels {
     }
 }
 
-/// Share of a group's standard deviation that is reported: edges have two equal parts.
+/// Reported fraction of a group's standard deviation: edges have two equal parts.
 fn reported_part(group: NoiseGroup) -> f64 {
     if group.is_edge() { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 }
 }
@@ -332,7 +332,7 @@ impl NoiseStatistics {
         if self.inverse_views[0] > 0.0 { self.inverse_views[1] / self.inverse_views[0] } else { 0.0 }
     }
 
-    /// Share of the parameters that the measurements determine.
+    /// Fraction of the parameters that the measurements determine.
     pub(crate) fn determined(&self) -> f64 {
         self.determined[0] / self.determined[1].max(1.0)
     }
@@ -386,7 +386,7 @@ mod tests {
         // Five cars in a few views each: three per cent become five. Fifty objects: they stay.
         assert!((0.045..0.07).contains(&edges(0.03, 65, 4)), "{}", edges(0.03, 65, 4));
         assert!((0.0300..0.0306).contains(&edges(0.03, 4000, 4)));
-        // The more residuals, the nearer to what they show; never beyond.
+        // With more residuals, the level approaches their own; never beyond it.
         let all: Vec<f64> = [10, 100, 1000, 10_000].map(|count| edges(0.03, count, 4)).to_vec();
         assert!(all.windows(2).all(|pair| pair[0] > pair[1]) && all[0] < 0.1 && all[3] > 0.03, "{all:?}");
         assert!((0.1..0.2).contains(&edges(0.2, 100, 4)));

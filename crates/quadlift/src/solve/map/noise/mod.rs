@@ -1,4 +1,4 @@
-//! How large measurement errors are: of single edges and ellipses, and those that the views of an object share.
+//! Measurement errors: of single edges and ellipses, and those common to the views of an object.
 
 pub(crate) mod common_errors;
 pub(crate) mod levels;

@@ -1,16 +1,16 @@
-//! The noise level that few residuals and what is usual for detectors ask for together (docs/method.md, section 7.2).
+//! The noise level from few residuals and the typical level of detectors (docs/method.md, section 7.2).
 
 use crate::tuning::ANY_LEVEL;
 use crate::tuning::USUAL_SPREAD;
 
 /// No detector errs by so little of the half size of a box (a tenth of a pixel in a box of 100 pixels): such boxes are
-/// computed, and what is usual for detectors says nothing about them.
+/// computed, and the typical level of detectors does not apply.
 const COMPUTED: f64 = 2e-3;
 
-/// Degrees of freedom from which computed boxes are told from chance: in 3, detected ones fit as well once in 100,000 scenes.
+/// Minimum degrees of freedom to recognise computed boxes: with 3, detected ones fit as well once in 100,000 scenes.
 const ENOUGH_TO_SEE: f64 = 3.0;
 
-/// Steps in which the most probable level is sought between two others, and steps in which it is refined.
+/// Steps of the grid search for the most probable level, and steps of its refinement.
 const GRID: usize = 48;
 
 /// The standard deviation that residuals and what is usual for detectors ask for together: the most probable one given

@@ -1,19 +1,19 @@
 //! Whether an object's measurements agree with its body, given the noise of the scene (docs/method.md, section 8.3).
 //!
-//! The misfit of an object is its mean squared whitened residual per degree of freedom: about one where its boxes err
-//! like those of the scene. A false box among few views cannot be left out, because there are too few others to
-//! contradict it; the body is then a compromise whose misfit is hundreds of times that of the other objects.
+//! The misfit of an object is its mean squared whitened residual per degree of freedom: about one if its boxes have the
+//! noise of the scene. A false box among few views cannot be rejected, because too few others contradict it; the body
+//! is then a compromise whose misfit is hundreds of times that of the other objects.
 //!
-//! False boxes raise the scene's own noise level too, while there are too few views to leave them out. So misfits are
-//! compared with that of the median object ([`Reference`]) and not with one; never with more than the noise level
-//! itself, and never with less than what no detector reaches.
+//! False boxes also raise the noise level of the scene if there are too few views to reject them. Misfits are therefore
+//! compared with that of the median object ([`Reference`]) instead of one; at most with the noise level itself, and at
+//! least with a level that no detector reaches.
 
 use crate::optimize::chi_square::per_dof;
 use crate::solve::estimate::Misfit;
 use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels};
 use crate::solve::options::MapOptions;
 
-/// What misfits are compared with: the noise levels times this factor.
+/// The reference for misfits: the noise levels times this factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reference(f64);
 
@@ -73,13 +73,13 @@ pub(crate) fn median_level(misfits: impl Iterator<Item = Misfit>) -> f64 {
     median.map_or(1.0, |(level, _)| level.sqrt())
 }
 
-/// Whether a misfit (against the reference) is far beyond what noise does.
+/// Whether a misfit (relative to the reference) is far beyond the noise.
 pub(crate) fn is_inconsistent(misfit: &Misfit) -> bool {
     let expected = per_dof(misfit.dof.max(1.0), ONE_IN_1000);
     misfit.relative > SMALLEST_MISFIT && misfit.deviations.powi(2) > HETEROGENEITY * expected
 }
 
-/// Whether a misfit (against the reference) is one that noise makes.
+/// Whether a misfit (relative to the reference) is consistent with noise.
 pub(crate) fn agrees(misfit: &Misfit) -> bool {
     misfit.deviations.powi(2) < per_dof(misfit.dof.max(1.0), ONE_IN_100)
 }
@@ -93,5 +93,5 @@ const ONE_IN_100: f64 = 2.33;
 /// How much larger than the scene's the variance of an object's errors may be.
 const HETEROGENEITY: f64 = 2.0;
 
-/// Misfits below this, relative to the half size of the boxes, are no contradiction, however small the scene's noise is.
+/// Misfits below this, relative to the half size of the boxes, are never contradictions.
 const SMALLEST_MISFIT: f64 = 0.1;

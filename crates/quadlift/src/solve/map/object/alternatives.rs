@@ -1,8 +1,8 @@
-//! Two answers: other cuboids that an object's measurements allow about as well (docs/method.md, section 12.5).
+//! Alternatives: other cuboids that fit the measurements of an object about as well (docs/method.md, section 12.5).
 //!
-//! Boxes that are seen over a quarter of a circle or less often fit a cuboid in two directions, and which of them is the
-//! better one is a matter of noise. The starts of the first fit are followed once more under the final noise levels; what
-//! ends elsewhere, and is not much less probable, is reported.
+//! Boxes seen over a quarter of a circle or less often fit a cuboid in two orientations, and noise decides which one
+//! fits better. The starts of the first fit are refined again under the final noise levels; other minima that are not
+//! much less probable are reported.
 
 use crate::tuning::MIN_LOG_ODDS;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -21,19 +21,19 @@ use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::options::BodyKind;
 
-/// Other answers that are followed to the end and reported, at most.
+/// Maximum number of alternatives that are refined and reported.
 const MAX_ALTERNATIVES: usize = 3;
 
-/// Two bodies are different answers when their surfaces differ by this share of the mean semi-axis somewhere: less is
-/// what a few per cent of noise do to a single one.
+/// Two bodies are different alternatives if their surfaces differ by this fraction of the mean semi-axis somewhere: a
+/// few per cent of noise change a single body by less.
 const MIN_SURFACE_DIFFERENCE: f64 = 0.2;
 
-/// A start whose cost is so much higher after its first steps is not followed: what is left of the way seldom lowers it
-/// by as much.
+/// A start whose cost is higher by this after its first steps is not refined: the remaining steps rarely reduce it by
+/// as much.
 const MAX_COST_GAP: f64 = 20.0;
 
-/// Log odds from which on another answer takes the place of the fit: 150 to 1. Between that and even odds the fit stays,
-/// so that neighbouring scenes have the same answer.
+/// Log odds above which an alternative replaces the fit: 150 to 1. Between that and even odds the fit is kept, so that
+/// similar scenes have the same result.
 const MIN_SWAP_LOG_ODDS: f64 = 5.0;
 
 /// The minimum of another answer, in the object's frame.
@@ -118,8 +118,8 @@ fn are_different(a: &Body, b: &Body) -> bool {
     })
 }
 
-/// The covariance of the mixture about the reported body: its own, and the squared distances of the other answers, each
-/// with its probability. The answers are taken to be equally certain, each by itself.
+/// The covariance of the mixture about the reported body: its own, and the squared distances of the alternatives, each
+/// with its probability. All are assumed to have the same covariance.
 fn add_spread(covariance: &mut Covariance, body: &Body, others: &[Alternative]) {
     if covariance.coordinates != CovarianceCoordinates::CenterRotationLogAxes {
         return;

@@ -1,5 +1,5 @@
-//! A false box among three or four views: too few for hypotheses and a redescending loss (see [`super::outliers`]), but the other
-//! views agree with each other, and no other choice leaves views that do (docs/method.md, section 8.2).
+//! A false box among three or four views: too few for hypotheses and a redescending loss (see [`super::outliers`]), but
+//! the other views are consistent, and no other subset is (docs/method.md, section 8.2).
 
 use crate::tuning::MIN_COST_GAP;
 use std::sync::Arc;
@@ -12,13 +12,12 @@ use crate::scene::ObjectViews;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 
-/// Fewest views of which one can be left out.
+/// Minimum number of views for the rejection of one.
 const FEWEST_TO_LEAVE_OUT: usize = 3;
 
 impl Fit {
-    /// Where this fit to three or four views contradicts them: the fit that leaves one of them out, where the others
-    /// agree and no other choice leaves views that do. Two views agree by chance more often than three do; that is why
-    /// the choice must be clear.
+    /// If this fit to three or four views contradicts them: the fit without one of them, if the others are consistent
+    /// and no other subset is. Two views agree by chance more often than three do; the choice must therefore be clear.
     pub(crate) fn without_one_view(
         &self,
         noise: &NoiseLevels,

@@ -12,11 +12,11 @@ use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::options::BodyKind;
 
-/// Place and size of a start of which only the rotation counts.
+/// Position and size for a start with a given rotation.
 const IN_PLACE: Stop = Stop { evaluations: 4, promised_decrease: 1.0 };
 
-/// Starts that are turned as well, of those that were placed. With all 17 of a cuboid a first fit takes a third longer and
-/// finds no more (300 synthetic cuboids, exact and with 2 % noise).
+/// Number of placed starts that are also optimised in rotation. With all 17 of a cuboid a first fit takes a third
+/// longer and finds no better minima (300 synthetic cuboids, exact and with 2 % noise).
 pub(crate) const TURNED_STARTS: usize = 6;
 
 /// The same under the noise levels that the first fits led to: with 4 of them 2 of 300 exact cuboids end in a wrong minimum,
@@ -26,16 +26,17 @@ pub(crate) const ALL: usize = usize::MAX;
 /// To decide between many starts: few steps.
 const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
 
-/// Oriented starts that are followed to the end. With 10 of them the same 300 come out within 0.001, and slower.
+/// Oriented starts that are refined to the end. With 10 of them the results of the same 300 change by at most 0.001,
+/// and it is slower.
 const FOLLOWED_STARTS: usize = 3;
 
 impl ObjectProblem {
-    /// Whether the first fit chooses between several starts, which is worth repeating under other noise levels.
+    /// Whether the first fit selects among several starts, so that it should be repeated under other noise levels.
     pub(crate) fn has_several_starts(&self) -> bool {
         self.kind != BodyKind::Ellipsoid
     }
 
-    /// The body that a fitted ellipsoid leads to, and the objective there; `None` when no start can be evaluated.
+    /// The body that a fitted ellipsoid leads to, and the objective there; `None` if no start can be evaluated.
     pub(crate) fn started_at(
         &self,
         ellipsoid: &EllipsoidModel,

@@ -33,8 +33,8 @@ const BETWEEN_ROUNDS: Stop = Stop { evaluations: 6, promised_decrease: 0.1 };
 /// The end.
 pub(crate) const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
 
-/// A fit whose cost could still fall by more than this has not converged: it is about the square of the distance to the
-/// minimum, in standard deviations of the estimate, of which a tenth does not matter.
+/// A fit whose cost could still decrease by more than this has not converged: the decrease is about the squared
+/// distance to the minimum in standard deviations of the estimate, of which a tenth is negligible.
 const LARGEST_PROMISE: f64 = 0.01;
 
 /// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
@@ -45,7 +45,7 @@ const SUSPECT_COST: f64 = 12.0;
 /// Student's t distribution, the likelihood of an edge, one edge in 280,000 reaches it by itself.
 const FAR_BEYOND_NOISE: f64 = 10.0;
 
-/// Rounds in which a body with several starts is sought from other ones.
+/// Rounds in which a body with several starts is fitted from other starts.
 const RESTARTED: usize = 2;
 
 /// A fitted object.
@@ -56,16 +56,16 @@ pub(crate) struct Fit {
     pub ellipsoid: EllipsoidModel,
     pub body: Model,
     pub equations: NormalEquations,
-    /// Set where the views hold outliers.
+    /// Set if the views contain outliers.
     pub outlier_scale: Option<f64>,
-    /// The ground plane in the object's frame, where the object stands on it.
+    /// The ground plane in the object frame, if the object stands on it.
     pub ground: Option<(Plane, f64)>,
     /// Whether the last iteration ended at a minimum.
     pub converged: bool,
 }
 
 impl Fit {
-    /// The first fit: from the starts, and again without the outliers where its residuals show some.
+    /// The first fit: from the starts, and again without outliers if its residuals show some.
     pub(crate) fn first(
         object: ObjectProblem,
         noise: &NoiseLevels,
@@ -92,7 +92,7 @@ impl Fit {
         Objective { ground: self.ground, ..self.problem.objective(noise, outlier_scale) }
     }
 
-    /// The lowest point of the body against `up`, for the ground plane; `None` where it does not stand on it.
+    /// The lowest point of the body along `up`, for the ground plane; `None` if it does not stand on it.
     pub(crate) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
         let ObjectProblem { views, measurements, prior, .. } = &*self.problem;
         if !prior.on_ground {
@@ -101,7 +101,7 @@ impl Fit {
         let frame = &measurements.frame;
         let level = Plane { n: up.into_inner(), d: 0.0 };
         let (reach, _) = self.body.support_gradient(&level.n);
-        // What the object knows without the plane: its row is taken out of the inverse again (Sherman-Morrison).
+        // The estimate without the plane: its row is removed from the inverse again (Sherman-Morrison).
         let covariance = invert_spd(&self.equations.hessian())?;
         let variance_along = |plane: &Plane| {
             let row = nalgebra::SVector::from(lowest_point(plane, &self.body).1);
@@ -111,7 +111,7 @@ impl Fit {
         let told = self.ground.map_or(0.0, |(_, weight)| weight * weight * with);
         let free = (1.0 - told).max(0.05);
         let variance = with / free;
-        // Likewise the point is put back to where it would be without the plane's pull.
+        // The point is also moved back to its position without the plane.
         let pulled = self.ground.map_or(0.0, |(plane, _)| lowest_point(&plane, &self.body).0);
         let lowest = self.body.center() - level.n * reach + level.n * (pulled * (1.0 / free - 1.0));
         let point = frame.point_in_world(&lowest);
@@ -161,13 +161,13 @@ impl Fit {
         objective.statistics(&self.body, &self.equations, context.options.correlated_views)
     }
 
-    /// Logarithm of the evidence for the noise levels of the last fit, up to what does not depend on them; `None` when the
-    /// normal equations are singular.
+    /// Log evidence for the noise levels of the last fit, up to terms that do not depend on them; `None` if the normal
+    /// equations are singular.
     pub(crate) fn evidence(&self, noise: &NoiseLevels) -> Option<f64> {
         self.objective(noise, self.outlier_scale).evidence(&self.body, &self.equations)
     }
 
-    /// A fit that leaves outliers out, where this plain one shows some.
+    /// A fit without outliers, if this plain one shows some.
     pub(crate) fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         let problem = &self.problem;
         let objective = Objective { smooth: true, ..problem.objective(noise, None) };
@@ -202,8 +202,8 @@ impl Fit {
         again().unwrap_or(self)
     }
 
-    /// The fit looked at again, now that the noise of the scene is known: from all starts where a body has several, and
-    /// for outliers where the residuals are much larger than the noise.
+    /// The fit repeated with the noise of the scene: from all starts if a body has several, and with a search for
+    /// outliers if the residuals are much larger than the noise.
     pub(crate) fn retry_starts_and_outliers(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
         let mut fit = self.refined(noise, false);
         if self.problem.has_several_starts() {
@@ -236,8 +236,7 @@ impl Fit {
         (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
     }
 
-    /// The fit under new noise levels. Where it cannot be evaluated under them its cost is infinite, and it ends as
-    /// diverged.
+    /// The fit under new noise levels. If it cannot be evaluated, its cost is infinite and its status is diverged.
     pub(crate) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
         let plain = self.objective(noise, None);
@@ -252,7 +251,7 @@ impl Fit {
         }
     }
 
-    /// Root mean square of each view's whitened residuals, over those that count.
+    /// Root mean square of the used whitened residuals of each view.
     fn view_deviations(&self, noise: &NoiseLevels) -> Vec<Option<f64>> {
         let mut sums = vec![(0.0, 0usize); self.problem.views.views.len()];
         self.objective(noise, None).each_row(&self.body, |view, row, _| {
@@ -262,7 +261,7 @@ impl Fit {
         sums.into_iter().map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt())).collect()
     }
 
-    /// How far the measurements are from the body under the noise levels of the last fit.
+    /// The misfit under the noise levels of the last fit.
     pub(crate) fn misfit(&self, noise: &NoiseLevels) -> Option<Misfit> {
         self.objective(noise, self.outlier_scale).misfit(&self.body, &self.equations)
     }
@@ -290,7 +289,7 @@ impl Fit {
         self.outlier_scale.map_or(far, |scale| scale.min(far)).powi(2)
     }
 
-    /// The measurements that count, for what their errors have in common.
+    /// The used measurements, for the estimate of common errors.
     fn common_rows(&self, noise: &NoiseLevels) -> Vec<CommonRow> {
         let measured = &self.problem.measurements.views;
         let objective = self.objective(noise, self.outlier_scale);
@@ -332,14 +331,14 @@ impl Fit {
         rows
     }
 
-    /// What the residuals tell about errors that the views have in common, and about this object.
+    /// Statistics of the residuals about common errors and about this object.
     pub(crate) fn common_statistics(&self, noise: &NoiseLevels) -> (CommonStatistics, ObjectAgreement) {
         let Some(covariance) = invert_spd(&self.equations.hessian()) else { return Default::default() };
         let rows = self.common_rows(noise);
         (CommonStatistics::of_object(&rows, &covariance), ObjectAgreement::new(&rows, &covariance))
     }
 
-    /// The covariance of noise, and of errors that the views have in common.
+    /// The covariance of noise and of common errors.
     fn covariance(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Covariance> {
         let of_noise = invert_spd(&self.equations.hessian())?;
         let local = if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };

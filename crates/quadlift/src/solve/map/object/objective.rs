@@ -1,4 +1,4 @@
-//! The objective: whitened residuals of all views, a robust loss where there are outliers, and priors (docs/method.md,
+//! The objective: whitened residuals of all views, a robust loss in case of outliers, and priors (docs/method.md,
 //! section 5).
 
 use super::prior::ObjectPrior;
@@ -36,13 +36,13 @@ pub(crate) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
 /// Median of the chi-square distribution with four degrees of freedom: a view of four edges.
 pub(crate) const CHI2_MEDIAN: f64 = 3.357;
 
-/// Fewest views of which one can be told to be an outlier.
+/// Minimum number of views to detect an outlier.
 pub(crate) const FEWEST_VIEWS: usize = 5;
 
 /// Squared residuals below this can be multiplied with those of a whole view without overflow.
 const SMALL_ENOUGH: f64 = 1e20;
 
-/// Whitened residuals beyond this take no part in the correlation between views.
+/// Whitened residuals beyond this are excluded from the correlation between views.
 const MAX_CORRELATION_RESIDUAL: f64 = 4.0;
 
 /// The objective of one object.
@@ -55,8 +55,8 @@ pub(crate) struct Objective<'a> {
     pub noise: &'a NoiseLevels,
     /// Whether single edges may be wrong.
     pub heavy_tails: bool,
-    /// Whether views may be outliers: the scale beyond which they count less, in units of the noise, for a view of four
-    /// residuals.
+    /// The outlier scale if views may be outliers: views beyond it are down-weighted, in units of the noise, for a view
+    /// of four residuals.
     pub outlier_scale: Option<f64>,
     /// Whether shapes of ellipses are compared in the smooth form, for the way from a start.
     pub smooth: bool,

@@ -22,19 +22,19 @@ const SUSPECT_RATIO: f64 = 4.0;
 /// With this ratio the view is an outlier: Gaussian residuals of four edges reach it once in 100,000 views.
 const OUTLIER: f64 = 10.0;
 
-/// Hypotheses drawn for the closer look.
+/// Number of hypotheses of the second search.
 const FIRST_HYPOTHESES: usize = 12;
 
 /// Squared residuals below this are exact data: their ratios say nothing.
 const SMALLEST_MEDIAN: f64 = 1e-3;
 
-/// Hypotheses drawn.
+/// Number of hypotheses.
 const HYPOTHESES: usize = 60;
 
-/// Hypotheses that are refined.
+/// Number of refined hypotheses.
 const REFINED: usize = 3;
 
-/// Largest squared residual of a view over the median one; one when there are too few views to tell.
+/// Ratio of the maximum to the median squared residual of the views; one with too few views.
 fn largest_to_median(view_costs: &[f64]) -> f64 {
     if view_costs.len() < FEWEST_VIEWS {
         return 1.0;
@@ -44,8 +44,8 @@ fn largest_to_median(view_costs: &[f64]) -> f64 {
     sorted[sorted.len() - 1] / sorted[sorted.len() / 2].max(SMALLEST_MEDIAN)
 }
 
-/// Looks for gross outliers after a plain fit to all views; gives a fit that most of the views agree with where there
-/// are some.
+/// Searches for gross outliers after a plain fit to all views; returns a fit that agrees with most views if there are
+/// some.
 ///
 /// A plain fit hides outliers, because it follows them. It is suspect when its residuals are uneven, and wrong when a
 /// fit to only three views agrees with most of the views better than it does.

@@ -25,7 +25,7 @@ pub(crate) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1
 #[derive(Clone)]
 pub(crate) struct ObjectProblem {
     pub views: ObjectViews,
-    /// The kind of body that is fitted.
+    /// The fitted kind of body.
     pub kind: BodyKind,
     pub measurements: Measurements,
     pub prior: ObjectPrior,
@@ -33,7 +33,7 @@ pub(crate) struct ObjectProblem {
 }
 
 impl ObjectProblem {
-    /// Builds the object's frame and priors; an estimate that says why when there is none.
+    /// Builds the object frame and priors; otherwise an estimate with the reason as status.
     pub(crate) fn new(views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Self, Box<Estimate>> {
         let failed = |status| Box::new(Estimate::failed(views.object_index, views.category_index, status));
         if views.views.len() < 2 {
@@ -43,14 +43,14 @@ impl ObjectProblem {
         Ok(Self::in_frame(views, frame, kind, context))
     }
 
-    /// The same in a frame that is known.
+    /// The same in a given frame.
     pub(crate) fn in_frame(views: ObjectViews, frame: ObjectFrame, kind: BodyKind, context: &MapContext) -> Self {
         let measurements = Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid);
         let prior = object_prior(&views, &frame, kind, context);
         Self { views, kind, measurements, prior, heavy_tails: context.options.heavy_tails }
     }
 
-    /// The same object seen by cameras that have been moved.
+    /// The same object with corrected cameras.
     pub(crate) fn with_poses(&self, corrections: &PoseCorrections) -> Self {
         let mut views = self.views.clone();
         corrections.apply(&mut views);
@@ -89,7 +89,7 @@ impl ObjectProblem {
         }
     }
 
-    /// The best ellipsoid over its starts, all views believed.
+    /// The best ellipsoid over its starts, without outlier rejection.
     pub(crate) fn fit_ellipsoid(&self, noise: &NoiseLevels) -> Option<EllipsoidModel> {
         let objective = Objective { smooth: true, ..self.objective(noise, None) };
         let linear = planes_in_frame(&self.views.views, &self.measurements.frame)

@@ -14,10 +14,10 @@ use crate::geometry::{DualQuadric, random_rotation};
 use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 
-/// A start's shortest semi-axis is at least this share of its longest one.
+/// Minimum ratio of the shortest to the longest semi-axis of a start.
 const MIN_START_AXIS_RATIO: f64 = 0.2;
 
-/// A start further away than this (object sizes) from the triangulated centre is not believed.
+/// A start farther than this (object sizes) from the triangulated centre is rejected.
 const FARTHEST_START: f64 = 20.0;
 
 /// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
@@ -34,7 +34,7 @@ pub(crate) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
     EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(1.0))
 }
 
-/// An ellipsoid to start from, near a quadric that may be none: only a start, no result.
+/// A start ellipsoid near a quadric that may not be an ellipsoid: only a start, not a result.
 pub(crate) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidModel> {
     let (center, shape) = quadric.center_and_shape()?;
     if center.coords.norm() > FARTHEST_START {

@@ -36,7 +36,7 @@ pub(crate) struct EllipseMeasurement {
     log_aspect: f64,
     /// Whether only aspect and angle are compared.
     shape_only: bool,
-    /// Whether it may be the ellipse of a part of the object.
+    /// Whether the ellipse may cover only a part of the object.
     partial: bool,
 }
 

@@ -30,13 +30,13 @@ impl Plane {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Edge {
     pub plane: Plane,
-    /// At the image border the object is cut off: the edge tells only that the body reaches at least so far.
+    /// At the image border the object is cut off: the edge only bounds the extent of the body from below.
     pub one_sided: bool,
     /// Whether another box probably hides it.
     pub group: NoiseGroup,
 }
 
-/// What one view measured.
+/// The measurements of one view.
 #[derive(Debug, Clone)]
 pub(crate) struct MeasuredView {
     /// Unit viewing axis: the depth of a point is `axis.x + offset`.

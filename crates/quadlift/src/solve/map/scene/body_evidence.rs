@@ -1,7 +1,7 @@
-//! What the boxes of an object tell about the kind of its body (docs/method.md, section 9).
+//! Evidence of the boxes of an object about its kind of body (docs/method.md, section 9).
 //!
-//! For each kind the evidence in Laplace's approximation: how well the boxes are fitted, less what the freedom of the body
-//! is worth.
+//! The evidence of each kind by Laplace's approximation: the fit to the boxes, minus a penalty for the degrees of
+//! freedom of the body.
 
 use nalgebra::{SVector, Vector3};
 
@@ -21,7 +21,7 @@ use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::object::starts::{along_each_axis, oriented_starts, turned_axes};
 use crate::solve::options::BodyKind;
 
-/// The exponents of superellipsoids that are tried.
+/// The tested exponents of superellipsoids.
 pub(crate) const EXPONENTS: [f64; 3] = [1.75, 1.5, 1.25];
 
 /// The kinds, the roundest first: ellipsoid, superellipsoids, cuboid; and the cylinder.
@@ -30,8 +30,7 @@ pub(crate) const ELLIPSOID: usize = 0;
 pub(crate) const CUBOID: usize = KINDS - 2;
 pub(crate) const CYLINDER: usize = KINDS - 1;
 
-/// The kind with which it is tried whether an object may be no ellipsoid: the boxes of any body with edges are fitted
-/// better by this one as well.
+/// The kind that is tested first against the ellipsoid: it also fits the boxes of any body with edges better.
 pub(crate) const TRIED: usize = 2;
 
 /// Starts of a superellipsoid that are turned.
@@ -45,7 +44,7 @@ const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
 const ROUND_SD: f64 = 0.1;
 const ANY_SD: f64 = 0.566;
 
-/// Degrees of freedom with which the noise of the scene is believed to be that of an object.
+/// Degrees of freedom of the prior on an object's noise, which is centred on the noise of the scene.
 const DOF_OF_SCENE: f64 = 8.0;
 
 /// The kind with this index.
@@ -67,7 +66,7 @@ fn form_of(index: usize) -> Form {
     }
 }
 
-/// What the boxes of an object tell about its kind.
+/// Evidence of the boxes of an object about its kind.
 #[derive(Debug, Clone)]
 pub(crate) struct BodyEvidence {
     /// The category of the object.
@@ -83,7 +82,8 @@ pub(crate) struct BodyEvidence {
 }
 
 impl BodyEvidence {
-    /// Of an ellipsoid and of the kind that is tried first, from the fit of an ellipsoid; `None` where nothing can be told.
+    /// Evidence of an ellipsoid and of the kind that is tested first, from the fit of an ellipsoid; `None` if it cannot
+    /// be computed.
     pub(crate) fn first(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         let views = &fit.problem.views;
         // Ellipses are outlines of ellipsoids only.

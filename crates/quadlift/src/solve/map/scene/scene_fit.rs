@@ -57,16 +57,16 @@ const SMALL_NOISE_FACTOR: f64 = 0.05;
 const COMMON_PAIRS: usize = 5000;
 const COMMON_SAMPLE: usize = 24;
 
-/// The objects of a scene, fitted, with what they share.
+/// The fitted objects of a scene with their shared unknowns.
 pub(crate) struct SceneFit {
     fits: Vec<Result<Fit, Box<Estimate>>>,
     noise: NoiseLevels,
     statistics: NoiseStatistics,
-    /// What the misfits of objects are compared with.
+    /// The reference for the misfits of objects.
     reference: Reference,
     ground: Option<GroundPlane>,
     poses: PoseCorrections,
-    /// Share of the objects that stand upright.
+    /// Fraction of upright objects.
     upright_share: f64,
     /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
     /// views the levels are drawn towards the default.
@@ -117,7 +117,7 @@ impl SceneFit {
         if other.evidence_over(&scene) > MIN_EVIDENCE_GAIN { other } else { scene }
     }
 
-    /// Fits from these noise levels until levels and fits agree; with levels that are given, until the fits stand.
+    /// Alternates fits and noise levels until convergence; with given levels, until the fits converge.
     fn settled(
         body_kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
@@ -151,7 +151,7 @@ impl SceneFit {
             let misfits: Vec<Option<Misfit>> = fits.iter().flatten().map(|fit| fit.misfit(&noise)).collect();
             let reference = Reference::among(&noise, misfits.iter().copied().flatten(), context.options);
             for (fit, misfit) in fits.iter().flatten().zip(misfits) {
-                // A false box among few views cannot be left out, and does not tell how noisy the others are.
+                // A false box among few views cannot be rejected, and must not affect the noise levels.
                 let few = fit.problem.views.views.len() < FEWEST_VIEWS;
                 if !few || misfit.is_none_or(|misfit| !is_inconsistent(&reference.against(misfit))) {
                     statistics.merge(&fit.statistics(&noise, context));
@@ -219,7 +219,7 @@ impl SceneFit {
         self.fits.iter().flatten()
     }
 
-    /// The fit of each object, where it has one.
+    /// The fit of each object, if it has one.
     pub(crate) fn fit_of_each(&self) -> Vec<Option<&Fit>> {
         self.fits.iter().map(|fit| fit.as_ref().ok()).collect()
     }
@@ -322,19 +322,19 @@ impl SceneFit {
         fit.without_far_views(&self.noise, self.reference, context)
     }
 
-    /// The noise levels that were given, or those of what has data.
+    /// The given noise levels, or those of groups with data.
     pub(crate) fn noise_report(&self, context: &MapContext) -> Sigmas {
         context.options.sigmas.clone().unwrap_or_else(|| Sigmas::of_report(self.noise.report(&self.statistics)))
     }
 
-    /// Root mean square corrections of the poses, where they were estimated.
+    /// Root mean square corrections of the poses, if estimated.
     pub(crate) fn pose_noise(&self) -> Option<PoseNoise> {
         self.poses.size().map(|(rotation_sd, translation_sd)| PoseNoise { rotation_sd, translation_sd })
     }
 }
 
-/// What enters covariances only: errors that views have in common, from an evenly spread sample of the objects, and how
-/// much the objects differ.
+/// Terms that affect only covariances: errors common to views, from an evenly spread sample of the objects, and
+/// differences between objects.
 fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -> CovarianceLevels {
     let fits: Vec<&Fit> = fits.iter().flatten().collect();
     let pairs: usize = fits.iter().map(|fit| fit.problem.views.views.len().pow(2) / 2).sum();

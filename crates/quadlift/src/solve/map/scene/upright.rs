@@ -1,10 +1,11 @@
-//! Which objects stand upright, some axis of theirs along `up`, and which lie anyhow (docs/method.md, section 10).
+//! Which objects stand upright, with some axis along `up`, and which have arbitrary orientation (docs/method.md,
+//! section 10).
 //!
-//! Most things stand or lie on something level, so that one of their three axes is vertical; which one is not known.
-//! Others lean, and where a scene gives a wrong `up`, all do. Each object is fitted both ways under the noise levels of
-//! the scene, and the evidences of the two fits are compared (Laplace's approximation): a prior that says much gains
-//! little where the measurements leave the rotation open anyway. The share of the objects that stand is estimated from
-//! all of them, so that a scene in which none does is not harmed.
+//! Most objects stand or lie on a level surface, so one of their three axes is vertical; it is unknown which one.
+//! Others lean, and with a wrong `up` all do. Each object is fitted both ways under the noise levels of the scene, and
+//! the evidences of the two fits are compared (Laplace's approximation): a prior that says much gains little where the
+//! measurements leave the rotation open anyway. The share of the objects that stand is estimated from all of them, so
+//! that a scene in which none does is not harmed.
 
 use crate::tuning::UPRIGHT_SHARE;
 use std::sync::Arc;

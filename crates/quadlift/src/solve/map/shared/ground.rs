@@ -1,4 +1,5 @@
-//! The common ground plane: objects that stand on it tell where it is, and it tells where they stand (docs/method.md, section 11.1).
+//! The common ground plane: estimated from the objects that stand on it, and in turn a constraint on them
+//! (docs/method.md, section 11.1).
 //!
 //! The plane is `up.x = g0 + g1 (e1.x) + g2 (e2.x)` with two horizontal directions e1, e2, about a reference point.
 //! Its three numbers are found by weighted least squares over the objects' lowest points, and over the cameras where
@@ -16,7 +17,7 @@ use crate::geometry::rotation::horizontal_basis;
 /// So many objects as expected are added when the unevenness of the ground is estimated.
 const UNEVENNESS_PRIOR: f64 = 4.0;
 
-/// Residuals beyond this many standard deviations count less (an object that does not stand on the ground).
+/// Residuals beyond this many standard deviations are down-weighted (an object that does not stand on the ground).
 const CAUCHY_SCALE: f64 = 3.0;
 
 /// A plane; heights above it are `normal.(x - reference) + offset`.
@@ -25,11 +26,11 @@ pub(crate) struct GroundPlane {
     pub reference: Point3<f64>,
     pub normal: Vector3<f64>,
     pub offset: f64,
-    /// How much more uneven the ground is than expected, one or more: poses that wander in height make it look so.
+    /// Ratio of the actual to the expected unevenness, at least one: drifting heights of poses look like unevenness.
     pub unevenness: f64,
 }
 
-/// The lowest point of an object and its variance along `up`, without what the plane itself told.
+/// The lowest point of an object and its variance along `up`, without the constraint of the plane.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LowestPoint {
     pub point: Point3<f64>,

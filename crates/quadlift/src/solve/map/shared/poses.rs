@@ -9,11 +9,11 @@ use crate::geometry::linalg::solve_spd;
 use crate::scene::ObjectViews;
 use crate::solve::options::PoseNoise;
 
-/// How far the camera of a frame is moved: a turn about its centre (rotation vector, radians) and a shift (world
-/// units), both in world axes.
+/// Correction of a camera: a rotation about its centre (rotation vector, radians) and a shift (world units), both in
+/// world axes.
 type Motion = Vector6<f64>;
 
-/// How far the cameras of the frames have been moved, by index of the frame.
+/// Corrections of the cameras, by frame index.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PoseCorrections {
     frames: BTreeMap<usize, Motion>,
@@ -21,20 +21,20 @@ pub(crate) struct PoseCorrections {
 
 #[cfg(test)]
 impl PoseCorrections {
-    /// Frames that have been moved so far.
+    /// Corrected frames.
     pub(crate) fn of_frames(frames: BTreeMap<usize, Motion>) -> Self {
         Self { frames }
     }
 
-    /// How far a frame has been moved.
+    /// The correction of a frame.
     pub(crate) fn of_frame(&self, frame: usize) -> Option<Motion> {
         self.frames.get(&frame).copied()
     }
 }
 
 impl PoseCorrections {
-    /// Moves the frames to where the fitted objects want them and the prior allows. Returns by how much they were moved
-    /// now, for the objects to follow.
+    /// Corrects the frames from the fitted objects and the prior. Returns the new corrections, which the objects then
+    /// follow.
     ///
     /// `each_row` gives every residual of the objects: index of its frame, residual, its derivatives by a motion of the
     /// camera, weight.
@@ -78,7 +78,7 @@ impl PoseCorrections {
         }
     }
 
-    /// Root mean square turn (radians) and shift (world units) of the moved frames.
+    /// Root mean square rotation (radians) and shift (world units) of the corrected frames.
     pub(crate) fn size(&self) -> Option<(f64, f64)> {
         let count = self.frames.len() as f64;
         let squares = |first: usize| self.frames.values().map(|m| m.fixed_rows::<3>(first).norm_squared()).sum::<f64>();
