@@ -11,7 +11,7 @@ pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
     text.parse()
 }
 
-/// The kind of body that is fitted; none where it is chosen.
+/// The kind of body to fit; `None` if it is selected automatically.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyChoice(pub Option<BodyKind>);
 

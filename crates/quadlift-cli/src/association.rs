@@ -15,14 +15,14 @@ use crate::output::{Output, one_line};
 use crate::progress::{counting_bar, shown_on};
 use crate::words::{count, some_of};
 
-/// What the ids of a scene's detections are worth, as on the command line.
+/// How far to trust the ids of detections, as on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum IdsName {
     /// They are right; only detections without an id are associated.
     Trust,
     /// They may be wrong (tracks break and swap their objects).
     Evidence,
-    /// They are not looked at.
+    /// Ignore the ids.
     Ignore,
 }
 
@@ -37,21 +37,20 @@ impl IdsName {
     }
 }
 
-/// Whether `localize` finds out first which detections show the same object.
+/// Whether `localize` associates detections first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum When {
-    /// Where detections of the source name no object; ids that others have are trusted.
+    /// If detections of the source lack an object id; existing ids are trusted.
     #[default]
     Auto,
-    /// Not at all: detections without an object are left out.
+    /// Never: detections without an object id are skipped.
     Never,
     /// In any case; ids are evidence.
     Always,
 }
 
 impl When {
-    /// What the ids of a scene are worth when it is to be associated; `None` when it is not. `chosen` is what the user
-    /// says about ids.
+    /// How to use the ids of a scene if it is to be associated, otherwise `None`. `chosen` is the user's choice.
     pub fn ids_for(self, scene: &Scene, source: Option<&str>, chosen: Option<IdsName>) -> Option<IdUse> {
         let default = match self {
             Self::Never => return None,
@@ -63,8 +62,7 @@ impl When {
     }
 }
 
-/// How many detections of a source name an object, and how many do not; a source that is not clear is reported by what
-/// comes next.
+/// Numbers of detections of a source with and without an object id; an ambiguous source is reported later.
 fn named_and_unnamed(scene: &Scene, source: Option<&str>) -> (usize, usize) {
     let source = scene.source_index(source).unwrap_or_default();
     let of_source = |d: &&Detection| source.is_none() || d.source_index == source;
@@ -73,7 +71,7 @@ fn named_and_unnamed(scene: &Scene, source: Option<&str>) -> (usize, usize) {
     (named.len(), unnamed.len())
 }
 
-/// What `localize` says about identities that it has found.
+/// The message of `localize` about an association.
 pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, association: &Association) -> String {
     let (named, unnamed) = named_and_unnamed(scene, source);
     let given = match ids {
@@ -93,9 +91,9 @@ pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, associ
     text
 }
 
-/// Associates the detections of a scene, checks whether what is found agrees with itself, and mends the scene where that
-/// is asked for; then it is associated again. `title` stands before the progress bar. That nothing is found is an error
-/// that says why; what the self-check has found is a part of it.
+/// Associates the detections of a scene and runs the self-check; with `--fix` the scene is corrected and associated
+/// again. `title` precedes the progress bar. If no object is found, the error gives the reason with the result of the
+/// self-check.
 pub fn associate_and_check(
     title: &str,
     corrected: &mut CorrectedScene,
@@ -139,7 +137,7 @@ pub fn associated_scene(scene: &Scene, association: &Association, source: Option
     Ok(association.applied_to(scene, scene.source_index(source)?))
 }
 
-/// What was found, in one sentence.
+/// The result, in one sentence.
 pub fn in_words(association: &Association) -> String {
     let members = association.object_of_detection.iter().flatten().count();
     let doubtful = association.objects.iter().filter(|object| object.doubtful.is_some()).count();

@@ -1,4 +1,4 @@
-//! Contact sheets: the crops of one object side by side, with what was found in them, for people to look at.
+//! Contact sheets: the crops of one object side by side with their masks and ellipses, for visual inspection.
 
 use std::path::Path;
 
@@ -41,7 +41,7 @@ const OUTLINE: Rgb<u8> = Rgb([255, 225, 0]);
 const BOX_ELLIPSE: Rgb<u8> = Rgb([0, 200, 255]);
 /// The ellipse that was found.
 const ELLIPSE: Rgb<u8> = Rgb([255, 0, 160]);
-/// Frames: a mask that is free, one that is cut or touches another, one that was given up, and no result at all.
+/// Frames: a complete mask, one that is cut or touches another, a rejected one, and no result.
 const FREE: Rgb<u8> = Rgb([60, 170, 60]);
 const CUT: Rgb<u8> = Rgb([255, 150, 0]);
 const GIVEN_UP: Rgb<u8> = Rgb([220, 30, 30]);
@@ -92,7 +92,7 @@ fn contact_sheet(views: &[(&str, Option<&Crop>, Option<&Found>)]) -> anyhow::Res
     write_labels(sheet, &labels).map_err(|reason| anyhow!("cannot draw the contact sheet: {reason}"))
 }
 
-/// What lines and frames mean.
+/// The legend of lines and frames.
 fn legend() -> Vec<Label> {
     let lines = [
         ("mask", OUTLINE),

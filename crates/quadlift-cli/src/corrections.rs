@@ -1,4 +1,4 @@
-//! Options that undo the usual mistakes in a scene: what `localize`, `associate`, `segment` and `info` share.
+//! Options that correct common mistakes in a scene, shared by `localize`, `associate`, `segment` and `info`.
 
 use std::path::Path;
 
@@ -64,7 +64,7 @@ pub struct Corrections {
     frame_order: Option<Correction>,
 }
 
-/// The same options where a command has no options of `quadlift import-detections`.
+/// The same options for commands without those of `quadlift import-detections`.
 #[derive(clap::Args)]
 pub struct SceneCorrections {
     #[command(flatten)]
@@ -112,7 +112,8 @@ fn letterbox(text: &str) -> Result<RecordCorrection, String> {
 }
 
 impl Corrections {
-    /// What is asked for; size of the images of the detections and offset of frames are options of their own.
+    /// The requested corrections, without the image size of the detections and the frame offset, which are separate
+    /// options.
     pub fn list(&self, image_size: Option<[f64; 2]>, frame_offset: Option<i64>) -> Vec<RecordCorrection> {
         let known = [
             self.pose_convention,
@@ -138,7 +139,7 @@ impl Corrections {
 }
 
 impl SceneCorrections {
-    /// What is asked for.
+    /// The requested corrections.
     pub fn list(&self) -> Vec<RecordCorrection> {
         self.corrections.list(self.image_size, self.frame_offset)
     }
@@ -150,21 +151,21 @@ pub struct CorrectedScene {
     pub file: SceneFile,
     /// The scene that they describe.
     pub scene: Scene,
-    /// What was corrected, in words.
+    /// Descriptions of the corrections.
     pub notes: Vec<String>,
     /// The number that the detections gave to the frame number 0.
     pub frame_offset: i64,
-    /// The corrections that options asked for.
+    /// The corrections requested by options.
     pub corrections: Vec<RecordCorrection>,
 }
 
-/// What was corrected, a line each.
+/// Descriptions of the corrections, one per line.
 pub fn corrected_in_words(notes: &[String]) -> String {
     notes.iter().map(|note| format!("corrected: {}\n", one_line(note))).collect()
 }
 
 impl CorrectedScene {
-    /// Leaves out the detections with a lower score; those without a score stay.
+    /// Drops detections with a lower score; those without a score are kept.
     pub fn leave_out_below(&mut self, least: f64, path: &Path) -> anyhow::Result<()> {
         let before = self.file.detections.len();
         self.file.detections.retain(|detection| detection.score.is_none_or(|score| score >= least));

@@ -1,4 +1,4 @@
-//! The self-check of a scene in the program: it is told, mended where that is asked for, and decides the exit code.
+//! The self-check in the program: it is reported, corrected with `--fix`, and determines the exit code.
 
 use std::path::Path;
 
@@ -15,24 +15,24 @@ use crate::error::{InconsistentError, Outcome};
 use crate::output::Output;
 use crate::two_mistakes::two_mistakes;
 
-/// What the self-check found, and what it was told to do about it.
+/// The result of the self-check, and the options for handling it.
 #[derive(Debug, Clone, Default)]
 pub struct Check {
-    /// What it found, once what was asked for has been mended.
+    /// The result after the requested corrections.
     pub diagnosis: Diagnosis,
     /// Two mistakes that together explain what none explains alone.
     together: Option<[Cause; 2]>,
-    /// What is known of the scene.
+    /// Context of the scene.
     context: Context,
-    /// How often the scene may yet be mended.
+    /// Number of remaining corrections.
     fixes: usize,
-    /// Whether the user wants to go on with a scene that is inconsistent.
+    /// Whether the user accepts an inconsistent scene.
     accepted: bool,
 }
 
 impl Check {
-    /// Checks a scene, and mends it where `--fix` asks for that: what was done is added to its notes. Where the detections
-    /// are to be associated, `ids` says what their ids are worth: those that may be wrong tell nothing yet.
+    /// Checks a scene, and corrects it with `--fix`; corrections are added to its notes. If the detections are to be
+    /// associated, `ids` is the use of their ids: uncertain ids are ignored here.
     pub fn new(
         scene: &mut CorrectedScene,
         args: &CheckArgs,
@@ -53,7 +53,7 @@ impl Check {
         Ok(check)
     }
 
-    /// What was found in the detections of a source, and nothing to be done about it.
+    /// The result for the detections of a source, without corrections.
     pub fn of(diagnosis: Diagnosis, context: Context, file: &SceneFile, source: Option<&str>) -> Self {
         let mut check = Self { diagnosis, context, ..Self::default() };
         check.seek_two(file, |scene| of_source(scene, source));
@@ -76,15 +76,15 @@ impl Check {
         Ok(check)
     }
 
-    /// Looks for two mistakes at once where the scene is inconsistent and no cause is known.
+    /// Searches for two mistakes if the scene is inconsistent and no cause is known.
     fn seek_two(&mut self, file: &SceneFile, check: impl Fn(&Scene) -> Diagnosis) {
         if !self.diagnosis.consistent && self.diagnosis.causes.is_empty() && self.together.is_none() {
             self.together = two_mistakes(file, &self.diagnosis, &self.context, check);
         }
     }
 
-    /// Mends the scene by what explains its disagreement best, where that is asked for. Whether anything was done. A mistake
-    /// is not mended twice, unless it is one of a number, which was found roughly at first.
+    /// Applies the best correction with `--fix`; returns whether anything was changed. A mistake is not corrected
+    /// twice, unless it has a parameter, which may need refinement.
     pub fn fix(&mut self, scene: &mut CorrectedScene, path: &Path) -> anyhow::Result<bool> {
         if self.fixes == 0 || self.diagnosis.consistent {
             return Ok(false);
@@ -110,19 +110,19 @@ impl Check {
         Ok(mended)
     }
 
-    /// Takes what was found later, with more knowledge of the scene, unless it had disagreed with itself before.
+    /// Replaces the result by a later one with more information, unless the scene was inconsistent before.
     pub fn update(&mut self, diagnosis: &Diagnosis) {
         if self.diagnosis.consistent {
             self.diagnosis = diagnosis.clone();
         }
     }
 
-    /// Whether the scene is inconsistent and the user has not accepted that.
+    /// Whether the scene is inconsistent and not accepted by the user.
     pub fn refuses(&self) -> bool {
         !self.diagnosis.consistent && !self.accepted
     }
 
-    /// Whether a cause is known of what is wrong.
+    /// Whether the cause of the problem is known.
     pub fn is_explained(&self) -> bool {
         self.together.is_some() || !self.diagnosis.causes.is_empty()
     }
@@ -136,7 +136,7 @@ impl Check {
         record
     }
 
-    /// What is wrong and what mends it, in words.
+    /// The problem and its correction, as text.
     pub fn in_words(&self) -> Option<String> {
         match &self.together {
             Some(two) => Some(together_in_words(two, &self.context)),
@@ -144,7 +144,7 @@ impl Check {
         }
     }
 
-    /// The error of a scene in which association finds nothing; `left_out` says which detections took no part.
+    /// The error of a scene in which association finds nothing; `left_out` describes skipped detections.
     pub fn nothing_agrees(&self, left_out: &str) -> InconsistentError {
         let why = self
             .in_words()
@@ -155,7 +155,7 @@ impl Check {
         InconsistentError { text: format!("no object was found: {found}{left_out}: {why}"), diagnosis }
     }
 
-    /// Tells what is wrong with a scene; the outcome of a command that has done its work.
+    /// Reports the problem of a scene and returns the outcome of the finished command.
     pub fn tell(&self, title: &str, out: &Output) -> Outcome {
         match self.in_words() {
             Some(words) if self.refuses() => {
@@ -192,11 +192,11 @@ pub fn without_ids(scene: &Scene, source: Option<&str>) -> Diagnosis {
     let options = AssociateOptions { source: source.map(str::to_owned), ids: IdUse::Trust, ..Default::default() };
     let diagnosis =
         associate(scene, &options).and_then(|association| diagnose_association(scene, &association, &options));
-    // An unclear source is for what comes next to tell.
+    // An ambiguous source is reported later.
     diagnosis.unwrap_or_default()
 }
 
-/// The diagnosis of the detections of a source; an unclear source is for what comes next to tell.
+/// The diagnosis of the detections of a source; an ambiguous source is reported later.
 pub fn of_source(scene: &Scene, source: Option<&str>) -> Diagnosis {
     let source = scene.source_index(source).unwrap_or_default();
     diagnose(scene, |detection| source.is_none() || detection.source_index == source)

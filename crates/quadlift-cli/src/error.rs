@@ -27,7 +27,7 @@ impl Outcome {
 /// A scene that is inconsistent, so that nothing can be done with it: exit code 3.
 #[derive(Debug)]
 pub struct InconsistentError {
-    /// What is wrong, in words.
+    /// The problem, as text.
     pub text: String,
     /// The diagnosis, for `--json`.
     pub diagnosis: serde_json::Value,
@@ -41,7 +41,7 @@ impl fmt::Display for InconsistentError {
 
 impl std::error::Error for InconsistentError {}
 
-/// Wrong usage, exit code 2: what can be said from the command line alone.
+/// Wrong usage, exit code 2: errors visible from the command line alone.
 #[derive(Debug)]
 pub struct UsageError(pub String);
 

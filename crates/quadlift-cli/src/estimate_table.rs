@@ -1,4 +1,4 @@
-//! Estimates for people: one row per object, then the warnings in words.
+//! The table of estimates: one row per object, then warnings.
 
 use std::fmt::Write;
 
@@ -16,7 +16,7 @@ use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
 use crate::table::{Cell, Table, decimals, number};
 use crate::words::{count, some_of, with_unit};
 
-/// Rows of the table, at most: nobody reads more, and the table of a million objects takes a gigabyte.
+/// Maximum number of rows of the table: a million objects would take a gigabyte.
 const MOST_ROWS: usize = 10_000;
 
 /// The main figures of an estimate.
@@ -66,7 +66,7 @@ fn full_lengths(body: &Body) -> [f64; 3] {
     lengths
 }
 
-/// The table and what is to say about it.
+/// The table and its notes.
 pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -> String {
     let rows = summaries(scene, localization);
     let shown = &rows[..rows.len().min(MOST_ROWS)];
@@ -114,8 +114,8 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
     text
 }
 
-/// How far measurements are off, in plain words: edges of boxes, or centres and sizes of ellipses where there are no boxes.
-/// The scene's full list is for `--verbose` ([`noise_levels`]).
+/// Typical measurement errors, as text: edges of boxes, or centres and sizes of ellipses without boxes. `--verbose`
+/// prints the full list ([`noise_levels`]).
 fn typical_error(localization: &Localization) -> Option<String> {
     let level = |name: &str| localization.noise.get(name);
     let percent = |x: f64| format!("{} %", number(Some(100.0 * x), decimals(100.0 * x, 2)));
@@ -132,7 +132,7 @@ fn typical_error(localization: &Localization) -> Option<String> {
     ))
 }
 
-/// How well left-out views are predicted, in one line; `None` where none was.
+/// How well left-out views are predicted, in one line; `None` without any.
 fn agreement(checked: &CrossValidation) -> Option<String> {
     let iou = number(checked.iou(), 2);
     let views = count(checked.predictions().count(), "view");
@@ -140,7 +140,7 @@ fn agreement(checked: &CrossValidation) -> Option<String> {
     checked.iou().map(|_| format!("boxes predicted from the other views: IoU {iou} with the measured ones ({views})"))
 }
 
-/// The noise levels by the names that results and `--sigmas` have for them; `None` when there are none.
+/// The noise levels by their names in results and `--sigmas`; `None` if there are none.
 pub fn noise_levels(localization: &Localization) -> Option<String> {
     let levels: Vec<String> = localization.noise_levels().map(|(name, x)| format!("{name} {x:.4}")).collect();
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
@@ -201,7 +201,7 @@ fn status_style(status: &str) -> Style {
     }
 }
 
-/// What is to say about the objects, each with the ids of those it is about.
+/// Notes about the objects, each with the ids of the affected ones.
 fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> Vec<String> {
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for (row, estimate) in rows.iter().zip(&localization.estimates) {
@@ -218,7 +218,7 @@ fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> 
     notes.into_iter().map(|(text, ids)| format!("{}: {text}", some_of(&ids))).collect()
 }
 
-/// Why an object does not count as localised.
+/// Why an object is not localised.
 fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
     let fewest = min_views.max(method.fewest_views());
     Some(match status {

@@ -14,7 +14,7 @@ use crate::words::{count, some_of, with_unit};
 /// How estimates and true objects are paired, as on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum Match {
-    /// By their ids where any is common, else by overlap.
+    /// By ids if any are shared, otherwise by overlap.
     #[default]
     Auto,
     /// By their ids.
@@ -80,7 +80,7 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
     text
 }
 
-/// How many objects were found, for people.
+/// The number of found objects, as text.
 pub fn render_found(found: &FoundScore) -> String {
     format!(
         "{HEADING}found{HEADING:#}: {} of {} (IoU of at least {LEAST_IOU}, ignoring ids); {} of {} are correct\n",
@@ -91,7 +91,7 @@ pub fn render_found(found: &FoundScore) -> String {
     )
 }
 
-/// Why it is not scored how detections were divided into objects, where that should be said.
+/// Why the association was not scored, if this should be reported.
 pub fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
     match outcome {
         DivisionOutcome::Absent | DivisionOutcome::Scored(_) => None,
@@ -100,7 +100,7 @@ pub fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
     }
 }
 
-/// How detections were divided into objects, for people; nothing where there is nothing to say.
+/// The scores of the association, as text; empty if there are none.
 pub fn render_identities(outcome: &DivisionOutcome) -> String {
     let DivisionOutcome::Scored(Division { score, compared, only_in_estimate, only_in_truth }) = outcome else {
         let note = |why: String| format!("{WARNING}note:{WARNING:#} {}\n", one_line(&why));

@@ -1,4 +1,4 @@
-//! Which files are read and written: patterns and folders are expanded, outputs are checked before the long work.
+//! Input and output files: patterns and folders are expanded, outputs are checked before long work starts.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub fn read_scene(path: &Path) -> anyhow::Result<(SceneFile, Scene)> {
     Ok((file, scene))
 }
 
-/// The error, with the way to read a path that holds another program's cameras or detections.
+/// The error, with a hint for paths with cameras or detections of another program.
 pub fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
     if let Some(hint) = other_format(path) {
         error.problem.push_str(&format!("; {hint}"));
@@ -26,7 +26,7 @@ pub fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
     error
 }
 
-/// What to do with a path that holds no scene file but another program's cameras or detections.
+/// The hint for a path with cameras or detections of another program instead of a scene file.
 fn other_format(path: &Path) -> Option<String> {
     let shown = path.display();
     match detect_cameras(path) {

@@ -1,14 +1,14 @@
-//! How `-h` and `--help` look: lines of at most 100 columns; of `localize` the options that people need in the short help,
-//! the others in groups.
+//! Layout of `-h` and `--help`: lines of at most 100 columns; the short help of `localize` has only the most important
+//! options, the long help groups them.
 
 use clap::{Arg, Command};
 
 /// Columns of a line.
 const WIDTH: usize = 100;
-/// Columns that a help text beside an option must have at least; else it stands below the option.
+/// Minimum width of a help text beside an option; otherwise it is printed below the option.
 const LEAST: usize = 46;
 
-/// What the short help of `localize` shows, in fewer words than the long one.
+/// Options in the short help of `localize`, with shorter texts.
 const SHORT: [(&str, &str); 10] = [
     ("scenes", "Scene files, folders that hold them, or patterns in quotes"),
     ("output", "Output file"),
@@ -22,7 +22,7 @@ const SHORT: [(&str, &str); 10] = [
     ("fix", "Apply the corrections that the self-check proposes"),
 ];
 
-/// What stands at the end of the short help of `localize`.
+/// The end of the short help of `localize`.
 const AFTER_SHORT: &str = "\
 Examples:
   quadlift localize scene.json -o objects.json --report objects.html
@@ -94,7 +94,7 @@ fn wrapped(command: Command) -> Command {
     }
     let in_short = command.get_arguments().filter(|arg| !arg.is_hide_short_help_set());
     let left = in_short.map(left_columns).max().unwrap_or(0);
-    // The long help, where there is one, has the texts below the options.
+    // The long help, if there is one, has the texts below the options.
     let has_long = command.get_long_about().is_some();
     let below = WIDTH < left + LEAST;
     let width = if below { WIDTH - 10 } else { WIDTH - left };
@@ -107,7 +107,7 @@ fn wrapped(command: Command) -> Command {
     })
 }
 
-/// Columns before the help text of an argument that stands beside it.
+/// Width of an argument before its help text.
 fn left_columns(arg: &Arg) -> usize {
     let long = arg.get_long().map_or(0, |name| name.len() + 4);
     let takes_values = !matches!(
@@ -136,14 +136,14 @@ fn suffix(arg: &Arg) -> String {
     suffix
 }
 
-/// A help text in lines of this width; where what follows it would not fit, it follows on a line of its own.
+/// A help text in lines of this width; if the suffix does not fit, it follows on a separate line.
 fn help_text(text: &str, width: usize, suffix: &str) -> String {
     let filled = text.split("\n\n").map(|part| fill(part, width)).collect::<Vec<_>>().join("\n\n");
     let last = filled.lines().last().unwrap_or_default().chars().count();
     if last + suffix.chars().count() > width { filled + "\n" } else { filled }
 }
 
-/// A text whose paragraphs are filled; lines that are indented, or follow such a line, stay as they are.
+/// A text with filled paragraphs; indented lines, and lines that follow them, are not changed.
 fn paragraphs(text: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     let mut paragraph = String::new();

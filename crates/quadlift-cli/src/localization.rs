@@ -1,4 +1,4 @@
-//! Localising one scene: what was chosen, the call of the library, and the result as a scene file.
+//! Localising one scene: settings, the call of the library, and the result as a scene file.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ pub enum PriorSource {
     /// There are none.
     #[default]
     None,
-    /// Those that come with the program, in metres.
+    /// The built-in priors, in metres.
     Builtin,
     /// A TOML file.
     File(PathBuf),
@@ -88,8 +88,8 @@ impl Settings {
     }
 }
 
-/// Reads the masks of the detections that will be localised, where they are wanted; returns what could not be read, in
-/// words. `title` stands before the progress bar.
+/// Reads the masks of the detections to localise, if needed; returns read errors as text. `title` precedes the progress
+/// bar.
 pub fn read_masks(
     title: &str,
     (path, file): (&Path, &SceneFile),
@@ -100,7 +100,7 @@ pub fn read_masks(
     if options.measurements != MeasurementKind::Mask {
         return Ok(Vec::new());
     }
-    // An unclear source is for `localize` to tell.
+    // An ambiguous source is reported by `localize`.
     let source = scene.source_index(options.source.as_deref()).unwrap_or_default();
     if file.detections.iter().all(|detection| detection.mask.is_none()) {
         bail!("no detection has a \"mask\"; `quadlift segment` finds masks in the images");
@@ -121,7 +121,7 @@ pub fn check_metres(scene: &Scene) -> anyhow::Result<()> {
     quadlift_io::priors::check_metres(scene.length_unit.as_deref()).map_err(anyhow::Error::msg)
 }
 
-/// Localises the objects of a scene; `title` stands before the progress bar.
+/// Localises the objects of a scene; `title` precedes the progress bar.
 pub fn localize_scene(title: &str, scene: &Scene, settings: &Settings, out: &Output) -> anyhow::Result<Localization> {
     if matches!(settings.priors, PriorSource::Builtin) {
         check_metres(scene)?;

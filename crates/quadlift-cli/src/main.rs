@@ -119,7 +119,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Inconsistent) => ExitCode::from(3),
         Err(error) => {
             out.error(&error::in_words(&error));
-            // Best effort: the error has been told already.
+            // Best effort: the error has already been reported.
             let mut document = serde_json::json!({ "error": error::in_words(&error) });
             if let Some(error::InconsistentError { diagnosis, .. }) = error.downcast_ref() {
                 document["diagnosis"] = diagnosis.clone();

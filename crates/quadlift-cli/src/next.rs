@@ -1,4 +1,4 @@
-//! What to do next, at the end of a command: commands that work as they are printed.
+//! Suggested next commands at the end of a command, which work as printed.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -8,7 +8,7 @@ use crate::output::{DIM, HEADING, Output};
 /// A word of a command.
 #[derive(Debug, Clone, Copy)]
 pub enum Word<'a> {
-    /// A word as it stands.
+    /// A verbatim word.
     Text(&'a str),
     /// A path, which may need quotes.
     Path(&'a Path),
@@ -33,8 +33,8 @@ pub struct Next {
 }
 
 impl Next {
-    /// One more command (without the name of the program). One that names the standard output as a file is left out: what was
-    /// written there cannot be read again.
+    /// One more command (without the name of the program). Commands that read from standard output as a file are
+    /// omitted, because it cannot be read again.
     pub fn command<'a>(mut self, words: impl IntoIterator<Item = Word<'a>>, purpose: &str) -> Self {
         let mut line = program();
         for word in words {
@@ -55,7 +55,7 @@ impl Next {
         self
     }
 
-    /// The lines, with a heading; empty where there is nothing to do.
+    /// The lines, with a heading; empty without suggestions.
     pub fn text(&self) -> String {
         if self.lines.is_empty() {
             return String::new();
@@ -75,7 +75,7 @@ impl Next {
     }
 }
 
-/// How the program was called: by its name where the shell finds it under that, else by its path, as after `cargo run`.
+/// How the program was called: by its name if it is on the search path, otherwise by its path, as after `cargo run`.
 fn program() -> String {
     let called = std::env::args_os().next().unwrap_or_else(|| "quadlift".into());
     if Path::new(&called).components().count() <= 1 || is_on_path() { "quadlift".to_owned() } else { quoted(&called) }

@@ -1,8 +1,8 @@
 //! The only place that writes to the terminal.
 //!
-//! Reports and JSON go to the standard output; errors, warnings and details go to the standard error stream. Colours
-//! are left out when the stream is no terminal, or when NO_COLOR or CLICOLOR=0 ask for it. A reader that closes the
-//! pipe early (`quadlift info scene.json | head`) is no error.
+//! Reports and JSON go to standard output; errors, warnings and details go to standard error. Colours are disabled if
+//! the stream is not a terminal, or by NO_COLOR or CLICOLOR=0. A reader that closes the pipe early
+//! (`quadlift info scene.json | head`) is not an error.
 
 use std::io::{ErrorKind, Write};
 
@@ -21,37 +21,37 @@ pub const HEADING: Style = Style::new().bold();
 /// Style of what is less important.
 pub const DIM: Style = Style::new().dimmed();
 
-/// Errors of one kind that are told one by one; the JSON document has all of them.
+/// Maximum number of errors of one kind that are printed; the JSON document has all of them.
 const MOST_ERRORS: usize = 20;
 
-/// What is shown, and where.
+/// Settings of the output.
 #[derive(Debug, Clone, Copy)]
 pub struct Output {
     /// Print one JSON document instead of text.
     pub json: bool,
-    /// Print errors only (and the JSON document, if one is asked for).
+    /// Print errors only (and the JSON document, if requested).
     pub quiet: bool,
     /// Print details on the standard error stream.
     pub verbose: bool,
-    /// A result goes to the standard output: reports are printed on the standard error stream.
+    /// A result is written to standard output: reports are printed on standard error.
     pub reports_to_stderr: bool,
 }
 
 impl Output {
-    /// Prints a report for people, unless JSON or silence is asked for.
+    /// Prints a report, except with `--json` or `--quiet`.
     pub fn report(&self, text: &str) -> anyhow::Result<()> {
         if self.json || self.quiet {
             return Ok(());
         }
         if self.reports_to_stderr {
-            // Nobody is left to tell when the error stream is closed.
+            // Errors are ignored if standard error is closed.
             let _ = anstream::stderr().lock().write_all(text.as_bytes());
             return Ok(());
         }
         to_stdout(text)
     }
 
-    /// Prints the JSON document, if one is asked for.
+    /// Prints the JSON document, if requested.
     pub fn document(&self, value: &impl Serialize) -> anyhow::Result<()> {
         if !self.json {
             return Ok(());
@@ -79,7 +79,7 @@ impl Output {
         to_stderr(&format!("{style}error:{style:#} {}", one_line(text)));
     }
 
-    /// Prints a warning on the standard error stream, unless errors alone are asked for.
+    /// Prints a warning on standard error, except with `--quiet`.
     pub fn warning(&self, text: &str) {
         if !self.quiet {
             to_stderr(&format!("{WARNING}warning:{WARNING:#} {}", one_line(text)));
@@ -110,7 +110,7 @@ fn to_stdout(text: &str) -> anyhow::Result<()> {
 }
 
 fn to_stderr(line: &str) {
-    // Nobody is left to tell when the error stream is closed.
+    // Errors are ignored if standard error is closed.
     let _ = writeln!(anstream::stderr().lock(), "{line}");
 }
 

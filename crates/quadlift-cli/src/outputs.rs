@@ -1,4 +1,4 @@
-//! What a run writes, seen from the command line alone: outputs that are inputs, and the standard output.
+//! Outputs of a run, from the command line alone: outputs that are inputs, and standard output.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -9,7 +9,7 @@ use quadlift_io::is_standard_output;
 
 use crate::error::usage;
 
-/// The options that name what is written, in all commands.
+/// The output options of all commands.
 const OUTPUTS: [&str; 3] = ["output", "report", "views"];
 
 /// Outputs of `quadlift synth` alone; elsewhere a truth is read.
@@ -45,7 +45,7 @@ impl<'a> Paths<'a> {
         paths
     }
 
-    /// Whether an output is the standard output: messages must not be mixed with it.
+    /// Whether an output is standard output, which must not be mixed with messages.
     pub fn to_standard_output(&self) -> bool {
         self.outputs.iter().any(|(_, path)| is_standard_output(path))
     }

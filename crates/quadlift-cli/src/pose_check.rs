@@ -1,5 +1,5 @@
-//! Where objects lie, by the centres of their boxes: behind their cameras, or farther away than anything is seen. Whether
-//! they agree with the poses is for the self-check ([`quadlift::diagnosis`]).
+//! Positions of objects, triangulated from box centres: behind their cameras, or implausibly far away. The self-check
+//! ([`quadlift::diagnosis`]) tests whether they are consistent with the poses.
 
 use nalgebra::{Point3, Vector2};
 use quadlift::geometry::Projection;
@@ -7,7 +7,7 @@ use quadlift::scene::Scene;
 use quadlift::solve::triangulate;
 use quadlift_io::SceneFile;
 
-/// So many objects are enough to tell.
+/// Maximum number of objects for the check.
 const MOST_OBJECTS: usize = 100;
 
 /// Objects in fewer views fit to almost any poses.
@@ -19,7 +19,7 @@ const FAR_AWAY: f64 = 300.0;
 /// The views of one object: the frames, and the centres of its measurements in pixels.
 type Seen = Vec<(usize, Vector2<f64>)>;
 
-/// Oddities in words.
+/// Possible problems, as text.
 pub fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
     let mut oddities = Vec::new();
     oddities.extend(true_objects_behind(file, scene));
@@ -67,7 +67,7 @@ fn objects(scene: &Scene) -> Vec<Seen> {
     seen
 }
 
-/// Where objects lie, by the centres of their boxes.
+/// Positions of objects, triangulated from box centres.
 struct Fit {
     /// Share of the objects in front of most of their cameras, and the number of the others.
     in_front: f64,

@@ -1,4 +1,4 @@
-//! Progress bars, on the standard error stream and only when it is a terminal.
+//! Progress bars, on standard error and only if it is a terminal.
 
 use std::ops::ControlFlow;
 
@@ -8,7 +8,7 @@ use quadlift::Observer;
 
 use crate::output::{Output, one_line};
 
-/// A bar that counts objects; hidden with `--quiet` and where there is no terminal.
+/// A bar that counts objects; hidden with `--quiet` and without a terminal.
 pub fn object_bar(message: &str, out: &Output) -> ProgressBar {
     counting_bar(message, "objects", out)
 }
@@ -24,7 +24,7 @@ pub fn shown_on(bar: &ProgressBar) -> impl Observer + '_ {
 
 /// A bar that counts something else.
 pub fn counting_bar(message: &str, things: &str, out: &Output) -> ProgressBar {
-    // indicatif draws nothing on a stream that is no terminal.
+    // indicatif draws nothing on a stream that is not a terminal.
     let target = if out.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(0), target).with_message(one_line(message));
     match ProgressStyle::with_template(&format!("{{msg}} {{bar:30}} {{pos}}/{{len}} {things} {{elapsed}}")) {

@@ -13,8 +13,7 @@ use crate::synthetic_file::scene_file;
 /// Folders of the images and of the masks, beside the scene file.
 const FOLDERS: [&str; 2] = ["images", "masks"];
 
-/// Refuses to write images and masks beside a scene file that does not exist yet where there are such folders already:
-/// they hold somebody's files.
+/// Rejects existing folders for images and masks beside a new scene file: they may contain the user's files.
 pub fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
     for folder in folders(scene_file) {
         let taken = folder.exists() && !std::fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_none());
@@ -25,7 +24,7 @@ pub fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the images of a rendered scene beside the scene file and gives the content of that one, with the truth.
+/// Writes the images of a rendered scene beside the scene file and returns its content, with the ground truth.
 pub fn write_images(rendered: &RenderedScene, path: &Path) -> anyhow::Result<SceneFile> {
     let [images, _] = folders(path);
     make_folder(&images)?;

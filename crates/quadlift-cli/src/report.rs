@@ -1,4 +1,4 @@
-//! Reports: what the commands with `--report` share, and files of one scene that are looked at together.
+//! Reports: shared code of commands with `--report`, and files of one scene that are shown together.
 
 use std::path::{Path, PathBuf};
 
@@ -63,20 +63,20 @@ pub fn write_localized(
     write_report(path, &content)
 }
 
-/// Files of one scene, looked at together: detections, estimates and truth may be in one or in several of them.
+/// Files of one scene, shown together: detections, estimates and ground truth may be in one or in several files.
 pub struct Gathered {
     title: String,
     /// Frames and detections.
     pub scene: Scene,
     /// Their images.
     pub images: SceneImages,
-    /// Times of the frames in seconds, where they are known.
+    /// Times of the frames in seconds, if known.
     pub times: Vec<Option<f64>>,
     /// Points of the scene's surfaces, from the first file that has some.
     points: Vec<[f64; 3]>,
-    /// The file that holds estimates.
+    /// The file with the estimates.
     pub estimate: Option<(PathBuf, SceneFile)>,
-    /// The file that holds the truth.
+    /// The file with the ground truth.
     pub truth: Option<(PathBuf, SceneFile)>,
 }
 
@@ -133,7 +133,7 @@ impl Gathered {
         }
     }
 
-    /// Writes the page, with scores where the estimates and the truth have objects in common.
+    /// Writes the report, with scores if the estimates and the ground truth share objects.
     pub fn write_report_with_scores(&self, path: &Path) -> anyhow::Result<()> {
         let evaluation = match (&self.estimate, &self.truth) {
             (Some((a, estimate)), Some((b, truth))) => evaluate_objects((a, estimate), (b, truth), Matching::Auto).ok(),

@@ -10,7 +10,7 @@ use quadlift_io::segmentation::{self, SegmentSceneError, Segmentation, Settings,
 use crate::output::Output;
 use crate::progress::{counting_bar, object_bar};
 
-/// Segments the detections of a scene; `title` stands before the progress bars.
+/// Segments the detections of a scene; `title` precedes the progress bars.
 pub fn segment_scene(
     title: &str,
     scene: &Scene,

@@ -23,8 +23,7 @@ pub fn remove_temporary_files_at_the_end() {
 #[cfg(not(unix))]
 pub fn remove_temporary_files_at_the_end() {}
 
-/// The set of signals that this process ignores, signal 1 in the lowest bit; where it is not known, SIGHUP, which
-/// `nohup` ignores.
+/// The set of signals that this process ignores, signal 1 in the lowest bit; if unknown, SIGHUP, which `nohup` ignores.
 #[cfg(unix)]
 fn ignored_signals() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -56,7 +56,7 @@ impl Table {
         self.rows.push(row);
     }
 
-    /// The table as lines of text; columns without any entry are left out.
+    /// The table as lines of text; empty columns are omitted.
     pub fn render(&self) -> String {
         let content = |column: usize| {
             let widest = self.rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.text.width()).max()?;
@@ -75,7 +75,7 @@ impl Table {
             (column, titles[column].iter().map(|line| line.width()).max().unwrap_or(0).max(width))
         };
         let columns: Vec<(usize, usize)> = columns.into_iter().map(width_of).collect();
-        // What is still too wide stands closer together.
+        // Tables that are still too wide get narrower gaps.
         let is_tight = columns.iter().map(|(_, width)| width + 2).sum::<usize>() > WIDTH + 2;
         let between = if is_tight { " " } else { "  " };
         // The last lines of the titles stand on one line.

@@ -1,5 +1,5 @@
-//! Two mistakes at once: where none alone explains why a scene is inconsistent, conventions of poses and boxes are
-//! undone one by one, and the self-check looks for a second mistake in what is left.
+//! Two simultaneous mistakes: if none alone explains why a scene is inconsistent, conventions of poses and boxes are
+//! corrected one by one, and the self-check searches for a second mistake.
 
 use quadlift::diagnosis::{BoxFormat, Cause, Correction, Diagnosis};
 use quadlift::scene::Scene;
@@ -22,8 +22,8 @@ const FIRST: [Correction; 10] = [
     Correction::NormalizedIntrinsics,
 ];
 
-/// Looks for two mistakes that together explain the disagreement of a scene; `check` is the self-check. The second one was
-/// found in the scene without the first. `None` where the scene still disagrees, or no pair is found.
+/// Searches for two mistakes that together explain an inconsistent scene; `check` is the self-check. The second one is
+/// found after the correction of the first. `None` if the scene stays inconsistent or no pair is found.
 pub fn two_mistakes(
     file: &SceneFile,
     before: &Diagnosis,

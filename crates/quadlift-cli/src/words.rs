@@ -4,12 +4,12 @@ use std::time::Duration;
 
 pub use quadlift_io::wording::{count, some_of};
 
-/// What is said where Parquet is asked for and the program was built without it.
+/// The error if Parquet is requested and the program was built without it.
 #[cfg(not(feature = "parquet"))]
 pub const NO_PARQUET: &str = "this program was built without Parquet; to add it: cargo install --path \
      crates/quadlift-cli --features parquet";
 
-/// A time that a step took: in milliseconds or seconds, with two digits after the point where it is short.
+/// A duration: in milliseconds or seconds, with two decimals if it is short.
 pub fn duration(time: Duration) -> String {
     let milliseconds = 1e3 * time.as_secs_f64();
     match milliseconds {
@@ -20,7 +20,7 @@ pub fn duration(time: Duration) -> String {
     }
 }
 
-/// A title of a column with lengths; the unit is named where it is known.
+/// The title of a column with lengths, with the unit if known.
 pub fn with_unit(title: &str, length_unit: Option<&str>) -> String {
     match length_unit {
         Some(unit) => format!("{title} [{unit}]"),

@@ -16,8 +16,8 @@ pub fn write_objects(detections: &mut [DetectionRecord], associated: &Scene) {
     }
 }
 
-/// Adds to a result what was found about identities: the detections with their objects, why objects are doubtful, and
-/// the counts. `detections` are those of the file that was associated.
+/// Adds an association to a result: the detections with their object ids, warnings of doubtful objects, and counts.
+/// `detections` are those of the associated file.
 pub fn add_to_result(
     result: &mut SceneFile,
     detections: Vec<DetectionRecord>,

@@ -12,7 +12,7 @@ use crate::temporary::{PREFIX, Temporary};
 /// Writes a file through a temporary one in the same folder, which takes its place at the end, so that readers never
 /// see half a file and the earlier file survives every failure. The file and its folder are synced to the disk.
 ///
-/// A link is followed. What is no ordinary file is written directly and never replaced: pipes, devices, `-` (the standard
+/// A link is followed. Special files are written directly and never replaced: pipes, devices, `-` (the standard
 /// output), and open files by their number (`/dev/stdout`, `/dev/fd/3`), to which the content is appended.
 ///
 /// # Errors
@@ -54,7 +54,7 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<
     })?;
     write(&mut file).map_err(fail)?;
     if let Some(earlier) = earlier {
-        // Failing to keep the permissions is no reason to lose the result.
+        // Failing to copy the permissions does not fail the write.
         let _ = fs::set_permissions(temporary.path(), earlier.permissions());
     }
     // Before the new name: otherwise a crash of the machine could leave an empty file in place of the earlier one.
@@ -75,7 +75,7 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// The result of syncing; a file system that cannot sync is no failure.
+/// The result of syncing; a file system without sync support is not an error.
 fn synced(result: io::Result<()>) -> io::Result<()> {
     match result {
         Err(error) if matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Ok(()),
@@ -94,8 +94,8 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Fills a new folder through a temporary one beside it, which takes its name at the end. A folder that is empty may be
-/// there already.
+/// Fills a new folder through a temporary one beside it, which is renamed at the end. An existing empty folder is
+/// allowed.
 ///
 /// # Errors
 /// [`WriteError`] when the folder above does not exist, when there is a file or a folder with files of this name, or when

@@ -13,7 +13,7 @@ use crate::scene_file::{ObjectBodies, SceneFile};
 /// The levels of the regions that a result lists.
 pub const LEVELS: [f64; 4] = [0.5, 0.9, 0.95, 0.99];
 
-/// A result and the scene that holds its truth, with their paths.
+/// A result and the scene with its ground truth, with their paths.
 pub type ResultAndTruth<'a> = [(&'a Path, &'a SceneFile); 2];
 
 /// Calibrates regions on the objects of results whose truth is known; estimates and true objects are paired by their ids.
@@ -54,8 +54,8 @@ fn errors_of(estimate: &ObjectBodies, truth: &ObjectBodies) -> Option<SquaredErr
     squared_errors(&body, &estimate.covariance?, &true_body)
 }
 
-/// What a result says about its calibration: the files, the number of objects, and for each part of an estimate the
-/// squared distance that takes the place of the quantile of chi-square at each level; null where the objects are too few.
+/// The calibration in the format of results: the files, the number of objects, and for each part of an estimate the
+/// squared distance that replaces the chi-square quantile at each level; null if there are too few objects.
 pub fn calibration_record(calibration: &Calibration, files: &[[&Path; 2]]) -> Value {
     let limits = |part: RegionPart| -> Map<String, Value> {
         LEVELS.iter().map(|&level| (level.to_string(), calibration.limit(part, level).into())).collect()

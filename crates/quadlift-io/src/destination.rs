@@ -13,7 +13,7 @@ pub(crate) enum Stream {
     Other,
 }
 
-/// How many links lead to a file at most; the limit of Linux.
+/// Maximum number of links to a file; the limit of Linux.
 const MOST_LINKS: usize = 40;
 
 /// The open file that a path names: `-`, or one that leads to `/dev/stdout`, `/dev/fd/1`, `/proc/self/fd/1` and the like.

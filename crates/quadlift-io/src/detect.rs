@@ -100,7 +100,7 @@ impl DetectionFormat {
 /// The format of cameras and poses, and the path at which its reader finds them.
 ///
 /// # Errors
-/// [`ReadError`] when the path cannot be read, or when it is none of the formats; the message lists what was looked for.
+/// [`ReadError`] if the path cannot be read, or if it matches no format; the message lists the formats.
 pub fn detect_cameras(path: &Path) -> Result<(CameraFormat, PathBuf), ReadError> {
     let format = if path.is_dir() { cameras_in_folder(path) } else { cameras_in_file(path)? };
     let folder = || path.parent().unwrap_or(Path::new("")).to_owned();
@@ -158,7 +158,7 @@ fn cameras_in_file(path: &Path) -> Result<Option<CameraFormat>, ReadError> {
 /// The format of detections.
 ///
 /// # Errors
-/// [`ReadError`] when the path cannot be read, or when it is none of the formats; the message lists what was looked for.
+/// [`ReadError`] if the path cannot be read, or if it matches no format; the message lists the formats.
 pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
     let format = if path.is_dir() { detections_in_folder(path)? } else { detections_in_file(path)? };
     format.ok_or_else(|| {

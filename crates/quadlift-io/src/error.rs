@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 pub struct ReadError {
     /// The file.
     pub path: PathBuf,
-    /// Line, from 1, where it is known.
+    /// Line, from 1, if known.
     pub line: Option<usize>,
-    /// Column in bytes, from 1, where it is known.
+    /// Column in bytes, from 1, if known.
     pub column: Option<usize>,
-    /// The entry of the file, such as `detections[3].box`, where it is known.
+    /// The entry of the file, such as `detections[3].box`, if known.
     pub entry: Option<String>,
     /// What was found and what was expected.
     pub problem: String,
@@ -58,10 +58,10 @@ impl ReadError {
     }
 }
 
-/// The longest problem and the longest entry in a message, in characters; they may quote anything that a file holds.
+/// The longest problem and the longest entry in a message, in characters; they may quote the content of a file.
 const LONGEST: [usize; 2] = [1000, 200];
 
-/// A text for a message: in one line ([`escape`]), its middle left out where it is longer than so many characters.
+/// A text for a message: in one line ([`escape`]), with the middle removed if it is longer than this many characters.
 fn one_line(text: String, longest: usize) -> String {
     let text = if text.contains(is_hidden) { escape(&text) } else { text };
     let count = text.chars().count();
@@ -92,7 +92,7 @@ fn is_hidden(c: char) -> bool {
 
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // A path may stand in a file that somebody else wrote.
+        // A path may come from an untrusted file.
         write!(f, "{}", escape(&self.path.display().to_string()))?;
         for number in [self.line, self.column].into_iter().flatten() {
             write!(f, ":{number}")?;
@@ -122,7 +122,7 @@ impl EntryError {
         Self { entry: entry.into(), problem: problem.to_string() }
     }
 
-    /// The same problem, with the file that holds the entry.
+    /// The same problem, with the file of the entry.
     pub fn in_file(self, path: &Path) -> ReadError {
         ReadError::new(path, self.problem).in_entry(self.entry)
     }

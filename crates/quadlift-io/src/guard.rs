@@ -36,7 +36,7 @@ fn of_file(path: &Path, metadata: &Metadata) -> Option<Identity> {
     metadata.is_file().then(|| path.canonicalize().ok().map(Identity::Path))?
 }
 
-/// Whether two paths lead to one file that exists: the same path, a link, or another name of the same inode.
+/// Whether two paths refer to the same existing file: the same path, a link, or another name of the same inode.
 pub fn is_same_file(a: &Path, b: &Path) -> bool {
     identity(a).is_some_and(|a| identity(b) == Some(a))
 }
@@ -52,7 +52,7 @@ pub fn common_file<'a>(first: &'a [PathBuf], second: &'a [PathBuf]) -> Option<(&
 #[derive(Default)]
 struct Guard {
     read: BTreeSet<Identity>,
-    /// Files that scenes refer to: looked at only where an output exists already.
+    /// Files that scenes refer to: checked only if an output already exists.
     named: BTreeSet<PathBuf>,
 }
 
@@ -82,15 +82,15 @@ pub(crate) fn note_named(paths: impl Iterator<Item = PathBuf>) {
     }
 }
 
-/// Allows to overwrite a file all the same, for what is changed in place.
+/// Allows overwriting a file, for changes in place.
 pub fn allow_overwriting(path: &Path) {
     if let (Some(guard), Some(identity)) = (guard().as_mut(), identity(path)) {
         guard.read.remove(&identity);
     }
 }
 
-/// Refuses an output that is a file which this process has read so far, or which a scene refers to. Nothing is refused
-/// without [`protect_what_is_read`].
+/// Rejects an output that this process has read, or to which a scene refers. Has no effect without
+/// [`protect_what_is_read`].
 ///
 /// # Errors
 /// [`WriteError`] with the path of the output.

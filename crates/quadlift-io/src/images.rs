@@ -14,19 +14,18 @@ pub(crate) use codecs::{read_image_of_size, read_label_image_of_size};
 #[cfg(not(feature = "images"))]
 pub(crate) use left_out::{read_image_of_size, read_image_size, read_label_image_of_size, write_label_image};
 
-/// Images with more pixels are refused unless [`set_max_pixels`] says otherwise: those of the largest cameras in use have
-/// 151 million.
+/// Default limit of pixels, see [`set_max_pixels`]: images of the largest cameras in use have 151 million.
 pub const DEFAULT_MAX_PIXELS: u64 = 160_000_000;
 
 static MAX_PIXELS: AtomicU64 = AtomicU64::new(DEFAULT_MAX_PIXELS);
 
-/// Sets how many pixels an image or mask may have in this process. A file of a few kilobytes can hold an image that fills
-/// the memory; its size is looked at before anything is decoded.
+/// Sets the maximum number of pixels of an image or mask in this process. A file of a few kilobytes can contain an
+/// image that fills the memory; its size is checked before anything is decoded.
 pub fn set_max_pixels(pixels: u64) {
     MAX_PIXELS.store(pixels, Ordering::Relaxed);
 }
 
-/// How many pixels an image or mask may have ([`set_max_pixels`]).
+/// The maximum number of pixels of an image or mask ([`set_max_pixels`]).
 pub fn max_pixels() -> u64 {
     MAX_PIXELS.load(Ordering::Relaxed)
 }

@@ -11,11 +11,11 @@ use crate::guard::note_read;
 /// Most bytes that are read from a pipe.
 const MOST_FROM_PIPE: u64 = 1 << 32;
 
-/// The bytes of a file. Devices and named pipes are refused, because they may have no end or nobody may write to them;
-/// an open pipe (`/dev/stdin`, `/dev/fd/63` of a shell's `<(...)`) is read.
+/// The bytes of a file. Devices and named pipes are rejected, because they may be endless or never written to; an open
+/// pipe (`/dev/stdin`, `/dev/fd/63` of a shell's `<(...)`) is read.
 ///
 /// # Errors
-/// [`ReadError`] when there is no such file, when it is a folder, a device or a named pipe, or when the system refuses.
+/// [`ReadError`] if there is no such file, if it is a folder, a device or a named pipe, or if the system reports an error.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
     check_readable(path)?;
     note_read(path);
@@ -32,7 +32,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
     read().map_err(|error| read_error(path, &error))
 }
 
-/// Refuses what is no ordinary file, nor an open pipe, before it is opened: that alone may last for ever.
+/// Rejects anything but ordinary files and open pipes before opening, which may block forever.
 ///
 /// # Errors
 /// As [`read_bytes`].
@@ -63,7 +63,7 @@ pub(crate) fn read_error(path: &Path, error: &io::Error) -> ReadError {
     let problem = match error.kind() {
         io::ErrorKind::NotFound => "there is no such file".to_owned(),
         io::ErrorKind::IsADirectory => "this is a folder; expected a file".to_owned(),
-        // Windows reports a folder as a refusal.
+        // Windows reports a folder as "access denied".
         _ if path.is_dir() => "this is a folder; expected a file".to_owned(),
         _ => format!("cannot read the file: {error}"),
     };

@@ -1,6 +1,6 @@
 //! Lists of a fixed number of numbers in JSON.
 //!
-//! serde's own arrays report a list that is too long as "trailing characters", which helps nobody.
+//! serde's own arrays report a list that is too long as "trailing characters", which is misleading.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -116,7 +116,7 @@ pub fn plain<S: Serializer>(number: &Option<f64>, serializer: S) -> Result<S::Ok
     }
 }
 
-/// A number with so many significant decimal digits (1 to 15) at most, for figures that are not known better and would be
+/// Rounds a number to at most this many significant decimal digits (1 to 15), for figures that would otherwise be
 /// written with 17.
 pub fn significant(x: f64, digits: i32) -> f64 {
     if x == 0.0 || !x.is_finite() {

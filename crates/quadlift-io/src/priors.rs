@@ -66,7 +66,7 @@ impl TryFrom<PriorRecord> for Checked {
 /// Reads a file of priors.
 ///
 /// # Errors
-/// [`ReadError`] when the file cannot be read or is no TOML, and for unknown keys, sizes that are not positive, and a
+/// [`ReadError`] if the file cannot be read or is not TOML, and for unknown keys, sizes that are not positive, and a
 /// `size` without `size_sd` (or the other way round).
 pub fn read_priors(path: &Path) -> Result<CategoryPriors, ReadError> {
     let bytes = read_bytes(path)?;
@@ -100,14 +100,14 @@ fn describe(path: &Path, text: &str, error: &toml::de::Error, entry: Option<Stri
     }
 }
 
-/// The priors that come with quadlift, for scenes in metres: road users and things in the house, by the lower-case
-/// names of KITTI and COCO. The file `priors/builtin.toml` says where each comes from.
+/// The priors that come with quadlift, for scenes in metres: road users and household objects, by the lower-case names
+/// of KITTI and COCO. The file `priors/builtin.toml` documents their sources.
 pub fn builtin_priors() -> CategoryPriors {
     // The text is part of the program and a test reads it; without it there would be no priors, never a panic.
     parse_priors(Path::new("builtin.toml"), BUILTIN).unwrap_or_default()
 }
 
-/// What is known of sizes where lengths have this unit: the built-in priors for metres, nothing otherwise.
+/// Size ranges for a length unit: the built-in priors for metres, otherwise nothing.
 pub fn plausible_sizes(length_unit: Option<&str>) -> CategoryPriors {
     if length_unit == Some("m") { builtin_priors() } else { CategoryPriors::default() }
 }

@@ -13,11 +13,10 @@ use std::time::{Duration, SystemTime};
 pub(crate) const PREFIX: &str = ".quadlift-";
 const SUFFIX: &str = ".tmp";
 
-/// What another machine may have left behind, or another container, is removed after this time: whether its process lives
-/// cannot be asked.
+/// Leftovers of other machines or containers are removed after this time, because their processes cannot be checked.
 const DAY: Duration = Duration::from_secs(86_400);
 
-/// What this process has at the moment, and where it has looked for leftovers.
+/// The temporary files of this process, and the folders already checked for leftovers.
 #[derive(Default)]
 struct Register {
     paths: BTreeSet<PathBuf>,
@@ -111,7 +110,7 @@ pub fn remove_temporary_files() {
     mem::take(&mut register.paths).iter().for_each(|path| remove(path));
 }
 
-/// Removes what processes that were killed have left in a folder. Failing to is no failure.
+/// Removes leftovers of killed processes from a folder. Ignores errors.
 fn remove_left_behind(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {

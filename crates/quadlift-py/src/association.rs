@@ -46,7 +46,7 @@ impl AssociateKeywords {
     }
 }
 
-/// Associates; that nothing is found is an error that says why.
+/// Associates; returns an error with the reason if nothing is found.
 pub fn associated(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) -> Result<Association, String> {
     let association = associate_observed(scene, options, ticker).map_err(|error| error.to_string())?;
     match association.outcome {

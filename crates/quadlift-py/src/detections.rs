@@ -1,4 +1,4 @@
-//! From NumPy arrays to the detections of a scene. Shapes and types are checked in Python; here, what is in them.
+//! From NumPy arrays to the detections of a scene. Shapes and types are checked in Python, values are checked here.
 
 use std::collections::HashMap;
 
@@ -34,7 +34,7 @@ pub struct DetectionArrays<'py> {
     object: Names<'py>,
     #[pyo3(default)]
     category: Names<'py>,
-    /// (M,); NaN where there is none.
+    /// (M,); NaN for none.
     #[pyo3(default)]
     scores: Option<PyReadonlyArray1<'py, f64>>,
     #[pyo3(default)]
@@ -51,7 +51,7 @@ struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
 /// A box and an ellipse, measured in the image as it is.
 type Measured = (Option<BoundingBox>, Option<Ellipse>);
 
-/// What a scene file holds of detections beside what a scene holds.
+/// Data of detections in a scene file that is not in a scene.
 pub struct Originals {
     /// What was measured, where a lens has been taken out of it since; empty where no frame has one.
     measured: Vec<Measured>,
@@ -185,7 +185,7 @@ impl Names<'_> {
     }
 }
 
-/// Why a scene is refused to which detections were added from the index `first` on: their rows instead of indices.
+/// The error of a scene with detections added from the index `first` on: with rows instead of indices.
 pub fn refused(error: SceneError, first: usize) -> PyErr {
     let SceneError::DuplicateDetection { object, frame, first: earlier, second } = error else { return refuse(error) };
     let row = second - first;
@@ -196,8 +196,8 @@ pub fn refused(error: SceneError, first: usize) -> PyErr {
     refuse(format!("row {row}: the object \"{object}\" is detected twice in frame \"{frame}\" (first {place})"))
 }
 
-/// Which edges (left, top, right, bottom) of M boxes another box of the same frame probably hides: (M, 4). What is no box
-/// neither hides nor is hidden.
+/// Which edges (left, top, right, bottom) of M boxes are probably hidden by another box of the same frame: (M, 4).
+/// Invalid boxes neither hide nor are hidden.
 #[pyfunction]
 pub fn hidden_edges<'py>(
     py: Python<'py>,

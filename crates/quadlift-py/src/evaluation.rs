@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 pub const MATCHING: [(&str, Matching); 3] =
     [("auto", Matching::Auto), ("ids", Matching::Ids), ("overlap", Matching::Overlap)];
 
-/// Scores the objects of `estimate` against those of `truth`, and how the detections were divided into objects, each as
-/// far as both files have them: the fields of Python's `Evaluation`.
+/// Scores the objects of `estimate` against those of `truth`, and the association, if both files have the data: the
+/// fields of Python's `Evaluation`.
 pub fn scores(
     estimate: &SceneFile,
     truth: &SceneFile,

@@ -1,4 +1,4 @@
-//! From NumPy arrays to the cameras of a scene. Shapes and types are checked in Python; here, what is in them.
+//! From NumPy arrays to the cameras of a scene. Shapes and types are checked in Python, values are checked here.
 
 use nalgebra::Matrix3x4;
 use numpy::{PyReadonlyArray2, PyReadonlyArray3};
@@ -74,7 +74,7 @@ impl FrameArrays<'_> {
         Ok(file)
     }
 
-    /// The frames whose cameras are wrong, and why. That all frames share one wrong camera is told of the first one.
+    /// Frames with invalid cameras, with reasons. A shared invalid camera is reported for the first frame only.
     pub fn problems(&self) -> impl Iterator<Item = (usize, String)> {
         let count = self.frame_ids.len();
         let cameras = (0..self.cameras()).filter_map(|index| Some((index, self.problem_of_camera(index)?)));

@@ -1,4 +1,4 @@
-//! A scene with its file, which is made when it is asked for.
+//! A scene with its file, which is created on demand.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,13 +12,13 @@ use quadlift_io::guard::is_same_file;
 use crate::detections::{DetectionArrays, Originals, refused};
 use crate::error::refuse;
 
-/// A checked scene and the scene file that it stands for.
+/// A validated scene and its scene file.
 pub struct Loaded {
     /// Frames and detections.
     pub scene: Scene,
     /// The path to which those in the file are relative, as that of the file is.
     pub path: PathBuf,
-    /// The scene was calculated from that of the path, and lacks what was left out, such as detections.
+    /// The scene was computed from that of the path and lacks parts of it, such as detections.
     is_result: bool,
     source: Source,
 }
@@ -26,7 +26,7 @@ pub struct Loaded {
 /// Where the scene file comes from.
 enum Source {
     File(SceneFile),
-    /// More detections than another one has. The file is made when it is asked for: arrays become estimates without it.
+    /// Another scene with more detections. The file is created on demand: localising arrays does not need it.
     Added {
         base: Arc<Loaded>,
         originals: Originals,
@@ -54,8 +54,8 @@ impl Loaded {
         self.check(output, true)
     }
 
-    /// Refuses to write the scene over an image or mask that it refers to; and a result over the scene's file. A scene may
-    /// well be written where it was read.
+    /// Rejects an output that is an image or mask of the scene; and, for results, the scene file. A scene may be
+    /// written to the file from which it was read.
     pub fn check_scene_output(&self, output: &Path) -> PyResult<()> {
         self.check(output, self.is_result)
     }

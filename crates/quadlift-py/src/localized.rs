@@ -36,25 +36,25 @@ use crate::scene::PyScene;
 pub struct PyLocalized {
     /// The file that was localised.
     loaded: Arc<Loaded>,
-    /// The scene where it is not as it was loaded: its objects were found, or its masks read.
+    /// The scene if it differs from the loaded one: after association, or with masks.
     changed: Option<Scene>,
-    /// How they were found, where they were.
+    /// The association, if there was one.
     association: Option<Association>,
     /// The estimates.
     localization: Localization,
     /// The settings as in a file.
     settings: serde_json::Value,
-    /// How regions are calibrated, where they are.
+    /// The calibration of regions, if any.
     calibration: Option<serde_json::Value>,
-    /// Index of the source whose detections were taken.
+    /// Index of the used source.
     source: Option<u32>,
-    /// What could not be read, in words.
+    /// Read errors, as text.
     problems: Vec<String>,
     /// Time that the library took, seconds.
     seconds: f64,
 }
 
-/// Reads masks where they are wanted, associates where detections name no object, and localises, as the program does.
+/// Reads masks if needed, associates detections without object ids, and localises, like the program.
 pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<PyLocalized, String> {
     let start = Instant::now();
     let options = &choices.options;
@@ -160,7 +160,7 @@ impl PyLocalized {
             let mut values = Vec::with_capacity(width * estimates.len());
             for (index, estimate) in estimates.iter().enumerate() {
                 of(estimate, &mut values);
-                // What there is not is NaN.
+                // Missing values are NaN.
                 values.resize(width * (index + 1), f64::NAN);
             }
             dict.set_item(name, PyArray1::from_vec(py, values))
@@ -256,7 +256,7 @@ impl PyLocalized {
         serde_json::Value::from(noise_record(&self.localization)).to_string()
     }
 
-    /// What the left-out views tell about the scene, as JSON.
+    /// The cross-validation of the scene, as JSON.
     #[getter]
     fn cross_validation_json(&self) -> String {
         cross_validation_record(&self.localization).to_string()
@@ -268,7 +268,7 @@ impl PyLocalized {
         self.calibration.as_ref().map(ToString::to_string)
     }
 
-    /// Whether the scene agrees with itself, as JSON; and what is wrong, in words.
+    /// The self-check as JSON, and its message.
     #[getter]
     fn diagnosis(&self) -> (String, Option<String>) {
         let (diagnosis, context) = (&self.localization.diagnosis, Context::of(self.loaded.file(), 0));
@@ -284,13 +284,13 @@ impl PyLocalized {
         (without_object, occluded_or_truncated, beyond_lens, without_measurement)
     }
 
-    /// Whether identities were found.
+    /// Whether the detections were associated.
     #[getter]
     fn associated(&self) -> bool {
         self.association.is_some()
     }
 
-    /// What was found about identities, as JSON.
+    /// The association as JSON.
     #[getter]
     fn association_json(&self) -> Option<String> {
         self.association.as_ref().map(|association| association_record(self.scene(), association).to_string())

@@ -49,13 +49,13 @@ pub struct LocalizeKeywords {
     calibration: Vec<(Py<PyScene>, Py<PyScene>)>,
 }
 
-/// What the keywords say.
+/// The options from keywords.
 pub struct Choices {
     /// LocalizeOptions of the library.
     pub options: LocalizeOptions,
-    /// Where the priors come from, in words.
+    /// The source of the priors, as text.
     pub priors: Option<String>,
-    /// What ids are worth where the scene is associated first; `None` where it is not.
+    /// The use of ids if the scene is associated first, otherwise `None`.
     pub ids: Option<IdUse>,
     /// How regions are calibrated, where they are: what the result says about it.
     pub calibration: Option<Value>,

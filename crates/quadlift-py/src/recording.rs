@@ -1,4 +1,4 @@
-//! What a recording for Rerun holds; it is logged in Python.
+//! The content of a Rerun recording; it is logged in Python.
 
 use std::path::Path;
 

@@ -14,13 +14,13 @@ use rayon::ThreadPool;
 
 use crate::error::refuse;
 
-/// How often progress is told and signals are looked at.
+/// Interval of progress reports and signal checks.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// The solvers need more than the two megabytes that a thread has by default only in debug builds.
 const STACK: usize = 8 << 20;
 
-/// What the working thread tells, and is told.
+/// Messages to and from the working thread.
 #[derive(Default)]
 pub struct Ticker {
     done: AtomicUsize,
@@ -85,8 +85,8 @@ pub fn on_threads<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     Ok(shared_pool().map_err(refuse)?.install(work))
 }
 
-/// Does `work` on another thread, on `threads` threads of its own where that is given. Meanwhile this thread calls
-/// `progress(done, total)` and looks for signals: an exception in either cancels the work and is raised.
+/// Runs `work` on another thread, with a pool of `threads` threads if given. Meanwhile this thread calls
+/// `progress(done, total)` and checks signals: an exception in either cancels the work and is raised.
 pub fn in_background<T: Send + 'static>(
     py: Python,
     threads: Option<usize>,
@@ -133,5 +133,5 @@ pub fn in_background<T: Send + 'static>(
     }
 }
 
-/// What is said where the library fails in a way that it never should.
+/// The message of internal errors.
 const INTERNAL: &str = "internal error in quadlift; please report it with the input that causes it";

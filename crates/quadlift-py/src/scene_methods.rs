@@ -1,4 +1,4 @@
-//! What Python calls on a scene: files and arrays in, and files, localisation, association, scores and pages out.
+//! Methods of a scene for Python: files, arrays, localisation, association, scores and reports.
 
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
@@ -84,7 +84,7 @@ impl PyScene {
         Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, detections)?) })
     }
 
-    /// All rows whose frame or measurements `with_detections` would refuse, and why.
+    /// All rows whose frame or measurements `with_detections` would reject, with reasons.
     fn detection_problems(&self, detections: DetectionArrays) -> Vec<(usize, String)> {
         detections.problems(self.loaded.scene.frames.len())
     }
@@ -160,7 +160,7 @@ impl PyScene {
         Ok((Self::new(file, self.loaded.path.clone())?, notes))
     }
 
-    /// Whether the scene agrees with itself, as JSON; and what is wrong, in words.
+    /// The self-check as JSON, and its message.
     fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<(String, Option<String>)> {
         let scene = &self.loaded.scene;
         let source = scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;

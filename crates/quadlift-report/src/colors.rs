@@ -5,7 +5,7 @@ use crate::data::Report;
 /// A colour: red, green, blue.
 pub type Color = [u8; 3];
 
-/// Paul Tol's bright scheme with four more; grey is for what belongs to no object.
+/// Paul Tol's bright scheme with four more colours; grey is for detections without an object.
 const PALETTE: [Color; 10] = [
     [0x44, 0x77, 0xaa],
     [0xee, 0x66, 0x77],
@@ -18,11 +18,11 @@ const PALETTE: [Color; 10] = [
     [0x94, 0x67, 0xbd],
     [0x8c, 0x61, 0x3c],
 ];
-/// What belongs to no object.
+/// Detections without an object.
 pub const UNKNOWN: Color = [0x88; 3];
 
 impl Report {
-    /// The colour of an object: by category where there are several, else by object.
+    /// The colour of an object: by category if there are several, otherwise by object.
     pub fn color(&self, index: usize) -> Color {
         let category = self.objects.get(index).map_or(-1, |object| object.category);
         match self.categories.len() {

@@ -1,4 +1,4 @@
-//! What a report shows, as the JSON document in its page. Mirrored by `viewer/src/data.ts`.
+//! The data of a report, as the JSON document in its page. Mirrored by `viewer/src/data.ts`.
 //!
 //! Lengths are world units. Pixels are those of the frames' pinhole cameras: lens distortion has been taken out.
 
@@ -16,9 +16,9 @@ pub struct Report {
     pub title: String,
     /// Name and version of the program.
     pub program: String,
-    /// World unit, where it is known.
+    /// World unit, if known.
     pub length_unit: Option<String>,
-    /// World direction against gravity, where it is known.
+    /// World direction against gravity, if known.
     pub up: Option<[f64; 3]>,
     /// Categories; [`ReportObject::category`] points here.
     pub categories: Vec<String>,
@@ -32,13 +32,13 @@ pub struct Report {
     pub scores: Option<ReportScores>,
     /// Settings and counts of the run: name and value.
     pub settings: Vec<(String, String)>,
-    /// What is known of the scene as a whole (self-check, noise, association): name and value, in words.
+    /// Overview of the scene (self-check, noise, association): name and value, as text.
     pub overview: Vec<(String, String)>,
-    /// What should be known about the report or the run, in sentences.
+    /// Notes about the report or the run, in sentences.
     pub notes: Vec<String>,
-    /// What is wrong with the scene as a whole, shown above all else: it does not agree with itself.
+    /// A problem of the whole scene, shown at the top: it is inconsistent.
     pub banner: Option<String>,
-    /// What the drawn regions of the centres promise, in a sentence; absent where no object has one.
+    /// The meaning of the drawn regions of the centres, in a sentence; absent if no object has one.
     pub region: Option<String>,
 }
 
@@ -62,11 +62,11 @@ pub struct ReportFrame {
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct ReportDetections {
-    /// Index into [`quadlift::scene::SceneParts::detections`]; nothing where only the estimate knows of the view. Not in the
-    /// page.
+    /// Index into [`quadlift::scene::SceneParts::detections`]; `None` if only the estimate refers to the view. Not in
+    /// the page.
     #[serde(skip)]
     pub detection_index: Vec<Option<usize>>,
-    /// Index into [`Report::objects`], -1 where the object is not known.
+    /// Index into [`Report::objects`], -1 if the object is unknown.
     pub object: Vec<i64>,
     /// 0: not used or not known, 1: used, 2: rejected as an outlier.
     pub state: Vec<u8>,
@@ -93,11 +93,11 @@ pub struct MaskRows(pub usize, pub u32, pub Vec<u32>);
 pub struct ReportObject {
     /// Id.
     pub id: String,
-    /// Id of the true object that the estimate is paired with, where it is another one.
+    /// Id of the true object that the estimate is paired with, if it differs.
     pub true_id: Option<String>,
     /// Index into [`Report::categories`], -1 without one.
     pub category: i64,
-    /// How the estimation ended (see [`quadlift::solve::Status::name`]); absent where none was made.
+    /// Status of the estimate (see [`quadlift::solve::Status::name`]); absent without an estimate.
     pub status: Option<String>,
     /// Estimated centre in the world.
     pub center: Option<[f64; 3]>,
@@ -107,7 +107,7 @@ pub struct ReportObject {
     pub center_shell: Option<ReportBody>,
     /// The estimated body.
     pub body: Option<ReportBody>,
-    /// The larger body that holds the real object.
+    /// The enclosing body.
     pub enclosing: Option<ReportBody>,
     /// The true body.
     pub truth: Option<ReportBody>,
@@ -127,7 +127,7 @@ pub struct ReportObject {
     pub predicted_iou: Option<f64>,
     /// Id of the frame whose detection the other views contradict.
     pub odd_view: Option<String>,
-    /// What makes the estimate weak, in words.
+    /// Warnings, as text.
     pub warnings: Vec<String>,
 }
 
@@ -191,7 +191,7 @@ pub struct ScoreRow {
 }
 
 impl ReportBody {
-    /// The body as one of the library; `None` when the rotation is none.
+    /// The body as a library type; `None` if the rotation is invalid.
     pub fn body(&self) -> Option<Body> {
         let (center, half) = (Point3::from(self.center), self.half.into());
         let rotation = rotation_from_quaternion(self.rotation)?;

@@ -206,7 +206,7 @@ impl ReportDetections {
     }
 }
 
-/// Empties frames evenly until few enough detections are left in those that are shown; returns a note about what was left out.
+/// Drops the detections of frames evenly until few enough are left; returns a note about them.
 fn thin_out(detections: &mut [ReportDetections], frames: &[usize]) -> Option<String> {
     let total: usize = frames.iter().map(|&frame| detections[frame].object.len()).sum();
     let step = total.div_ceil(MOST_DETECTIONS);
@@ -299,7 +299,7 @@ mod tests {
         let rejections: Vec<&[(usize, String)]> = report.frames.iter().map(|f| &*f.detections.rejections).collect();
         assert_eq!(rejections, [&[(0, "residual".to_owned())][..], &[], &[]]);
         assert_eq!(report.frames[0].detections.boxes, [Some(10.0), Some(20.0), Some(110.0), Some(60.0)]);
-        // The size of a frame that nobody knows holds its boxes.
+        // An unknown frame size is chosen to contain its boxes.
         assert!(report.frames[0].size[0] > 110.0 && report.frames[0].size[0] < 120.0);
         assert_eq!((report.objects.len(), report.objects[0].category), (1, 0));
         let setting = |name: &str, value: &str| (name.to_owned(), value.to_owned());
@@ -373,7 +373,7 @@ mod tests {
         assert_eq!((object.misfit, object.misfit_deviations), (Some(0.03), Some(1.5)));
         let other = &object.alternatives[0];
         assert_eq!((other.body.kind, other.body.rotation[3], other.log_odds), ("cuboid", 0.8, -0.7));
-        // Bodies that are none are refused like those of the estimate.
+        // Invalid bodies are rejected like those of the estimate.
         let mut wrong = fields;
         wrong["alternatives"][0]["cuboid"]["half_extents"][1] = json!(-1);
         let error = super::report(&content(&scene(1), &estimate(wrong))).unwrap_err();

@@ -1,5 +1,4 @@
-//! Images of frames as their pinhole cameras see them: lens distortion is taken out, because outlines and measurements
-//! are in pinhole pixels.
+//! Undistorted images of frames, because outlines and measurements are in pinhole pixels.
 
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
@@ -19,7 +18,7 @@ pub struct FrameImage {
     pub full_size: [u32; 2],
 }
 
-/// Reads the image of a frame; its long side becomes `long_side` pixels where it has more.
+/// Reads the image of a frame; downscales its long side to `long_side` pixels if it is larger.
 ///
 /// # Errors
 /// [`ReadError`] as [`SceneImages::read_image`].
@@ -50,7 +49,7 @@ pub fn frame_image(
 /// The bytes of a JPEG file of [`frame_image`] with this quality (1 to 100), and width and height of the file's image.
 ///
 /// # Errors
-/// [`ReadError`] as [`frame_image`], or when the image cannot be encoded.
+/// [`ReadError`] as [`frame_image`], or if the image cannot be encoded.
 pub fn frame_jpeg(
     scene: &Scene,
     images: &SceneImages,
@@ -67,7 +66,7 @@ pub fn frame_jpeg(
     Ok((jpeg, full_size))
 }
 
-/// The image of the lens's pinhole camera, of the same size; black where the lens shows nothing.
+/// The undistorted image, of the same size; black where the lens has no data.
 fn undistorted(image: &RgbImage, full_size: [u32; 2], lens: &Camera) -> RgbImage {
     let scale = Vector2::new(
         f64::from(full_size[0]) / f64::from(image.width()),

@@ -1,5 +1,5 @@
-//! Views of scenes and results: pages that open in any browser ([`report()`], [`page()`]) and pictures of
-//! single frames ([`Picture`]), and what a recording for Rerun holds ([`recording()`]).
+//! Views of scenes and results: pages that open in any browser ([`report()`], [`page()`]) and pictures of single frames
+//! ([`Picture`]), and the content of Rerun recordings ([`recording()`]).
 //!
 //! A page is one HTML file. What draws it is a small TypeScript program (`viewer/` in the repository), whose built form
 //! is part of this crate.

@@ -1,4 +1,4 @@
-//! The masks of detections for a report, as a few rows of runs: fine enough to be looked at.
+//! The masks of detections for a report, as a few rows of runs: at display resolution.
 
 use quadlift::scene::Scene;
 use quadlift_io::scene_file::SceneImages;
@@ -7,13 +7,13 @@ use rayon::prelude::*;
 
 use crate::data::{MaskRows, ReportFrame};
 
-/// A mask is shown with at most about so many rows.
+/// Approximate maximum number of rows of a mask.
 const ROWS: u32 = 64;
 
 /// Masks in a report; with more detections none are shown.
 const MOST_MASKS: usize = 5000;
 
-/// Adds the masks of the frames with these indices to the frames of a report; returns what was left out, in sentences.
+/// Adds the masks of the frames with these indices to the frames of a report; returns notes about skipped masks.
 ///
 /// Frames of cameras with lens distortion have none: their images are shown as a pinhole camera would see them.
 pub fn add_masks(scene: &Scene, images: &SceneImages, indices: &[usize], frames: &mut [ReportFrame]) -> Option<String> {

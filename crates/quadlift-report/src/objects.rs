@@ -13,10 +13,10 @@ use crate::data::{ReportAlternative, ReportBody, ReportObject, ReportScores, Sco
 use crate::run::center_limit;
 use crate::scores::{Scores, TrueObjectScores};
 
-/// The objects of a report and where they are in it.
+/// The objects of a report and their indices.
 #[derive(Debug, Default)]
 pub struct Objects {
-    /// The objects: estimates, then what only the truth has, then what was only detected.
+    /// The objects: estimates, then objects that are only in the ground truth, then objects that were only detected.
     pub list: Vec<ReportObject>,
     /// Names of the categories.
     pub categories: Vec<String>,
@@ -26,7 +26,7 @@ pub struct Objects {
 }
 
 impl Objects {
-    /// Estimates first, then what only the truth has, then what was only detected.
+    /// Estimates first, then objects that are only in the ground truth, then objects that were only detected.
     pub fn gather(content: &Content, is_shown: impl Fn(&&Detection) -> bool) -> Result<Self, EntryError> {
         let scene = content.scene;
         let mut objects = Self::default();
@@ -74,7 +74,7 @@ impl Objects {
         index
     }
 
-    /// An entry, in this category where it had none.
+    /// An entry, with this category if it had none.
     fn of_category(&mut self, index: usize, category: Option<&String>) -> &mut ReportObject {
         let object = &mut self.list[index];
         if let (Some(name), -1) = (category, object.category) {
@@ -92,7 +92,7 @@ impl Objects {
     /// ends.
     fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies, others: &[(Cuboid, f64)], limit: f64) {
         if record.status.is_none() {
-            // An object without a status is no estimate: in a scene that was never localised it is the truth.
+            // An object without a status is not an estimate: in a scene that was never localised it is ground truth.
             return self.truth(bodies, Some(&record.id));
         }
         let shell = bodies.covariance.as_ref().zip(bodies.center).and_then(|(covariance, center)| {
@@ -122,7 +122,7 @@ impl Objects {
         object.warnings = record.warnings.clone();
     }
 
-    /// A true object, in the entry of the object with the id `partner` where there is one.
+    /// A true object, in the entry of the object with the id `partner` if there is one.
     fn truth(&mut self, bodies: ObjectBodies, partner: Option<&str>) {
         let paired = partner.and_then(|id| self.by_id.get(id).copied());
         let index = paired.unwrap_or_else(|| self.add(&bodies.id));
@@ -152,7 +152,7 @@ impl Objects {
     }
 }
 
-/// The body of an object: of the kind `like` where it has one, else cuboid, cylinder, superellipsoid or ellipsoid.
+/// The body of an object: of the kind `like` if it has one, otherwise cuboid, cylinder, superellipsoid or ellipsoid.
 fn body(bodies: &ObjectBodies, like: Option<&str>) -> Option<ReportBody> {
     let ellipsoid = bodies.ellipsoid.as_ref().map(ReportBody::from);
     if like == Some("ellipsoid") && ellipsoid.is_some() {

@@ -17,7 +17,7 @@ pub struct Outline {
     pub lines: Vec<Vec<Vector2<f64>>>,
 }
 
-/// The outline of a body; `None` when it does not lie wholly in front of the camera.
+/// The outline of a body; `None` if it is not entirely in front of the camera.
 pub fn outline(projection: &Projection, body: &Body) -> Option<Outline> {
     match body {
         Body::Ellipsoid(body) => Some(closed(ellipse_points(&project_ellipsoid(projection, body).ok()?))),
@@ -48,8 +48,8 @@ fn rotation(angle: f64) -> Matrix2<f64> {
     Matrix2::new(cos, -sin, sin, cos)
 }
 
-/// The polygon of lines that touch the outline of a convex body: the sides of its box in the image and in the image
-/// turned by parts of a right angle.
+/// The polygon of supporting lines of the outline of a convex body: the sides of its box in the image and in rotated
+/// images.
 fn tangent_polygon(projection: &Projection, body: &impl ConvexBody) -> Option<Vec<Vector2<f64>>> {
     let turns = POINTS / 4;
     // Lines n . x = d by the direction of n.

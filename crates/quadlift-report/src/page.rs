@@ -19,7 +19,7 @@ pub fn page(report: &Report) -> Result<String, serde_json::Error> {
     Ok(page_with(&json_for_html(report)?))
 }
 
-/// The data as JSON in which nothing can be taken for HTML: `<` stands in texts only, and is escaped there.
+/// The data as JSON that cannot be parsed as HTML: `<` occurs only in texts and is escaped.
 pub(crate) fn json_for_html(report: &impl serde::Serialize) -> Result<String, serde_json::Error> {
     Ok(serde_json::to_string(report)?.replace('<', "\\u003c"))
 }

@@ -1,5 +1,5 @@
-//! What a recording for Rerun holds, as the JSON document `recording.json` (docs/formats/rerun.md). It is made from the
-//! data of a report, with poses, outlines and the objects' colours worked out, so that what logs it computes nothing.
+//! The content of a Rerun recording, as the JSON document `recording.json` (docs/formats/rerun.md). It is made from the
+//! data of a report, with precomputed poses, outlines and colours, so that logging needs no computation.
 
 use std::collections::HashSet;
 
@@ -29,9 +29,9 @@ pub struct Recording {
     pub version: u32,
     /// Name of the scene.
     pub name: String,
-    /// World unit, where it is known.
+    /// World unit, if known.
     pub length_unit: Option<String>,
-    /// World direction against gravity, of length one, where it is known.
+    /// Unit world direction against gravity, if known.
     pub up: Option<[f64; 3]>,
     /// The objects that have a body, estimated or true.
     pub objects: Vec<RecordingObject>,
@@ -39,7 +39,7 @@ pub struct Recording {
     pub path: Vec<[f64; 3]>,
     /// The frames.
     pub frames: Vec<RecordingFrame>,
-    /// What was left out, in sentences.
+    /// Notes about omitted parts, in sentences.
     pub notes: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ pub struct RecordingObject {
 /// A body as Rerun can draw it.
 #[derive(Debug, Clone, Serialize)]
 pub struct RecordingBody {
-    /// What the body is: `ellipsoid`, `cuboid` or `superellipsoid`.
+    /// Kind of body: `ellipsoid`, `cuboid` or `superellipsoid`.
     pub kind: &'static str,
     /// What the numbers describe: `cuboid`, or `ellipsoid`; for a superellipsoid its equivalent ellipsoid (see
     /// [`Body::ellipsoid`]).
@@ -84,7 +84,7 @@ pub struct RecordingFrame {
     pub frame_index: usize,
     /// Id.
     pub id: String,
-    /// Time in seconds, where it is known.
+    /// Time in seconds, if known.
     pub time: Option<f64>,
     /// Width and height in pixels.
     pub size: [f64; 2],
@@ -114,11 +114,11 @@ pub struct RecordingCamera {
 /// Whose measurement or outline something is.
 #[derive(Debug, Clone, Serialize)]
 pub struct Owner {
-    /// Id of the object, where it is known.
+    /// Id of the object, if known.
     pub object: Option<String>,
     /// Category.
     pub category: Option<String>,
-    /// Whether the estimator has used the view (`true`) or rejected it (`false`); nothing where it is not known.
+    /// Whether the estimator used the view (`true`) or rejected it (`false`); `None` if unknown.
     pub inlier: Option<bool>,
     /// Colour of the object.
     pub color: Color,

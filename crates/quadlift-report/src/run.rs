@@ -1,4 +1,4 @@
-//! What a result says about its run (`localization` in the file): settings, and notes in sentences.
+//! The run of a result (`localization` in the file): settings, and notes in sentences.
 
 use quadlift_io::SceneFile;
 use quadlift_io::diagnosis::record_in_words;
@@ -33,8 +33,8 @@ pub fn run_settings(file: &SceneFile) -> Vec<(String, String)> {
     settings
 }
 
-/// What a run says of the scene as a whole, in words: the self-check, the noise of the boxes, how detections without
-/// identities were divided, and how well left-out views are predicted. Names and values.
+/// Overview of a run as names and values: the self-check, the noise of the boxes, the association, and how well
+/// left-out views are predicted.
 pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
     let Some(run) = &file.localization else { return Vec::new() };
     let number = |path: &str| run.pointer(path).and_then(Value::as_f64);
@@ -85,7 +85,7 @@ pub fn center_limit(file: &SceneFile) -> f64 {
     calibrated_limit(file).unwrap_or(CHI2_95)
 }
 
-/// What the region of 95 % of a centre promises, in sentences.
+/// The meaning of the 95 % region of a centre, in sentences.
 pub fn run_region(file: &SceneFile) -> String {
     let calibration = file.localization.as_ref().and_then(|run| run.get("calibration"));
     let objects = calibration.and_then(|about| about.get("objects")?.as_u64());
@@ -119,7 +119,7 @@ fn calibrated_limit(file: &SceneFile) -> Option<f64> {
     file.localization.as_ref()?.pointer("/calibration/squared_distance/center/0.95")?.as_f64().filter(|x| *x > 0.0)
 }
 
-/// What was not used, in sentences.
+/// Skipped detections, in sentences.
 pub fn run_notes(file: &SceneFile) -> Vec<String> {
     // Files of version 0.1.0 say "left_out".
     let skipped = |name: &str| {

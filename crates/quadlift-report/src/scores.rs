@@ -23,7 +23,7 @@ pub struct Scores {
 pub struct TrueObjectScores {
     /// Id of the true object.
     pub id: String,
-    /// Id of the estimate that it is paired with; absent when there is none.
+    /// Id of the paired estimate; absent if there is none.
     pub estimate: Option<String>,
     /// Status of that estimate.
     pub status: Option<String>,

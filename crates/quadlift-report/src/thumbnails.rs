@@ -13,7 +13,7 @@ use crate::frame_image::frame_jpeg;
 /// what one looks at; a few hundred small ones make a page of the size of a few dozen large ones.
 const LONG_SIDES: [(usize, u32); 3] = [(80, 800), (160, 640), (320, 480)];
 
-/// Long side of the images where there are more.
+/// Long side of the images if there are more.
 const SMALLEST_LONG_SIDE: u32 = 320;
 
 /// Quality of the JPEG files.
@@ -27,9 +27,9 @@ const MOST_IMAGES: usize = 1500;
 pub struct Thumbnails {
     /// For each frame its image as a data URL.
     pub urls: Vec<Option<String>>,
-    /// For each frame width and height of the file's image in pixels, where it was read.
+    /// For each frame width and height of its image file in pixels, if it was read.
     pub sizes: Vec<Option<[u32; 2]>>,
-    /// What was left out, in sentences.
+    /// Notes about omitted parts, in sentences.
     pub notes: Vec<String>,
 }
 
@@ -90,7 +90,7 @@ pub fn evenly_spread(total: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |k| k * total / count)
 }
 
-/// How long the longer side of each of so many images is, pixels.
+/// Length of the longer side for this number of images, pixels.
 fn long_side(images: usize) -> u32 {
     LONG_SIDES.iter().find(|(most, _)| images <= *most).map_or(SMALLEST_LONG_SIDE, |(_, side)| *side)
 }

@@ -1,4 +1,4 @@
-//! Where in its box an object is likely to be, before colours are used (docs/method.md, section 18).
+//! Prior on the pixels of an object in its box, before colours are used (docs/method.md, section 18).
 
 /// Likely places of an object on the grid of crops that were cut with the same margin (ours).
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +22,7 @@ const CORNER: f64 = 0.15;
 const OUTSIDE: f64 = 0.03;
 /// For pixels that are background for certain; a positive number, so that logarithms stay finite.
 const EXCLUDED: f64 = 1e-4;
-/// How far outside of the box the object may reach, in half sizes of the box.
+/// How far the object may extend outside the box, in half sizes of the box.
 const SLACK: f64 = 0.12;
 
 impl BoxPrior {

@@ -16,7 +16,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The reason in words, for a table or a message.
+    /// The reason as text, for a table or a message.
     pub fn name(self) -> &'static str {
         match self {
             Self::TooSmall => "too small",

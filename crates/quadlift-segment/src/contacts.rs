@@ -1,4 +1,4 @@
-//! Where the outline of a mask is not the object's own: at the border of the image, and where another object begins.
+//! Parts of the outline of a mask that are not the outline of the object: at the image border, and at another object.
 
 use crate::mask::Mask;
 
@@ -51,12 +51,12 @@ impl Contacts {
         Self { border: share(border), others: share(others) }
     }
 
-    /// Whether so much of the outline is not the object's own that mask and ellipse may be of a part of the object.
+    /// Whether mask and ellipse may cover only a part of the object, because too much of the outline is a contact.
     pub fn is_partial(&self) -> bool {
         self.border + self.others > PARTIAL
     }
 
-    /// Whether the border of the image cuts the mask.
+    /// Whether the image border cuts the mask.
     pub fn cut_by_border(&self) -> bool {
         self.border > 0.0
     }

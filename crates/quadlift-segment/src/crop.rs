@@ -7,7 +7,7 @@ use quadlift::geometry::BoundingBox;
 use crate::mask::Mask;
 use crate::resample::taps;
 
-/// How crops are cut. All crops of one object must be cut in the same way.
+/// Options of crops. All crops of one object must use the same options.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CropOptions {
     /// Pixels of the grid along each side, 8 to 256.
@@ -60,10 +60,10 @@ pub struct Crop {
 impl Crop {
     /// Cuts the crop of a box out of an image.
     ///
-    /// Parts of the window outside of the image repeat the border and count as not seen.
+    /// Parts of the window outside the image repeat the border and count as not visible.
     ///
     /// # Errors
-    /// [`CropError`] when the box or the options are unusable or when the image shows nothing of the box.
+    /// [`CropError`] if the box or the options are invalid or if the box is outside the image.
     pub fn cut(image: &RgbImage, bounding_box: &BoundingBox, options: &CropOptions) -> Result<Self, CropError> {
         if !(8..=256).contains(&options.grid) || !(0.05..=1.0).contains(&options.margin) {
             return Err(CropError::Options(*options));
@@ -95,7 +95,7 @@ impl Crop {
         Ok(crop)
     }
 
-    /// How it was cut.
+    /// The options of the crop.
     pub fn options(&self) -> &CropOptions {
         &self.options
     }
@@ -110,7 +110,7 @@ impl Crop {
         &self.bounding_box
     }
 
-    /// What the crop shows, in the image.
+    /// The window of the crop in the image.
     pub fn window(&self) -> &BoundingBox {
         &self.window
     }
@@ -130,12 +130,12 @@ impl Crop {
         self.window.size() / self.options.grid as f64
     }
 
-    /// Where a point of the grid is in the image.
+    /// Maps a point of the grid to the image.
     pub fn to_image(&self, point: &Vector2<f64>) -> Vector2<f64> {
         point.component_mul(&self.scale()) + Vector2::new(self.window.x0(), self.window.y0())
     }
 
-    /// Where a point of the image is on the grid.
+    /// Maps a point of the image to the grid.
     pub fn to_grid(&self, point: &Vector2<f64>) -> Vector2<f64> {
         (point - Vector2::new(self.window.x0(), self.window.y0())).component_div(&self.scale())
     }

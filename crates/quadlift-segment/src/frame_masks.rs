@@ -1,4 +1,4 @@
-//! All masks of one image: where they touch each other, and which of them may be of a part.
+//! All masks of one image: their contacts, and which of them may cover only a part of an object.
 
 use nalgebra::Vector2;
 use quadlift::geometry::{Camera, OutlineEnd, SupportLines};
@@ -47,9 +47,8 @@ impl FrameMasks {
         Contacts::of(mask, image_size, |x, y| self.others_cover(mask, x, y), TOUCHING)
     }
 
-    /// The supporting lines of one of the masks, undistorted where there is a lens: cut off at the border of the image
-    /// where its size is known, hidden at other masks. `None` for an empty mask, and where the lens has no pinhole pixels
-    /// for it.
+    /// The supporting lines of one of the masks, undistorted with a lens model: cut off at the image border if its size
+    /// is known, hidden at other masks. `None` for an empty mask, and if the lens has no pinhole pixels for it.
     pub fn support_lines(
         &self,
         mask: &Mask,

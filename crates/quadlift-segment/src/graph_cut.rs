@@ -87,8 +87,8 @@ impl GraphCut {
         self.capacity[neighbor][7 - direction] = weight;
     }
 
-    /// The labelling of least cost: true for the object. Log-odds (`width * height`, row by row, finite) are positive
-    /// where a pixel looks like the object; where both labels cost the same, it is background.
+    /// The labelling with minimum cost: true for the object. Log-odds (`width * height`, row by row, finite) are
+    /// positive where a pixel looks like the object; ties are background.
     pub(crate) fn solve(mut self, log_odds: &[f32]) -> Vec<bool> {
         for y in 0..self.height {
             for x in 0..self.width {

@@ -32,7 +32,7 @@ impl ConvexHull {
         Self::of_points(corners)
     }
 
-    /// The hull of points; `None` when they lie on a line, or when one of them is not finite.
+    /// The hull of points; `None` if they are collinear, or if one of them is not finite.
     pub fn of_points(mut points: Vec<Vector2<f64>>) -> Option<Self> {
         if !points.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
             return None;

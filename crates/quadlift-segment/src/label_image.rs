@@ -19,7 +19,7 @@ impl LabelImage {
     /// A checked label image; `values` row by row.
     ///
     /// # Errors
-    /// [`MaskError::Length`] when there are not `width * height` values.
+    /// [`MaskError::Length`] if there are not `width * height` values.
     pub fn new(width: u32, height: u32, values: Vec<u16>) -> Result<Self, MaskError> {
         if values.len() as u64 != u64::from(width) * u64::from(height) {
             return Err(MaskError::Length { found: values.len(), width, height });

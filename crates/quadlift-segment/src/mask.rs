@@ -2,7 +2,7 @@
 
 use quadlift::geometry::BoundingBox;
 
-/// Why a mask is refused.
+/// Why a mask is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum MaskError {
     /// The list of pixels is longer or shorter than the window.
@@ -38,7 +38,7 @@ impl Mask {
     /// A checked mask.
     ///
     /// # Errors
-    /// [`MaskError`] when the number of pixels is not that of the window, or when the window lies too far out.
+    /// [`MaskError`] if the number of pixels differs from the window, or if the window is too far out.
     pub fn new(origin: [u32; 2], width: u32, height: u32, inside: Vec<bool>) -> Result<Self, MaskError> {
         if inside.len() as u64 != u64::from(width) * u64::from(height) {
             return Err(MaskError::Length { found: inside.len(), width, height });
@@ -87,7 +87,7 @@ impl Mask {
         self.inside.iter().filter(|&&inside| inside).count()
     }
 
-    /// The window `[x0, y0, x1, y1]` (end not included) of the object's pixels in the image; `None` when there are none.
+    /// The window `[x0, y0, x1, y1]` (end not included) of the object's pixels in the image; `None` if there are none.
     pub fn extent(&self) -> Option<[u32; 4]> {
         let has_pixels = |row: &[bool]| row.contains(&true);
         let top = self.rows().position(has_pixels)? as u32;
@@ -101,7 +101,7 @@ impl Mask {
         Some([x + left, y + top, x + right + 1, y + bottom + 1])
     }
 
-    /// The tight box of the object's pixel squares; `None` when there are none.
+    /// The tight box of the object's pixel squares; `None` if there are none.
     pub fn bounding_box(&self) -> Option<BoundingBox> {
         let [x0, y0, x1, y1] = self.extent()?.map(f64::from);
         BoundingBox::new([x0, y0, x1, y1]).ok()

@@ -5,7 +5,7 @@ use quadlift::geometry::Ellipse;
 
 use crate::mask::Mask;
 
-/// How the pixels of a mask are to be read, which decides whether their own extent counts.
+/// How to interpret the pixels of a mask: whether their own extent is included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum PixelTerm {
     /// A pixel is the object's when its centre is: the pixels are samples of the outline's inside, and their moments
@@ -42,7 +42,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The moments of a mask's pixels; `None` when it has none.
+    /// The moments of the pixels of a mask; `None` if it has none.
     pub fn of_mask(mask: &Mask, term: PixelTerm) -> Option<Self> {
         let mut sums = PixelSums::default();
         for (row, y) in mask.rows().zip(0u64..) {
@@ -70,8 +70,8 @@ impl Moments {
         }
     }
 
-    /// The ellipse with the same centre and second moments, semi-axes `2 sqrt(eigenvalues)`; its area is that of the
-    /// region only when the region is an ellipse. `None` where the region is a point or a line.
+    /// The ellipse with the same centre and second moments, semi-axes `2 sqrt(eigenvalues)`; its area equals that of
+    /// the region only if the region is an ellipse. `None` if the region is a point or a line.
     pub fn ellipse(&self) -> Option<Ellipse> {
         let (trace, determinant) = (self.covariance.trace(), self.covariance.determinant());
         // About the ratio of the eigenvalues, where it is small. Written so that NaN is refused too.
@@ -115,7 +115,7 @@ impl PixelSums {
         Self { x: self.y, y: self.x, xx: self.yy, yy: self.xx, ..self }
     }
 
-    /// The moments of the pixels, whose numbers count from `origin`; `None` when there are none.
+    /// The moments of the pixels, whose numbers count from `origin`; `None` if there are none.
     pub(crate) fn moments(&self, origin: [u32; 2], term: PixelTerm) -> Option<Moments> {
         if self.count == 0 {
             return None;

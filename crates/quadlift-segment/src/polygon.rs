@@ -10,7 +10,7 @@ use crate::moments::Moments;
 /// outline of an object has at most as many as its box has pixels.
 const MOST_STEPS: u64 = 1 << 28;
 
-/// Why lists of numbers are no polygons, or have no pixels.
+/// Why lists of numbers are not valid polygons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PolygonError {
     /// A list [x, y, x, y, ...] has an odd number of numbers.
@@ -53,7 +53,7 @@ impl Polygons {
     /// Checked polygons from COCO's form: a list `[x, y, x, y, ...]` in pixels for each.
     ///
     /// # Errors
-    /// [`PolygonError`] for the first list that is no polygon.
+    /// [`PolygonError`] for the first list that is not a polygon.
     pub fn new(parts: &[Vec<f64>]) -> Result<Self, PolygonError> {
         let polygon = |(part, numbers): (usize, &Vec<f64>)| {
             if numbers.len() % 2 != 0 {
@@ -89,7 +89,7 @@ impl Polygons {
     ///
     /// # Errors
     /// [`PolygonError::TooComplex`] when edges cross rows of pixels, or boxes of polygons hold pixels, more often than
-    /// 2^28 times; both say that the polygons are no outline of an object.
+    /// 2^28 times; such polygons are not the outline of an object.
     pub fn to_mask(&self, width: u32, height: u32) -> Result<Mask, PolygonError> {
         let [left, top, right, bottom] = self.window(width, height);
         if left >= right || top >= bottom {
@@ -133,8 +133,8 @@ impl Polygons {
         Ok(mask.trimmed())
     }
 
-    /// The moments of the region by Green's theorem, exact and without a raster; also of what lies outside of the image.
-    /// `None` when it has no area.
+    /// The moments of the region by Green's theorem, exact and without a raster; also of what lies outside of the
+    /// image. `None` if it has no area.
     ///
     /// Where two polygons overlap, or one crosses itself, the overlap counts more than once; [`Polygons::to_mask`] is
     /// right there too.
@@ -163,7 +163,7 @@ impl Polygons {
         (area > 0.0 && moments.covariance.iter().all(|x| x.is_finite())).then_some(moments)
     }
 
-    /// The convex hull of the region; `None` when it has no area.
+    /// The convex hull of the region; `None` if it has no area.
     pub fn hull(&self) -> Option<ConvexHull> {
         ConvexHull::of_points(self.parts.concat())
     }

@@ -45,7 +45,7 @@ pub(crate) fn start_from_box(frames: &Frames) -> Vec<Start> {
 /// Rounds of GrabCut (Rother, Kolmogorov, Blake, 2004) on all frames together: one palette of the object and one of the
 /// background are fitted to the labels of all frames, then each frame is cut again by place, colours and edges.
 ///
-/// There must be at least one frame with a seen pixel, a start for each, and at least one round.
+/// There must be at least one frame with a visible pixel, a start for each, and at least one round.
 pub(crate) fn pooled_cuts(
     frames: &Frames,
     starts: Vec<Start>,

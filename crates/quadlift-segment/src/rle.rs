@@ -7,13 +7,13 @@
 use crate::mask::Mask;
 use crate::moments::{Moments, PixelSums, PixelTerm};
 
-/// Images with more pixels are refused: an absurd size in a file must not take all memory.
+/// Maximum number of pixels of an image: an absurd size in a file must not exhaust the memory.
 const MOST_PIXELS: u64 = 1 << 28;
 
 /// The longest number in the compressed form, in characters: seven hold any run and any difference of two.
 const LONGEST_NUMBER: u32 = 7;
 
-/// Why runs are no mask.
+/// Why runs are not a valid mask.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RleError {
     /// A character that the compressed form does not have.
@@ -67,7 +67,7 @@ impl Rle {
     /// Checked runs: COCO's uncompressed form. `height` and `width` of the image are in the order of COCO's "size".
     ///
     /// # Errors
-    /// [`RleError`] when the runs do not fill the image exactly, or when it is too large.
+    /// [`RleError`] if the runs do not fill the image exactly, or if it is too large.
     pub fn new(height: u32, width: u32, counts: Vec<u32>) -> Result<Self, RleError> {
         let pixels = u64::from(height) * u64::from(width);
         if pixels > MOST_PIXELS {
@@ -83,7 +83,7 @@ impl Rle {
     /// The runs of COCO's compressed form.
     ///
     /// # Errors
-    /// [`RleError`] when the text is not such a form, or as [`Rle::new`].
+    /// [`RleError`] if the text is not in this form, or as [`Rle::new`].
     pub fn from_compressed(height: u32, width: u32, text: &str) -> Result<Self, RleError> {
         let mut counts: Vec<u32> = Vec::new();
         let mut characters = text.char_indices();
@@ -101,7 +101,7 @@ impl Rle {
         Self::new(height, width, counts)
     }
 
-    /// The runs of a mask in an image of this size; pixels of the mask outside of the image are left out.
+    /// The runs of a mask in an image of this size; pixels of the mask outside the image are dropped.
     ///
     /// # Errors
     /// [`RleError::TooLarge`].
@@ -179,7 +179,7 @@ impl Rle {
         Mask { origin: low, width, height, inside }
     }
 
-    /// The moments of the pixels straight from the runs; `None` when there are none.
+    /// The moments of the pixels straight from the runs; `None` if there are none.
     pub fn moments(&self, term: PixelTerm) -> Option<Moments> {
         // Runs of columns are runs of rows of the transposed image.
         let mut sums = PixelSums::default();

@@ -1,4 +1,4 @@
-//! The one call: crops of an object in, masks and ellipses out.
+//! The entry point: crops of an object in, masks and ellipses out.
 
 use nalgebra::Vector2;
 use quadlift::geometry::Ellipse;
@@ -21,15 +21,15 @@ use crate::sca::{self, PixelOdds, ScaOptions};
 pub enum SegmentMethod {
     /// Stel Component Analysis: a pixel is the object's when its posterior is above 1/2.
     Sca,
-    /// Stel Component Analysis, finished by graph cuts: the stels say where the object is, colours of all frames
-    /// together and edges decide its outline.
+    /// Stel Component Analysis, refined by graph cuts: the stels locate the object, the colours of all frames and edges
+    /// determine its outline.
     #[default]
     ScaCut,
     /// Graph cuts with colours of all frames together and the prior of the box; no stels.
     GraphCut,
     /// Mixtures of colours without places: a baseline that shows what the stels are good for.
     PlainMixture,
-    /// The ellipse in the box; no pixel is looked at.
+    /// The ellipse in the box; pixels are not used.
     Box,
 }
 
@@ -58,7 +58,7 @@ pub struct SegmentOptions {
     pub sca: ScaOptions,
     /// Cost of a label that changes between neighbours of the same colour, where labels are smoothed; 0 to 100.
     pub smoothing: f64,
-    /// Whether a mask that looks wrong is replaced by the box's ellipse.
+    /// Whether an unreliable mask is replaced by the ellipse in the box.
     pub fall_back: bool,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -101,7 +101,7 @@ pub enum SegmentStatus {
 /// The object in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewSegmentation {
-    /// The object's pixels in the image. It may be empty where the object is smaller than a pixel.
+    /// The pixels of the object in the image. Empty if the object is smaller than a pixel.
     pub mask: Mask,
     /// The ellipse with the second moments of the mask (or the one in the box), in pixels of the image.
     pub ellipse: Ellipse,
@@ -142,7 +142,7 @@ fn labelled(frames: &Frames, options: &SegmentOptions) -> Vec<Labelled> {
         SegmentMethod::Sca => threshold(sca::fit(frames, &options.sca, &mut rng)),
         SegmentMethod::PlainMixture => threshold(sca::fit_plain_mixture(frames, &options.sca, &mut rng)),
         SegmentMethod::ScaCut => {
-            // The stels say where the object is, the cuts follow its edges; colours are learned anew from these.
+            // The stels locate the object, the cuts follow its edges; colours are then learnt again.
             let odds = sca::fit(frames, &options.sca, &mut rng);
             let starts = odds
                 .into_iter()
@@ -197,7 +197,7 @@ fn check(crops: &[Crop], options: &SegmentOptions) -> Result<(), SegmentError> {
 fn view(crop: &Crop, labelled: Labelled, fall_back: bool) -> ViewSegmentation {
     let Labelled { log_odds, mut inside } = labelled;
     let grid = crop.grid();
-    // A mask is a set of pixels of the image: what lies outside of it is not the object's, whatever the prior says.
+    // A mask is a set of pixels of the image: pixels outside are never part of the object.
     let seen = crop.seen();
     inside.iter_mut().zip(&seen).for_each(|(inside, &seen)| *inside &= seen);
     clean(&mut inside, grid);

@@ -44,7 +44,7 @@ pub struct Args {
     format: Format,
 }
 
-/// What every format has.
+/// Options of every format.
 #[derive(clap::Args)]
 pub struct Common {
     /// The scene file
@@ -80,7 +80,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
 }
 
-/// Reads the scene, once it is clear that the files can be written. A scene without objects is refused: an empty file
+/// Reads the scene, after checking that the files can be written. A scene without objects is rejected: an empty file
 /// would look like a result.
 fn read(common: &Common, outputs: &[&Path]) -> anyhow::Result<SceneFile> {
     for (index, path) in outputs.iter().enumerate() {

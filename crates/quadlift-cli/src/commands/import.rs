@@ -41,7 +41,7 @@ pub struct Args {
     format: formats::Format,
 }
 
-/// What every format has.
+/// Options of every format.
 #[derive(clap::Args)]
 pub struct Common {
     /// Output: the scene file

@@ -46,7 +46,7 @@ pub struct Args {
     format: Format,
 }
 
-/// What every format has.
+/// Options of every format.
 #[derive(clap::Args)]
 pub struct Common {
     /// The scene to add the detections to
@@ -99,7 +99,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(Outcome::Fine)
 }
 
-/// What was added, in one line.
+/// The added detections, in one line.
 pub fn in_words(added: &AddedDetections, source: &str) -> String {
     let images = added.matched_images + added.images_without_frame.len();
     let found = if images == added.matched_images {
@@ -114,7 +114,7 @@ pub fn in_words(added: &AddedDetections, source: &str) -> String {
     )
 }
 
-/// What was assumed and what was left out.
+/// Assumptions and skipped detections.
 pub fn notes(added: &AddedDetections) -> Vec<String> {
     let mut notes = added.notes.clone();
     if !added.images_without_frame.is_empty() {
@@ -154,7 +154,7 @@ fn has_or_have(n: usize, singular: &str) -> String {
     format!("{} {}", count(n, singular), if n == 1 { "has" } else { "have" })
 }
 
-/// What was added, for programs.
+/// The added detections as JSON.
 pub fn to_json(added: &AddedDetections, notes: &[String]) -> Value {
     json!({
         "detections": added.added,

@@ -1,4 +1,4 @@
-//! `quadlift info`: what a scene file holds, and what looks wrong in it.
+//! `quadlift info`: summary of a scene file and possible problems.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -45,7 +45,7 @@ pub struct Args {
     corrections: SceneCorrections,
 }
 
-/// What a scene file holds.
+/// Summary of a scene file.
 #[derive(Serialize)]
 struct Report {
     scene: String,
@@ -176,7 +176,7 @@ fn sources(file: &SceneFile, scene: &Scene) -> Vec<Source> {
     sources
 }
 
-/// What is valid and yet looks wrong.
+/// Possible problems of a valid scene.
 fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     let mut oddities = Vec::new();
     if scene.frames.is_empty() {
@@ -279,7 +279,7 @@ fn objects_of_several_categories(scene: &Scene) -> Vec<String> {
     scene.object_ids.iter().zip(several).filter(|(_, several)| *several).map(|(id, _)| id.clone()).collect()
 }
 
-/// Whether the detections say which objects they show.
+/// How many detections have object ids.
 fn object_ids(report: &Report) -> String {
     match report.sources.iter().map(|source| source.without_object).sum::<usize>() {
         0 => "every detection has one".to_owned(),

@@ -277,7 +277,7 @@ fn read_sigmas(source: &SigmaSource) -> anyhow::Result<Sigmas> {
     }
 }
 
-/// What the result says about the calibration that was asked for.
+/// The requested calibration in the format of results.
 fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<Value>> {
     if paths.is_empty() {
         return Ok(None);
@@ -315,7 +315,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         output.map_or(Ok(()), check_file)?;
         let others: Vec<&Path> = [cameras, detections].into_iter().chain(output).collect();
         check_report(args.report.as_ref(), &others)?;
-        // What the paths of images are relative to.
+        // The base folder of image paths.
         let place = output.or(report);
         let scene = || {
             let (file, frame_offset) = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
@@ -380,7 +380,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// What one does with the result of a scene file, or of other programs' files.
+/// Suggested next commands for the result.
 fn next_steps(scene: Option<&Path>, [output, report]: [Option<&Path>; 2]) -> Next {
     let mut next = Next::default();
     match (output, report) {

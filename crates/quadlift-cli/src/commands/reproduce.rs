@@ -1,4 +1,4 @@
-//! `quadlift reproduce`: the experiments of the paper, beside its figures.
+//! `quadlift reproduce`: the experiments of the paper, compared with its figures.
 
 use std::path::{Path, PathBuf};
 
@@ -117,7 +117,7 @@ impl Name {
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let experiments = args.experiment.experiments();
-    // What is missing is said before the long work.
+    // Missing data is reported before long work starts.
     if experiments.iter().any(|experiment| experiment.needs_data()) {
         data_folder(args.data.as_deref())?;
     }

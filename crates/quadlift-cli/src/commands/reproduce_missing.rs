@@ -1,4 +1,4 @@
-//! `quadlift reproduce` in a program that was built without the feature `reproduce`: says how to get it.
+//! `quadlift reproduce` in a program built without the feature `reproduce`: prints how to add it.
 
 use std::ffi::OsString;
 

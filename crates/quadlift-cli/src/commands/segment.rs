@@ -169,7 +169,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
 
-/// Refuses folders for masks and sheets that are files or that hold what the scene names: it could be overwritten.
+/// Rejects folders for masks and sheets that are files or that contain images or masks of the scene, which could be
+/// overwritten.
 fn check_folders(args: &Args, images: &SceneImages) -> anyhow::Result<()> {
     let folders = [("--out-masks", &args.out_masks), ("--contact-sheets", &args.contact_sheets)];
     let mut seen: Vec<PathBuf> = Vec::new();
@@ -194,7 +195,7 @@ fn check_folders(args: &Args, images: &SceneImages) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What came of the detections of an object.
+/// Results of the detections of an object.
 #[derive(Debug, Default)]
 struct Summary {
     object: Option<String>,

@@ -140,7 +140,7 @@ pub struct Args {
     rendering: Rendering,
 }
 
-/// What the detector misses and makes up.
+/// Misses and false positives of the detector.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Detector")]
 struct DetectorArgs {
@@ -161,7 +161,7 @@ struct DetectorArgs {
     occlusion: bool,
 }
 
-/// What the detections say about identities.
+/// Object ids of the detections.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Identities")]
 struct IdArgs {
@@ -194,7 +194,7 @@ impl IdArgs {
     }
 }
 
-/// What can be chosen about images.
+/// Options of rendered images.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Rendering")]
 struct Rendering {

@@ -9,8 +9,8 @@ use quadlift::geometry::Ellipse;
 use crate::error::EntryError;
 use crate::scene_file::{DetectionRecord, SceneFile};
 
-/// Corrects the boxes, ellipses and polygons of all detections; returns their number. Label images and runs stay as they
-/// are: they have their own size.
+/// Corrects the boxes, ellipses and polygons of all detections; returns their number. Label images and RLE are not
+/// changed: they have their own size.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<usize, EntryError> {
     let needs_size = matches!(correction, Correction::NormalizedBoxes | Correction::Letterbox(_));
     change(file, |record, size| {
@@ -22,7 +22,7 @@ pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<u
 }
 
 /// Scales boxes that were measured in images of one size to the images of the cameras; cameras without a size get this
-/// one. Returns what was done, in words.
+/// one. Returns a description.
 pub(super) fn from_image_size(file: &mut SceneFile, measured: [f64; 2]) -> Result<String, EntryError> {
     let mut scaled = 0;
     let sizes = file.cameras.iter_mut().map(|camera| (&mut camera.width, &mut camera.height));

@@ -70,8 +70,8 @@ fn intrinsics_of(record: &CameraRecord) -> Option<(CameraModel, Intrinsics)> {
     Some((model, Intrinsics::new(fx, fy, at("cx")?, at("cy")?).ok()?))
 }
 
-/// Writes focal lengths and principal point into a camera. One with a single focal length gets the model that has two
-/// where they differ.
+/// Writes focal lengths and principal point into a camera. A model with a single focal length is replaced by one with
+/// two if they differ.
 fn set_intrinsics(record: &mut CameraRecord, model: CameraModel, k: &Intrinsics) {
     let lens_at = if model.parameter_names().first() == Some(&"f") { 3 } else { 4 };
     let lens = record.params.get(lens_at..).unwrap_or_default().to_vec();

@@ -7,8 +7,7 @@ use quadlift::diagnosis::Correction;
 use crate::scene_file::SceneFile;
 use crate::wording::count;
 
-/// Moves detections to the frames to which they belong; those that belong to none are left out. Returns what was done,
-/// in words.
+/// Moves detections to the frames to which they belong and drops those without a frame. Returns a description.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> String {
     let ids: Vec<&str> = file.frames.iter().map(|frame| frame.id.as_str()).collect();
     let Some(frames) = correction.frames(&ids) else { return "no detection was moved".to_owned() };

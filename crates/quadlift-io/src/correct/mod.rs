@@ -1,4 +1,4 @@
-//! Corrections of the usual mistakes in the records of a scene file: conventions of poses, intrinsics, boxes in other
+//! Corrections of common mistakes in the records of a scene file: conventions of poses, intrinsics, boxes in other
 //! pixels or formats, detections in the wrong frames.
 //!
 //! The mathematics is that of [`quadlift::diagnosis`], which finds the mistakes; here its maps are applied to the
@@ -24,7 +24,7 @@ use crate::wording::count;
 pub use record_correction::RecordCorrection;
 pub(crate) use rounding::usual_width;
 
-/// Corrects the records of a scene file; returns what was done, in words. Objects of the file are left as they are.
+/// Corrects the records of a scene file; returns descriptions. Objects of the file are not changed.
 ///
 /// # Errors
 /// [`EntryError`] names the first entry that cannot be corrected: a size that is needed and not known, a camera that has
@@ -55,7 +55,7 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
     Ok(notes)
 }
 
-/// Applies one of the usual corrections; returns what was done, in words.
+/// Applies one of the known corrections; returns a description.
 fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryError> {
     Ok(match correction {
         Correction::FocalFactor(_) | Correction::NormalizedIntrinsics | Correction::CenteredPrincipalPoint => {

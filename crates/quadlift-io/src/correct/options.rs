@@ -1,4 +1,4 @@
-//! The names of corrections on the command line and in Python, and the option that says a correction.
+//! The names of corrections on the command line and in Python, and the options for them.
 
 use quadlift::diagnosis::{BoxFormat, Correction};
 
@@ -47,7 +47,7 @@ pub const FRAME_ORDERS: [(&str, Correction); 3] = [
 /// Reads the value of `--pose-convention`.
 ///
 /// # Errors
-/// The names that are known, in words.
+/// The known names, as text.
 pub fn pose_convention(text: &str) -> Result<Correction, String> {
     of_name(&POSE_CONVENTIONS, text)
 }
@@ -55,7 +55,7 @@ pub fn pose_convention(text: &str) -> Result<Correction, String> {
 /// Reads the value of `--box-format`; `None` for corners, which scene files have.
 ///
 /// # Errors
-/// The names that are known, in words.
+/// The known names, as text.
 pub fn box_format(text: &str) -> Result<Option<Correction>, String> {
     Ok(of_name(&BOX_FORMATS, text)?.map(Correction::Boxes))
 }
@@ -63,7 +63,7 @@ pub fn box_format(text: &str) -> Result<Option<Correction>, String> {
 /// Reads the value of `--intrinsics-format`.
 ///
 /// # Errors
-/// The names that are known, in words.
+/// The known names, as text.
 pub fn intrinsics_format(text: &str) -> Result<Correction, String> {
     of_name(&INTRINSICS_FORMATS, text)
 }
@@ -71,12 +71,12 @@ pub fn intrinsics_format(text: &str) -> Result<Correction, String> {
 /// Reads the value of `--frame-order`.
 ///
 /// # Errors
-/// The names that are known, in words.
+/// The known names, as text.
 pub fn frame_order(text: &str) -> Result<Correction, String> {
     of_name(&FRAME_ORDERS, text)
 }
 
-/// What undoes `--letterbox`: boxes were measured in a letterboxed image of this width and height, in pixels.
+/// The correction of `--letterbox`: boxes were measured in a letterboxed image of this width and height, in pixels.
 pub fn letterbox([width, height]: [f64; 2]) -> RecordCorrection {
     match width == height {
         true => RecordCorrection::Known(Correction::Letterbox(width)),
@@ -85,11 +85,11 @@ pub fn letterbox([width, height]: [f64; 2]) -> RecordCorrection {
 }
 
 impl RecordCorrection {
-    /// The correction that an option of the program says, by its name without dashes (`pose-convention`) and its value,
-    /// which is empty for a flag.
+    /// The correction of a program option, by its name without dashes (`pose-convention`) and its value, which is empty
+    /// for a flag.
     ///
     /// # Errors
-    /// What was expected, in words.
+    /// The expected value, as text.
     pub fn from_option(name: &str, value: &str) -> Result<Option<Self>, String> {
         let finite = || value.trim().parse().ok().filter(|x: &f64| x.is_finite()).ok_or("expected a finite number");
         let positive = || finite().ok().filter(|x| *x > 0.0).ok_or("expected a number above 0");
@@ -127,7 +127,7 @@ impl RecordCorrection {
 /// Reads the value of `--pose-unit`: the length of the unit in metres.
 ///
 /// # Errors
-/// What was expected, in words.
+/// The expected value, as text.
 pub fn pose_unit(text: &str) -> Result<f64, String> {
     let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
     length.map_or_else(|| of_name(&UNITS, text).map_err(|error| format!("{error}, or a length in metres")), Ok)
@@ -136,7 +136,7 @@ pub fn pose_unit(text: &str) -> Result<f64, String> {
 /// Reads the value of `--up`: an axis such as `-y`, or a direction X,Y,Z.
 ///
 /// # Errors
-/// What was expected, in words.
+/// The expected value, as text.
 pub fn up(text: &str) -> Result<[f64; 3], String> {
     let (sign, axis) =
         text.strip_prefix('-').map_or((1.0, text.strip_prefix('+').unwrap_or(text)), |axis| (-1.0, axis));
@@ -163,10 +163,10 @@ fn name_of<T: PartialEq>(table: &[(&'static str, T)], value: &T) -> &'static str
     table.iter().find(|(_, known)| known == value).map_or("", |(name, _)| name)
 }
 
-/// The option of the program that says a correction, such as `--pose-convention opengl`.
+/// The program option of a correction, such as `--pose-convention opengl`.
 ///
-/// `image_size` is that of all cameras, in pixels, where they have one; the size of the images in which boxes were
-/// measured is told in its place. `frame_offset` is the number that the detections give to frame 0 so far.
+/// `image_size` is that of all cameras, in pixels, if they have one; image scales are expressed as a size.
+/// `frame_offset` is the number that the detections currently give to frame 0.
 pub fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_offset: i64) -> String {
     match *correction {
         Correction::FocalFactor(factor) => format!("--focal-factor {}", short(factor)),

@@ -1,13 +1,13 @@
-//! What can be corrected in the records of a scene file.
+//! Corrections of the records of a scene file.
 
 use quadlift::diagnosis::Correction;
 
 use super::rounding::{nearest_unit, usual_width};
 
-/// What is corrected in the records of a scene file.
+/// A correction of the records of a scene file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RecordCorrection {
-    /// One of the usual mistakes.
+    /// One of the common mistakes.
     Known(Correction),
     /// The boxes were measured in images of this width and height, in pixels; they are scaled to the cameras' images.
     ImageSize([f64; 2]),
@@ -19,8 +19,8 @@ pub enum RecordCorrection {
 }
 
 impl RecordCorrection {
-    /// What undoes one of the usual mistakes in a scene whose images have one size, in pixels, where that is known. Sizes
-    /// of images that were found by the self-check are rounded: to a usual width where one is near, to whole pixels else.
+    /// The correction of one of the common mistakes in a scene with one image size, in pixels, if known. Image sizes
+    /// from the self-check are rounded: to a common width if one is near, otherwise to whole pixels.
     pub fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {
         match (*correction, image_size) {
             (Correction::ImageScale(factor), Some([width, height])) => {
@@ -33,8 +33,8 @@ impl RecordCorrection {
         }
     }
 
-    /// The place in the order in which corrections are applied: the format of boxes before their pixels, everything that
-    /// belongs to a frame before detections move to other frames.
+    /// The order in which corrections are applied: box formats before pixels, and everything within a frame before
+    /// detections move to other frames.
     pub(super) fn place(&self) -> u8 {
         match self {
             Self::Known(Correction::Boxes(_)) => 0,

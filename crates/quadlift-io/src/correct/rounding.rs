@@ -4,11 +4,11 @@
 pub(super) const UNITS: [(&str, f64); 6] =
     [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3), ("ft", 0.3048), ("in", 0.0254)];
 
-/// A length that was found from sizes is that of a unit when it differs by less than this factor: sizes of things differ.
+/// A length estimated from sizes is that of a unit if it differs by less than this factor, because object sizes vary.
 const SAME_UNIT: f64 = 1.6;
 
-/// The length of the unit that is meant by a length in metres that was found from sizes; the length with two digits where
-/// it is none (the scale of a map that has no unit).
+/// The length of the unit closest to a length in metres that was estimated from sizes; otherwise the length with two
+/// digits (the scale of a map without a unit).
 pub(super) fn nearest_unit(metres: f64) -> f64 {
     let distance = |unit: f64| (metres / unit).ln().abs();
     let near = UNITS.iter().map(|(_, unit)| *unit).filter(|unit| distance(*unit) < SAME_UNIT.ln());

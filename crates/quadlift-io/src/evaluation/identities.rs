@@ -22,7 +22,7 @@ pub struct Division {
     pub only_in_truth: usize,
 }
 
-/// What can be said about a division.
+/// The outcome of scoring an association.
 #[derive(Debug, Clone, PartialEq)]
 pub enum DivisionOutcome {
     /// One of the files has no detections, or those of the truth name no object.
@@ -35,7 +35,7 @@ pub enum DivisionOutcome {
     NoneCommon(String),
 }
 
-/// What makes a detection the same in two files: its frame and its measurements, to the last bit.
+/// The key that identifies a detection in two files: its frame and its measurements, to the last bit.
 type Key<'a> = (&'a str, Option<[u64; 4]>, Option<[u64; 5]>);
 
 fn key(record: &DetectionRecord) -> Key<'_> {
@@ -48,7 +48,7 @@ fn key(record: &DetectionRecord) -> Key<'_> {
 
 /// Scores the objects that the detections of an estimate name against those that the same detections of a truth name.
 ///
-/// Of a source only where one is given; then both files must have it. Messages name the paths.
+/// Only of one source if given; then both files must have it. Messages name the paths.
 ///
 /// # Errors
 /// [`EvaluateError`] when one of the files has no detections of the source.

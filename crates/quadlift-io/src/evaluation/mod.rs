@@ -18,13 +18,13 @@ use crate::scene_file::{ObjectBodies, SceneFile};
 
 pub use scores::{COLUMNS, Column, Unit, failures_in_words, found_record, scores_record};
 
-/// A true object is found when the volume IoU with an estimate is at least this.
+/// Minimum volume IoU of a true object with an estimate to count as found.
 pub const LEAST_IOU: f64 = 0.25;
 
 /// How estimates and true objects are paired.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Matching {
-    /// By their ids where any is common, else by overlap.
+    /// By ids if any are shared, otherwise by overlap.
     #[default]
     Auto,
     /// By their ids.
@@ -39,7 +39,7 @@ pub enum EvaluateError {
     /// One of them is wrong.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// One of them lacks what is compared, or they do not belong together.
+    /// Either file lacks the data to compare, or they do not match.
     #[error("{0}")]
     Unfit(String),
     /// They should be paired by ids and have none in common.
@@ -49,11 +49,10 @@ pub enum EvaluateError {
 
 /// Scores the objects of a result against those of a scene with ground truth, and counts how many were found.
 ///
-/// The cameras for the agreement in the images are those of the truth, or of the estimate where the truth has none.
-/// Messages name the paths.
+/// Reprojection scores use the cameras of the truth, or of the estimate if the truth has none. Messages name the paths.
 ///
 /// # Errors
-/// [`EvaluateError`] when there is nothing to compare.
+/// [`EvaluateError`] if there is nothing to compare.
 pub fn evaluate_objects(
     estimate: (&Path, &SceneFile),
     truth: (&Path, &SceneFile),

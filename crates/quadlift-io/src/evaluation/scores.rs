@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use super::LEAST_IOU;
 use crate::wording::count;
 
-/// A score: its name in JSON, its title in the table, and where it stands.
+/// A score: its name in JSON, its title in the table, and its accessors.
 #[derive(Debug)]
 pub struct Column {
     /// Its name in JSON.
@@ -114,7 +114,7 @@ pub fn scores_record(evaluation: &Evaluation) -> Value {
     })
 }
 
-/// How many objects have no body, in words.
+/// The number of objects without a body, as text.
 pub fn failures_in_words(evaluation: &Evaluation) -> String {
     format!(
         "failures: {} of {} without a body ({:.0} %)",

@@ -12,7 +12,7 @@ use crate::atomic::write_file;
 use crate::error::{ReadError, WriteError};
 use crate::input::read_bytes;
 
-/// Image files with more bytes are refused: no image within the limit of pixels has as many.
+/// Maximum size of image files in bytes: no image within the limit of pixels is larger.
 const MOST_BYTES_PER_PIXEL: u64 = 16;
 
 /// How many bytes an image file may have, and its pixels once they are decoded.
@@ -22,18 +22,18 @@ fn max_bytes() -> u64 {
 
 /// Reads a PNG or JPEG file as 8-bit RGB.
 ///
-/// Grey images become RGB with equal channels, 16 bits are scaled to 8, palettes are looked up, transparency is left
-/// out, CMYK is converted. The pixels are those of the file: an orientation tag is not applied, because cameras are
+/// Grey images become RGB with equal channels, 16 bits are scaled to 8, palettes are looked up, transparency is
+/// ignored, CMYK is converted. The pixels are those of the file: an orientation tag is not applied, because cameras are
 /// calibrated on the pixels as they are stored.
 ///
 /// # Errors
-/// [`ReadError`] when the file cannot be read, when it is no PNG or JPEG, when it is damaged or cut off, or when it has more
-/// pixels than [`max_pixels`].
+/// [`ReadError`] if the file cannot be read, is not PNG or JPEG, is damaged or truncated, or has more pixels than
+/// [`max_pixels`].
 pub fn read_image(path: &Path) -> Result<RgbImage, ReadError> {
     read_image_of_size(path, &|_| Ok(()))
 }
 
-/// [`read_image`], where the size of the image passes a check.
+/// [`read_image`] with a check of the image size.
 pub fn read_image_of_size(path: &Path, check: SizeCheck) -> Result<RgbImage, ReadError> {
     let bytes = read_image_bytes(path)?;
     let format = format(path, &bytes)?;
@@ -66,10 +66,10 @@ fn read_image_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
     }
 }
 
-/// Width and height of a PNG or JPEG file; only its head is looked at.
+/// Width and height of a PNG or JPEG file; reads only its header.
 ///
 /// # Errors
-/// [`ReadError`] when the file cannot be read, or when it is no PNG or JPEG.
+/// [`ReadError`] if the file cannot be read or is not PNG or JPEG.
 pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
     let bytes = read_image_bytes(path)?;
     let format = format(path, &bytes)?;
@@ -77,8 +77,8 @@ pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
     size.map(Into::into).map_err(|error| image_error(path, format, &error))
 }
 
-/// Reads a label image: a PNG file whose pixels hold numbers, grey with up to 16 bits or with a palette (of which the
-/// indices count, not the colours). A colour image is taken where its three channels agree. Transparency is left out.
+/// Reads a label image: a PNG file with one number per pixel, greyscale with up to 16 bits or with a palette (using the
+/// indices, not the colours). A colour image is accepted if its three channels are equal. Transparency is ignored.
 ///
 /// # Errors
 /// [`ReadError`] as [`read_image`]; also for JPEG, whose compression changes the numbers, and for colours.
@@ -86,7 +86,7 @@ pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
     read_label_image_of_size(path, &|_| Ok(()))
 }
 
-/// [`read_label_image`], where the size of the image passes a check.
+/// [`read_label_image`] with a check of the image size.
 pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelImage, ReadError> {
     let bytes = read_image_bytes(path)?;
     if format(path, &bytes)? == ImageFormat::Jpeg {
@@ -128,7 +128,7 @@ pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelIm
 /// Writes a PNG file as a whole or not at all.
 ///
 /// # Errors
-/// [`WriteError`] when the system refuses (see [`write_file`]).
+/// [`WriteError`] if the system reports an error (see [`write_file`]).
 pub fn write_png<P>(path: &Path, image: &ImageBuffer<P, Vec<P::Subpixel>>) -> Result<(), WriteError>
 where
     P: PixelWithColorType,
@@ -151,8 +151,8 @@ pub fn write_jpeg(path: &Path, image: &RgbImage, quality: u8) -> Result<(), Writ
     write_file(path, |out| out.write_all(&bytes))
 }
 
-/// Writes a label image as a PNG file with a palette, whose indices are the values and whose colours are for people: 0 is
-/// black, neighbouring values are easily told apart. Where a value is above 255, as a grey one of 16 bits.
+/// Writes a label image as a PNG file with a palette, whose indices are the values and whose colours are for viewing: 0
+/// is black, neighbouring values have distinct colours. If a value is above 255, writes 16-bit greyscale.
 ///
 /// # Errors
 /// As [`write_png`].
@@ -221,13 +221,13 @@ fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, ReadError> {
             Err(ReadError::new(path, format!("the file holds {name} data; expected a PNG or JPEG image")))
         }
         Err(_) => {
-            // What it holds instead is not quoted: a scene of somebody else may name any file.
+            // The content is not quoted: an untrusted scene may refer to any file.
             Err(ReadError::new(path, "this is not an image: expected PNG or JPEG"))
         }
     }
 }
 
-/// What the reader of images says, in words for people.
+/// A readable message for an error of the image reader.
 fn image_error(path: &Path, format: ImageFormat, error: &ImageError) -> ReadError {
     let format = if format == ImageFormat::Png { "PNG" } else { "JPEG" };
     let problem = match error {
@@ -238,7 +238,7 @@ fn image_error(path: &Path, format: ImageFormat, error: &ImageError) -> ReadErro
     ReadError::new(path, problem)
 }
 
-/// Whether a JPEG file has its end marker after the compressed pixels; readers fill what is missing with grey.
+/// Whether a JPEG file has its end marker after the compressed pixels; readers fill missing parts with grey.
 fn has_end_of_jpeg(bytes: &[u8]) -> bool {
     // Segments up to the pixels: a marker, and a length that counts itself. A thumbnail in one of them has markers too.
     let mut at = 2;

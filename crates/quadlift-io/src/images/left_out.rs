@@ -1,4 +1,5 @@
-//! In the place of `codecs` where the feature `images` is off: what reads or writes an image fails, and names the feature.
+//! Replaces `codecs` if the feature `images` is off: reading or writing an image fails with a message that names the
+//! feature.
 
 use std::path::Path;
 

@@ -25,15 +25,15 @@ const MM: f64 = 1e-3;
 /// Folders and kinds of images.
 const IMAGES: [(&str, &str); 4] = [("rgb", "png"), ("rgb", "jpg"), ("gray", "png"), ("gray", "tif")];
 
-/// How many folders above the scene the files of the data set are looked for.
+/// Number of parent folders in which the files of the data set are searched.
 const LEVELS: usize = 4;
 
-/// What a scene does not say itself.
+/// Options that a scene does not contain.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct BopOptions {
     /// Number of the object whose model frame is the world. Needed unless `scene_camera.json` has poses.
     pub world_object: Option<u64>,
-    /// `models_info.json`; looked for in `models` of the folders above when absent.
+    /// `models_info.json`; if absent, searched for in `models` of the parent folders.
     pub models_info: Option<PathBuf>,
     /// Width and height in pixels; from `camera.json` of the folders above or from the images when absent.
     pub image_size: Option<[f64; 2]>,
@@ -107,7 +107,7 @@ fn size_in_camera_file(file: &OwnedFile) -> Result<[f64; 2], ReadError> {
     Ok([root.member("width")?.number()?, root.member("height")?.number()?])
 }
 
-/// Names the images and masks that are there, and takes the image size from the first image where it is not known.
+/// Refers to existing images and masks, and reads the image size from the first image if it is unknown.
 fn add_images(import: &mut Import, folder: &Path) {
     let mut size = None;
     for frame in &mut import.scene.frames {
@@ -285,7 +285,7 @@ struct ObjectPose {
 fn object_poses(path: &Path, bytes: &[u8]) -> Result<BTreeMap<u64, Vec<ObjectPose>>, ReadError> {
     let value = parse_json(path, bytes)?;
     let mut frames = BTreeMap::new();
-    // How often an object is in a frame at most: its instances are told apart by their order.
+    // Maximum number of instances of an object in a frame: they are distinguished by their order.
     let mut most: BTreeMap<u64, usize> = BTreeMap::new();
     for (number, node) in by_number(&Node::root(path, &value))? {
         let mut poses = Vec::new();
@@ -358,7 +358,7 @@ fn detections(
     Ok(detections)
 }
 
-/// The models' boxes in the world, of the objects that stand still in it; and the ids of the others.
+/// The model boxes in the world of the static objects; and the ids of the others.
 fn true_objects(
     path: &Path,
     bytes: &[u8],

@@ -1,4 +1,4 @@
-//! COLMAP models: `cameras`, `images` and, where there are any, `points3D`, as text or binary. Rigs and frames are not needed.
+//! COLMAP models: `cameras`, `images` and optionally `points3D`, as text or binary. Rigs and frames are not needed.
 //!
 //! COLMAP's conventions are those of the scene file: OpenCV axes, world to camera, pixels from the corner, all camera
 //! models with their names. Format: `src/colmap/scene/reconstruction_io` of COLMAP.
@@ -22,10 +22,10 @@ use crate::wording::count;
 
 pub use points::DEFAULT_POINTS;
 
-/// Where a model may lie in the folder that is named.
+/// Possible locations of a model in the given folder.
 const PLACES: [&str; 4] = ["", "sparse/0", "sparse", "0"];
 
-/// Where images may lie, relative to the folder of the model.
+/// Possible locations of images, relative to the folder of the model.
 const IMAGE_FOLDERS: [&str; 3] = ["images", "../images", "../../images"];
 
 /// A file with its bytes.
@@ -82,8 +82,8 @@ pub fn parse_text([cameras, images, points]: [File; 3], most_points: usize) -> R
         let camera = fields.whole("a camera id, a whole number")?;
         let name = fields.rest();
         model.add_image(name, camera, quaternion, translation).map_err(|problem| line.error(problem))?;
-        // The second line of each image holds its points; it is empty where there are none, and some programs leave such
-        // lines out.
+        // The second line of each image lists its points; it is empty if there are none, and some programs omit such
+        // lines.
         while let Some(line) = image_lines.peek() {
             let is_comment = line.text.starts_with('#');
             if is_comment || is_points(line)? {
@@ -100,7 +100,7 @@ pub fn parse_text([cameras, images, points]: [File; 3], most_points: usize) -> R
 /// Whether a line that follows an image holds its points; otherwise it is the next image.
 ///
 /// # Errors
-/// [`ReadError`] when it is neither.
+/// [`ReadError`] if it is neither.
 fn is_points(line: &Line) -> Result<bool, ReadError> {
     let words = || line.text.split_whitespace();
     let is_number = |word: &str| word.parse::<f64>().is_ok();

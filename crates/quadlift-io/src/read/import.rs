@@ -1,24 +1,24 @@
-//! What readers of cameras return, and what they share.
+//! Result and common code of readers of cameras.
 
 use std::path::{Path, PathBuf};
 
 use crate::error::{EntryError, ReadError};
 use crate::scene_file::{CameraRecord, SceneFile};
 
-/// What a reader has found.
+/// The result of a reader.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Import {
-    /// Cameras, frames and whatever else the format holds. It is a valid scene.
+    /// Cameras, frames and other content of the format. It is a valid scene.
     pub scene: SceneFile,
-    /// The folder to which the images of the frames are relative, where it is known.
+    /// The folder to which the images of the frames are relative, if known.
     pub image_folder: Option<PathBuf>,
-    /// In words: what was converted, what was assumed, what was left out.
+    /// Notes: conversions, assumptions and skipped parts.
     pub notes: Vec<String>,
 }
 
 impl Import {
-    /// The scene that was read from a file, once it is known to be valid: repeated ids, impossible cameras and poses are
-    /// refused here, for all formats alike.
+    /// The scene read from a file, after validation: duplicate ids and invalid cameras and poses are rejected here, for
+    /// all formats.
     pub(crate) fn checked(self, path: &Path) -> Result<Self, ReadError> {
         let in_file = |error: EntryError| {
             let problem = format!("the scene made of this file is not valid: {}: {}", error.entry, error.problem);
@@ -30,7 +30,7 @@ impl Import {
     }
 }
 
-/// The id of a camera in a scene, to which it is added when it is new: ids are numbers from 0.
+/// The id of a camera in a scene, which is added if it is new: ids are numbers from 0.
 pub(super) fn camera_id(scene: &mut SceneFile, camera: CameraRecord) -> String {
     let same = |known: &&CameraRecord| {
         known.params == camera.params
@@ -45,7 +45,7 @@ pub(super) fn camera_id(scene: &mut SceneFile, camera: CameraRecord) -> String {
     id
 }
 
-/// Where a format's pixel coordinates have their origin, where it does not say.
+/// Origin of the pixel coordinates of a format that does not document it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PixelCenters {
     /// The centre of the first pixel is (0, 0), as in OpenCV: half a pixel is added to principal points.
@@ -64,7 +64,7 @@ impl PixelCenters {
         }
     }
 
-    /// What was assumed, in words.
+    /// Assumptions, as text.
     pub(super) fn note(self) -> String {
         match self {
             Self::Integer => "pixel centres at integers: 0.5 was added to the principal points".to_owned(),

@@ -69,7 +69,7 @@ impl<'a> Node<'a> {
         Ok(self.object()?.iter().map(|(key, value)| (key.as_str(), self.child(key, value))).collect())
     }
 
-    /// A member of an object, where there is one that is not `null`.
+    /// A member of an object, if present and not `null`.
     pub fn optional(&self, key: &str) -> Result<Option<Self>, ReadError> {
         let value = self.object()?.get(key).filter(|value| !value.is_null());
         Ok(value.map(|value| self.child(key, value)))

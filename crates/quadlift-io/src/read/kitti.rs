@@ -1,8 +1,8 @@
 //! KITTI's tracking benchmark: folders `calib`, `oxts`, `label_02` (and `image_02`) with a file for each sequence.
 //!
-//! World: the rectified axes of camera 0 in the first frame that is taken (x right, y down, z forward, metres). Frames
-//! are those of the left colour camera, `P2`. Labels give the detections of the source `label` and, of what stands
-//! still, the true objects.
+//! World frame: the rectified axes of camera 0 in the first selected frame (x right, y down, z forward, metres). Frames
+//! are those of the left colour camera, `P2`. Labels become detections of the source `label` and, for static objects,
+//! the true objects.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -19,7 +19,7 @@ use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile};
 
-/// What is taken of a sequence.
+/// The selected part of a sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KittiOptions {
     /// Name of the sequence, such as `0001`.
@@ -28,7 +28,7 @@ pub struct KittiOptions {
     pub frames: Option<RangeInclusive<usize>>,
     /// Width and height in pixels; when absent, those of the day with this focal length.
     pub image_size: Option<[f64; 2]>,
-    /// Where pixel coordinates have their origin: KITTI does not say.
+    /// Origin of pixel coordinates, which KITTI does not document.
     pub pixel_centers: PixelCenters,
 }
 
@@ -94,7 +94,7 @@ pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, 
             format!("the sequence has {} frames; requested were {first} to {}", oxts.len(), end.saturating_sub(1));
         ReadError::new(files.oxts.0, problem)
     })?;
-    // The scale is that of the whole sequence, so that it does not depend on what is taken of it.
+    // The scale is that of the whole sequence, so that it does not depend on the selection.
     let scale = oxts.first().map_or(1.0, Oxts::mercator_scale);
     let poses = rect_from_world(taken, scale, &rect_from_imu)
         .ok_or_else(|| ReadError::new(files.oxts.0, "a pose cannot be inverted"))?;
@@ -136,7 +136,7 @@ pub(super) fn frame_id(number: usize) -> String {
     format!("{number:06}")
 }
 
-/// Detections of the source `label`, and the objects that stand still.
+/// Detections of the source `label`, and the static objects.
 fn add_labels(
     scene: &mut SceneFile,
     labels: &[KittiLabel],

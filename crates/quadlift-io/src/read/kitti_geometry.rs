@@ -1,4 +1,4 @@
-//! What KITTI's tracking and raw data share: calibration, GPS/IMU poses, the chain of transforms.
+//! Common parts of KITTI tracking and raw data: calibration, GPS/IMU poses, the chain of transforms.
 //!
 //! Formulas: the devkit of the raw data (`convertOxtsToPose.m`), the same as in pykitti.
 

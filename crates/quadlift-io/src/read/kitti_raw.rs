@@ -1,7 +1,7 @@
 //! KITTI's raw data: a drive's folder with `oxts`, calibration files in the folder above, tracklets in XML.
 //!
-//! World: the rectified axes of camera 0 in the first frame that is taken, as for the tracking benchmark. Tracklets give
-//! the true objects of what stands still; they have no boxes in the images.
+//! World frame: the rectified axes of camera 0 in the first selected frame, as for the tracking benchmark. Static
+//! tracklets become the true objects; they have no boxes in the images.
 //!
 //! Format: `readme.txt` and `dataformat.txt` of the raw data's devkit; the transforms are those of pykitti.
 
@@ -21,7 +21,7 @@ use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
 
-/// What is taken of a drive.
+/// The selected part of a drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KittiRawOptions {
     /// Number of the camera: 0, 1 (grey), 2, 3 (colour).
@@ -30,7 +30,7 @@ pub struct KittiRawOptions {
     pub frames: Option<RangeInclusive<usize>>,
     /// Folder of the calibration files; that above the drive when absent.
     pub calibration: Option<PathBuf>,
-    /// Where pixel coordinates have their origin: KITTI does not say.
+    /// Origin of pixel coordinates, which KITTI does not document.
     pub pixel_centers: PixelCenters,
 }
 

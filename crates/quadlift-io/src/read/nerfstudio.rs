@@ -18,11 +18,11 @@ use crate::images::read_image_size;
 use crate::input::read_bytes;
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 
-/// Names that images get when the file leaves them out, as in Blender's synthetic scenes.
+/// Extensions of image names that the file omits, as in Blender's synthetic scenes.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
-/// Reads `transforms.json`, or the one in the folder that is named. Frames have their `file_path` as their id. Image
-/// sizes that are missing are taken from the images, where they are at hand.
+/// Reads `transforms.json`, given as file or folder. Frame ids are the `file_path`s. Missing image sizes are read from
+/// the images, if available.
 ///
 /// # Errors
 /// [`ReadError`] with the entry, what was found and what was expected.
@@ -39,8 +39,8 @@ pub fn read_nerfstudio(path: &Path, pixel_centers: PixelCenters) -> Result<Impor
     Ok(import)
 }
 
-/// The cameras in the bytes of `transforms.json`; the path serves for messages. `exists` says whether there is an image
-/// of a name, `size_of` its width and height.
+/// The cameras in the bytes of `transforms.json`; the path is used in messages. `exists` tests for an image by name,
+/// `size_of` returns its width and height.
 ///
 /// # Errors
 /// As [`read_nerfstudio`].
@@ -82,7 +82,7 @@ pub fn parse_nerfstudio(
     Import { scene, image_folder: None, notes }.checked(path)
 }
 
-/// The change of the world that the file says it has undergone, to be undone.
+/// The transform of the world recorded in the file, which is undone.
 struct Undo {
     rotation: Matrix3<f64>,
     shift: Vector3<f64>,
@@ -135,7 +135,7 @@ fn with_extension(name: &str, exists: &dyn Fn(&str) -> bool) -> String {
     name.to_owned()
 }
 
-/// The camera of a frame, without an id: what the frame says itself goes before what the file says for all.
+/// The camera of a frame, without an id: values of the frame override those of the file.
 fn camera(
     root: &Node,
     frame: &Node,

@@ -37,7 +37,7 @@ pub fn check_rigid(matrix: &Matrix4<f64>, name: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// The inverse of a rotation and a translation, whose rotation need not be orthonormal to the last digit; `None` when it
+/// The inverse of a rotation and a translation, whose rotation need not be orthonormal to the last digit; `None` if it
 /// is singular.
 pub fn inverse(matrix: &Matrix4<f64>) -> Option<Matrix4<f64>> {
     let inverse = matrix.fixed_view::<3, 3>(0, 0).into_owned().try_inverse()?;
@@ -45,7 +45,7 @@ pub fn inverse(matrix: &Matrix4<f64>) -> Option<Matrix4<f64>> {
     Some(matrix4(&inverse, &translation))
 }
 
-/// The rotation of a quaternion of any length `[w, x, y, z]`; `None` when it is zero or not finite.
+/// The rotation of a quaternion of any length `[w, x, y, z]`; `None` if it is zero or not finite.
 pub fn rotation_of(wxyz: [f64; 4]) -> Option<Matrix3<f64>> {
     let [w, x, y, z] = wxyz;
     let quaternion = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-12)?;

@@ -151,7 +151,7 @@ fn from_json(path: &Path, bytes: &[u8]) -> Result<Vec<FrameRecord>, ReadError> {
     Ok(frames)
 }
 
-/// Refuses a JSON object in which a key stands twice: the readers of JSON keep the last of them.
+/// Rejects duplicate keys in a JSON object: JSON readers keep the last of them.
 fn check_keys(path: &Path, bytes: &[u8]) -> Result<(), ReadError> {
     let keys: Keys = serde_json::from_str(as_utf8(path, bytes)?)
         .map_err(|error| ReadError::new(path, error.to_string()).at(error.line(), error.column()))?;

@@ -1,4 +1,4 @@
-//! True objects from labels of many frames: each is the mean of its cuboids in the world, if it stands still.
+//! True objects from labels of many frames: each is the mean of its cuboids in the world, if it is static.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use quadlift::geometry::Cuboid;
 
 use crate::scene_file::ObjectRecord;
 
-/// An object stands still when its centres scatter by less than this share of its longest half extent (root mean
-/// square). GPS poses drift by less over the few frames in which a parked car is seen.
+/// An object is static if its centres scatter by less than this fraction of its longest half extent (root mean square).
+/// GPS poses drift by less over the few frames in which a parked car is seen.
 const STILL: f64 = 0.5;
 
 /// Cuboids of one object in several frames.
@@ -42,7 +42,7 @@ impl LabelledObjects {
         labels.half_extents.push(half_extents);
     }
 
-    /// The objects that stand still, and the ids of those that do not.
+    /// The static objects, and the ids of the others.
     pub fn objects(&self) -> (Vec<ObjectRecord>, Vec<String>) {
         let (mut still, mut moving) = (Vec::new(), Vec::new());
         for (id, labels) in &self.by_id {
@@ -65,7 +65,7 @@ impl LabelledObjects {
 }
 
 impl Labels {
-    /// The mean cuboid; `None` when the object moves, or when numbers are impossible.
+    /// The mean cuboid; `None` if the object moves, or if values are invalid.
     fn mean(&self) -> Option<Cuboid> {
         let n = self.centers.len() as f64;
         let center = self.centers.iter().sum::<Vector3<f64>>() / n;

@@ -1,5 +1,5 @@
-//! TUM trajectories: lines `time tx ty tz qx qy qz qw`, camera-to-world, OpenCV axes; the intrinsics come from a file of
-//! their own. Format: the RGB-D benchmark's "file formats"; the association of times is that of its `associate.py`.
+//! TUM trajectories: lines `time tx ty tz qx qy qz qw`, camera-to-world, OpenCV axes; the intrinsics come from a
+//! separate file. Format: the RGB-D benchmark's "file formats"; the association of times is that of its `associate.py`.
 
 use std::path::Path;
 
@@ -14,20 +14,20 @@ use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 
-/// What a trajectory does not say itself.
+/// Options that a trajectory does not contain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TumOptions<'a> {
     /// File with the intrinsics: one line `fx fy cx cy [k1 k2 p1 p2 [k3]]` (OpenCV), or a line of COLMAP's
     /// `cameras.txt`, with or without its id.
     pub intrinsics: &'a Path,
-    /// Width and height in pixels, where the intrinsics do not say.
+    /// Width and height in pixels, if the intrinsics do not contain them.
     pub image_size: Option<[f64; 2]>,
     /// Lines `time name`: then each image gets the pose that is nearest in time. Otherwise each pose is a frame, whose
     /// id is its time as it is written.
     pub image_list: Option<&'a Path>,
     /// Maximum time difference between an image and its pose, in seconds.
     pub time_tolerance: f64,
-    /// Where the pixel coordinates of the intrinsics have their origin (COLMAP's are known).
+    /// Origin of the pixel coordinates of the intrinsics (known for COLMAP).
     pub pixel_centers: PixelCenters,
 }
 

@@ -13,7 +13,7 @@ pub(super) struct Xml<'a> {
     pub root: Element,
 }
 
-/// An element with what is in it.
+/// An element with its content.
 pub(super) struct Element {
     /// Name, without its namespace.
     pub name: Box<str>,
@@ -36,7 +36,7 @@ impl Element {
 }
 
 impl<'a> Xml<'a> {
-    /// Reads a file of which `expected` says what should be in it.
+    /// Reads a file; `expected` describes its content for messages.
     #[cfg(feature = "xml")]
     pub fn parse(path: &'a Path, bytes: &'a [u8], expected: &str) -> Result<Self, ReadError> {
         let text = as_utf8(path, bytes)?;
@@ -120,7 +120,7 @@ impl Element {
 #[cfg(feature = "xml")]
 const DEEPEST: usize = 100;
 
-/// Most attributes of an element: the parser compares each with all others. KITTI's files have four at most.
+/// Maximum number of attributes of an element: the parser compares each with all others. KITTI files have at most four.
 #[cfg(feature = "xml")]
 const MOST_ATTRIBUTES: usize = 1000;
 

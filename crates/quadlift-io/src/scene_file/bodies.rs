@@ -19,25 +19,25 @@ pub struct ObjectBodies {
     pub id: String,
     /// Category.
     pub category: Option<String>,
-    /// How the estimation ended; absent for the truth.
+    /// Status of the estimate; absent for true objects.
     pub status: Option<Status>,
     /// Centre in the world: the given one, or that of a body.
     pub center: Option<Point3<f64>>,
     /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
     pub ellipsoid: Option<Ellipsoid>,
-    /// The larger ellipsoid that holds the real object.
+    /// The enclosing ellipsoid, which should contain the real object.
     pub enclosing_ellipsoid: Option<Ellipsoid>,
     /// The cuboid.
     pub cuboid: Option<Cuboid>,
-    /// The larger cuboid that holds the real object.
+    /// The enclosing cuboid, which should contain the real object.
     pub enclosing_cuboid: Option<Cuboid>,
     /// The cylinder.
     pub cylinder: Option<Cylinder>,
-    /// The larger cylinder that holds the real object.
+    /// The enclosing cylinder, which should contain the real object.
     pub enclosing_cylinder: Option<Cylinder>,
     /// The superellipsoid.
     pub superellipsoid: Option<Superellipsoid>,
-    /// The larger superellipsoid that holds the real object.
+    /// The enclosing superellipsoid, which should contain the real object.
     pub enclosing_superellipsoid: Option<Superellipsoid>,
     /// Uncertainty of an estimate.
     pub covariance: Option<Covariance>,
@@ -52,7 +52,7 @@ impl ObjectBodies {
             .or(self.ellipsoid.map(Body::Ellipsoid))
     }
 
-    /// The larger body of this kind that holds the real object.
+    /// The enclosing body of this kind, which should contain the real object.
     pub fn enclosing_body(&self) -> Option<Body> {
         (self.enclosing_superellipsoid.map(Body::Superellipsoid))
             .or(self.enclosing_cylinder.map(Body::Cylinder))
@@ -65,8 +65,8 @@ impl SceneFile {
     /// The objects of the file as bodies, in the order of the file.
     ///
     /// # Errors
-    /// [`EntryError`] names the first entry that is wrong: a repeated id, an axis that is not positive, a rotation
-    /// that is no unit quaternion, an unknown status.
+    /// [`EntryError`] names the first invalid entry: a duplicate id, an axis that is not positive, a rotation that
+    /// is not a unit quaternion, an unknown status.
     pub fn to_objects(&self) -> Result<Vec<ObjectBodies>, EntryError> {
         let mut first_with: HashMap<&str, usize> = HashMap::with_capacity(self.objects.len());
         let mut objects = Vec::with_capacity(self.objects.len());

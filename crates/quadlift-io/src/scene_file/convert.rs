@@ -23,11 +23,11 @@ enum Posed<'a> {
 }
 
 impl SceneFile {
-    /// The scene: frames and detections of all sources. The objects of the file are not looked at.
+    /// The scene: frames and detections of all sources. The objects of the file are ignored.
     ///
     /// # Errors
-    /// [`EntryError`] names the first entry that is wrong: unknown or repeated ids, unknown camera models,
-    /// singular cameras, poses that are no rotations, empty boxes, ellipses without positive axes.
+    /// [`EntryError`] names the first invalid entry: unknown or duplicate ids, unknown camera models, singular
+    /// cameras, poses that are not rotations, empty boxes, ellipses without positive axes.
     pub fn to_scene(&self) -> Result<Scene, EntryError> {
         let mut builder = SceneBuilder::new(self.name.as_deref().unwrap_or_default());
         builder.reserve(self.frames.len(), self.detections.len());
@@ -171,7 +171,7 @@ fn detection_input<'a>(
             .map_err(|error| EntryError::new(entry(".ellipse"), format!("{error}; \"semi_axes\" is {:?}", e.semi_axes)))
     });
     let segmentation = record.segmentation.as_deref();
-    // Where no mask could be trusted the ellipse says nothing that the box does not say better.
+    // Without a reliable mask the ellipse has no more information than the box.
     let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
     Ok(DetectionInput {
         frame: &record.frame,

@@ -1,6 +1,6 @@
-//! What the fields of a scene file hold, in words for messages.
+//! Descriptions of the fields of a scene file, for messages.
 
-/// What is expected of a field by its name, where a message of the JSON reader does not say enough.
+/// The expected value of a field by its name, if the message of the JSON reader is not specific enough.
 pub fn expected(field: &str) -> Option<&'static str> {
     Some(match field {
         "box" => "\"box\": [x0, y0, x1, y1] in pixels",

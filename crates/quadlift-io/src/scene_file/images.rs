@@ -1,6 +1,6 @@
 //! The images of a scene's frames and the masks of its detections: where they are, and reading them.
 //!
-//! The library's scene holds neither, because it reads no files; the table here runs parallel to its frames and
+//! The scene of the library contains neither, because it does no I/O; the table here is parallel to its frames and
 //! detections.
 
 use std::collections::HashMap;
@@ -58,7 +58,7 @@ pub struct SceneImages {
 }
 
 impl SceneFile {
-    /// For each frame, width and height of its image in pixels, where frame or camera know them.
+    /// For each frame, width and height of its image in pixels, if known from frame or camera.
     pub fn image_sizes(&self) -> Vec<Option<[f64; 2]>> {
         let size = |width: Option<f64>, height: Option<f64>| width.zip(height).map(|(width, height)| [width, height]);
         let of_camera: HashMap<&str, Option<[f64; 2]>> =
@@ -78,8 +78,8 @@ impl SceneFile {
         images.chain(masks).map(move |path| folder.join(path))
     }
 
-    /// The images and masks that the scene names; `path` is that of the scene file, to which theirs are relative. No
-    /// other file is looked at.
+    /// The images and masks of the scene; `path` is the scene file, to which their paths are relative. No other file is
+    /// accessed.
     ///
     /// # Errors
     /// [`EntryError`] names the first mask that is none: in no or in several forms, runs that do not fill their image,
@@ -162,8 +162,8 @@ impl SceneImages {
     /// Reads the image of a frame of the scene.
     ///
     /// # Errors
-    /// [`ReadError`] when the frame has no image, when the file cannot be read ([`crate::read_image`]), or when its size is not
-    /// that of the frame's camera.
+    /// [`ReadError`] if the frame has no image, if the file cannot be read ([`crate::read_image`]), or if its size differs from
+    /// the frame's camera.
     pub fn read_image(&self, scene: &Scene, frame_index: usize) -> Result<RgbImage, ReadError> {
         let Some(path) = self.images.get(frame_index).and_then(Option::as_ref) else {
             let id = scene.frames.get(frame_index).map_or("", |frame| frame.id.as_str());
@@ -177,8 +177,8 @@ impl SceneImages {
     /// several of them share, as those of one frame do, is read once.
     ///
     /// # Errors
-    /// Each mask has its own: [`ReadError`] when a label image cannot be read ([`crate::read_label_image`]), when the size of
-    /// the mask's image is not that of the frame's camera, or when no pixel is the object's.
+    /// One per mask: [`ReadError`] if a label image cannot be read ([`crate::read_label_image`]), if the size of the
+    /// mask's image differs from the frame's camera, or if the mask is empty.
     pub fn read_masks(&self, scene: &Scene, detections: &[usize]) -> Vec<Result<Option<Mask>, ReadError>> {
         let mut label_images = HashMap::new();
         let mut pixels = 0;

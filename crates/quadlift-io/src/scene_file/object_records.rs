@@ -15,7 +15,7 @@ pub struct ObjectRecord {
     /// Category.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub category: Option<String>,
-    /// How the estimation ended (see [`quadlift::solve::Status::name`]).
+    /// Status of the estimate (see [`quadlift::solve::Status::name`]).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub status: Option<String>,
     /// Estimated centre in the world, whenever there is one, even without a body.
@@ -27,25 +27,25 @@ pub struct ObjectRecord {
     /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ellipsoid: Option<EllipsoidRecord>,
-    /// The larger ellipsoid that holds the real object.
+    /// The enclosing ellipsoid, which should contain the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enclosing_ellipsoid: Option<EllipsoidRecord>,
     /// The cuboid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cuboid: Option<Box<CuboidRecord>>,
-    /// The larger cuboid that holds the real object.
+    /// The enclosing cuboid, which should contain the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enclosing_cuboid: Option<Box<CuboidRecord>>,
     /// The cylinder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cylinder: Option<Box<CylinderRecord>>,
-    /// The larger cylinder that holds the real object.
+    /// The enclosing cylinder, which should contain the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enclosing_cylinder: Option<Box<CylinderRecord>>,
     /// The superellipsoid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub superellipsoid: Option<Box<SuperellipsoidRecord>>,
-    /// The larger superellipsoid that holds the real object.
+    /// The enclosing superellipsoid, which should contain the real object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enclosing_superellipsoid: Option<Box<SuperellipsoidRecord>>,
     /// Number of views that the estimate rests on.
@@ -60,22 +60,22 @@ pub struct ObjectRecord {
     /// Other bodies that agree with the measurements about as well, the most probable first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub alternatives: Vec<AlternativeRecord>,
-    /// How far the measurements are from the body.
+    /// Residual statistics.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub misfit: Option<MisfitRecord>,
-    /// What each view contributed.
+    /// The contribution of each view.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_residuals_px: Vec<ViewRecord>,
-    /// How well the object's views predict those that are left out.
+    /// Cross-validation: how well left-out views are predicted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cross_validation: Option<Box<CrossValidationRecord>>,
-    /// What makes the estimate weak, for people.
+    /// Warnings, as text.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
     /// Uncertainty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<Box<CovarianceRecord>>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -92,7 +92,7 @@ pub struct EllipsoidRecord {
     /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `semi_axes`.
     #[serde(deserialize_with = "numbers::list")]
     pub rotation: [f64; 4],
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -109,7 +109,7 @@ pub struct CuboidRecord {
     /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `half_extents`.
     #[serde(deserialize_with = "numbers::list")]
     pub rotation: [f64; 4],
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -129,7 +129,7 @@ pub struct CylinderRecord {
     /// `radii`, the third one is the axis of the cylinder.
     #[serde(deserialize_with = "numbers::list")]
     pub rotation: [f64; 4],
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -148,7 +148,7 @@ pub struct SuperellipsoidRecord {
     pub rotation: [f64; 4],
     /// Exponent of the support function, in [1, 2] (1 cuboid, 2 ellipsoid).
     pub support_exponent: f64,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -160,19 +160,19 @@ pub struct AlternativeRecord {
     pub cuboid: CuboidRecord,
     /// Natural logarithm of its odds against the reported body.
     pub log_odds: f64,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
 
-/// How far an object's measurements are from its body (see [`quadlift::solve::Misfit`]).
+/// Residual statistics of an object (see [`quadlift::solve::Misfit`]).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MisfitRecord {
-    /// In standard deviations of the scene's noise: about 1 where the object's boxes err like the others.
+    /// In standard deviations of the scene's noise: about 1 for objects with typical noise.
     pub deviations: f64,
     /// Relative to the half size of the boxes.
     pub relative: f64,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -182,7 +182,7 @@ pub struct MisfitRecord {
 pub struct ViewRecord {
     /// Id of the frame.
     pub frame: String,
-    /// Root mean square distance between measured and predicted box edges in pixels, where there is one.
+    /// Root mean square distance between measured and predicted box edges in pixels, if defined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual_px: Option<f64>,
     /// Root mean square residual in standard deviations of the scene's noise (see
@@ -194,10 +194,10 @@ pub struct ViewRecord {
     /// Why it was rejected: a name of [`quadlift::solve::Rejection`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rejected_because: Option<String>,
-    /// IoU of the measured box and the one that the other views predict, where the whole scene was cross-validated.
+    /// IoU of the measured box and the one predicted from the other views, if the whole scene was cross-validated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_iou: Option<f64>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -215,7 +215,7 @@ pub struct CrossValidationRecord {
     /// Id of the frame whose detection the others contradict.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub odd_view: Option<String>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -229,7 +229,7 @@ pub struct CovarianceRecord {
     /// The 9x9 matrix by rows.
     #[serde(deserialize_with = "numbers::matrix")]
     pub matrix: [[f64; 9]; 9],
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }

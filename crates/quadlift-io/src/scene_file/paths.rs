@@ -23,7 +23,7 @@ impl SceneFile {
     }
 }
 
-/// What becomes of the relative path of an image when the scene file moves from the first folder to the second one.
+/// The new relative path of an image if the scene file moves from the first folder to the second one.
 fn relocation([from, to]: [&Path; 2]) -> Result<impl Fn(&str) -> String, WriteError> {
     let [from, to] = [absolute(from)?, absolute(to)?];
     Ok(move |path: &str| {

@@ -1,4 +1,4 @@
-//! Reading a scene file. The good case is one pass; only after a failure the text is read again to say where it was.
+//! Reading a scene file. Valid files need one pass; after a failure the text is read again to locate the error.
 
 use std::path::Path;
 
@@ -19,8 +19,8 @@ use crate::wording::plain_words;
 /// [`SceneFile::to_scene`] and [`SceneFile::to_objects`].
 ///
 /// # Errors
-/// [`ReadError`] when the file cannot be read, is no JSON, is of another format or version, or when an entry has
-/// another shape than it should.
+/// [`ReadError`] if the file cannot be read, is not JSON, has another format or version, or if an entry has the
+/// wrong type.
 pub fn read_scene_file(path: &Path) -> Result<SceneFile, ReadError> {
     let scene = parse_scene_file(path, &read_bytes(path)?)?;
     note_named(scene.named_files(path));
@@ -47,7 +47,7 @@ struct Header {
     version: Option<Value>,
 }
 
-/// Says what is wrong with a text that is not a scene of this version.
+/// The message for a text that is not a scene of this version.
 fn diagnose(path: &Path, text: &str) -> ReadError {
     let start = text.len() - text.trim_start().len();
     if !text[start..].starts_with('{') {

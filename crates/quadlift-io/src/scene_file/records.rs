@@ -1,7 +1,7 @@
-//! What a scene file holds: cameras, frames and detections, as they are written in it. Nothing is checked here.
+//! Records of a scene file: cameras, frames and detections as written. Nothing is validated here.
 //!
-//! Pixels are corner-based (the first pixel covers [0, 1)), camera axes are OpenCV's, angles are radians, rotations
-//! are unit quaternions with w first. Fields that this version does not know are kept in `extra`.
+//! Pixels are corner-based (the first pixel covers [0, 1)), camera axes are OpenCV's, angles are radians, rotations are
+//! unit quaternions with w first. Unknown fields are kept in `extra`.
 
 use std::fmt;
 
@@ -20,8 +20,7 @@ pub const FORMAT: &str = "quadlift.scene";
 /// The value of `version` that this program reads and writes.
 pub const VERSION: u64 = 1;
 
-/// A scene file, as it is written: what goes in (cameras, frames, detections, true objects) and what comes out
-/// (estimated objects).
+/// A scene file as written: inputs (cameras, frames, detections, true objects) and outputs (estimated objects).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct SceneFile {
     /// Always [`FORMAT`].
@@ -39,7 +38,7 @@ pub struct SceneFile {
     pub up: Option<[f64; 3]>,
     /// Free text.
     pub notes: Option<String>,
-    /// What was done to obtain the objects: settings and counts of a localisation.
+    /// How the objects were obtained: settings and statistics of a localisation.
     pub localization: Option<Value>,
     /// The cameras.
     #[serde(default)]
@@ -56,7 +55,7 @@ pub struct SceneFile {
     /// Objects: the truth in an input, estimates in a result.
     #[serde(default)]
     pub objects: Vec<ObjectRecord>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -84,7 +83,7 @@ impl Default for SceneFile {
 impl SceneFile {
     /// The result of a localisation of this scene: its names, cameras, frames and points with the estimated objects.
     ///
-    /// Objects of the input (the truth), detections and notes are not taken over. Image paths stay relative to the
+    /// Objects of the input (ground truth), detections and notes are not copied. Image paths stay relative to the
     /// folder of the input.
     #[must_use]
     pub fn with_results(&self, objects: Vec<ObjectRecord>, localization: Value) -> Self {
@@ -109,7 +108,7 @@ pub struct CameraRecord {
     pub id: String,
     /// COLMAP's name of the model.
     pub model: String,
-    /// Image width in pixels; without width and height no box edge counts as cut off by the image border.
+    /// Image width in pixels; without width and height no box edge is treated as cut off by the image border.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "numbers::plain")]
     pub width: Option<f64>,
     /// Image height in pixels.
@@ -117,7 +116,7 @@ pub struct CameraRecord {
     pub height: Option<f64>,
     /// Parameters in COLMAP's order (`PINHOLE`: fx, fy, cx, cy in pixels).
     pub params: Vec<f64>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -148,7 +147,7 @@ pub struct FrameRecord {
     /// Time in seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -158,7 +157,7 @@ pub struct FrameRecord {
 pub struct DetectionRecord {
     /// Id of the frame.
     pub frame: Box<str>,
-    /// Id of the object, the same in all frames, where the identity is known.
+    /// Id of the object, the same in all frames, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object: Option<Box<str>>,
     /// Category.
@@ -196,7 +195,7 @@ pub struct DetectionRecord {
     /// Share of the object that is visible, in [0, 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visible_fraction: Option<f64>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -212,7 +211,7 @@ pub struct EllipseRecord {
     pub semi_axes: [f64; 2],
     /// Direction of the first semi-axis in radians, from x towards y.
     pub angle: f64,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -230,22 +229,22 @@ impl From<Ellipse> for EllipseRecord {
 pub struct SegmentationRecord {
     /// `sca+cut`, `sca`, `graphcut`, `masks` or `box`.
     pub method: String,
-    /// `ok`; `fell_back`: no mask could be trusted, ellipse and mask are those of the box; `box`: nothing but the box
-    /// was looked at; `failed`: the detection is unchanged.
+    /// `ok`; `fell_back`: no reliable mask, ellipse and mask are those of the box; `box`: only the box was used;
+    /// `failed`: the detection is unchanged.
     pub status: String,
-    /// Why, in words, for `fell_back` and `failed`.
+    /// The reason for `fell_back` and `failed`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// From 0 (nothing is known beyond the box) to 1 (every pixel is certain); absent for given masks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
-    /// Share of the mask's outline at the border of the image, where there is any: the object may go on unseen.
+    /// Fraction of the mask's outline at the image border, if any: the object may be truncated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cut_by_border: Option<f64>,
-    /// Share of the mask's outline at other objects' masks, where there is any: one may hide a part of the other.
+    /// Fraction of the mask's outline at masks of other objects, if any: one may occlude a part of the other.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub touches_others: Option<f64>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -257,7 +256,7 @@ impl SegmentationRecord {
         Contacts { border: share(self.cut_by_border), others: share(self.touches_others) }.is_partial()
     }
 
-    /// Whether no mask could be trusted: ellipse and mask are those of the box.
+    /// Whether there is no reliable mask: ellipse and mask are those of the box.
     pub fn fell_back(&self) -> bool {
         self.status == "fell_back"
     }
@@ -279,7 +278,7 @@ pub struct MaskRecord {
     /// Polygons as in COCO, `[x, y, x, y, ...]` in pixels each; the mask is their union.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub polygons: Option<Vec<Vec<f64>>>,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }
@@ -293,7 +292,7 @@ pub struct RleRecord {
     pub size: [u32; 2],
     /// The runs.
     pub counts: RleCounts,
-    /// Fields that this version does not know.
+    /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
 }

@@ -18,7 +18,7 @@ const FIGURE_DIGITS: i32 = 6;
 /// Significant digits of covariances. A correlation matrix keeps its eigenvalues but for `9 * 5e-9`.
 const COVARIANCE_DIGITS: i32 = 9;
 
-/// How much a result says of each object.
+/// Level of detail of a result per object.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Detail {
     /// All that is known.
@@ -29,7 +29,7 @@ pub enum Detail {
 }
 
 impl Detail {
-    /// Takes out of an object what is not wanted.
+    /// Removes the parts of an object that are not requested.
     pub fn apply(self, object: &mut ObjectRecord) {
         if self == Self::Brief {
             object.covariance = None;
@@ -42,7 +42,7 @@ impl Detail {
 /// The estimates of a localisation of `scene` as the objects of a file, in their order, each made when it is asked for: a
 /// record takes a few kilobytes.
 ///
-/// Figures that are not finite are left out, because JSON cannot hold them. Residuals and standard deviations have 6
+/// Non-finite values are omitted, because JSON cannot represent them. Residuals and standard deviations have 6
 /// significant digits, covariances 9, bodies all.
 pub fn estimates_to_objects<'a>(
     scene: &'a Scene,

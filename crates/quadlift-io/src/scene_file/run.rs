@@ -1,4 +1,4 @@
-//! What a result says about its run: the settings, the counts and the noise levels (`localization` in the file).
+//! The run of a result: settings, counts and noise levels (`localization` in the file).
 
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
@@ -16,8 +16,8 @@ pub fn fitted_body_name(body: Option<BodyKind>) -> String {
     body.map_or_else(|| "mixed".to_owned(), |body| body.to_string())
 }
 
-/// The settings as they are written to the result; `priors` says where those in the options come from. The number of
-/// threads is not among them: it changes nothing.
+/// The settings as they are written to the result; `priors` is the source of those in the options. The number of
+/// threads is not included, because it does not affect the result.
 pub fn settings_record(options: &LocalizeOptions, priors: Option<&str>) -> Value {
     let mut json = json!({
         "method": options.method.name(),

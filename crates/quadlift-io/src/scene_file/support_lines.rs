@@ -13,7 +13,7 @@ use crate::error::{EntryError, ReadError};
 impl SceneFile {
     /// Reads the masks of the detections of one source (of all without one) and gives the scene's detections their
     /// supporting lines ([`FrameMasks::support_lines`]). The scene must be that of this file ([`Self::to_scene`]), and
-    /// `path` is the file's. Masks that `quadlift segment` did not trust (`fell_back`) are left out. `progress` is called
+    /// `path` is the file's. Unreliable masks of `quadlift segment` (`fell_back`) are skipped. `progress` is called
     /// with the number of frames done and their total.
     ///
     /// Returns what could not be read, with the index of the detection; all others are done.

@@ -1,12 +1,11 @@
-//! A limit on what fields hold that this version does not know: they are kept, and a number in them takes far more memory
-//! than its text.
+//! A limit on the content of unknown fields: they are kept, and a number in them takes much more memory than its text.
 
 use std::fmt;
 
 use serde::de::{DeserializeSeed, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// Values in unknown fields and in `localization`, at most: about a gigabyte while they are read.
+/// Maximum number of values in unknown fields and in `localization`: about a gigabyte while reading.
 pub const MOST_VALUES: usize = 10_000_000;
 
 /// Fields that hold records or lists of them, whose fields may be unknown in their turn.
@@ -49,7 +48,7 @@ const PLAIN: [&str; 62] = [
 /// Checks the number of values in unknown fields of a scene file's text.
 ///
 /// # Errors
-/// What is wrong, in words. A text that is not JSON is no error here.
+/// The problem, as text. A text that is not JSON is not an error here.
 pub fn check_unknown(text: &str, most: usize) -> Result<(), String> {
     // A value and its comma have two bytes at least.
     if text.len() / 2 <= most {

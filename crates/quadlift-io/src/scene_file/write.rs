@@ -18,7 +18,7 @@ use crate::error::WriteError;
 /// Writes a scene file as a whole or not at all; an earlier file of this name survives a failure.
 ///
 /// # Errors
-/// [`WriteError`] when the system refuses (see [`write_file`]), or when a record holds a number that is not finite.
+/// [`WriteError`] if the system reports an error (see [`write_file`]), or if a record contains a non-finite number.
 pub fn write_scene_file(path: &Path, scene: &SceneFile) -> Result<(), WriteError> {
     write_file(path, |out| write_scene(scene, out))
 }
@@ -104,7 +104,7 @@ impl Members<'_> {
         value.as_ref().map_or(Ok(()), |value| self.value(key, value))
     }
 
-    /// A list of records; nothing when it is empty.
+    /// A list of records; nothing if it is empty.
     fn list<T: Serialize + DeserializeOwned + PartialEq>(
         &mut self,
         key: &str,

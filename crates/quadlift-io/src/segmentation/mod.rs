@@ -25,12 +25,12 @@ pub use result::add_to_scene;
 pub enum Method {
     /// From the images (or, with [`SegmentMethod::Box`], from the boxes).
     Image(SegmentMethod),
-    /// Those that the scene names.
+    /// The masks of the scene.
     Masks,
 }
 
 impl Method {
-    /// Those that can be chosen, in the order of the documentation.
+    /// The available ones, in the order of the documentation.
     pub const ALL: [Self; 5] = [
         Self::Image(SegmentMethod::ScaCut),
         Self::Image(SegmentMethod::Sca),
@@ -48,7 +48,7 @@ impl Method {
     }
 }
 
-/// What is being counted while a scene is segmented.
+/// The counted items while a scene is segmented.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// Images, one after another.
@@ -105,22 +105,22 @@ pub struct Settings {
     pub source: Option<String>,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Whether crops are wanted even where the method does not look at the images: for the contact sheets.
+    /// Whether crops are needed even if the method does not use the images: for the contact sheets.
     pub with_crops: bool,
 }
 
-/// What was found of a detection.
+/// The result of a detection.
 #[derive(Debug, Clone)]
 pub struct Found {
     /// The object's pixels in the image.
     pub mask: Mask,
     /// The ellipse with the mask's second moments, or the one in the box.
     pub ellipse: Ellipse,
-    /// How certain the pixels are; none for given masks.
+    /// Confidence of the pixels; none for given masks.
     pub confidence: Option<f64>,
-    /// Why it is the ellipse of the box, where it is.
+    /// Why the ellipse in the box is used, if it is.
     pub fell_back: Option<Failure>,
-    /// Where the outline is not the object's own.
+    /// Parts of the outline that do not belong to the object.
     pub contacts: Contacts,
 }
 
@@ -138,9 +138,9 @@ pub struct Group {
 pub struct Segmentation {
     /// The detections of the chosen source, by object.
     pub groups: Vec<Group>,
-    /// What was found of each detection.
+    /// The result of each detection.
     pub found: Vec<Option<Found>>,
-    /// The crops of the detections, as far as there are any.
+    /// The crops of the detections, if any.
     pub crops: Vec<Option<Crop>>,
     /// Detections of the source that have no box and so no crop.
     pub without_box: Vec<usize>,
@@ -177,11 +177,11 @@ impl Segmentation {
 
 /// Segments the detections of a scene; those of one object together.
 ///
-/// Images are read one at a time; of each only the crops around the detections are kept. What goes wrong with single
-/// detections is in [`Segmentation::problems`].
+/// Images are read one at a time; only the crops around the detections are kept. Errors of single detections are in
+/// [`Segmentation::problems`].
 ///
 /// # Errors
-/// [`SegmentSceneError`] when the source is not clear or nothing can be segmented.
+/// [`SegmentSceneError`] if the source is ambiguous or nothing can be segmented.
 pub fn segment_scene(
     scene: &Scene,
     images: &SceneImages,
@@ -372,7 +372,7 @@ fn find_contacts(scene: &Scene, frame: usize, detections: &[usize], segmentation
     }
 }
 
-/// Width and height of a frame's image in pixels, where they are known.
+/// Width and height of a frame's image in pixels, if known.
 fn image_size(scene: &Scene, frame: usize, detections: &[usize], segmentation: &Segmentation) -> Option<[u32; 2]> {
     let of_crops = detections.iter().find_map(|&index| Some(segmentation.crops[index].as_ref()?.image_size()));
     // Images and masks of another size have been refused, so that the camera's is a whole number where there is one.

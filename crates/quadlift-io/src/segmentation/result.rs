@@ -17,8 +17,8 @@ use crate::scene_file::{
 /// Label images with more pixels than this are not written.
 const MOST_PIXELS: u64 = 1 << 28;
 
-/// Writes what was found into the detections of a scene file; those without a result get a status. With a folder the
-/// masks are written there as label images, without one into the scene file itself, as COCO's runs.
+/// Writes the results into the detections of a scene file; those without a result get a status. With a folder, masks
+/// are written there as label images, otherwise into the scene file as COCO RLE.
 ///
 /// `folders` are that of the scene file as it was read and that of the one that will be written: the paths of images
 /// and masks are relative to it.
@@ -63,7 +63,7 @@ pub fn add_to_scene(
         let masks: Vec<(usize, &Mask)> = masks.collect();
         match out_masks {
             Some(folder) => write_masks(file, &masks, size, folder, name, folders[1])?,
-            // Given masks stay as they are.
+            // Given masks are not changed.
             None if method == Method::Masks => {}
             None => {
                 for (index, mask) in masks {
@@ -96,7 +96,7 @@ fn describe(record: &mut DetectionRecord, found: &Found, method: Method) {
     }));
 }
 
-/// A mask as COCO's runs; none where it is empty.
+/// A mask as COCO RLE; none if it is empty.
 fn in_runs(mask: &Mask, [width, height]: [u32; 2]) -> Result<Option<Box<MaskRecord>>, RleError> {
     if mask.count() == 0 {
         return Ok(None);

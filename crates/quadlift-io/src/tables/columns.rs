@@ -14,11 +14,11 @@ pub enum Kind {
     Numbers,
     /// A matrix with rows of this length, as one list.
     Rows(usize),
-    /// A list of as many numbers as there are names, each in a column of its own.
+    /// A list of as many numbers as there are names, each in a separate column.
     Split(&'static [&'static str]),
 }
 
-/// An entry of a record, and the column in which it stands.
+/// An entry of a record and its column.
 #[derive(Debug, Clone, Copy)]
 pub struct Column {
     /// Name of the column; of [`Kind::Split`] for messages only.
@@ -45,7 +45,7 @@ const fn column(name: &'static str, kind: Kind, path: &'static [&'static str]) -
 
 use Kind::{Bool, Json, Number, Numbers, Rows, Split, Text, Texts, Whole};
 
-/// What belongs to the scene as a whole: one row.
+/// The scene as a whole: one row.
 pub const SCENE: Table = Table {
     file: "scene.parquet",
     columns: &[
@@ -160,7 +160,7 @@ pub const OBJECTS: Table = Table {
     ],
 };
 
-/// What each view contributed to each object, in the order of the objects.
+/// The contribution of each view to each object, in the order of the objects.
 pub const VIEWS: Table = Table {
     file: "views.parquet",
     columns: &[

@@ -19,9 +19,9 @@ use crate::read::Import;
 use crate::scene_file::{FORMAT, SceneFile, VERSION, ViewRecord};
 use crate::wording::plain_words;
 
-/// Reads the scene in a folder of tables, as [`super::write_tables`] or another program has written them: columns may
-/// stand in any order, and those of entries that are not there may be missing, as may whole tables. Null and NaN (which
-/// pandas writes) are missing entries. Unknown columns are ignored and named in the notes.
+/// Reads the scene in a folder of tables, written by [`super::write_tables`] or another program: columns may be in any
+/// order; optional columns and whole tables may be missing. Null and NaN (which pandas writes) are missing entries.
+/// Unknown columns are ignored and named in the notes.
 ///
 /// # Errors
 /// [`ReadError`] with the table and the row, from 0, and when the scene is not valid.
@@ -80,7 +80,7 @@ fn scene_of(mut rows: Vec<Map<String, Value>>, path: &Path) -> Result<SceneFile,
     Ok(scene)
 }
 
-/// The records of a table; none where there is no such file.
+/// The records of a table; none if there is no such file.
 fn read_table<T: DeserializeOwned>(
     folder: &Path,
     table: &Table,
@@ -121,7 +121,7 @@ fn read_records<T: DeserializeOwned>(
     Ok(records)
 }
 
-/// Checks that a table of so many bytes can hold what it claims to hold, before memory is taken for that.
+/// Checks that a table of this many bytes can contain what it claims, before allocating memory for it.
 fn check_counts(reader: &SerializedFileReader<File>, bytes: u64) -> Result<(), String> {
     // A row that differs from the last one takes a bit at least.
     let of_group = |group| u64::try_from(reader.metadata().row_group(group).num_rows()).unwrap_or(0);

@@ -4,7 +4,7 @@ use serde_json::{Map, Number, Value};
 
 use super::columns::{Column, Kind};
 
-/// What stands in a column of the file.
+/// The values of a column of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
     Null,
@@ -42,8 +42,8 @@ impl Column {
         }
     }
 
-    /// Takes the entry out of a record. `None` when it is no value of this kind: a number that is not finite, which JSON
-    /// has made null.
+    /// Takes the entry out of a record. `None` if it is not a value of this kind: a non-finite number, which is null in
+    /// JSON.
     pub fn take(&self, record: &mut Map<String, Value>) -> Option<Vec<Cell>> {
         let Some(value) = take(record, self.path) else { return Some(vec![Cell::Null; self.in_file().len()]) };
         let cell = match self.kind {
@@ -68,7 +68,7 @@ impl Column {
     /// Puts the entry that stands in these cells into a record; nothing where they are null.
     ///
     /// # Errors
-    /// What was expected, in words.
+    /// The expected value, as text.
     pub fn put(&self, cells: &[Cell], record: &mut Map<String, Value>) -> Result<(), String> {
         let value = match (self.kind, cells) {
             (_, cells) if cells.iter().all(|cell| *cell == Cell::Null) => return Ok(()),

@@ -25,8 +25,8 @@ const ROWS: usize = 50_000;
 /// Writes the tables of a scene into a new folder, as a whole or not at all. Gives the number of records of each kind.
 ///
 /// # Errors
-/// [`WriteError`] when there is a folder with files already, when the system refuses, when a number is not finite, or
-/// when two objects have one id, because the residuals of their views would be ambiguous.
+/// [`WriteError`] if the folder exists and is not empty, if the system reports an error, if a number is not finite, or
+/// if two objects have the same id, because the residuals of their views would be ambiguous.
 pub fn write_tables(folder: &Path, scene: &SceneFile) -> Result<Vec<(&'static str, usize)>, WriteError> {
     scene.to_objects().map_err(|error| WriteError::new(folder, error))?;
     if let Some(index) = scene.points.iter().position(|point| point.iter().any(|x| !x.is_finite())) {
@@ -45,7 +45,7 @@ pub fn write_tables(folder: &Path, scene: &SceneFile) -> Result<Vec<(&'static st
         write_table(folder, &FRAMES, scene.frames.iter())?;
         write_table(folder, &DETECTIONS, scene.detections.iter())?;
         let objects = scene.objects.iter().map(|object| {
-            // These have a table of their own.
+            // These have separate tables.
             ObjectRecord { view_residuals_px: Vec::new(), ..object.clone() }
         });
         write_table(folder, &OBJECTS, objects)?;
@@ -60,7 +60,7 @@ pub fn write_tables(folder: &Path, scene: &SceneFile) -> Result<Vec<(&'static st
     ])
 }
 
-/// The entries of the scene that are no lists of records.
+/// The entries of the scene that are not lists of records.
 fn header(scene: &SceneFile) -> Map<String, Value> {
     let mut header = scene.extra.clone();
     let entries = [

@@ -11,7 +11,7 @@ use super::{CheckedScene, Document, Placement, numbers_for};
 /// Millimetres in a metre.
 const MM: f64 = 1000.0;
 
-/// The poses of all frames, in their order. `im_id` is the frame's id where all frames have whole numbers, or its
+/// The poses of all frames, in their order. `im_id` is the frame id if all frames have whole numbers, otherwise its
 /// position; `obj_id` the number in the object's category or id (`obj_000005` or `5`) or its position from 1. The score
 /// is 1 and the time -1 (not known).
 pub fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bool) -> Document {

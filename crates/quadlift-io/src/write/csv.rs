@@ -105,8 +105,8 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
     ]
 }
 
-/// A text with an apostrophe before it where it begins like a formula (=, @, + or -, also after blanks): spreadsheets would
-/// run it. Numbers stay as they are.
+/// A text prefixed with an apostrophe if it starts like a formula (=, @, + or -, also after blanks), which spreadsheets
+/// would run. Numbers are not changed.
 fn no_formula(text: &str) -> String {
     let begins_like_formula =
         text.trim_start().starts_with(['=', '@', '+', '-', '\u{ff1d}', '\u{ff20}', '\u{ff0b}', '\u{ff0d}']);

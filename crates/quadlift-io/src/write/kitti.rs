@@ -1,9 +1,9 @@
 //! KITTI's labels of the tracking benchmark: a line for each object in each frame, 17 fields. Metres, in the axes of each
 //! frame's camera.
 //!
-//! The format knows a turn about the camera's y axis only: tilt is lost. Each body becomes the smallest upright box that
-//! holds it and whose length lies along the longer one of its two flatter axes; which end is the front is not known.
-//! Format: the development kit of the benchmark (`readme.txt`), as [`crate::read::kitti`] reads it.
+//! The format supports rotation about the camera's y axis only: tilt is lost. Each body becomes the smallest upright
+//! box that contains it, with the length along the longer of its two more horizontal axes; front and back are not
+//! distinguished. Format: the development kit of the benchmark (`readme.txt`), as [`crate::read::kitti`] reads it.
 
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -14,10 +14,10 @@ use quadlift::geometry::{CamFromWorld, ConvexBody};
 use super::views::SeenObject;
 use super::{CheckedScene, Document, Object, Placement, numbers_for};
 
-/// What a scene does not say itself.
+/// Options that a scene does not contain.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct KittiLabelOptions {
-    /// Only where the object was detected; otherwise wherever it lies in the image.
+    /// Only frames in which the object was detected; otherwise all frames in which it is visible.
     pub only_detected: bool,
     /// From the rectified axes of KITTI's camera 0 to those of the scene's camera, in metres
     /// ([`crate::read::kitti::read_cam_from_rect`]); labels are written in the former. The identity where absent.

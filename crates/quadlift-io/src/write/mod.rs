@@ -1,5 +1,5 @@
-//! Writers of other programs' formats, one file each. They take a [`CheckedScene`] and give a [`Document`]: the bytes of
-//! a file, and what is to be said about it.
+//! Writers of formats of other programs, one file each. They take a [`CheckedScene`] and return a [`Document`]: the
+//! bytes of a file with notes.
 //!
 //! A size has several meanings in these formats: half extents (scene files), full extents (ROS, KITTI), scale factors of
 //! a body of radius one (glTF). Every file says which one it writes.
@@ -37,17 +37,17 @@ pub struct Document {
     pub content: Vec<u8>,
     /// How many things of each kind it holds, by their names in the singular.
     pub counts: Vec<(&'static str, usize)>,
-    /// In words: what was converted, assumed or lost.
+    /// Notes: conversions, assumptions and losses.
     pub notes: Vec<String>,
 }
 
-/// Which of an object's bodies is written.
+/// Which body of an object is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BodyChoice {
-    /// The one that touches the measurements; of a true object, its body.
+    /// The tangent body; for a true object, its body.
     #[default]
     Tangent,
-    /// The larger one that holds the real object; where there is none, as [`BodyChoice::Tangent`].
+    /// The enclosing body; if there is none, as [`BodyChoice::Tangent`].
     Enclosing,
 }
 

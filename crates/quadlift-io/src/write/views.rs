@@ -1,4 +1,4 @@
-//! Where objects appear in the images of a scene.
+//! Visibility of objects in the images of a scene.
 
 use std::collections::HashSet;
 
@@ -18,8 +18,8 @@ pub struct SeenObject {
 }
 
 impl CheckedScene<'_> {
-    /// The objects that lie wholly in front of a camera and at least partly in its image, by frames. With
-    /// `only_detected`, only where a detection or a residual of the estimate says that the object was detected.
+    /// The objects that are entirely in front of a camera and at least partly in its image, by frame. With
+    /// `only_detected`, only those with a detection or a residual of the estimate.
     pub(super) fn seen_objects(&self, only_detected: bool) -> Vec<SeenObject> {
         let detected = if only_detected { self.detected() } else { HashSet::new() };
         let mut seen = Vec::new();

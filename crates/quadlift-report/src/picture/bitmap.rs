@@ -53,7 +53,7 @@ impl Bitmap {
     }
 
     fn place(&self, point: &Vector2<f64>) -> (i32, i32) {
-        // Casts saturate: what lies far outside of the image stays outside. Lines of a million pixels would take long.
+        // Casts saturate: points far outside the image stay outside. Lines of a million pixels would take long.
         let at = |x: f64| (x * f64::from(self.scale)).round().clamp(-1e5, 1e5) as i32;
         (at(point.x), at(point.y))
     }

@@ -17,13 +17,13 @@ const BLACK: Color = [0; 3];
 const WHITE: Color = [0xff; 3];
 /// The sheet below a label.
 const DARK: Color = [0x10, 0x14, 0x18];
-/// Where there is no image.
+/// Without an image.
 const SHEET: Color = [0xf2, 0xf3, 0xf5];
 
 /// Height of the letters of labels in an image of VGA size, pixels.
 const LABEL: f64 = 17.0;
 
-/// A blank sheet with more pixels is refused.
+/// Maximum number of pixels of a blank background.
 const MOST_PIXELS: f64 = 1e8;
 
 /// How a line is drawn.
@@ -44,7 +44,7 @@ fn label_width(text: &str, height: f64) -> f64 {
     0.56 * height * text.chars().count() as f64
 }
 
-/// What a picture is drawn on. Coordinates are pixels of the frame.
+/// The canvas of a picture. Coordinates are pixels of the frame.
 pub trait Canvas {
     /// Fills a polygon.
     fn fill(&mut self, polygon: &[Vector2<f64>], color: Color, opacity: f64);
@@ -79,7 +79,7 @@ pub fn write_labels(image: RgbImage, labels: &[Label]) -> Result<RgbImage, Strin
     bitmap.finish()
 }
 
-/// What a picture shows.
+/// The content of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Picture<'a> {
     /// The data (see [`crate::report()`]).
@@ -93,7 +93,7 @@ pub struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// The picture as an SVG document with the image in it; empty when there is no such frame.
+    /// The picture as an SVG document with an embedded image; empty if there is no such frame.
     ///
     /// # Errors
     /// Text of the encoder of images.
@@ -211,7 +211,8 @@ impl Picture<'_> {
         }
     }
 
-    /// The lower left corner of a label beside a line: above it, below it, inside or aside, where no other one stands.
+    /// The lower left corner of a label beside a line: above, below, inside or beside it, without overlap with other
+    /// labels.
     fn label_place(&self, line: &[Vector2<f64>], text: &str, height: f64, taken: &mut Vec<[f64; 4]>) -> Vector2<f64> {
         let [width, tall] = self.size();
         let (low, high) = line.iter().fold((line[0], line[0]), |(low, high), p| (low.inf(p), high.sup(p)));

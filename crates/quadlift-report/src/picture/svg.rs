@@ -87,7 +87,7 @@ fn hex([r, g, b]: Color) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Text of the user for XML: markup becomes text; what XML cannot hold becomes a replacement character.
+/// Escapes user text for XML; characters that XML cannot represent become a replacement character.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! The ellipsoid of least volume that encloses a set of solids.
+//! The minimum-volume enclosing ellipsoid of a set of solids.
 
 use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, Vector3, Vector4};
 use quadlift::geometry::Ellipsoid;

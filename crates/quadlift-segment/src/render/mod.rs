@@ -39,12 +39,13 @@ const FIRST_FRAME_STREAM: u64 = 3;
 /// Width and height in pixels that a box keeps when noise would make its edges cross.
 const SMALLEST_BOX: f64 = 1.0;
 
-/// A rendered scene and what is true about it.
+/// A rendered scene and its ground truth.
 #[derive(Debug, Clone)]
 pub struct RenderedScene {
-    /// The scene as an estimator gets it, the cameras and the true bodies. The detections have the boxes of the visible
-    /// pixels; they are ordered by frame, then by object. The body of an object is the ellipsoid of least volume that
-    /// encloses it, as in the paper's real data ("envelope"); an object that is an ellipsoid is its own envelope.
+    /// The scene as input of an estimator, the cameras and the true bodies. The detections have the boxes of the
+    /// visible pixels; they are ordered by frame, then by object. The body of an object is the ellipsoid of least
+    /// volume that encloses it, as in the paper's real data ("envelope"); an object that is an ellipsoid is its own
+    /// envelope.
     pub synthetic: SyntheticScene,
     /// The images, in the order of the frames.
     pub images: Vec<RgbImage>,

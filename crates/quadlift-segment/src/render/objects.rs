@@ -115,7 +115,7 @@ impl Object {
         self.reach(&Vector3::z())
     }
 
-    /// The ellipsoid of least volume that encloses the object.
+    /// The minimum-volume enclosing ellipsoid of the object.
     pub(super) fn envelope(&self) -> Ellipsoid {
         envelope(&self.solids)
     }

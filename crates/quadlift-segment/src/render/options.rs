@@ -7,7 +7,7 @@ use super::objects::ObjectKind;
 /// Everything that can be chosen about a rendered scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderOptions {
-    /// Seed of everything that is drawn: the world, the cameras, the noise of boxes and sensors.
+    /// Seed of the random numbers: the world, the cameras, the noise of boxes and sensors.
     pub seed: u64,
     /// Number of objects, at most 255. They stand close together, so that they hide parts of each other.
     pub objects: usize,

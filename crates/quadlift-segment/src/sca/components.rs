@@ -1,4 +1,4 @@
-//! The first components: frames in which the object looks alike.
+//! The first components: clusters of frames in which the object looks similar.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -11,7 +11,7 @@ use crate::palette::draw_indices;
 
 /// Restarts of k-means.
 const RESTARTS: usize = 8;
-/// Rounds of k-means at most.
+/// Maximum number of k-means iterations.
 const ROUNDS: usize = 15;
 
 impl Model<'_> {

@@ -26,7 +26,7 @@ pub(crate) struct PixelOdds {
 
 /// Log-odds of the object for each frame, by SCA.
 ///
-/// There must be at least one frame with a seen pixel, and the options in their ranges.
+/// There must be at least one frame with a visible pixel, and the options in their ranges.
 pub(crate) fn fit(frames: &Frames, options: &ScaOptions, rng: &mut ChaCha8Rng) -> Vec<PixelOdds> {
     let mut model = Model::new(frames, options, rng);
     for round in 0..options.warm_rounds {
@@ -55,7 +55,7 @@ pub(crate) fn fit_plain_mixture(frames: &Frames, options: &ScaOptions, rng: &mut
 }
 
 impl Model<'_> {
-    /// Rounds until F stands.
+    /// Rounds until F converges.
     fn run(&mut self, learn: Learn) {
         let mut earlier = f64::INFINITY;
         for round in 0..self.options.rounds {
@@ -67,8 +67,8 @@ impl Model<'_> {
         }
     }
 
-    /// The stels that are the object: those that fill the middle of the box more than its surroundings; at least one,
-    /// and never all.
+    /// The stels of the object: those that fill the centre of the box more than its surroundings; at least one, and
+    /// never all.
     pub(super) fn object_stels(&self) -> Vec<bool> {
         let count = self.options.stels;
         let mut inside = vec![[0.0f64; 2]; count];

@@ -1,4 +1,4 @@
-//! The model: everything that is learned about an object's crops, and its start.
+//! The model: all learnt parameters of an object's crops, and their initial values.
 
 use rand_chacha::ChaCha8Rng;
 
@@ -17,7 +17,7 @@ pub(super) struct Model<'a> {
     pub palettes: Vec<Vec<Palette>>,
     /// Mixing weights of the components for each frame; they sum to 1.
     pub mixing: Vec<Vec<f32>>,
-    /// Where the stels are.
+    /// The maps of the stels.
     pub stels: Stels,
     /// 0 for pixels that cannot be the object, 1 for the others.
     pub allowed: Vec<f32>,

@@ -11,15 +11,15 @@ pub struct ScaOptions {
     pub gaussians: usize,
     /// Rounds with one component, which come first.
     pub warm_rounds: usize,
-    /// Rounds of the full model at most.
+    /// Maximum number of rounds of the full model.
     pub rounds: usize,
     /// Relative change of F at which the rounds end.
     pub tolerance: f64,
     /// Exponent of the likelihood (eta), in (0, 1]: neighbouring pixels are not independent.
     pub tempering: f64,
-    /// How many frames' worth of pixels a palette takes from the mean of all frames (kappa); 0 for frames of their own.
+    /// Weight of the mean palette of all frames in each palette, in frames (kappa); 0 for independent frames.
     pub tying: f64,
-    /// How many frames' worth the prior of the box counts in each component (nu).
+    /// Weight of the box prior in each component, in frames (nu).
     pub prior_frames: f64,
     /// Standard deviation of the blur of the components, in grid pixels.
     pub blur: f64,
@@ -43,7 +43,7 @@ impl Default for ScaOptions {
 }
 
 impl ScaOptions {
-    /// What is wrong with the options, if anything.
+    /// The problem of the options, if any.
     pub(crate) fn problem(&self) -> Option<String> {
         let whole = |name: &str, value: usize, range: std::ops::RangeInclusive<usize>| {
             let text = format!("{name} is {value}; expected {} to {}", range.start(), range.end());

@@ -42,7 +42,7 @@ pub fn write(desk: &RenderedDesk, folder: &Path) -> anyhow::Result<SceneFile> {
     }
     let truth = SceneFile { detections: Vec::new(), ..file.clone() };
     write_scene_file(&folder.join(TRUTH), &truth)?;
-    // What a detector gives knows nothing of the truth.
+    // The output of a detector contains no ground truth.
     file.objects = Vec::new();
     write_scene_file(&folder.join(SCENE), &file)?;
     write_scene_file(&folder.join(WRONG), &with_opengl_axes(&file))?;

@@ -1,4 +1,4 @@
-//! What was found on the desk, beside what is true.
+//! Results on the desk, compared with the ground truth.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::output::DIM;
 use crate::table::{Cell, Table, number};
 
-/// What a localisation of the desk has found.
+/// The result of localising the desk.
 pub struct Findings<'a> {
     desk: &'a RenderedDesk,
     result: &'a SceneFile,
@@ -20,20 +20,20 @@ pub struct Findings<'a> {
     things: Vec<Option<usize>>,
 }
 
-/// How many detections there were, and what became of them.
+/// Numbers of detections and of rejected ones.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Boxes {
     pub all: usize,
     /// Of nothing, or quite wrong.
     pub wrong: usize,
-    /// Those of the wrong ones, and of the others, that had no part in the result.
+    /// Rejected wrong detections, and rejected correct ones.
     pub wrong_refused: usize,
     pub right_refused: usize,
 }
 
 impl<'a> Findings<'a> {
-    /// Compares a result, which has the detections of the scene, with what was photographed. An object shows the thing
-    /// with which it shares the most detections.
+    /// Compares a result, which has the detections of the scene, with the ground truth. An object is matched to the
+    /// true object with which it shares the most detections.
     pub fn new(desk: &'a RenderedDesk, result: &'a SceneFile) -> anyhow::Result<Self> {
         let mut shared: HashMap<&str, BTreeMap<usize, usize>> = HashMap::new();
         for (record, thing) in result.detections.iter().zip(&desk.synthetic.true_objects) {
@@ -57,7 +57,7 @@ impl<'a> Findings<'a> {
         rows.filter(|(object, ..)| object.status.as_deref() == Some("ok"))
     }
 
-    /// How many things were found, and how many there are.
+    /// Numbers of found and of true objects.
     pub fn found(&self) -> [usize; 2] {
         let found: HashSet<usize> = self.localised().filter_map(|(.., thing)| thing).collect();
         [found.len(), self.desk.synthetic.truth.len()]
@@ -70,7 +70,7 @@ impl<'a> Findings<'a> {
         names.map(|(_, (name, _))| name.clone()).collect()
     }
 
-    /// What became of the boxes.
+    /// Counts of boxes.
     pub fn boxes(&self) -> Boxes {
         let used: HashSet<(&str, &str)> = self
             .localised()
@@ -97,7 +97,7 @@ impl<'a> Findings<'a> {
         Some((0..3).map(|axis| (center[axis] - truth[axis]).powi(2)).sum::<f64>().sqrt())
     }
 
-    /// One row for each object: what it is, how often it was seen, its size, how sure that is, and how far off.
+    /// One row per object: category, number of views, size, uncertainty and error.
     pub fn table(&self) -> String {
         let mut table = Table::new(["<object", "views", "size [cm]", "centre sd", "centre error"]);
         let millimetres =

@@ -1,5 +1,5 @@
-//! `quadlift demo`: a desk, photographed and detected, without any file; what is found on it, how sure that is, and what
-//! becomes of a wrong input.
+//! `quadlift demo`: a rendered desk with simulated detections; needs no files. Localises the objects and runs the
+//! self-check on wrong poses.
 
 mod desk;
 mod findings;
@@ -22,7 +22,7 @@ use crate::report::check_report;
 use desk::{SCENE, TRUTH, WRONG};
 use findings::Findings;
 
-/// Names of what is found.
+/// Names of the found objects.
 const ESTIMATE: &str = "estimate.json";
 const PAGE: &str = "report.html";
 const MENDED: &str = "mended.json";

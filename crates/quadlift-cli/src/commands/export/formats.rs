@@ -15,7 +15,7 @@ use quadlift_io::write::{BodyChoice, CheckedScene, Document};
 use super::{Common, rerun};
 use crate::args;
 
-/// A format and what is written of a scene.
+/// A format and its output.
 #[derive(clap::Subcommand)]
 pub enum Format {
     #[command(flatten)]
@@ -37,7 +37,7 @@ pub enum Format {
     Rerun(rerun::Args),
 }
 
-/// A format that holds nothing but objects with bodies.
+/// A format that contains only objects with bodies.
 #[derive(clap::Subcommand)]
 pub enum BodyFormat {
     /// PLY: meshes of the bodies and camera frusta

@@ -1,4 +1,4 @@
-//! What a recording for Rerun holds, as a folder: `recording.json` and the images.
+//! The content of a Rerun recording as a folder: `recording.json` and the images.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -53,7 +53,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     super::tell(out, std::iter::once(written), &without_body(&gathered, &recording))
 }
 
-/// Writes the images of the frames as their pinhole cameras see them. Those that cannot be read are told in the notes.
+/// Writes the undistorted images of the frames. Unreadable images are listed in the notes.
 fn write_images(gathered: &Gathered, recording: &mut Recording, folder: &Path) -> Result<(), WriteError> {
     let (scene, images) = (&gathered.scene, &gathered.images);
     let of_frame = |index: usize| images.images.get(index).is_some_and(Option::is_some);

@@ -1,4 +1,4 @@
-//! Parquet, where the program was built with it.
+//! Parquet, if the program was built with it.
 
 #[cfg(feature = "parquet")]
 use quadlift_io::tables::write_tables;

@@ -173,7 +173,7 @@ pub struct Part {
 }
 
 impl Format {
-    /// What every format has: its name, the path of what is read, and the options that all share.
+    /// Common parts of every format: its name, the input path, and shared options.
     pub fn parts(&self) -> (&'static str, &Path, &Common) {
         match self {
             Self::Colmap { path, common, .. } => ("COLMAP", path, common),
@@ -187,7 +187,7 @@ impl Format {
         }
     }
 
-    /// Whether the format is that of the scene file in another form: then nothing is added to the scene.
+    /// Whether the format is another form of the scene file: then nothing is added to the scene.
     pub fn is_scene(&self) -> bool {
         matches!(self, Self::Parquet { .. })
     }

@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use quadlift_io::SceneFile;
 
-/// The way from the folder of a file that is to be written to another folder. Absolute where they have no common root.
+/// The relative path from the folder of an output file to another folder. Absolute if they have no common root.
 pub fn relative_to_file(folder: &Path, file: &Path) -> io::Result<PathBuf> {
     let from = match file.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,

@@ -166,7 +166,7 @@ pub enum YoloColumns {
 }
 
 impl Format {
-    /// What every format has: its name, the file or folder, and the options that all share.
+    /// Common parts of every format: its name, the file or folder, and shared options.
     pub fn parts(&self) -> (DetectionFormat, &Path, &Common) {
         match self {
             Self::Coco { path, common, .. } => (DetectionFormat::Coco, path, common),
@@ -180,7 +180,7 @@ impl Format {
         }
     }
 
-    /// Where pixel coordinates have their origin.
+    /// Origin of pixel coordinates.
     pub fn pixel_centers(&self) -> PixelCenters {
         match self {
             Self::Kitti { pixels, .. } => pixels.centers(),

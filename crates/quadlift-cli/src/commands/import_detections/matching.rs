@@ -5,7 +5,7 @@ use quadlift_io::read::detections::{AddOptions, MatchBy};
 
 use crate::args;
 
-/// How images are matched, and which detections are taken.
+/// Matching of images and selection of detections.
 #[derive(clap::Args)]
 pub struct Matching {
     /// How to match images to frames: auto, name, stem (name without extension), index or time

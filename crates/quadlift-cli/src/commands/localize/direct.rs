@@ -83,7 +83,7 @@ pub const ONLY_DIRECT: [&str; 10] = [
 ];
 
 impl DirectArgs {
-    /// The minimum score of the detections that are taken.
+    /// The minimum score of detections.
     pub fn min_score(&self) -> Option<f64> {
         self.matching.min_score
     }
@@ -94,7 +94,7 @@ impl DirectArgs {
         (self.matching.image_size, self.matching.frame_offset)
     }
 
-    /// Paths of cameras and detections, where they are given.
+    /// Paths of cameras and detections, if given.
     pub fn paths(&self) -> Option<(&Path, &Path)> {
         self.cameras.as_deref().zip(self.detections.as_deref())
     }
@@ -121,7 +121,7 @@ impl DirectArgs {
         };
         let source = source.unwrap_or(detection_format.name());
         let mut options = self.matching.options(source, pixel_centers);
-        // Cameras may bring detections of their own, such as KITTI's labels.
+        // Cameras may come with detections, such as KITTI labels.
         options.replace = true;
         file.objects.clear();
         let added = add_detections(&mut file, found, &options)?;

@@ -7,7 +7,7 @@ use crate::error::ReadError;
 use crate::input::as_utf8;
 use crate::numbers::significant;
 
-/// Points that are kept of a model where nothing else is asked for. They take 150 kB in a scene file.
+/// Default maximum number of points. They take 150 kB in a scene file.
 pub const DEFAULT_POINTS: usize = 5000;
 
 /// Significant digits of a point, relative to the extent of all points. COLMAP writes 17; triangulated points are not
@@ -80,9 +80,9 @@ pub(super) fn parse_binary(file: File) -> Result<Vec<Point>, ReadError> {
     Ok(points)
 }
 
-/// At most so many of the points, in the order of their ids, rounded. COLMAP numbers points as it triangulates them, image
-/// by image: consecutive ids are divided into as many runs as points are wanted, and the best point of each run is taken.
-/// The order in the file does not matter.
+/// At most so many of the points, in the order of their ids, rounded. COLMAP numbers points as it triangulates them,
+/// image by image: consecutive ids are divided into as many runs as requested points, and the best point of each run is
+/// kept. The order in the file does not matter.
 pub(super) fn chosen(mut points: Vec<Point>, most: usize) -> Vec<[f64; 3]> {
     // Ids are unique in a model; if not, the positions decide.
     points.sort_by(|a, b| {

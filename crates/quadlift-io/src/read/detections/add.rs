@@ -16,26 +16,26 @@ use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, Rle
 /// Names that a message lists.
 const LISTED: usize = 3;
 
-/// What is done with the detections.
+/// Options for adding detections.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AddOptions<'a> {
-    /// How images are matched with frames.
+    /// How images are matched to frames.
     pub match_by: MatchBy,
-    /// The number that the detections give to the frame number 0 of the scene, where it is known. Where images are
-    /// matched by name or time: the detections of frame number N belong to frame number 0, and so on.
+    /// The number that the detections give to the frame number 0 of the scene, if known. If images are matched by name
+    /// or time: the detections of frame number N belong to frame number 0, and so on.
     pub frame_offset: Option<i64>,
     /// Maximum time difference between an image and a frame, in seconds.
     pub time_tolerance: f64,
-    /// Width and height in pixels of the images in which the detections were made. Where the camera has another size,
-    /// coordinates are scaled to it; where it has none, this is the size of its images too.
+    /// Width and height in pixels of the images on which the detector ran. If the camera has another size, coordinates
+    /// are scaled to it; if it has none, it gets this size.
     pub image_size: Option<[f64; 2]>,
     /// The source of the new detections.
     pub source: &'a str,
-    /// Detections with a lower score are left out.
+    /// Skip detections with a lower score.
     pub min_score: Option<f64>,
-    /// Whether the detections that the scene has are removed.
+    /// Whether existing detections of the scene are removed.
     pub replace: bool,
-    /// Where the pixel coordinates of the detections have their origin.
+    /// Origin of the pixel coordinates of the detections.
     pub pixel_centers: PixelCenters,
 }
 
@@ -61,7 +61,7 @@ pub struct AddedDetections {
     pub added: usize,
     /// Number of them with a track id.
     pub with_object: usize,
-    /// How images were matched with frames.
+    /// How images were matched to frames.
     pub matched_by: MatchBy,
     /// The number that the detections give to the frame number 0: given or estimated, where images are matched by
     /// number, otherwise as [`AddOptions::frame_offset`] has it.
@@ -74,22 +74,22 @@ pub struct AddedDetections {
     pub frames_without_image: Vec<String>,
     /// Detections of the images without a frame.
     pub in_no_frame: usize,
-    /// Detections that were left out for their score.
+    /// Number of detections skipped for their score.
     pub low_score: usize,
-    /// Detections that were left out because their box has no width or no height.
+    /// Number of detections skipped because their box has no width or no height.
     pub empty: usize,
     /// Detections of the scene that were removed.
     pub removed: usize,
-    /// What was assumed, in words.
+    /// Assumptions, as text.
     pub notes: Vec<String>,
 }
 
-/// Adds detections to the frames of a scene. Those that it has stay, unless they are replaced.
+/// Adds detections to the frames of a scene. Existing detections are kept, unless they are replaced.
 ///
 /// # Errors
-/// [`ReadError`] when no image is a frame of the scene, when the scene has detections of the source already, when an
-/// image has another size than the frame's camera, when a size is needed and not known, and when a track has two
-/// detections in one image.
+/// [`ReadError`] if no image matches a frame of the scene, if the scene already has detections of the source, if an
+/// image has another size than the frame's camera, if a size is needed but unknown, or if a track has two detections in
+/// one image.
 pub fn add_detections(
     scene: &mut SceneFile,
     files: DetectionFiles,
@@ -200,7 +200,7 @@ pub fn add_detections(
     Ok(report)
 }
 
-/// The size of the image of a frame, where it is known; what the scene and the file know must agree.
+/// The image size of a frame, if known; sizes in the scene and in the file must be equal.
 fn image_size(
     known: Option<[f64; 2]>,
     frame: &FrameRecord,
@@ -270,19 +270,19 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
     })
 }
 
-/// The object of a track: `t` with the number; other ids stay as they are.
+/// The object id of a track: `t` with the number; other ids are not changed.
 fn object_id(track: &str) -> String {
     if track.parse::<u64>().is_ok() { format!("t{track}") } else { track.to_owned() }
 }
 
-/// The ellipse that touches the four sides of a turned box (or of any parallelogram) in their middles.
+/// The ellipse that touches the four sides of a rotated box (or of any parallelogram) at their midpoints.
 fn ellipse_in(corners: [[f64; 2]; 4]) -> Option<Ellipse> {
     let [a, b, c, d] = corners.map(Vector2::from);
     let half_axes = Matrix2::from_columns(&[(b - a + c - d) * 0.25, (c - b + d - a) * 0.25]);
     Ellipse::from_shape((a + b + c + d) * 0.25, &(half_axes * half_axes.transpose())).ok()
 }
 
-/// The box of the pixels of a mask in runs; `None` when there are none. Nothing is allocated for the image.
+/// The bounding box of an RLE mask; `None` if it is empty. Does not decode the image.
 fn box_of_runs(record: &RleRecord) -> Option<[f64; 4]> {
     let [height, width] = record.size;
     let rle = match &record.counts {
@@ -307,7 +307,7 @@ fn box_of_runs(record: &RleRecord) -> Option<[f64; 4]> {
     window.map(|window| window.map(|x| x as f64))
 }
 
-/// What to say when no image is a frame.
+/// The message if no image matches a frame.
 fn nothing_matches(scene: &SceneFile, files: &DetectionFiles, options: &AddOptions) -> String {
     if files.images.is_empty() {
         return "there are no detections".to_owned();

@@ -116,8 +116,8 @@ impl Names {
         Ok(names)
     }
 
-    /// The image of an annotation. Where images are not named, the number of the image is all that is known; results of
-    /// Ultralytics have its name too.
+    /// The image of an annotation. Without image names only the image number is known; results of Ultralytics also have
+    /// the name.
     fn image(&self, node: &Node) -> Result<ImageKey, ReadError> {
         let id = node.member("image_id")?;
         let word = id.word()?;

@@ -1,8 +1,8 @@
 //! Plain CSV tables of boxes, one row each.
 //!
-//! The first row names the columns: which image (`frame`, `image`, `time`, ...), the box (`x0, y0, x1, y1` or `x, y,
-//! width, height`, ...), and `score`, `category`, `track_id` where there are any. Without names the columns are `frame, x0,
-//! y0, x1, y1`, and `score` if there are six.
+//! The first row names the columns: which image (`frame`, `image`, `time`, ...), the box (`x0, y0, x1, y1` or
+//! `x, y, width, height`, ...), and optionally `score`, `category`, `track_id`. Without a header the columns are
+//! `frame, x0, y0, x1, y1`, and `score` if there are six.
 
 use std::path::Path;
 

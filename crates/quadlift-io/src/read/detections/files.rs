@@ -17,11 +17,11 @@ pub struct DetectionFiles {
     pub path: PathBuf,
     /// The images that it speaks of, in its order.
     pub images: Vec<DetectedImage>,
-    /// Whether coordinates are shares of the image's width and height rather than pixels.
+    /// Whether coordinates are fractions of image width and height instead of pixels.
     pub normalized: bool,
     /// How the images are numbered.
     pub numbering: Numbering,
-    /// In words: what was converted, what was assumed, what was left out.
+    /// Notes: conversions, assumptions and skipped parts.
     pub notes: Vec<String>,
 }
 
@@ -37,10 +37,10 @@ pub enum Numbering {
     Unknown,
 }
 
-/// What a file says of an image: at least one of name, number and time.
+/// The identification of an image in a file: at least one of name, number and time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ImageKey {
-    /// Name of the image, with folders where the file has them. Label files have the name of their image but for the
+    /// Name of the image, with folders if the file has them. Label files have the name of their image without the
     /// extension.
     pub name: Option<String>,
     /// Number, as in the file.
@@ -52,7 +52,7 @@ pub struct ImageKey {
 }
 
 impl ImageKey {
-    /// What the image is called, for messages.
+    /// The name of the image for messages.
     pub fn words(&self) -> String {
         match (&self.name, self.number, self.time) {
             (Some(name), _, _) => name.clone(),
@@ -63,7 +63,7 @@ impl ImageKey {
     }
 }
 
-/// An image and what was detected in it.
+/// An image and its detections.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DetectedImage {
     /// Which image it is.
@@ -81,9 +81,9 @@ pub struct Detected {
     pub category: Option<String>,
     /// Score of the detector.
     pub score: Option<f64>,
-    /// Box `[x0, y0, x1, y1]`; where there is none, that of the outline is taken.
+    /// Box `[x0, y0, x1, y1]`; if absent, the bounding box of the outline is used.
     pub bounding_box: Option<[f64; 4]>,
-    /// What is known beyond the box.
+    /// Additional shape information.
     pub outline: Outline,
     /// KITTI's levels of occlusion and truncation.
     pub occluded: Option<f64>,
@@ -103,7 +103,7 @@ pub enum Outline {
     Polygons(Vec<Vec<f64>>),
     /// A mask in COCO's runs.
     Rle(RleRecord),
-    /// The corners of a box that is turned, one after another: the object is taken to be the ellipse in it.
+    /// The corners of a rotated box in order: the object is represented by the ellipse inscribed in it.
     TurnedBox([[f64; 2]; 4]),
     /// Centre and radius.
     Circle([f64; 3]),
@@ -149,7 +149,7 @@ pub(super) struct ByImage {
 }
 
 impl ByImage {
-    /// The image with this key, which is added where it is new.
+    /// The image with this key, which is added if it is new.
     pub(super) fn image(&mut self, key: ImageKey) -> &mut DetectedImage {
         let images = &mut self.images;
         let index = *self.index_of.entry(key.words()).or_insert_with(|| {

@@ -38,7 +38,7 @@ pub fn parse_labelme(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles,
     })
 }
 
-/// The shapes of an image. What is no region is counted.
+/// The shapes of an image. Shapes that are not regions are counted.
 fn image(file: &LabelFile, left_out: &mut BTreeMap<String, usize>) -> Result<DetectedImage, ReadError> {
     let value = parse_json(&file.path, &file.bytes)?;
     let root = Node::root(&file.path, &value);

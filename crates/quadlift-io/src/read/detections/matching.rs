@@ -5,13 +5,13 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use super::files::{DetectedImage, ImageKey, Numbering};
 use crate::scene_file::{FrameRecord, SceneFile};
 
-/// How the images of a file are matched with the frames of a scene.
+/// How the images of a file are matched to the frames of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MatchBy {
     /// The way below that matches most images; of equal ones the first.
     #[default]
     Auto,
-    /// The names of the images (or the ids of the frames). Folders count only where a name alone is not unique.
+    /// The names of the images (or the ids of the frames). Folders are compared only if names are not unique.
     Name,
     /// The same without the extensions of the names.
     Stem,
@@ -34,7 +34,7 @@ impl MatchBy {
     }
 }
 
-/// What the matching may assume.
+/// Options of the matching.
 #[derive(Debug, Clone, Copy)]
 pub struct MatchOptions {
     pub by: MatchBy,
@@ -51,9 +51,9 @@ pub struct Matching {
     pub by: MatchBy,
     /// For each image, the index of its frame; no frame twice.
     pub frame_of_image: Vec<Option<usize>>,
-    /// The number that the detections give to the frame number 0, where they were matched by number.
+    /// The number that the detections give to frame number 0, if they were matched by number.
     pub frame_offset: Option<i64>,
-    /// What was assumed, in words.
+    /// Assumptions, as text.
     pub note: Option<String>,
 }
 
@@ -63,7 +63,7 @@ impl Matching {
     }
 }
 
-/// Matches images with frames. An error, in words, when numbers can be read in two ways.
+/// Matches images to frames. Returns an error message if numbers are ambiguous.
 pub fn match_frames(scene: &SceneFile, images: &[DetectedImage], options: &MatchOptions) -> Result<Matching, String> {
     let ways = match options.by {
         MatchBy::Auto => {
@@ -102,7 +102,7 @@ pub fn match_frames(scene: &SceneFile, images: &[DetectedImage], options: &Match
     }
 }
 
-/// A name without its extension. What stands behind the point of "12.5" is none.
+/// A name without its extension. The digits after the point of "12.5" are not an extension.
 pub fn stem(name: &str) -> &str {
     match name.rsplit_once('.') {
         Some((stem, extension))

@@ -1,8 +1,8 @@
 //! Readers of the files of detectors, trackers and annotators, one format each.
 //!
-//! A reader gives [`DetectionFiles`]: the detections image by image, with what the file says of each image
-//! ([`ImageKey`]). [`add_detections`] finds the frames of a scene to which the images belong and adds the detections in
-//! the scene file's convention. Track ids become objects (`t7` for the number 7); classes become categories by name.
+//! A reader returns [`DetectionFiles`]: the detections per image, with the identification of each image ([`ImageKey`]).
+//! [`add_detections`] matches the images to the frames of a scene and adds the detections in the convention of the
+//! scene file. Track ids become object ids (`t7` for the number 7); classes become categories by name.
 
 mod add;
 pub mod coco;

@@ -47,12 +47,12 @@ pub enum MotKind {
     Classes,
 }
 
-/// What a file does not say.
+/// Options that a file does not contain.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MotOptions<'a> {
     /// What the columns after the box mean.
     pub kind: MotKind,
-    /// Whether the first pixel has the left edge 0, as many trackers write it, rather than 1.
+    /// Whether the first pixel has the left edge 0, as written by many trackers, instead of 1.
     pub boxes_from_zero: bool,
     /// Names of the classes.
     pub names: Option<&'a ClassNames>,

@@ -30,7 +30,7 @@ const TIME: [&str; 3] = ["timestamp", "time", "seconds"];
 /// supervision's column of the corners of a rotated box.
 const CORNERS: &str = "xyxyxyxy";
 
-/// What a table does not say.
+/// Options that a table does not contain.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TableOptions<'a> {
     /// The column that identifies the image of a row by name, number or time; detected by its name when absent.
@@ -58,7 +58,7 @@ pub struct Table<'a> {
     pub rows: Vec<Row>,
 }
 
-/// Whether a column with this name is looked at.
+/// Whether a column with this name is used.
 pub fn is_column(name: &str, options: &TableOptions) -> bool {
     let is = |known: &str| name.trim().eq_ignore_ascii_case(known);
     let lists: [&[&str]; 6] = [&SCORE, &CATEGORY, &TRACK, &IMAGE, &NUMBER, &TIME];
@@ -67,7 +67,7 @@ pub fn is_column(name: &str, options: &TableOptions) -> bool {
         || options.frame_column.is_some_and(is)
 }
 
-/// How a row says which image it belongs to.
+/// How a row identifies its image.
 #[derive(Clone, Copy)]
 enum KeyKind {
     Name,

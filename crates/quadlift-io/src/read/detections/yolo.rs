@@ -16,20 +16,20 @@ use crate::error::ReadError;
 use crate::input::as_utf8;
 use crate::read::text::lines;
 
-/// Files with the names of the classes, which lie beside the labels or in one of two folders above.
+/// Files with class names, beside the labels or in one of two parent folders.
 const NAMES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "obj.names"];
 
 /// Coordinates may lie this far outside of the image, as a share of its size.
 const OUTSIDE: f64 = 0.5;
 
-/// What the files do not say.
+/// Options that the files do not contain.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct YoloOptions<'a> {
-    /// What stands after the class.
+    /// Coordinates after the class.
     pub kind: YoloKind,
-    /// What stands after the coordinates.
+    /// Columns after the coordinates.
     pub extra: ExtraColumns,
-    /// Names of the classes; when absent they are looked for beside the labels.
+    /// Class names; if absent, they are searched for beside the labels.
     pub names: Option<&'a ClassNames>,
 }
 

@@ -1,4 +1,4 @@
-//! What the columns of YOLO's label files mean, by the evidence of all of them: the files do not say.
+//! Infers the columns of YOLO label files from all of them, because the files do not declare them.
 //!
 //! The class is followed by coordinates from 0 to 1 (a box, the corners of a rotated box, or a polygon), then a score
 //! from 0 to 1 if it was saved, then a track id from 1 if there is one. Five numbers after the class are therefore a
@@ -7,10 +7,10 @@
 use crate::error::ReadError;
 use crate::read::text::Line;
 
-/// Two sides of a turned box differ by less than this share of the image's size: the files have six digits.
+/// Maximum difference of opposite sides of a rotated box, as a fraction of the image size: the files have six digits.
 const PARALLEL: f64 = 1e-4;
 
-/// What stands after the class.
+/// Coordinates after the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum YoloKind {
     /// Boxes where no line has more than 6 numbers, turned boxes where all begin with the corners of a parallelogram and
@@ -25,7 +25,7 @@ pub enum YoloKind {
     TurnedBox,
 }
 
-/// What stands after the coordinates.
+/// Columns after the coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ExtraColumns {
     /// By the values: scores lie between 0 and 1, ids are whole numbers from 1.
@@ -37,7 +37,7 @@ pub enum ExtraColumns {
     Score,
     /// A track id.
     Track,
-    /// A score, then a track id where there is one.
+    /// A score, then optionally a track id.
     ScoreAndTrack,
 }
 
@@ -120,7 +120,7 @@ impl Columns {
     }
 }
 
-/// What the columns of these lines mean. What is not [`YoloKind::Auto`] or [`ExtraColumns::Auto`] is taken as it is.
+/// The columns of these lines. Values other than [`YoloKind::Auto`] or [`ExtraColumns::Auto`] are used as given.
 pub fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) -> Result<Columns, ReadError> {
     let counts = || lines.iter().map(|line| line.values.len());
     if kind == YoloKind::Auto

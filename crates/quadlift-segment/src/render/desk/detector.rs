@@ -1,4 +1,4 @@
-//! A simulated detector: boxes of what is seen, with the usual errors, and boxes of nothing.
+//! A simulated detector: boxes of visible objects with typical errors, and false positives.
 
 use quadlift::geometry::BoundingBox;
 use quadlift::synthetic::random::normal;
@@ -11,23 +11,23 @@ const EDGE_NOISE: f64 = 0.03;
 const MISSED: f64 = 0.06;
 const TWICE: f64 = 0.03;
 const WRONG: f64 = 0.03;
-/// Boxes of nothing for each frame, on average.
+/// Mean number of false positives per frame.
 const FALSE_BOXES: f64 = 0.5;
 
 /// A detection.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
-    /// The thing; none for boxes of nothing.
+    /// The object; `None` for false positives.
     pub(super) thing: Option<usize>,
     /// The thing whose category the detector names.
     pub(super) like: usize,
     pub(super) bounding_box: BoundingBox,
     pub(super) score: f64,
-    /// Whether it is of no use: of nothing, or quite wrong.
+    /// Whether it is an outlier: a false positive, or far off.
     pub(super) is_wrong: bool,
 }
 
-/// What the detector finds in a frame of this size. `exact` are the visible things with their boxes.
+/// The detections in a frame of this size. `exact` are the visible objects with their boxes.
 pub(super) fn detect(
     exact: &[(usize, BoundingBox)],
     size: [f64; 2],

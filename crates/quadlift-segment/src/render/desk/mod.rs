@@ -37,7 +37,7 @@ const HEIGHT: [f64; 2] = [0.42, 0.72];
 const LEAST_VISIBLE: f64 = 0.45;
 const LEAST_PIXELS: usize = 150;
 
-/// What can be chosen about the pictures of the desk.
+/// Options of the rendered desk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeskOptions {
     /// Seed of the way of the camera and of the detector's errors.
@@ -56,13 +56,13 @@ impl Default for DeskOptions {
     }
 }
 
-/// The pictures of the desk, what a detector finds in them, and what is true.
+/// The rendered images of the desk, simulated detections, and ground truth.
 #[derive(Debug, Clone)]
 pub struct RenderedDesk {
     /// Cameras, detections (by frame; without objects, with category and score) and true bodies: cuboids, cylinders and
-    /// ellipsoids where a thing is one, otherwise the ellipsoid of least volume that encloses it. Metres; up is z; the top of
-    /// the desk is z = 0. `outliers` are the boxes of nothing and those that are quite wrong; `true_objects` has the thing
-    /// of each detection that shows one.
+    /// ellipsoids where a thing is one, otherwise the minimum-volume enclosing ellipsoid. Metres; up is z; the top of
+    /// the desk is z = 0. `outliers` are false positives and boxes that are far off; `true_objects` has the true object
+    /// of each detection, if any.
     pub synthetic: SyntheticScene,
     /// Category of each thing, in the order of the truth.
     pub categories: Vec<&'static str>,
@@ -75,7 +75,7 @@ pub struct RenderedDesk {
 /// Photographs the desk: the same options give the same bytes, on any number of threads.
 ///
 /// # Errors
-/// [`SyntheticError::OutOfRange`] when the size of the images is out of its range.
+/// [`SyntheticError::OutOfRange`] if the size of the images is out of range.
 pub fn render_desk(options: &DeskOptions) -> Result<RenderedDesk, SyntheticError> {
     for (what, size) in [("width of the images", options.width), ("height of the images", options.height)] {
         if !(16..=4096).contains(&size) {

@@ -8,7 +8,7 @@ use super::scene_statistics::SceneStatistics;
 use crate::association::input::observations::Observations;
 use crate::association::statistics::{DetectionRate, LN_2PI, median, t_constant};
 
-/// Objects with less evidence (nats) are removed.
+/// Objects with less evidence (nats) are given up.
 pub(crate) const MIN_EVIDENCE: f64 = 5.0;
 
 /// Range of the logarithm of an unknown size, over which it is uniform.
@@ -63,8 +63,8 @@ pub(crate) fn evidence(
         + score_log_odds(observations, object)
 }
 
-/// Evidence of the scores against the object: the median of the log odds of its boxes, counted once, because scores of
-/// the same object are not independent.
+/// What the detector says against the object: the median of its boxes' log odds, once. Its boxes show the same thing, so that
+/// their scores are one opinion.
 pub(crate) fn score_log_odds(observations: &Observations, object: &Object) -> f64 {
     let odds = object.boxes.iter().map(|&index| observations.boxes[index as usize].score_log_odds);
     median(&mut odds.collect::<Vec<f64>>()).unwrap_or(0.0)

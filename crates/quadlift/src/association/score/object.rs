@@ -20,7 +20,7 @@ impl Prediction {
     }
 }
 
-/// An ellipsoid and its assigned boxes.
+/// An ellipsoid and the boxes that are taken for its detections.
 #[derive(Debug, Clone)]
 pub(crate) struct Object {
     /// Indices of the boxes, ascending, hence in the order of the frames.
@@ -38,17 +38,17 @@ pub(crate) struct Object {
     pub log_det_hessian: f64,
     /// The inverse of that Hessian: the covariance.
     pub covariance: SMatrix<f64, 9, 9>,
-    /// Most frequent category of its boxes.
+    /// Category of most of its boxes.
     pub category: usize,
     /// Views besides `boxes` that the fit does not use any more (only [`crate::online`] forgets views).
     pub forgotten: usize,
-    /// Frames in which it should be visible.
+    /// Frames in which it should be seen.
     pub visible: usize,
     /// The id whose boxes it keeps, where ids are trusted.
     pub trusted_id: Option<u32>,
 }
 
-/// Fraction of a predicted box inside the image above which a detection is expected.
+/// Share of a predicted box inside of the image from which on a detection is expected.
 const VISIBLE_SHARE: f64 = 0.3;
 
 impl Object {
@@ -76,8 +76,7 @@ impl Object {
         edges.iter().all(|e| e.is_finite()).then_some(Prediction { edges, depth: h.z })
     }
 
-    /// Distance of each edge of a box from the edge of the body's outline, pixels; negative if the body extends beyond
-    /// it.
+    /// Distance of each edge of a box from the edge of the body's outline, pixels; negative where the body sticks out.
     pub fn residuals_px(&self, camera: &Camera, observation: &BoxObservation) -> [f64; 4] {
         let third = camera.matrix.row(2);
         let depth = third.columns(0, 3).transpose().dot(&self.center) + third[3];
@@ -113,7 +112,7 @@ pub(crate) fn edge_planes(camera: &Camera, observation: &BoxObservation) -> [(Ve
     std::array::from_fn(|edge| edge_plane(camera, edge, observation.edges[edge]))
 }
 
-/// The plane through the left, top, right or bottom edge of a box at a given pixel.
+/// The plane through the left, top, right or bottom edge of a box that is at some pixel.
 pub(crate) fn edge_plane(camera: &Camera, edge: usize, at: f64) -> (Vector3<f64>, f64) {
     let p = &camera.matrix;
     let (axis, sign) = (edge % 2, if edge < 2 { 1.0 } else { -1.0 });
