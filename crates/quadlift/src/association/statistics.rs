@@ -1,10 +1,14 @@
 //! Quantiles and log densities.
 
 use crate::geometry::gamma::ln_gamma;
+use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of Student's t distribution, the likelihood of an edge. Heavier tails than those of the
 /// estimators (9), because wrong boxes are still included here. Not swept.
 pub(crate) const STUDENT_T_DOF: f64 = 5.0;
+
+/// The likelihood of an edge.
+pub(crate) const EDGE_LIKELIHOOD: StudentT = StudentT::new(STUDENT_T_DOF);
 
 /// `ln 2 pi`.
 pub(crate) const LN_2PI: f64 = 1.8378770664093453;

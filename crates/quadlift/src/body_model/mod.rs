@@ -22,6 +22,14 @@ pub(crate) trait BodyModel: Clone + Send + Sync {
     fn axes(&self) -> &Matrix3<f64>;
     /// Support function and its derivatives by the six shape parameters (3 to 8).
     fn support_gradient(&self, n: &Vector3<f64>) -> (f64, [f64; 6]);
+    /// How far the body stays on the positive side of the plane `n.x + d = 0`, in lengths of `n` (negative where it reaches
+    /// through), and the derivatives.
+    #[inline]
+    fn distance_to_plane(&self, n: &Vector3<f64>, d: f64) -> (f64, Row) {
+        let (h, slope) = self.support_gradient(n);
+        let row = std::array::from_fn(|k| if k < 3 { n[k] } else { -slope[k - 3] });
+        (n.dot(self.center()) + d - h, row)
+    }
     /// `B^T` with the shape matrix `A = B B^T`, for bodies whose outline is an ellipse.
     fn root_transposed(&self) -> Option<&Matrix3<f64>>;
     /// The body after a step: three of position, six of shape; `None` when it is not a sensible body any more.

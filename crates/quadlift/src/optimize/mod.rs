@@ -1,7 +1,8 @@
-//! Optimisation: Levenberg-Marquardt on nine parameters, normal equations, chi-square sums of different sizes, the
-//! assignment problem.
+//! Optimisation: Levenberg-Marquardt on nine parameters, normal equations, chi-square sums of different sizes,
+//! Student's t distribution, the assignment problem.
 
 pub(crate) mod chi_square;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod matching;
 pub(crate) mod normal_equations;
+pub(crate) mod student_t;

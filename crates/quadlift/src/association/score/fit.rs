@@ -1,15 +1,26 @@
 //! The most probable ellipsoid for a set of boxes: fast, for many candidate sets.
 //!
-//! In contrast to the estimator ([`crate::solve::map`]) it has one noise level, no ellipses and no robust loss over
-//! views, so that a residual takes a third of the time: tangent planes, Student's t per edge, priors on shape and size.
-//! Bodies, normal equations and Levenberg-Marquardt are the same.
+//! It shares with the estimator ([`crate::solve::map`]) what is the same mathematics: bodies and their distance to a tangent
+//! plane, Student's t, the shape prior, normal equations and Levenberg-Marquardt. The sum over the boxes is its own, because the
+//! two differ in every term:
+//!
+//! - The estimator has groups of noise levels, weights for the correlation of an object's views, a loss over whole views, and
+//!   ellipses. Here there is one level and independent views: whether a box belongs to the object is decided outside of the fit.
+//! - Here depth is held while derivatives are taken, and a body behind a camera ends the fit, which only ranks sets of boxes. The
+//!   estimator differentiates by depth, and clamps it to get away from behind a camera.
+//! - The prior on size is one of the mean log semi-axis here, because it is learnt from the scene. The estimator's has length,
+//!   width and height of a category.
+//! - The constants are wider here (`STUDENT_T_DOF` 5 and not 9, [`SHAPE_SD`] 0.5 and not 0.4): sets of boxes hold wrong ones,
+//!   and few boxes say little about shapes.
+//!
+//! An objective for both would branch on all of these for every edge, in the innermost loop of association.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::object::{Object, edge_planes};
 use super::scene_statistics::SceneStatistics;
 use crate::association::input::observations::Observations;
-use crate::association::statistics::STUDENT_T_DOF;
+use crate::association::statistics::EDGE_LIKELIHOOD;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::{cholesky, invert_spd};
@@ -175,19 +186,18 @@ fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &Ellipso
         }
         let scale = view.inverse_sd / depth;
         // One logarithm for the four edges.
-        let mut product = 1.0f64;
+        let mut tails = 1.0;
         for edge in &view.edges {
-            let (h, slope) = body.support_gradient(&edge.normal);
-            let residual = (edge.normal.dot(center) + edge.offset - h) * scale;
+            let (distance, row) = body.distance_to_plane(&edge.normal, edge.offset);
+            let residual = distance * scale;
             if edge.one_sided && residual < 0.0 {
                 continue;
             }
-            let ratio = residual * residual / STUDENT_T_DOF;
-            product *= 1.0 + ratio;
-            let row = std::array::from_fn(|k| scale * if k < 3 { edge.normal[k] } else { -slope[k - 3] });
-            equations.add_row(residual, &row, (STUDENT_T_DOF + 1.0) / STUDENT_T_DOF / (1.0 + ratio));
+            let tail = EDGE_LIKELIHOOD.tail(residual * residual);
+            tails *= tail;
+            equations.add_row(residual, &row.map(|x| x * scale), EDGE_LIKELIHOOD.weight_of_tail(tail));
         }
-        equations.cost += (STUDENT_T_DOF + 1.0) * product.ln();
+        equations.cost += EDGE_LIKELIHOOD.cost(tails);
     }
     body.add_shape_prior(1.0 / SHAPE_SD, &mut equations);
     if let Some((mean, weight)) = log_size {

@@ -8,7 +8,7 @@ use super::agreement::{Reference, is_inconsistent};
 use super::covariance;
 use super::first_fit::{ALL, TURNED_STARTS};
 use super::model::Model;
-use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, lowest_point, outlier_scale};
+use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, outlier_scale};
 use super::outliers::fit_without_outliers;
 use super::problem::{FROM_START, ObjectProblem};
 use crate::body_model::BodyModel;
@@ -104,7 +104,7 @@ impl Fit {
         // The estimate without the plane: its row is removed from the inverse again (Sherman-Morrison).
         let covariance = invert_spd(&self.equations.hessian())?;
         let variance_along = |plane: &Plane| {
-            let row = nalgebra::SVector::from(lowest_point(plane, &self.body).1);
+            let row = nalgebra::SVector::from(self.body.distance_to_plane(&plane.n, plane.d).1);
             (row.transpose() * covariance * row)[0]
         };
         let with = variance_along(&level);
@@ -112,7 +112,7 @@ impl Fit {
         let free = (1.0 - told).max(0.05);
         let variance = with / free;
         // The point is also moved back to its position without the plane.
-        let pulled = self.ground.map_or(0.0, |(plane, _)| lowest_point(&plane, &self.body).0);
+        let pulled = self.ground.map_or(0.0, |(plane, _)| self.body.distance_to_plane(&plane.n, plane.d).0);
         let lowest = self.body.center() - level.n * reach + level.n * (pulled * (1.0 / free - 1.0));
         let point = frame.point_in_world(&lowest);
         let nearest = views.views.iter().filter_map(|view| Some((view.projection.center_in_world()? - point).norm()));

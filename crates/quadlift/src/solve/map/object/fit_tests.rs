@@ -8,7 +8,6 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3, Vector6};
 use super::agreement::Reference;
 use super::fit::Fit;
 use super::model::Model;
-use super::objective::lowest_point;
 use super::problem::ObjectProblem;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -140,7 +139,7 @@ fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
         let mut standing = fit.clone();
         standing.stand_on(&plane, &up);
         let (local, weight) = standing.ground.unwrap();
-        let found = lowest_point(&local, &fit.body).0 * weight;
+        let found = fit.body.distance_to_plane(&local.n, local.d).0 * weight;
         // Of a ball the point nearest to the plane lies along its normal.
         let expected = (plane.normal.dot(&(center - through)) - radius) / (1.5 * lowest.unevenness());
         assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{found} {expected}");

@@ -6,6 +6,7 @@ use crate::body_model::BodyModel;
 use crate::geometry::linalg::invert_spd;
 use crate::optimize::chi_square;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS, Row};
+use crate::optimize::student_t::StudentT;
 use crate::solve::estimate::Misfit;
 use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels, NoiseStatistics, Weights};
 use crate::solve::map::residuals::measurements::{Measurements, Plane};
@@ -44,6 +45,12 @@ const SMALL_ENOUGH: f64 = 1e20;
 
 /// Whitened residuals beyond this are excluded from the correlation between views.
 const MAX_CORRELATION_RESIDUAL: f64 = 4.0;
+
+/// The likelihood of a residual of a group with heavy tails.
+#[inline]
+fn student_t() -> StudentT {
+    StudentT::new(STUDENT_T_DOF.get())
+}
 
 /// The objective of one object.
 #[derive(Debug)]
@@ -109,17 +116,16 @@ impl Objective<'_> {
             let squared = row.residual * row.residual;
             if !row.group.is_edge() {
                 let heavy = self.heavy_tails && row.group.has_heavy_tails();
-                others +=
-                    if heavy { (STUDENT_T_DOF.get() + 1.0) * (squared / STUDENT_T_DOF.get()).ln_1p() } else { squared };
+                others += if heavy { student_t().cost_of_one(squared) } else { squared };
             } else if self.heavy_tails && squared < SMALL_ENOUGH {
-                tails *= 1.0 + squared / STUDENT_T_DOF.get();
+                tails *= student_t().tail(squared);
             } else if self.heavy_tails {
-                edges += (STUDENT_T_DOF.get() + 1.0) * (squared / STUDENT_T_DOF.get()).ln_1p();
+                edges += student_t().cost_of_one(squared);
             } else {
                 edges += squared;
             }
         }
-        (edges + if tails > 1.0 { (STUDENT_T_DOF.get() + 1.0) * f64::ln(tails) } else { 0.0 }, others)
+        (edges + if tails > 1.0 { student_t().cost(tails) } else { 0.0 }, others)
     }
 
     fn weights(&self) -> Weights {
@@ -129,19 +135,13 @@ impl Objective<'_> {
     #[inline]
     fn row_weight(&self, row: &ResidualRow, weights: &Weights) -> f64 {
         let heavy = self.heavy_tails && row.group.has_heavy_tails();
-        let tails =
-            if heavy { (STUDENT_T_DOF.get() + 1.0) / (STUDENT_T_DOF.get() + row.residual * row.residual) } else { 1.0 };
-        weights.of(row.group) * tails
+        weights.of(row.group) * if heavy { student_t().weight(row.residual * row.residual) } else { 1.0 }
     }
 
     /// Derivative of a weighted residual by the residual, relative to its weight: below one where the tails are heavy.
     pub(crate) fn relative_slope(&self, group: NoiseGroup, residual: f64) -> f64 {
-        let squared = residual * residual;
-        if self.heavy_tails && group.has_heavy_tails() {
-            (STUDENT_T_DOF.get() - squared) / (STUDENT_T_DOF.get() + squared)
-        } else {
-            1.0
-        }
+        let heavy = self.heavy_tails && group.has_heavy_tails();
+        if heavy { student_t().relative_slope(residual * residual) } else { 1.0 }
     }
 
     /// Squared norm of each view's whitened residuals, as if there were four of them in each.
@@ -289,15 +289,9 @@ impl Objective<'_> {
             }
         }
         if let Some((plane, weight)) = &self.ground {
-            let (height, row) = lowest_point(plane, body);
+            // Of the lowest point.
+            let (height, row) = body.distance_to_plane(&plane.n, plane.d);
             equations.add_quadratic(weight * height, &row.map(|x| x * weight));
         }
     }
-}
-
-/// Height of a body's lowest point above a plane, with its derivatives.
-pub(crate) fn lowest_point(plane: &Plane, body: &impl BodyModel) -> (f64, Row) {
-    let (h, slope) = body.support_gradient(&plane.n);
-    let row = std::array::from_fn(|k| if k < 3 { plane.n[k] } else { -slope[k - 3] });
-    (plane.n.dot(body.center()) + plane.d - h, row)
 }

@@ -33,16 +33,12 @@ pub(crate) fn view_rows(
     let inverse = 1.0 / depth;
     // (n.t + d - h) / depth: for small errors the distance between measured and predicted edge in half sizes.
     let edge = |plane: &Plane| {
-        let (h, slope) = body.support_gradient(&plane.n);
-        let residual = (plane.n.dot(body.center()) + plane.d - h) * inverse;
-        let mut row = [0.0; 9];
+        let (distance, mut row) = body.distance_to_plane(&plane.n, plane.d);
+        let residual = distance * inverse;
         for k in 0..3 {
-            row[k] = (plane.n[k] - residual * axis[k]) * inverse;
+            row[k] -= residual * axis[k];
         }
-        for k in 0..6 {
-            row[3 + k] = -slope[k] * inverse;
-        }
-        (residual, row)
+        (residual, row.map(|x| x * inverse))
     };
     let inverse_size = 1.0 / noise.size_factor(view.half_size);
     for measured in &measurements.edges[view.edges.clone()] {
