@@ -2,162 +2,14 @@
 
 use std::collections::HashMap;
 
-use nalgebra::Point3;
-
+use super::scores::{
+    EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject,
+};
 use super::{
     box_reprojection_iou, center_error, ellipse_reprojection_iou, iou3d_cuboids, iou3d_ellipsoids, main_axis_angle,
     pair_by_overlap, rotation_error_modulo_symmetry, sorted_axes_error,
 };
 use crate::geometry::{Cuboid, Ellipsoid, Projection};
-
-/// The estimate of one object; missing values are absent.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct EstimatedObject {
-    /// The id.
-    pub id: String,
-    /// How the estimation ended (see [`crate::solve::Status::name`]); only passed on.
-    pub status: String,
-    /// The centre in the world; a failed estimation can have one nevertheless.
-    pub center: Option<Point3<f64>>,
-    /// The tangent ellipsoid.
-    pub ellipsoid: Option<Ellipsoid>,
-    /// The enclosing one, which should contain the real object.
-    pub enclosing_ellipsoid: Option<Ellipsoid>,
-    /// The tangent cuboid.
-    pub cuboid: Option<Cuboid>,
-    /// The enclosing one, which should contain the real object.
-    pub enclosing_cuboid: Option<Cuboid>,
-}
-
-/// The ground truth of one object. If there is only a cuboid, its inscribed ellipsoid is used.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct TruthObject {
-    /// The id.
-    pub id: String,
-    /// The true ellipsoid.
-    pub ellipsoid: Option<Ellipsoid>,
-    /// The true cuboid.
-    pub cuboid: Option<Cuboid>,
-}
-
-/// Scores of one true object; absent if either side has no value.
-///
-/// Volume IoUs are the exception: a failed estimate scores 0, so that no method gains by failing.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct ObjectScore {
-    /// The id.
-    pub id: String,
-    /// Id of the paired estimate; absent if there is none.
-    pub estimate: Option<String>,
-    /// Status of that estimate.
-    pub status: Option<String>,
-    /// Whether there is an estimated body at all.
-    pub has_body: bool,
-    /// Volume IoU of the ellipsoids (O3D of the paper), 0 without an estimated ellipsoid. Of two cuboids that of the inscribed
-    /// ellipsoids, as in the papers.
-    pub iou3d: Option<f64>,
-    /// Volume IoU with the enclosing ellipsoid; 0 without an estimated ellipsoid, absent when the estimator reports
-    /// no enclosing bodies.
-    pub iou3d_enclosing: Option<f64>,
-    /// Volume IoU of the cuboids; 0 without an estimated cuboid, absent when the estimator reports no cuboids.
-    pub cuboid_iou3d: Option<f64>,
-    /// Volume IoU with the enclosing cuboid, likewise.
-    pub cuboid_iou3d_enclosing: Option<f64>,
-    /// Angle between the longest axes of the ellipsoids, radians in [0, pi/2] (theta_err of the paper).
-    pub theta_err: Option<f64>,
-    /// Angle between the axes of the ellipsoids, radians (see [`rotation_error_modulo_symmetry`]).
-    pub rotation_error: Option<f64>,
-    /// Distance of the centres, world units.
-    pub center_error: Option<f64>,
-    /// Mean of the moduli of the relative errors of the sorted semi-axes of the ellipsoids (0.1 is ten percent).
-    pub size_error: Option<f64>,
-    /// Agreement in the images.
-    pub reprojection: Option<ReprojectionScore>,
-}
-
-/// Agreement of the bodies in the images where both lie wholly in front of the camera.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReprojectionScore {
-    /// Mean IoU of the outlines of the ellipsoids.
-    pub ellipse_iou: f64,
-    /// Mean IoU of the boxes around the outlines: of the cuboids where both sides have one, else of the ellipsoids.
-    pub box_iou: f64,
-    /// Number of these images.
-    pub frames: usize,
-}
-
-/// A mean and its number of objects.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mean {
-    /// The mean.
-    pub value: f64,
-    /// Number of objects with this score.
-    pub count: usize,
-}
-
-/// Means over the objects that have the score; the fields are those of [`ObjectScore`].
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct MeanScore {
-    /// Volume IoU of the ellipsoids, failures with 0.
-    pub iou3d: Option<Mean>,
-    /// Volume IoU with the enclosing ellipsoid, failures with 0.
-    pub iou3d_enclosing: Option<Mean>,
-    /// Volume IoU of the cuboids, failures with 0.
-    pub cuboid_iou3d: Option<Mean>,
-    /// Volume IoU with the enclosing cuboid, failures with 0.
-    pub cuboid_iou3d_enclosing: Option<Mean>,
-    /// Angle between the longest axes, radians.
-    pub theta_err: Option<Mean>,
-    /// Angle between the axes, radians.
-    pub rotation_error: Option<Mean>,
-    /// Distance of the centres, world units.
-    pub center_error: Option<Mean>,
-    /// Relative error of the semi-axes.
-    pub size_error: Option<Mean>,
-    /// IoU of the outlines in the images.
-    pub ellipse_reprojection_iou: Option<Mean>,
-    /// IoU of the boxes in the images.
-    pub box_reprojection_iou: Option<Mean>,
-}
-
-/// How estimates and true objects are paired.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum PairedBy {
-    /// By their ids; of several estimates with one id the first counts.
-    #[default]
-    Ids,
-    /// By the overlap of their bodies.
-    Overlap,
-}
-
-/// The scores of a list of estimates.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Evaluation {
-    /// One score for each object of the truth, in its order.
-    pub objects: Vec<ObjectScore>,
-    /// How estimates and true objects were paired.
-    pub paired_by: PairedBy,
-    /// Ids of estimates that are not paired with a true object.
-    pub unmatched: Vec<String>,
-    /// Means over the objects.
-    pub mean: MeanScore,
-    /// Number of true objects without an estimated body, missing or failed.
-    pub failures: usize,
-}
-
-impl Evaluation {
-    /// Fraction of true objects without an estimated body; `None` if there are no true objects.
-    pub fn failure_share(&self) -> Option<f64> {
-        (!self.objects.is_empty()).then(|| self.failures as f64 / self.objects.len() as f64)
-    }
-}
-
-impl TruthObject {
-    /// The true ellipsoid, or the one inscribed in the cuboid.
-    pub fn ellipsoid(&self) -> Option<Ellipsoid> {
-        self.ellipsoid.or_else(|| self.cuboid.as_ref().map(Cuboid::inscribed_ellipsoid))
-    }
-}
 
 /// Scores estimates against the truth, paired by id.
 ///
@@ -316,7 +168,7 @@ fn mean_score(objects: &[ObjectScore]) -> MeanScore {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3x4, Rotation3, Vector3};
+    use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 
     fn cuboid(x: f64) -> Cuboid {
         Cuboid {

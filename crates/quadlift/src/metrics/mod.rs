@@ -16,16 +16,14 @@ mod iou_ellipsoids;
 mod nees;
 mod overlap;
 mod reprojection;
+mod scores;
 mod squared_errors;
 
 pub use association::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 pub use axes::{center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
 pub use calibration::{Calibration, RegionPart};
 pub use distance::{hausdorff_distance, squared_wasserstein};
-pub use evaluate::{
-    EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject, evaluate,
-    evaluate_by_overlap,
-};
+pub use evaluate::{evaluate, evaluate_by_overlap};
 pub use iou_bodies::iou3d_bodies;
 pub use iou_cuboids::{cuboid_intersection_volume, iou3d_cuboids};
 pub use iou_ellipses::ellipse_iou;
@@ -33,6 +31,7 @@ pub use iou_ellipsoids::{ellipsoid_intersection_volume, iou3d_ellipsoids};
 pub use nees::nees;
 pub use overlap::{OverlapPair, pair_by_overlap};
 pub use reprojection::{box_reprojection_iou, ellipse_reprojection_iou};
+pub use scores::{EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject};
 pub use squared_errors::{SquaredErrors, squared_errors};
 
 /// Intersection over union from the size of the intersection and of both parts; 0 when they have no size.

@@ -3,75 +3,17 @@
 //! One estimator can therefore handle every kind of noise: with useless orientations and exact sizes it detects both
 //! and weights them accordingly.
 
-use super::common_errors::{COMMON_CLASSES, Spread};
+use super::common_errors::COMMON_CLASSES;
+use super::groups::{GROUPS, NoiseGroup};
+use super::object_spread::Spread;
+use super::statistics::NoiseStatistics;
 use super::usual_level::most_probable;
-use crate::solve::sigmas::{COMMON_NAMES, SIGMA_NAMES, SPREAD_NAMES, Sigmas};
+use crate::solve::sigmas::{COMMON_NAMES, SPREAD_NAMES, Sigmas};
 use crate::tuning::CORRELATED_FROM;
 use crate::tuning::HIDDEN_RATIO;
 use crate::tuning::MANY_VIEWS;
 use crate::tuning::NOISE_FLOOR;
 use crate::tuning::TEMPERING;
-
-/// A kind of measurement error with its own standard deviation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum NoiseGroup {
-    /// Edge of a box, or another tangent line, relative to the half size (for boxes of a certain size, see
-    /// [`crate::solve::map::residuals::measurements`]).
-    Edge,
-    /// Edge of a box that is probably hidden by another box.
-    HiddenEdge,
-    /// Centre of an ellipse, relative to its mean semi-axis.
-    EllipseCenter,
-    /// Logarithm of the mean semi-axis of an ellipse.
-    EllipseSize,
-    /// Half the logarithm of the ratio of the semi-axes of an ellipse.
-    EllipseAspect,
-    /// Angle of an ellipse, times half the logarithm of its axis ratio.
-    EllipseAngle,
-    /// Shape of an ellipse beside a box: half the logarithm of its axis ratio as a vector at twice its angle.
-    Shape,
-    /// Any residual of an ellipse that may cover only a part of the object.
-    PartialEllipse,
-}
-
-impl NoiseGroup {
-    /// All groups, in the order of their indices.
-    pub(crate) const ALL: [Self; GROUPS] = [
-        Self::Edge,
-        Self::HiddenEdge,
-        Self::EllipseCenter,
-        Self::EllipseSize,
-        Self::EllipseAspect,
-        Self::EllipseAngle,
-        Self::Shape,
-        Self::PartialEllipse,
-    ];
-
-    /// Name in reports.
-    fn name(self) -> &'static str {
-        SIGMA_NAMES[self as usize]
-    }
-
-    /// Whether it is an edge, hidden or not.
-    #[inline]
-    pub(crate) fn is_edge(self) -> bool {
-        matches!(self, Self::Edge | Self::HiddenEdge)
-    }
-
-    /// Index of its kind among those with errors common to views.
-    pub(crate) fn common_class(self) -> usize {
-        (self as usize).saturating_sub(1)
-    }
-
-    /// Whether single residuals may be far off: edges, shapes of masks, and parts.
-    #[inline]
-    pub(crate) fn has_heavy_tails(self) -> bool {
-        self.is_edge() || matches!(self, Self::Shape | Self::PartialEllipse)
-    }
-}
-
-/// Number of noise groups.
-const GROUPS: usize = 8;
 
 /// Start of the estimation, and the typical level of detectors.
 const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
@@ -281,75 +223,6 @@ impl NoiseLevels {
 /// Reported fraction of a group's standard deviation: edges have two equal parts.
 fn reported_part(group: NoiseGroup) -> f64 {
     if group.is_edge() { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 }
-}
-
-/// Weighted sums of squared whitened residuals and their degrees of freedom, by group.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct NoiseStatistics {
-    squares: [f64; GROUPS],
-    dof: [f64; GROUPS],
-    /// Correlation of residuals in views that follow each other, times the number of pairs; that number. Of edges, of
-    /// ellipses.
-    neighbours: [[f64; 2]; 2],
-    /// Parameters that the measurements determine, and parameters.
-    determined: [f64; 2],
-    /// Sum over the objects of one over the number of views, and their number.
-    inverse_views: [f64; 2],
-}
-
-impl NoiseStatistics {
-    /// Adds a whitened residual with its weight, and what it adds to the degrees of freedom (one without robust losses,
-    /// less its leverage: what the fit itself took of it).
-    pub(crate) fn add(&mut self, group: NoiseGroup, residual: f64, weight: f64, dof: f64) {
-        self.squares[group as usize] += weight * residual * residual;
-        self.dof[group as usize] += dof;
-    }
-
-    /// Adds an object's correlation between its residuals in views that follow each other, of edges or of ellipses, over
-    /// `pairs` of them.
-    pub(crate) fn add_neighbours(&mut self, edges: bool, correlation: f64, pairs: usize) {
-        let [sum, number] = &mut self.neighbours[usize::from(!edges)];
-        *sum += correlation * pairs as f64;
-        *number += pairs as f64;
-    }
-
-    /// Adds an object: the sum of the leverages of its measurements is the number of parameters that they determine,
-    /// the priors do the rest. It was seen in so many views.
-    pub(crate) fn add_object(&mut self, leverage: f64, parameters: usize, views: usize) {
-        self.determined[0] += leverage;
-        self.determined[1] += parameters as f64;
-        self.inverse_views[0] += 1.0 / views.max(1) as f64;
-        self.inverse_views[1] += 1.0;
-    }
-
-    /// The correlation of edges in views that follow each other, times the number of pairs, and that number.
-    pub(crate) fn neighbours_of_edges(&self) -> [f64; 2] {
-        self.neighbours[0]
-    }
-
-    /// Number of views of an object: the harmonic mean, so that one object of many views among others of few counts little.
-    fn usual_views(&self) -> f64 {
-        if self.inverse_views[0] > 0.0 { self.inverse_views[1] / self.inverse_views[0] } else { 0.0 }
-    }
-
-    /// Fraction of the parameters that the measurements determine.
-    pub(crate) fn determined(&self) -> f64 {
-        self.determined[0] / self.determined[1].max(1.0)
-    }
-
-    /// Adds another object's statistics.
-    pub(crate) fn merge(&mut self, other: &Self) {
-        for g in 0..GROUPS {
-            self.squares[g] += other.squares[g];
-            self.dof[g] += other.dof[g];
-        }
-        for k in 0..2 {
-            self.neighbours[0][k] += other.neighbours[0][k];
-            self.neighbours[1][k] += other.neighbours[1][k];
-            self.determined[k] += other.determined[k];
-            self.inverse_views[k] += other.inverse_views[k];
-        }
-    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,8 @@
 
 use crate::optimize::chi_square::per_dof;
 use crate::solve::estimate::Misfit;
-use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels};
+use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::options::MapOptions;
 
 /// The reference for misfits: the noise levels times this factor.

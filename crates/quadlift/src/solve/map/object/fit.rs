@@ -19,10 +19,10 @@ use crate::optimize::normal_equations::NormalEquations;
 use crate::scene::View;
 use crate::solve::estimate::{Covariance, Estimate, Matrix9, Misfit, Status, Warning};
 use crate::solve::map::context::MapContext;
-use crate::solve::map::noise::common_errors::{
-    CommonRow, CommonStatistics, ObjectAgreement, added_covariance, cost_of_robustness, scaled_covariance,
-};
-use crate::solve::map::noise::levels::{CovarianceLevels, NoiseLevels, NoiseStatistics};
+use crate::solve::map::noise::common_errors::{CommonRow, CommonStatistics, added_covariance};
+use crate::solve::map::noise::levels::{CovarianceLevels, NoiseLevels};
+use crate::solve::map::noise::object_spread::{ObjectAgreement, cost_of_robustness, scaled_covariance};
+use crate::solve::map::noise::statistics::NoiseStatistics;
 use crate::solve::map::residuals::measurements::Plane;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::report::{describe, is_a_body};

@@ -11,7 +11,8 @@ use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::optimize::levenberg_marquardt::{Stop, minimise};
 use crate::scene::View;
 use crate::solve::closed_form::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
-use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels};
+use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::measurements::Measurements;
 use crate::solve::map::residuals::view_rows::SMALLEST_DEPTH;
 

@@ -11,7 +11,8 @@ use crate::geometry::{
 };
 use crate::scene::View;
 use crate::solve::conditioning::ObjectFrame;
-use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels};
+use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::measurements::Measurements;
 use crate::solve::map::residuals::row::ResidualRow;
 use crate::solve::map::residuals::view_rows::view_rows;

@@ -20,7 +20,8 @@ use super::row::ResidualRow;
 use crate::body_model::BodyModel;
 use crate::geometry::Ellipse;
 use crate::optimize::normal_equations::Row;
-use crate::solve::map::noise::levels::{NoiseGroup, NoiseLevels};
+use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::levels::NoiseLevels;
 
 /// Residual of every kind where the body has no outline in the view (behind the camera): ten sizes off.
 const NO_OUTLINE: f64 = 10.0;

@@ -10,7 +10,7 @@ use crate::geometry::{SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
 use crate::solve::closed_form::planes::{edge_plane, support_plane};
 use crate::solve::conditioning::ObjectFrame;
-use crate::solve::map::noise::levels::NoiseGroup;
+use crate::solve::map::noise::groups::NoiseGroup;
 
 /// A tangent plane `n.x + d = 0`, positive on the side of the body, divided by the detection's half size in pixels:
 /// `(n.t + d - h(n)) / depth` is then the edge's error in half sizes.

@@ -1,7 +1,7 @@
 //! One whitened residual with its derivatives.
 
 use crate::optimize::normal_equations::Row;
-use crate::solve::map::noise::levels::NoiseGroup;
+use crate::solve::map::noise::groups::NoiseGroup;
 
 /// One whitened residual: divided by the noise of its group.
 #[derive(Debug, Clone, Copy)]
