@@ -54,8 +54,7 @@ impl ObjectMap {
             let start = Start::sphere(pair.sphere.center, pair.sphere.log_radius.exp());
             let Some(object) = fit(&observations, &statistics, vec![0, 1], &[start]) else { continue };
             let first_time = self.recent[pair.old.0].time;
-            let id = ObjectId(self.next_id);
-            self.next_id += 1;
+            let id = self.new_id();
             let mut tracked = Tracked::new(id, object, [first_time, current.time]);
             for (view, input_id) in views.into_iter().zip(ids) {
                 self.keyframes.hold(view.keyframe);
@@ -116,6 +115,25 @@ impl ObjectMap {
 
     /// Puts a new object into the map, with the boxes of the last frames that fit it.
     fn add_object(&mut self, mut tracked: Tracked, update: &mut FrameUpdate) {
+        let id = tracked.id;
+        self.running.assigned += tracked.views.len() as i64;
+        self.look_back(&mut tracked);
+        let detections: Vec<DetectionRef> =
+            tracked.views[..tracked.views.len() - 1].iter().filter_map(|view| self.detection_of(view)).collect();
+        self.put(tracked);
+        update.events.push(Event::New { object: id, detections });
+        self.forget_beyond_limit(id, update);
+    }
+
+    /// An id that was never used.
+    pub(super) fn new_id(&mut self) -> ObjectId {
+        let id = ObjectId(self.next_id);
+        self.next_id += 1;
+        id
+    }
+
+    /// Puts an object into a slot, which is returned.
+    pub(super) fn put(&mut self, tracked: Tracked) -> u32 {
         let slot = match self.free_slots.pop() {
             Some(slot) => slot,
             None => {
@@ -123,19 +141,13 @@ impl ObjectMap {
                 (self.slots.len() - 1) as u32
             }
         };
-        let id = tracked.id;
-        self.running.assigned += tracked.views.len() as i64;
-        self.look_back(&mut tracked);
-        let detections: Vec<DetectionRef> =
-            tracked.views[..tracked.views.len() - 1].iter().filter_map(|view| self.detection_of(view)).collect();
         for &(input_id, count) in &tracked.input_ids {
             self.tally.count(input_id, slot, count);
         }
+        self.slot_of_id.insert(tracked.id, slot);
         self.slots[slot as usize] = Some(tracked);
-        self.slot_of_id.insert(id, slot);
         self.index(slot);
-        update.events.push(Event::New { object: id, detections });
-        self.forget_beyond_limit(id, update);
+        slot
     }
 
     /// Gives free boxes of the last frames to an object of two views, the latest first, and counts in which of these frames it

@@ -43,7 +43,7 @@ impl ObjectMap {
     }
 
     /// The objects of a sample with their boxes in one list.
-    fn learn(&mut self) {
+    pub(super) fn learn(&mut self) {
         let sample = self.sample(SAMPLE);
         let count = self.tracked().filter(|t| t.object.views() >= self.options.min_views).count();
         let (observations, statistics) = self.gather(sample.iter().flat_map(|t| &t.views));

@@ -5,9 +5,11 @@ use super::matching::{Matched, Seen};
 use super::observe::Current;
 use super::tracked::{DETECTED_LOG_ODDS, Presence, Tracked};
 use super::update::{Event, FrameUpdate, ObjectId, Removal};
+use super::views::KeptView;
 use crate::association::IdUse;
+use crate::association::input::observations::BoxObservation;
 use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
-use crate::association::score::object::Prediction;
+use crate::association::statistics::median;
 
 /// Tentative objects are dropped when they have been missed more often than this, and than they were detected.
 const MOST_MISSES: usize = 4;
@@ -16,11 +18,17 @@ const MOST_MISSES: usize = 4;
 /// must miss it eight times in a row: by chance once in 400,000 views.
 const GONE_LOG_ODDS: f64 = -5.5;
 
+/// What a detection adds to the logarithm of the odds that an object that was gone is back: two are needed, one may be clutter.
+const RETURN_LOG_ODDS: f64 = 4.0;
+
 /// An object is clearly in view where so much of its predicted box is inside of the image,
 const CLEAR_SHARE: f64 = 0.7;
-/// the box is so many times as large as the smallest that is expected to be detected,
+/// and the box is so many times as large as the smallest that is expected to be detected,
 const CLEAR_SIZE: f64 = 1.5;
-/// and no box of the frame covers more of it than this.
+/// or as those in which it was detected before.
+const USUAL_SIZE: f64 = 0.8;
+
+/// Views count for the share of clear views in which objects are detected where no more of them is covered.
 const MOST_COVERED: f64 = 0.2;
 
 /// Its own share of detections counts as so many views of the map's.
@@ -81,14 +89,30 @@ impl ObjectMap {
         let detected = |slot: u32| taken.iter().any(|(other, _)| *other == slot);
         for seen in &matched.seen {
             let is_detected = detected(seen.slot);
-            let is_clear = is_clear(current, &seen.prediction, is_detected);
-            if is_clear {
+            // Its own box covers it where it is detected; what else does was no hindrance then.
+            let usual_size = self.usual_half_size(seen.slot);
+            let visible_share = match clarity(current, matched, seen, usual_size) {
+                Clarity::Unclear => 0.0,
+                Clarity::InView { .. } if is_detected => 1.0,
+                Clarity::InView { covered } => 1.0 - covered,
+            };
+            if visible_share >= 1.0 - MOST_COVERED {
                 self.count_clear_view(seen.slot, is_detected);
             }
             if !is_detected {
-                self.after_miss(seen.slot, is_clear, update);
+                self.after_miss(seen.slot, visible_share, update);
             }
         }
+    }
+
+    /// The median half size of an object's kept boxes, pixels; infinite for none.
+    fn usual_half_size(&self, slot: u32) -> f64 {
+        let half_size = |view: &KeptView| {
+            let [x0, y0, x1, y1] = view.edges.map(f64::from);
+            0.25 * (x1 - x0 + y1 - y0)
+        };
+        let mut sizes: Vec<f64> = self.slot(slot).map_or(Vec::new(), |t| t.views.iter().map(half_size).collect());
+        median(&mut sizes).unwrap_or(f64::INFINITY)
     }
 
     fn count_clear_view(&mut self, slot: u32, detected: bool) {
@@ -114,9 +138,12 @@ impl ObjectMap {
             Presence::Tentative => (),
             Presence::Confirmed => tracked.log_odds = DETECTED_LOG_ODDS,
             Presence::Gone => {
-                tracked.presence = Presence::Confirmed;
-                tracked.log_odds = DETECTED_LOG_ODDS;
-                update.events.push(Event::Returned { object: id });
+                tracked.log_odds += RETURN_LOG_ODDS;
+                if tracked.log_odds > 0.0 {
+                    tracked.presence = Presence::Confirmed;
+                    tracked.log_odds = DETECTED_LOG_ODDS;
+                    update.events.push(Event::Returned { object: id });
+                }
             }
         }
     }
@@ -128,7 +155,7 @@ impl ObjectMap {
                 || self.evidence_of(tracked) > MIN_EVIDENCE)
     }
 
-    fn after_miss(&mut self, slot: u32, is_clear: bool, update: &mut FrameUpdate) {
+    fn after_miss(&mut self, slot: u32, visible_share: f64, update: &mut FrameUpdate) {
         let Some(tracked) = self.slot(slot) else { return };
         let id = tracked.id;
         let views = tracked.object.views();
@@ -143,14 +170,18 @@ impl ObjectMap {
             self.remove_slot(slot, Removal::Weak, update);
             return;
         }
-        if !is_clear || tracked.presence != Presence::Confirmed {
+        if visible_share == 0.0 || tracked.presence == Presence::Tentative {
             return;
         }
-        let share = self.share_of(tracked);
+        // Things that are half hidden are detected much less often (ours).
+        let share = self.share_of(tracked) * visible_share * visible_share;
         let Some(tracked) = self.slot_mut(slot) else { return };
         tracked.missed += 1;
         tracked.log_odds += (1.0 - share).ln();
-        if tracked.log_odds < GONE_LOG_ODDS {
+        if tracked.presence == Presence::Gone {
+            tracked.log_odds = tracked.log_odds.max(GONE_LOG_ODDS);
+        } else if tracked.log_odds < GONE_LOG_ODDS {
+            tracked.log_odds = GONE_LOG_ODDS;
             tracked.presence = Presence::Gone;
             update.events.push(Event::Removed { object: id, reason: Removal::Gone });
         }
@@ -211,21 +242,33 @@ impl ObjectMap {
     }
 }
 
-/// Whether an object with this prediction could not be overlooked in the frame.
-fn is_clear(current: &Current, prediction: &Prediction, is_detected: bool) -> bool {
+/// How clearly an object could be seen in a frame.
+enum Clarity {
+    /// Not so that a detection is expected.
+    Unclear,
+    /// In view; so much of its predicted box is covered by that of something nearer, or of nobody knows what.
+    InView { covered: f64 },
+}
+
+fn clarity(current: &Current, matched: &Matched, seen: &Seen, usual_size: f64) -> Clarity {
+    let prediction = &seen.prediction;
     let camera = &current.observations.cameras[0];
     let [x0, y0, x1, y1] = prediction.edges;
     let [w, h] = prediction.size();
     let inside = (x1.min(camera.size.x) - x0.max(0.0)).max(0.0) * (y1.min(camera.size.y) - y0.max(0.0)).max(0.0);
-    let is_large = 0.25 * (w + h) >= CLEAR_SIZE * current.observations.least_half_size;
+    let least = (CLEAR_SIZE * current.observations.least_half_size).min(USUAL_SIZE * usual_size);
+    let is_large = 0.25 * (w + h) >= least;
     if inside < CLEAR_SHARE * w * h || !is_large {
-        return false;
+        return Clarity::Unclear;
     }
-    // Its own box covers it where it is detected; what else does was no hindrance then.
-    is_detected
-        || current.observations.boxes.iter().all(|b| {
-            let [bx0, by0, bx1, by1] = b.edges;
-            let covered = (x1.min(bx1) - x0.max(bx0)).max(0.0) * (y1.min(by1) - y0.max(by0)).max(0.0);
-            covered <= MOST_COVERED * w * h
-        })
+    let depth = |slot: u32| matched.seen.iter().find(|s| s.slot == slot).map(|s| s.prediction.depth);
+    let covers = |(index, b): (usize, &BoxObservation)| {
+        let [bx0, by0, bx1, by1] = b.edges;
+        let covered = (x1.min(bx1) - x0.max(bx0)).max(0.0) * (y1.min(by1) - y0.max(by0)).max(0.0) / (w * h);
+        let owner = matched.pairs.iter().find(|(_, other, _)| *other as usize == index).map(|(slot, ..)| *slot);
+        let is_behind = covered > 0.0 && owner.and_then(depth).is_some_and(|depth| depth >= prediction.depth);
+        if is_behind { 0.0 } else { covered }
+    };
+    let covered = current.observations.boxes.iter().enumerate().map(covers).fold(0.0, f64::max);
+    Clarity::InView { covered: covered.min(1.0) }
 }

@@ -34,6 +34,8 @@ mod recent;
 mod running;
 mod scene;
 mod state;
+#[cfg(test)]
+mod tests;
 mod tracked;
 mod update;
 mod views;

@@ -2,17 +2,26 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
+use super::recent::{RecentBox, RecentFrame};
 use super::tracked::Tracked;
-use super::update::{FrameUpdate, ObjectId};
-use crate::association::input::observations::Camera;
+use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
+use super::views::KeptView;
+use crate::association::input::observations::{Camera, Observations};
 use crate::association::input::point_tree::PointTree;
 use crate::association::score::fit::{Start, fit};
+use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
+use crate::association::score::object::Object;
+use crate::association::score::rays::triangulate_sphere;
+use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::search::merge::NEAR;
 use crate::geometry::Projection;
+
+/// Rounds of learning, splitting, merging and assigning after frames have moved.
+const ROUNDS: usize = 4;
 
 /// The new pose of a frame.
 #[derive(Debug, Clone)]
@@ -43,8 +52,9 @@ impl ObjectMap {
             before.insert(key, keyframe.camera.clone());
             let mut frame = keyframe.frame.clone();
             frame.projection = projection;
-            let Keyframe { shift, references, .. } = *keyframe;
-            *keyframe = Keyframe { shift, references, ..Keyframe::new(frame, &self.origin, keyframe.camera.size) };
+            // The shift has stood for the error of the old pose.
+            let Keyframe { references, .. } = *keyframe;
+            *keyframe = Keyframe { references, ..Keyframe::new(frame, &self.origin, keyframe.camera.size) };
         }
         let slots: Vec<u32> = self.slot_of_id.values().copied().collect();
         let mut touched = BTreeSet::new();
@@ -60,9 +70,47 @@ impl ObjectMap {
             }
             self.index(slot);
         }
-        self.tried_pairs.clear();
-        self.merge_near(&touched, &mut update);
+        for _ in 0..ROUNDS {
+            self.learn();
+            for slot in touched.clone() {
+                touched.extend(self.split(slot, &mut update));
+            }
+            self.tried_pairs.clear();
+            self.merge_near(&touched, &mut update);
+            self.assign_kept(&mut update);
+        }
         update
+    }
+
+    /// Assigns the kept views of all frames again; of the recent ones all boxes.
+    fn assign_kept(&mut self, update: &mut FrameUpdate) {
+        let mut frames: BTreeMap<u32, RecentFrame> = BTreeMap::new();
+        for tracked in self.tracked() {
+            for view in &tracked.views {
+                let Some(keyframe) = self.keyframes.get(view.keyframe) else { continue };
+                let nothing = || RecentFrame { key: view.keyframe, time: keyframe.frame.time, boxes: Vec::new() };
+                let found = RecentBox { view: view.clone(), input_id: None, owner: Some(tracked.id) };
+                frames.entry(view.keyframe).or_insert_with(nothing).boxes.push(found);
+            }
+        }
+        for mut frame in frames.into_values() {
+            if self.recent.iter().any(|recent| recent.key == frame.key) {
+                continue;
+            }
+            // Other frames may have changed or removed objects.
+            let is_kept = |b: &RecentBox| {
+                let slot = b.owner.and_then(|id| self.slot_of_id.get(&id));
+                slot.and_then(|&slot| self.slot(slot)).is_some_and(|t| t.is_seen_in(b.view.keyframe))
+            };
+            frame.boxes.retain(is_kept);
+            let place = |b: &RecentBox| (b.view.edges[0], b.view.detection);
+            frame.boxes.sort_by(|a, b| place(a).0.total_cmp(&place(b).0).then(place(a).1.cmp(&place(b).1)));
+            // Its boxes may leave their objects before others take them.
+            self.keyframes.hold(frame.key);
+            self.assign_again(&mut frame, update);
+            self.keyframes.release(frame.key);
+        }
+        self.recent_again(update);
     }
 
     /// An object fitted to its views where they are now, from where they carry it.
@@ -82,6 +130,55 @@ impl ObjectMap {
         let mut moved = tracked.clone();
         moved.replace_fit(fitted);
         Some(moved)
+    }
+
+    /// Takes the views out of an object that are better explained by clutter now, and makes an object of them where they agree;
+    /// returns its slot. With wrong poses, different things lie in one place.
+    fn split(&mut self, slot: u32, update: &mut FrameUpdate) -> Option<u32> {
+        let tracked = self.slot(slot)?;
+        let (mut observations, statistics) = self.gather(&tracked.views);
+        let ratios = LogLikelihoodRatios::new(&observations, &statistics);
+        let fits = |index: usize| {
+            let prediction = tracked.object.predict(&observations.cameras[index]);
+            prediction.and_then(|p| ratios.gain(&tracked.object, &p, index)).is_some_and(|ratio| ratio.value > 0.0)
+        };
+        let others: Vec<usize> = (0..tracked.views.len()).filter(|&index| !fits(index)).collect();
+        if others.is_empty() || others.len() == tracked.views.len() {
+            return None;
+        }
+        for index in 0..others.len() {
+            observations.move_boxes(others[index], &Vector2::zeros());
+        }
+        let boxes: Vec<u32> = others.iter().map(|&index| index as u32).collect();
+        let object = object_of(&observations, &statistics, &boxes);
+        let times = [tracked.first_time, tracked.last_time];
+        let views: Vec<KeptView> = others.iter().map(|&index| tracked.views[index].clone()).collect();
+        for view in &views {
+            // For the new object.
+            self.keyframes.hold(view.keyframe);
+            self.take_back(slot, view, None);
+            self.set_owner(view, None);
+        }
+        let detections: Vec<DetectionRef> = views.iter().filter_map(|view| self.detection_of(view)).collect();
+        self.refit(slot, update);
+        let Some(object) = object else {
+            views.iter().for_each(|view| self.keyframes.release(view.keyframe));
+            update.events.push(Event::Reassigned { object: None, detections });
+            return None;
+        };
+        let id = self.new_id();
+        let mut split = Tracked::new(id, object, times);
+        for view in views {
+            self.set_owner(&view, Some(id));
+            split.add_view(view, None);
+        }
+        split.object.visible = split.views.len();
+        split.fitted_views = split.views.len();
+        self.running.assigned += split.views.len() as i64;
+        let slot = self.put(split);
+        update.events.push(Event::New { object: id, detections });
+        self.after_detection(slot, update);
+        Some(slot)
     }
 
     /// Tries pairs of near objects as one, of which one was touched, the nearest first.
@@ -117,6 +214,15 @@ impl ObjectMap {
         let (a, b) = (*self.slot_of_id.get(&first)?, *self.slot_of_id.get(&second)?);
         (a != b && self.merge_by_force(a, b)).then_some(first.min(second))
     }
+}
+
+/// The object that some boxes show together, where there are two of them at least.
+fn object_of(observations: &Observations, statistics: &SceneStatistics, boxes: &[u32]) -> Option<Object> {
+    let first = &observations.boxes[*boxes.first().filter(|_| boxes.len() >= 2)? as usize];
+    let guess = observations.cameras[first.frame].center + first.ray;
+    let sphere = triangulate_sphere(observations, boxes, &guess)?;
+    let sphere = triangulate_sphere(observations, boxes, &sphere.center)?;
+    fit(observations, statistics, boxes.to_vec(), &[Start::sphere(sphere.center, sphere.log_radius.exp())])
 }
 
 /// The rigid motion of what a camera sees, when its pose changes: `X_new = turn X + shift`.

@@ -47,10 +47,15 @@ impl ObjectMap {
     /// map is read. It takes as long as [`super::ObjectMap::observe`] takes for that many frames.
     pub fn settle(&mut self) -> FrameUpdate {
         let mut update = FrameUpdate::default();
-        for recent in 0..self.recent.len() {
-            self.look_again(recent, &mut update);
-        }
+        self.recent_again(&mut update);
         update
+    }
+
+    /// Assigns the boxes of all recent frames again.
+    pub(super) fn recent_again(&mut self, update: &mut FrameUpdate) {
+        for recent in 0..self.recent.len() {
+            self.look_again(recent, update);
+        }
     }
 
     /// Looks again at those of the recent frames whose turn it is, and lets the oldest go.
@@ -79,44 +84,52 @@ impl ObjectMap {
 
     /// Assigns the boxes of a recent frame again.
     fn look_again(&mut self, recent: usize, update: &mut FrameUpdate) {
-        let Some(changes) = self.changes(recent) else { return };
-        let key = self.recent[recent].key;
-        let views: Vec<(KeptView, Option<u32>)> =
-            self.recent[recent].boxes.iter().map(|b| (b.view.clone(), b.input_id)).collect();
+        let nothing = RecentFrame { boxes: Vec::new(), ..self.recent[recent] };
+        let mut frame = std::mem::replace(&mut self.recent[recent], nothing);
+        self.assign_again(&mut frame, update);
+        // Objects that were removed in between could not say so to a frame that was not there.
+        for found in &mut frame.boxes {
+            found.owner = found.owner.filter(|id| self.slot_of_id.contains_key(id));
+        }
+        self.recent[recent] = frame;
+    }
+
+    /// Assigns the boxes of a frame again: all boxes where it is recent, else those that objects have kept.
+    pub(super) fn assign_again(&mut self, frame: &mut RecentFrame, update: &mut FrameUpdate) {
+        let Some(changes) = self.changes(frame) else { return };
         let mut changed: Vec<u32> = Vec::new();
         for change in &changes {
             let Some(slot) = change.from else { continue };
-            self.take_back(slot, &views[change.index].0, views[change.index].1);
+            let found = &frame.boxes[change.index];
+            self.take_back(slot, &found.view, found.input_id);
             changed.push(slot);
         }
         for change in &changes {
             let mut owner = None;
             if let Some((slot, ratio)) = change.to {
-                let (mut view, input_id) = views[change.index].clone();
-                view.hidden = to_bits(ratio.hidden);
-                owner = self.add_late(slot, view, input_id);
+                let found = &frame.boxes[change.index];
+                let view = KeptView { hidden: to_bits(ratio.hidden), ..found.view.clone() };
+                owner = self.add_late(slot, view, found.input_id);
                 changed.push(slot);
             }
-            self.recent[recent].boxes[change.index].owner = owner;
-            let detections = self.detection_of(&views[change.index].0).into_iter().collect();
+            frame.boxes[change.index].owner = owner;
+            let detections = self.detection_of(&frame.boxes[change.index].view).into_iter().collect();
             update.events.push(Event::Reassigned { object: owner, detections });
         }
         changed.sort_unstable();
         changed.dedup();
-        let time = self.recent[recent].time;
         for slot in changed {
             self.refit(slot, update);
             if let Some(tracked) = self.slot_mut(slot) {
-                tracked.first_time = tracked.first_time.min(time);
-                tracked.last_keyframe = tracked.last_keyframe.max(key);
+                tracked.first_time = tracked.first_time.min(frame.time);
+                tracked.last_keyframe = tracked.last_keyframe.max(frame.key);
                 self.after_detection(slot, update);
             }
         }
     }
 
-    /// Boxes of a recent frame that belong to another object than they are said to.
-    fn changes(&mut self, recent: usize) -> Option<Vec<Change>> {
-        let frame = &self.recent[recent];
+    /// Boxes of a frame that belong to another object than they are said to.
+    fn changes(&mut self, frame: &RecentFrame) -> Option<Vec<Change>> {
         let keyframe = self.keyframes.get(frame.key)?;
         let (camera, shift, noise) = (keyframe.camera.clone(), keyframe.shift, keyframe.frame.pose_noise);
         let mut observations = self.no_observations();
@@ -162,7 +175,7 @@ impl ObjectMap {
     }
 
     /// Takes a view back from its object.
-    fn take_back(&mut self, slot: u32, view: &KeptView, input_id: Option<u32>) {
+    pub(super) fn take_back(&mut self, slot: u32, view: &KeptView, input_id: Option<u32>) {
         let Some(tracked) = self.slot_mut(slot) else { return };
         let Some(place) = tracked.views.iter().position(|v| v.keyframe == view.keyframe) else { return };
         let taken = tracked.take_view(place);

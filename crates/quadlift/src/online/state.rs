@@ -335,3 +335,53 @@ impl TrackedState {
         }
     }
 }
+
+#[cfg(test)]
+impl MapState {
+    /// Panics where the state is not one that [`ObjectMap::from_state`] takes, or where frames are held by nobody, or not held.
+    pub(super) fn assert_sound(&self) {
+        assert_eq!(self.check(), Ok(()));
+        let mut held: BTreeMap<u32, u32> = BTreeMap::new();
+        for view in self.slots.iter().flatten().flat_map(|t| &t.views) {
+            *held.entry(view.keyframe).or_default() += 1;
+        }
+        for frame in &self.recent {
+            *held.entry(frame.key).or_default() += 1;
+        }
+        let references: BTreeMap<u32, u32> = self.keyframes.iter().map(|(key, k)| (*key, k.references)).collect();
+        assert_eq!(held, references);
+        let views: usize = self.slots.iter().flatten().map(|t| t.views.len() + t.forgotten).sum();
+        assert_eq!(self.running.assigned, views as i64);
+    }
+
+    /// States with one thing wrong each.
+    pub(super) fn damaged(&self) -> Vec<Self> {
+        let with = |change: &dyn Fn(&mut Self)| {
+            let mut state = self.clone();
+            change(&mut state);
+            state
+        };
+        let object = |state: &mut Self, change: &dyn Fn(&mut TrackedState)| {
+            change(state.slots.iter_mut().flatten().next().unwrap());
+        };
+        vec![
+            with(&|s| s.version = 99),
+            with(&|s| s.keyframes.clear()),
+            with(&|s| s.keyframes.reverse()),
+            with(&|s| s.categories.clear()),
+            with(&|s| s.free_slots.push(0)),
+            with(&|s| s.free_slots.push(1_000_000)),
+            with(&|s| s.aliases.push((ObjectId(1), ObjectId(1)))),
+            with(&|s| s.next_key = 0),
+            with(&|s| s.next_id = 1),
+            with(&|s| s.running.assigned = i64::MAX),
+            with(&|s| object(s, &|t| t.covariance.clear())),
+            with(&|s| object(s, &|t| t.root[0][0] = f64::NAN)),
+            with(&|s| object(s, &|t| t.views.reverse())),
+            with(&|s| object(s, &|t| t.views[0].edges = [3.0, 0.0, 1.0, 1.0])),
+            with(&|s| object(s, &|t| t.views[0].category = 999)),
+            with(&|s| object(s, &|t| t.visible = usize::MAX)),
+            with(&|s| object(s, &|t| t.radius = 0.0)),
+        ]
+    }
+}

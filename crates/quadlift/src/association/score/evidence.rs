@@ -53,7 +53,7 @@ pub(crate) fn evidence(
         None => -LOG_SIZE_RANGE.ln(),
     };
     let occam = 4.5 * LN_2PI - 0.5 * object.log_det_hessian;
-    let detected = rate.log_probability(object.views(), object.visible);
+    let detected = rate.log_probability(object.boxes.len(), object.visible_beside_boxes());
     sum + place
         + shape
         + size

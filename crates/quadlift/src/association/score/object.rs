@@ -88,6 +88,14 @@ impl Object {
         self.boxes.len() + self.forgotten
     }
 
+    /// Frames in which it should be seen, for its boxes alone: where views are forgotten, their share of these frames is too.
+    pub fn visible_beside_boxes(&self) -> usize {
+        if self.forgotten == 0 {
+            return self.visible;
+        }
+        (self.visible as f64 * self.boxes.len() as f64 / self.views() as f64).round() as usize
+    }
+
     /// Length of the longest column of the root: the longest semi-axis.
     pub fn longest_semi_axis(&self) -> f64 {
         (0..3).map(|i| self.root.column(i).norm()).fold(0.0, f64::max)

@@ -1,0 +1,317 @@
+//! The map as a whole: what it finds, forgets, refuses and stores.
+
+use nalgebra::{Matrix3x4, Matrix4, Rotation3, Vector3};
+
+use super::*;
+use crate::association::IdUse;
+use crate::geometry::{BoundingBox, Projection};
+use crate::scene::Scene;
+use crate::solve::Status;
+use crate::synthetic::{
+    Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
+};
+
+/// Objects seen once around, 20 % missed, 15 % false boxes.
+fn around(objects: usize, views: usize, ids: SyntheticIds) -> SyntheticScene {
+    generate(&SyntheticOptions {
+        objects,
+        views,
+        cube_side: 60.0,
+        trajectory: Trajectory::Orbit,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.03)],
+        detector: Detector { misses: 0.2, false_boxes: 0.15, ..Default::default() },
+        ids,
+        ..Default::default()
+    })
+    .unwrap()
+}
+
+fn detections(scene: &Scene, frame: usize) -> Vec<Detection<'_>> {
+    let of_frame = scene.detections.iter().filter(|d| d.frame_index as usize == frame);
+    of_frame
+        .map(|d| Detection {
+            bounding_box: d.bounding_box.unwrap(),
+            category: d.category_index.map(|c| scene.categories[c as usize].as_str()),
+            score: d.score,
+            id: d.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+        })
+        .collect()
+}
+
+fn observe(map: &mut ObjectMap, scene: &Scene, frames: std::ops::Range<usize>) -> Vec<FrameUpdate> {
+    frames.map(|k| map.observe(&Frame::of_scene(&scene.frames[k], k as f64), &detections(scene, k)).unwrap()).collect()
+}
+
+fn map() -> ObjectMap {
+    ObjectMap::new(OnlineOptions::default()).unwrap()
+}
+
+/// For each true object the objects of the map whose centres lie within its shortest semi-axis.
+fn found(map: &ObjectMap, synthetic: &SyntheticScene) -> Vec<Vec<ObjectId>> {
+    let is_at = |object: &MapObject, body: &crate::geometry::Ellipsoid| {
+        (object.ellipsoid.center - body.center).norm() < body.semi_axes.min()
+    };
+    let of = |body: &crate::geometry::Ellipsoid| map.objects().filter(|o| is_at(o, body)).map(|o| o.id).collect();
+    synthetic.truth.iter().map(|(_, body)| of(&body.ellipsoid())).collect()
+}
+
+#[test]
+fn every_object_is_found_once_and_localised() {
+    let synthetic = around(12, 60, SyntheticIds::Absent);
+    let mut map = map();
+    let updates = observe(&mut map, &synthetic.scene, 0..60);
+    assert!(found(&map, &synthetic).iter().all(|ids| ids.len() == 1), "{:?}", found(&map, &synthetic));
+    assert_eq!((map.objects().count(), map.frames()), (12, 60));
+    let count = |is: fn(&Event) -> bool| updates.iter().flat_map(|u| &u.events).filter(|e| is(e)).count();
+    assert!(count(|e| matches!(e, Event::Confirmed { .. })) >= 12);
+    // A detection is of the object whose id the update has.
+    let objects = updates[59].objects.iter().flatten().count();
+    assert!(objects >= 6, "{objects}");
+    let object = map.objects().next().unwrap();
+    assert!(object.existence > 0.99 && object.detections > 30 && object.kept_views == 32, "{object:?}");
+    assert!(object.expected_views >= object.detections && object.last_seen > 50.0, "{object:?}");
+    let localization = map.localize(&crate::LocalizeOptions::default()).unwrap();
+    assert!(localization.estimates.iter().all(|e| e.status == Status::Ok && e.covariance.is_some()));
+}
+
+#[test]
+fn a_map_that_was_stored_goes_on_as_if_nothing_had_happened() {
+    let synthetic = around(8, 40, SyntheticIds::Tracks { fragments: 0.05, switches: 0.05 });
+    let mut unbroken = map();
+    for k in 0..40 {
+        let update = observe(&mut unbroken, &synthetic.scene, k..k + 1);
+        if k % 7 == 3 {
+            let mut stored = ObjectMap::from_state(OnlineOptions::default(), unbroken.to_state()).unwrap();
+            assert_eq!(stored.to_state(), unbroken.to_state(), "frame {k}");
+            let mut other = unbroken.clone();
+            let next = (k + 1)..(k + 3).min(40);
+            assert_eq!(
+                observe(&mut stored, &synthetic.scene, next.clone()),
+                observe(&mut other, &synthetic.scene, next)
+            );
+            assert_eq!(stored.to_state(), other.to_state(), "frame {k}");
+        }
+        assert_eq!(update.len(), 1);
+    }
+    // The same frames give the same map.
+    let mut again = map();
+    observe(&mut again, &synthetic.scene, 0..40);
+    assert_eq!(again.to_state(), unbroken.to_state());
+}
+
+#[test]
+fn an_object_that_is_taken_away_is_gone_and_comes_back() {
+    let synthetic = around(6, 120, SyntheticIds::Absent);
+    let truth = &synthetic.true_objects;
+    // The first object is not there from frame 50 to 99.
+    let mut scene = synthetic.scene.clone().into_parts();
+    let mut index = 0;
+    scene.detections.retain(|d| {
+        index += 1;
+        !(truth[index - 1] == Some(0) && (50..100).contains(&d.frame_index))
+    });
+    let scene = Scene::from_parts(scene).unwrap();
+    let mut map = map();
+    observe(&mut map, &scene, 0..50);
+    let id = found(&map, &synthetic)[0][0];
+    assert_eq!(map.object(id).unwrap().presence, Presence::Confirmed);
+    let gone: Vec<ObjectId> = observe(&mut map, &scene, 50..100)
+        .iter()
+        .flat_map(|u| &u.events)
+        .filter_map(|e| match e {
+            Event::Removed { object, reason: Removal::Gone } => Some(*object),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(gone, [id], "gone once, whatever false boxes say");
+    let object = map.object(id).unwrap();
+    assert!(object.presence == Presence::Gone && object.existence < 0.01 && object.last_seen < 50.0, "{object:?}");
+    let returned = observe(&mut map, &scene, 100..120);
+    assert!(returned.iter().flat_map(|u| &u.events).any(|e| *e == Event::Returned { object: id }));
+    assert_eq!(map.object(id).unwrap().presence, Presence::Confirmed);
+}
+
+/// A projection in a world that is turned about the origin (about z, radians) and shifted.
+fn moved_world(projection: &Projection, turn: f64, shift: Vector3<f64>) -> Projection {
+    let mut world = Matrix4::identity();
+    world.fixed_view_mut::<3, 3>(0, 0).copy_from(Rotation3::from_axis_angle(&Vector3::z_axis(), turn).matrix());
+    world.fixed_view_mut::<3, 1>(0, 3).copy_from(&shift);
+    let matrix: Matrix3x4<f64> = projection.matrix() * world.try_inverse().unwrap();
+    Projection::from_matrix(matrix).unwrap()
+}
+
+#[test]
+fn objects_follow_their_frames_after_a_loop_closure_and_duplicates_are_merged() {
+    let synthetic = around(12, 80, SyntheticIds::Absent);
+    let scene = &synthetic.scene;
+    let mut map = map();
+    for k in 0..80 {
+        let mut frame = Frame::of_scene(&scene.frames[k], k as f64);
+        // The world of the second half is turned by 8 degrees and shifted: everything comes up twice.
+        if k >= 40 {
+            frame.projection = moved_world(&frame.projection, 8f64.to_radians(), Vector3::new(30.0, 0.0, 0.0));
+        }
+        map.observe(&frame, &detections(scene, k)).unwrap();
+    }
+    assert!(map.objects().count() >= 20, "{}", map.objects().count());
+    let poses: Vec<PoseUpdate> =
+        scene.frames.iter().map(|f| PoseUpdate { frame: f.id.clone(), projection: f.projection }).collect();
+    let update = map.update_poses(&poses);
+    let merged: Vec<(ObjectId, ObjectId)> = update
+        .events
+        .iter()
+        .filter_map(|e| match e {
+            Event::Merged { object, alias } => Some((*object, *alias)),
+            _ => None,
+        })
+        .collect();
+    assert!(merged.len() >= 8, "{merged:?}");
+    assert!(found(&map, &synthetic).iter().all(|ids| ids.len() == 1), "{:?}", found(&map, &synthetic));
+    // The older id stays, and the younger one leads to it.
+    let (older, younger) = merged[0];
+    assert!(older < younger && map.resolve(younger) == map.resolve(older));
+    assert_eq!(map.object(younger), map.object(older));
+    map.to_state().assert_sound();
+}
+
+#[test]
+fn frames_that_make_no_sense_are_refused_and_change_nothing() {
+    let synthetic = around(6, 30, SyntheticIds::Absent);
+    let mut map = map();
+    observe(&mut map, &synthetic.scene, 0..20);
+    let before = map.to_state();
+    let frame = |id: &str, time: f64| Frame { id: id.to_owned(), ..Frame::of_scene(&synthetic.scene.frames[20], time) };
+    let known = synthetic.scene.frames[19].id.clone();
+    let good = detections(&synthetic.scene, 20);
+    assert_eq!(map.observe(&frame(&known, 20.0), &good), Err(ObserveError::DuplicateFrame(known)));
+    assert!(matches!(map.observe(&frame("a", 3.0), &good), Err(ObserveError::TimeWentBack { .. })));
+    assert_eq!(map.observe(&frame("a", f64::NAN), &good), Err(ObserveError::Time("a".to_owned())));
+    let flat = Frame { image_size: Some([640.0, 0.0].into()), ..frame("a", 20.0) };
+    assert!(matches!(map.observe(&flat, &good), Err(ObserveError::ImageSize { .. })));
+    let many = vec![good[0]; MAX_DETECTIONS + 1];
+    assert!(matches!(map.observe(&frame("a", 20.0), &many), Err(ObserveError::TooManyDetections { .. })));
+    let scored = [Detection { score: Some(f64::INFINITY), ..good[0] }];
+    assert!(matches!(map.observe(&frame("a", 20.0), &scored), Err(ObserveError::Score { detection: 0, .. })));
+    let names: Vec<String> = (0..MAX_CATEGORIES).map(|k| k.to_string()).collect();
+    let categories: Vec<Detection> = names.iter().map(|n| Detection { category: Some(n), ..good[0] }).collect();
+    assert!(matches!(map.observe(&frame("a", 20.0), &categories), Err(ObserveError::TooManyCategories { .. })));
+    assert_eq!(map.to_state(), before);
+    assert!(map.observe(&frame("a", 20.0), &good).is_ok());
+}
+
+#[test]
+fn a_pose_that_jumps_contradicts_the_map_and_does_not_spoil_it() {
+    let synthetic = around(10, 40, SyntheticIds::Absent);
+    let mut map = map();
+    observe(&mut map, &synthetic.scene, 0..30);
+    let objects: Vec<MapObject> = map.objects().collect();
+    for k in 30..35 {
+        let mut frame = Frame::of_scene(&synthetic.scene.frames[k], k as f64);
+        frame.projection = moved_world(&frame.projection, 0.35, Vector3::new(30.0, 0.0, 0.0));
+        let update = map.observe(&frame, &detections(&synthetic.scene, k)).unwrap();
+        assert!(matches!(update.events[..], [Event::Disagrees { expected }] if expected >= 3), "{:?}", update.events);
+        assert!(update.objects.iter().all(Option::is_none));
+    }
+    assert_eq!(map.objects().collect::<Vec<_>>(), objects);
+    let after = observe(&mut map, &synthetic.scene, 35..40);
+    assert!(after[4].objects.iter().flatten().count() >= 5);
+}
+
+#[test]
+fn memory_is_bounded() {
+    let street = |objects: usize, views: usize| {
+        generate(&SyntheticOptions {
+            objects,
+            views,
+            trajectory: Trajectory::Street,
+            observations: Observations::Boxes,
+            noise: vec![Noise::BoxEdges(0.03)],
+            detector: Detector { false_boxes: 0.5, ..Default::default() },
+            ids: SyntheticIds::Absent,
+            ..Default::default()
+        })
+        .unwrap()
+        .scene
+    };
+    let scene = street(70, 150);
+    let options = OnlineOptions { max_objects: 12, max_views: 8, ..Default::default() };
+    let mut map = ObjectMap::new(options).unwrap();
+    let updates = observe(&mut map, &scene, 0..150);
+    assert!(map.objects().count() + map.tentative_objects().count() <= 12);
+    assert!(map.objects().all(|o| o.kept_views <= 8));
+    assert!(map.keyframes() <= 12 * 8 + 25, "{}", map.keyframes());
+    let forgotten = |e: &Event| matches!(e, Event::Removed { reason: Removal::Forgotten, .. });
+    assert!(updates.iter().flat_map(|u| &u.events).any(forgotten));
+    map.to_state().assert_sound();
+}
+
+#[test]
+fn users_merge_and_remove_objects() {
+    let synthetic = around(6, 40, SyntheticIds::Absent);
+    let mut map = map();
+    observe(&mut map, &synthetic.scene, 0..40);
+    let ids: Vec<ObjectId> = map.objects().map(|o| o.id).collect();
+    assert!(map.remove(ids[0]) && !map.remove(ids[0]) && map.object(ids[0]).is_none());
+    assert_eq!(map.merge(ids[1], ids[1]), None);
+    assert_eq!(map.merge(ids[2], ids[1]), Some(ids[1]));
+    assert_eq!(map.object(ids[2]).unwrap().id, ids[1]);
+    assert_eq!(map.objects().count(), ids.len() - 2);
+    map.to_state().assert_sound();
+}
+
+#[test]
+fn ids_of_a_tracker_hold_a_crowd_together() {
+    let crowd = generate(&SyntheticOptions {
+        objects: 40,
+        views: 24,
+        cube_side: 16.0,
+        trajectory: Trajectory::Orbit,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.05)],
+        ids: SyntheticIds::Tracks { fragments: 0.05, switches: 0.05 },
+        ..Default::default()
+    })
+    .unwrap();
+    let right = |ids: IdUse| {
+        let mut map = ObjectMap::new(OnlineOptions { ids, ..Default::default() }).unwrap();
+        observe(&mut map, &crowd.scene, 0..24);
+        map.settle();
+        found(&map, &crowd).iter().filter(|ids| ids.len() == 1).count()
+    };
+    let (with, without) = (right(IdUse::Evidence), right(IdUse::Ignore));
+    assert!(with >= without && with >= 30, "{with} {without}");
+}
+
+#[test]
+fn five_thousand_boxes_in_a_frame_take_a_bounded_time() {
+    let synthetic = around(10, 20, SyntheticIds::Absent);
+    let mut map = map();
+    observe(&mut map, &synthetic.scene, 0..10);
+    for k in 10..12 {
+        let boxes: Vec<Detection> = (0..5000)
+            .map(|n| {
+                let (x, y) = (f64::from(n % 100) * 12.0, f64::from(n / 100) * 18.0);
+                Detection::from_box(BoundingBox::new([x, y, x + 20.0 + f64::from(n % 7), y + 25.0]).unwrap())
+            })
+            .collect();
+        let update = map.observe(&Frame::of_scene(&synthetic.scene.frames[k], k as f64), &boxes).unwrap();
+        assert!(update.events.iter().filter(|e| matches!(e, Event::New { .. })).count() <= 500);
+    }
+    observe(&mut map, &synthetic.scene, 12..20);
+    map.to_state().assert_sound();
+}
+
+#[test]
+fn a_damaged_state_is_refused() {
+    let synthetic = around(6, 20, SyntheticIds::Absent);
+    let mut map = map();
+    observe(&mut map, &synthetic.scene, 0..20);
+    let state = map.to_state();
+    for damaged in state.damaged() {
+        let error = ObjectMap::from_state(OnlineOptions::default(), damaged).unwrap_err();
+        assert!(matches!(error, StateError::Damaged(_) | StateError::Version { .. }), "{error}");
+    }
+    let options = OnlineOptions { max_views: 3, ..Default::default() };
+    assert!(matches!(ObjectMap::from_state(options, state), Err(StateError::Options(_))));
+}
