@@ -39,10 +39,11 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     let steps = Steps::new("accv", SOURCES.len() * rows.len() * scenes.len(), progress);
     let mut report = Report::new("accv", "ACCV: objects on a table (section 5.2)");
     report.text(
-        "The truth is the envelope of the object's point cloud, and the object fills only a part of it: of a body that \
-         is tangent to exact boxes the volume is 0.66 of the envelope's. So the enclosing ellipsoid is the one to \
-         compare with the paper; the tangent one stands beside it. The paper simulated its boxes. Not reproducible \
-         with this data: ellipses from segmented images (ES), for which the paper prints no figures here either.",
+        "The ground truth is the envelope of the object's point cloud, and the object fills only part of it: the \
+         volume of a body that is tangent to exact boxes is 0.66 of the envelope's. The enclosing ellipsoid is \
+         therefore the one to compare with the paper; the tangent one is shown for comparison. The paper simulated \
+         its boxes. Not reproducible with this data: ellipses from segmented images (ES), for which the paper prints \
+         no figures here either.",
     );
     let columns = Columns { averaged: &ACCV_SEQUENCES, pooled: None, beside: &[] };
     for (source, what) in SOURCES {

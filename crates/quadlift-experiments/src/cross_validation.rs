@@ -1,4 +1,4 @@
-//! Whether cross-validation tells which estimates are good: the IoU of left-out views beside the true overlap (ours).
+//! Whether cross-validation predicts the quality of estimates: the IoU of left-out views and the true overlap (ours).
 
 use std::path::Path;
 
@@ -27,13 +27,13 @@ const CAMERA_HEIGHT: f64 = 1.65;
 /// Bounds of the bins of the last table.
 const BINS: [f64; 7] = [0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
-/// Scenes, the detections that are taken, and what is true of them.
+/// Scenes with the used detections and their ground truth.
 struct Set {
     name: &'static str,
     scenes: Vec<TrueScene>,
     sources: &'static [&'static str],
     options: LocalizeOptions,
-    /// What the truth is compared with.
+    /// The reference of the comparison.
     measure: Measure,
 }
 
@@ -159,12 +159,12 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     let mut report = Report::new("cross-validation", "Cross-validation: quality without a truth");
     report.text(
         "Each view of each object is left out, the object is localised from the others, and its box in that view is \
-         predicted (`quadlift localize --cross-validate`). The mean IoU of predicted and measured boxes needs no truth; \
-         here it stands beside the true overlap (O3D; for LINEMOD, whose truth is the envelope of the object, that of the \
-         enclosing body). KITTI: boxes of a detector (`rrc`), cuboids with the built-in car prior and the height of the \
-         cameras, 1.65 m. All others: default options, boxes of the named sources. \"Views\" is the number of views of an \
-         object that are kept, evenly spread; objects with fewer take part with those they have. Objects with two views \
-         cannot be checked.",
+         predicted (`quadlift localize --cross-validate`). The mean IoU of predicted and measured boxes needs no \
+         ground truth; here it is compared with the true overlap (O3D; for LINEMOD, whose truth is the envelope of \
+         the object, that of the enclosing body). KITTI: boxes of a detector (`rrc`), cuboids with the built-in car \
+         prior and the height of the cameras, 1.65 m. All others: default options, boxes of the named sources. \
+         \"Views\" is the number of views kept per object, evenly spread; objects with fewer views are used with all \
+         of them. Objects with two views cannot be checked.",
     );
     let mut table = Table::new(
         "Correlation of the left-out IoU with the true overlap",
@@ -209,11 +209,11 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     (less_the_means[3], less_the_means[4]) = (Cell::Empty, Cell::Empty);
     table.push(less_the_means);
     table.note(
-        "Spearman is the correlation of ranks: 1 where a larger left-out IoU always means a larger true overlap, 0 where \
-         it means nothing. \"Of the residual\" is that of the root mean square residual of the used views over the mean \
-         half size of the boxes with its sign turned, \"of the sd of the centre\" that of its standard deviation over the \
-         size of the body, likewise: what one can know without leaving views out. Objects that occur with several \
-         numbers of views are not independent.",
+        "Spearman is the rank correlation: 1 if a larger left-out IoU always means a larger true overlap, 0 if they \
+         are unrelated. \"Of the residual\" is that of the root mean square residual of the used views over the mean \
+         half size of the boxes, with its sign inverted, \"of the sd of the centre\" that of its standard deviation \
+         over the size of the body, likewise: these are available without leaving views out. Objects that occur with \
+         several numbers of views are not independent.",
     );
     report.table(table);
     report.table(bins(&all));
@@ -230,7 +230,7 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     Ok(report)
 }
 
-/// The pairs less their means: what is left when every set is taken for itself.
+/// The pairs minus their means, for the correlation within each set.
 fn centered(pairs: &[Pair]) -> Vec<Pair> {
     let mean_of = |of: fn(&Pair) -> f64| mean(&pairs.iter().map(of).collect::<Vec<_>>()).unwrap_or(0.0);
     let [left_out, residual, deviation, truth] =
@@ -264,7 +264,7 @@ fn row_of(name: &str, views: Cell, pairs: &[Pair]) -> Vec<Cell> {
     ]
 }
 
-/// What a left-out IoU lets expect.
+/// The expected overlap for a left-out IoU.
 fn bins(pairs: &[Pair]) -> Table {
     let mut table = Table::new(
         "The true overlap of objects by their left-out IoU, all of the above together",

@@ -9,7 +9,7 @@ use quadlift_io::{SceneFile, read_scene_file};
 
 use crate::error::Error;
 
-/// Where the data is looked for when neither the caller nor the environment names a folder.
+/// Default folder of the data.
 pub const DEFAULT_FOLDER: &str = "../shared/data";
 
 /// An object counts when it is detected in so many views that the protocol keeps.
@@ -18,14 +18,14 @@ const FEWEST_VIEWS: usize = 2;
 /// The folder of the data: the given one, that of the environment variable QUADLIFT_DATA, or `../shared/data`.
 ///
 /// # Errors
-/// [`Error::NoData`] when it has no folder `scenes`.
+/// [`Error::NoData`] if it has no folder `scenes`.
 pub fn data_folder(chosen: Option<&Path>) -> Result<PathBuf, Error> {
     let from_environment = || std::env::var_os("QUADLIFT_DATA").map(PathBuf::from);
     let folder = chosen.map(Path::to_owned).or_else(from_environment).unwrap_or_else(|| DEFAULT_FOLDER.into());
     if folder.join("scenes").is_dir() { Ok(folder) } else { Err(Error::NoData(folder)) }
 }
 
-/// A scene and what is true about it.
+/// A scene and its ground truth.
 #[derive(Debug, Clone)]
 pub struct TrueScene {
     /// Name of the sequence in the tables.
@@ -40,7 +40,7 @@ impl TrueScene {
     /// Reads `scenes/FILE.json`.
     ///
     /// # Errors
-    /// [`Error::Read`] when the file cannot be read or is wrong.
+    /// [`Error::Read`] if the file cannot be read or is invalid.
     pub fn read(data: &Path, file: &str, sequence: &str) -> Result<Self, Error> {
         let path = data.join("scenes").join(format!("{file}.json"));
         Self::of_file(&read_scene_file(&path)?, &path, sequence)
@@ -49,7 +49,7 @@ impl TrueScene {
     /// The scene and the objects of a scene file; `path` is for messages.
     ///
     /// # Errors
-    /// [`Error::Read`] when the content is wrong.
+    /// [`Error::Read`] if the content is invalid.
     pub fn of_file(content: &SceneFile, path: &Path, sequence: &str) -> Result<Self, Error> {
         let scene = content.to_scene().map_err(|error| error.in_file(path))?;
         let objects = content.to_objects().map_err(|error| error.in_file(path))?;
@@ -64,7 +64,7 @@ impl TrueScene {
     /// options keep do not count; all others do, with 0 where a method fails or needs more views.
     ///
     /// # Errors
-    /// [`Error::Localize`] when the options do not fit the scene.
+    /// [`Error::Localize`] if the options do not fit the scene.
     pub fn scores(&self, options: &LocalizeOptions) -> Result<Vec<ObjectScore>, Error> {
         let localization = localize(&self.scene, options)?;
         let seen = |id: &str| {

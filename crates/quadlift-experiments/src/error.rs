@@ -1,4 +1,4 @@
-//! What can go wrong.
+//! Errors of experiments.
 
 use std::path::PathBuf;
 
@@ -14,9 +14,9 @@ use quadlift_segment::{CropError, SegmentError};
 pub enum Error {
     /// The real data is not there.
     #[error(
-        "there is no real data: {} has no folder \"scenes\"; name the folder of the data with --data DIR or the \
-         environment variable QUADLIFT_DATA (only the experiments \"synthetic\", \
-         \"segmentation\", \"association\" and \"trust\" run without)", .0.display()
+        "there is no real data: {} has no folder \"scenes\"; set the data folder with --data DIR or the environment \
+         variable QUADLIFT_DATA (only the experiments \"synthetic\", \"segmentation\", \"association\" and \"trust\" \
+         run without)", .0.display()
     )]
     NoData(PathBuf),
     /// A scene file cannot be read.
@@ -45,7 +45,7 @@ pub enum Error {
     Plot {
         /// Name of the plot.
         plot: String,
-        /// What the drawing library says.
+        /// The message of the drawing library.
         reason: String,
     },
 }

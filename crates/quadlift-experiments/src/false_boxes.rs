@@ -1,4 +1,5 @@
-//! A false box among few views (ours): how many wrong objects count as localised, and how many right ones do not.
+//! A false box among few views (ours): how many wrong objects are reported as localised, and how many correct ones are
+//! not.
 //!
 //! `quadlift synth --objects 40 --views VIEWS --outliers 0.1 --noise box:SIGMA --trajectory orbit --seed SEED`.
 
@@ -80,11 +81,11 @@ pub(crate) fn table(seed: u64, steps: &Steps) -> Result<Table, Error> {
         steps.done();
     }
     table.note(
-        "40 ellipsoids in each of 18 scenes, cameras on an orbit, every tenth box false. Wrong: the centre is off by more \
-         than the mean semi-axis and by more than five standard deviations. \"Ok\": the status is `ok`, without a warning \
-         other than `only two views` and `narrow baseline`. Right: the centre is off by at most the mean semi-axis, \
-         however sure the estimate is; such an object may have been seen in a false box. Clean: it was not. Aims: at most 1 % wrong and ok, and from three views on at most 5 % right but not \
-         ok.",
+        "40 ellipsoids in each of 18 scenes, cameras on an orbit, every tenth box false. Wrong: the centre is off by \
+         more than the mean semi-axis and by more than five standard deviations. \"Ok\": the status is `ok`, without \
+         a warning other than `only two views` and `narrow baseline`. Right: the centre is off by at most the mean \
+         semi-axis, whatever its covariance; such an object may have a false box. Clean: it has none. Aims: at most 1 \
+         % wrong and ok, and from three views on at most 5 % right but not ok.",
     );
     Ok(table)
 }

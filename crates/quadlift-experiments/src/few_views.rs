@@ -1,5 +1,5 @@
-//! Few views (ours): the default beside the same estimator with its noise level given, and beside the closed form that is
-//! exact on exact boxes.
+//! Few views (ours): the default, the same estimator with a given noise level, and the closed form that is exact for
+//! exact boxes.
 //!
 //! `quadlift synth --objects 50 --views VIEWS --noise box:SIGMA --seed SEED`.
 
@@ -33,7 +33,7 @@ const FIRST_SEED: u64 = 11;
 /// The smallest level that is given.
 const SMALLEST_LEVEL: f64 = 0.001;
 
-/// The columns: `map`, `map` that knows the noise, `planes`.
+/// The columns: `map`, `map` with the given noise, `planes`.
 fn rows(noise: f64) -> Vec<MethodRow> {
     // With 0 pixels the noise is proportional to the size, as these boxes have it.
     let level = noise.max(SMALLEST_LEVEL);
@@ -77,9 +77,9 @@ pub fn run(seed: u64, progress: Progress) -> Result<Report, Error> {
     let steps = Steps::new("few-views", VIEWS.len() * NOISE.len(), progress);
     let mut report = Report::new("few-views", "Few views: the default, its level given, and a closed form");
     report.text(format!(
-        "{OBJECTS} ellipsoids in each of {SCENES} scenes, cameras as in section 5.1, boxes whose edges have Gaussian noise. \
-         \"Level given\": `map` is told the noise (`--sigmas edge_relative=S,edge_px=0`, with S at least {SMALLEST_LEVEL}). \
-         `planes` needs three views. Figures are mean O3D."
+        "{OBJECTS} ellipsoids in each of {SCENES} scenes, cameras as in section 5.1, boxes whose edges have Gaussian \
+         noise. \"Level given\": `map` is given the noise (`--sigmas edge_relative=S,edge_px=0`, with S at least \
+         {SMALLEST_LEVEL}). `planes` needs three views. Figures are mean O3D."
     ));
     let titles = ["views", "noise", "map", "map, level given", "planes"];
     let mut table = Table::new("Few views: O3D by views and noise", titles);

@@ -1,4 +1,4 @@
-//! Leave one sequence out: what is left of a gain when a setting is chosen on the other sequences.
+//! Leave one sequence out: the remaining gain if a setting is chosen on the other sequences.
 
 use crate::methods::RowScores;
 use crate::scores::{Measure, average, mean};

@@ -17,7 +17,7 @@ td.n, th.n { text-align: right } svg { max-width: 100%; height: auto } figure { 
 /// The page; `command` is what made it.
 ///
 /// # Errors
-/// [`Error::Plot`] with what the drawing library says.
+/// [`Error::Plot`] with the message of the drawing library.
 pub fn html_page(reports: &[Report], command: &str) -> Result<String, Error> {
     let mut page = format!(
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \

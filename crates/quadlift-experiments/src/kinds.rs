@@ -1,7 +1,7 @@
-//! Scenes with bodies of several kinds that stand upright (ours), beside the median of triangulated boxes.
+//! Scenes with upright bodies of several kinds (ours), compared with the median of triangulated boxes.
 //!
-//! Stand-ins for real scenes that cannot be shipped: boxes, cans and bowls on a table, the same in few views, parked cars.
-//! A detector that always leaves out or adds something is `--edge-bias`:
+//! Substitutes for real scenes that cannot be distributed: boxes, cans and bowls on a table, the same in few views,
+//! parked cars. `--edge-bias` simulates systematic errors of a detector:
 //! `quadlift synth --body cuboid,cylinder,ellipsoid --standing --edge-bias 0.04 --noise box:0.02 ...`.
 
 use nalgebra::{Point3, Rotation3, Vector2, Vector3};
@@ -76,10 +76,10 @@ pub fn run(seed: u64, progress: Progress) -> Result<Report, Error> {
     let steps = Steps::new("kinds", SETS.len() * rows.len(), progress);
     let mut report = Report::new("kinds", "Bodies of several kinds (ours)");
     report.text(
-        "Volume IoU of the estimated body with the true one, each of its own kind, 0 without an estimate. A third of the \
-         objects each are cuboids, cylinders and ellipsoids. The median of triangulated boxes is what a few lines \
-         give: the median over pairs of views of the points where the rays through the centres of the boxes meet, and \
-         the median width and height of the boxes at that depth, as an upright cuboid whose sides are equal.",
+        "Volume IoU of the estimated and the true body, each of its own kind, 0 without an estimate. One third of the \
+         objects each are cuboids, cylinders and ellipsoids. The median of triangulated boxes is a simple baseline: \
+         the median over pairs of views of the points where the rays through the box centres meet, and the median \
+         width and height of the boxes at that depth, as an upright cuboid with a square base.",
     );
     for (name, trajectory, views, standing) in SETS {
         let scenes = (0..SCENES)
@@ -143,7 +143,7 @@ fn ious(synthetic: &SyntheticScene, row: &Row, seed: u64) -> Result<Vec<f64>, Er
     Ok(truth.zip(found).map(|(truth, found)| found.map_or(0.0, |found| iou3d_bodies(&found, truth))).collect())
 }
 
-/// The upright cuboid of median place and size; none where no two views of the object determine a point.
+/// The upright cuboid of median position and size; `None` if no two views of the object determine a point.
 fn median_of_boxes(scene: &Scene, object: u32) -> Option<Body> {
     let of_object = scene.detections.iter().filter(|detection| detection.object_index == Some(object));
     let views: Vec<_> =

@@ -142,12 +142,12 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
 
     let mut report = Report::new("kitti", "KITTI: parked cars seen from a moving car (section 5.4)");
     report.text(format!(
-        "Detections with `occluded <= 1` and `truncated = 0`, as in the paper. The average is over {}; beside it S23 \
-         (8 of the paper's 17 frames) and S35ext (5 frames, 2 of them the paper's), for which there are neither boxes \
-         of a detector nor GPS poses. The paper's averages are over its six sequences, with simulated boxes; its \
-         theta_err is {KITTI_THETA_ERR_IN_TEXT} in the text and {} in the table. For a cuboid estimate, O3D is that of \
-         the inscribed ellipsoid, as the truth is made. A centre counts even where the estimate is no ellipsoid. The \
-         car prior is the program's built-in one (size, upright axes, on the ground), with the height of the cameras, \
+        "Detections with `occluded <= 1` and `truncated = 0`, as in the paper. The average is over {}; S23 (8 of the \
+         paper's 17 frames) and S35ext (5 frames, 2 of them the paper's) are listed separately, because they have \
+         neither detector boxes nor GPS poses. The paper's averages are over its six sequences, with simulated boxes; \
+         its theta_err is {KITTI_THETA_ERR_IN_TEXT} in the text and {} in the table. For a cuboid estimate, O3D is \
+         that of the inscribed ellipsoid, as in the ground truth. A centre counts even if the estimate is not an \
+         ellipsoid. The car prior is the built-in one (size, upright axes, on the ground), with the camera height, \
          {CAMERA_HEIGHT} m.",
         AVERAGED.join(", "),
         KITTI_THETA_ERR.average,
@@ -196,7 +196,7 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
 /// The table of shapes and that of distances, as in the paper.
 fn tables(title: &str, scenes: &[TrueScene], scores: &[RowScores]) -> [Table; 2] {
     let names: Vec<&str> = scenes.iter().map(|scene| scene.sequence.as_str()).collect();
-    // The paper's S35 has a column of its own: ours are other frames.
+    // The paper's S35 has a separate column, because our frames differ.
     let columns = Columns { averaged: &AVERAGED, pooled: Some("all cars"), beside: &["S23", "S35", "S35ext"] };
     let mut shapes = columns.table(format!("{title}: O3D and theta_err"));
     let mut distances = columns.table(format!("{title}: centres"));
@@ -224,7 +224,7 @@ fn tables(title: &str, scenes: &[TrueScene], scores: &[RowScores]) -> [Table; 2]
     [shapes, distances]
 }
 
-/// What each part of the row for cars brings.
+/// The effect of each part of the row for cars.
 fn parts_table(rows: &[MethodRow], scores: &[Vec<RowScores>]) -> Table {
     let measures = [Measure::O3d, DISTANCE[0], DISTANCE[1]];
     let titles = POSES.iter().flat_map(|(poses, _)| measures.map(|measure| format!("{poses}: {}", measure.name())));

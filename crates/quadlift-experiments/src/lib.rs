@@ -1,8 +1,8 @@
-//! The experiments of *3D Pose from Detections* (section 5), rerun beside the paper's figures, and ours
-//! beside a prototype's: one file or folder for each.
+//! The experiments of *3D Pose from Detections* (section 5), compared with the paper's figures, and our own, compared
+//! with a prototype: one file or folder each.
 //!
-//! [`run`] gives a [`Report`] of text, tables and plots. Nothing here is tuned on the truth it is scored with; every
-//! setting of an experiment stands in the `rows` of its file.
+//! [`run`] returns a [`Report`] with text, tables and plots. Nothing here is tuned on the truth used for scoring; all
+//! settings of an experiment are in the `rows` of its file.
 #![forbid(unsafe_code)]
 
 mod accv;
@@ -61,9 +61,9 @@ pub enum Experiment {
     Segmentation,
     /// Objects from detections without ids; not in the paper.
     Association,
-    /// What left-out views tell about the quality of estimates; not in the paper.
+    /// How well left-out views predict the quality of estimates; not in the paper.
     CrossValidation,
-    /// How often the truth lies in the regions that estimates come with; not in the paper.
+    /// Coverage of the confidence regions of estimates; not in the paper.
     Trust,
     /// The same with a quarter of the synthetic objects: the part of [`Experiment::ALL`].
     TrustBrief,
@@ -71,7 +71,7 @@ pub enum Experiment {
     Diagnosis,
     /// Scenes with bodies of several kinds; not in the paper.
     Kinds,
-    /// The default beside a level that is given and a closed form, with 2 to 20 views; not in the paper.
+    /// The default compared with a given noise level and a closed form, with 2 to 20 views; not in the paper.
     FewViews,
     /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
     #[cfg(feature = "sensitivity")]

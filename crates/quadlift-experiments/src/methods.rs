@@ -1,5 +1,5 @@
-//! The rows of every table: methods with their bodies and priors. All settings of an experiment stand in its own
-//! file, made with the functions here.
+//! The rows of every table: methods with their bodies and priors. All settings of an experiment are in its file, made
+//! with the functions here.
 
 use quadlift::LocalizeOptions;
 use quadlift::metrics::ObjectScore;
@@ -14,12 +14,12 @@ use crate::progress::Steps;
 /// was chosen is shown by the last table but one of [`crate::Experiment::Synthetic`].
 pub const REG_LAMBDA: f64 = 1e13;
 
-/// A row: a method and everything that is set about it.
+/// A row: a method with its settings.
 #[derive(Debug, Clone)]
 pub struct MethodRow {
     /// The method's name.
     pub method: &'static str,
-    /// Body, priors and other settings, in words.
+    /// Body, priors and other settings, as text.
     pub setting: String,
     /// The same for the program.
     pub options: LocalizeOptions,
@@ -31,7 +31,7 @@ impl MethodRow {
         Self { method: method.name(), setting: "ellipsoid".to_owned(), options: LocalizeOptions::from(method) }
     }
 
-    /// `map` with these options, which `setting` says in words.
+    /// `map` with these options, described by `setting`.
     pub fn map(setting: &str, map: MapOptions) -> Self {
         Self { method: "map", setting: setting.to_owned(), options: LocalizeOptions::from(map) }
     }

@@ -21,7 +21,7 @@ use crate::scores::{Figure, Measure, average, mean};
 use crate::table::{Cell, Table};
 use crate::wide_views::{Choice, draw_views};
 
-/// Sets of views that are drawn for each object, at most.
+/// Maximum number of sets of views per object.
 const DRAWS: usize = 12;
 
 /// Standard deviation of the angle between an axis and the vertical in the rows "upright", radians.
@@ -109,13 +109,13 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     let mut report = Report::new("minimal", "Minimal configurations: two and three views (section 5.5)");
     report.text(format!(
         "Up to {DRAWS} sets of views of each object, drawn from those whose viewing directions (the rays through the \
-         centres of its boxes) differ by 45 +- 5 degrees; of three views the first and the third differ by 40 degrees \
-         at least. KITTI: the widest there are, one set for each car, aligned poses, `occluded <= 1` and `truncated = \
-         0`; two of the paper's five frames of S35 are at hand, so that it counts with two views only. Boxes: ACCV \
+         centres of its boxes) differ by 45 +- 5 degrees; of three views the first and the third differ by at least \
+         40 degrees. KITTI: the widest available, one set for each car, aligned poses, `occluded <= 1` and `truncated \
+         = 0`; two of the paper's five frames of S35 are available, so it is used with two views only. Boxes: ACCV \
          `yolo`, TUW `authors`, KITTI `ellipsoid`. The score of an object is the mean over its draws, the standard \
          error is over the objects. `pfd`, `lfd` and `planes` need three views. \"upright\": one axis of the body is \
-         vertical, with a standard deviation of {UPRIGHT_SD} radians; upwards is z in the models' frame (ACCV) and in \
-         the world (TUW)."
+         vertical, with a standard deviation of {UPRIGHT_SD} radians; up is z in the model frame (ACCV) and in the \
+         world (TUW)."
     ));
     let mut columns = vec!["views", "method", "setting", "measure"];
     columns.extend(MINIMAL_DATA_SETS);

@@ -65,7 +65,7 @@ impl Plot {
     /// The plot as an SVG document.
     ///
     /// # Errors
-    /// [`Error::Plot`] with what the drawing library says.
+    /// [`Error::Plot`] with the message of the drawing library.
     pub fn svg(&self) -> Result<String, Error> {
         let mut document = String::new();
         self.draw(&SVGBackend::with_string(&mut document, SIZE).into_drawing_area())?;
@@ -75,7 +75,7 @@ impl Plot {
     /// The plot as a PNG file.
     ///
     /// # Errors
-    /// [`Error::Plot`] with what the drawing library says.
+    /// [`Error::Plot`] with the message of the drawing library.
     pub fn png(&self) -> Result<Vec<u8>, Error> {
         let (width, height) = SIZE;
         let mut pixels = vec![0; 3 * width as usize * height as usize];

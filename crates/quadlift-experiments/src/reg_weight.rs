@@ -1,4 +1,4 @@
-//! How the one weight lambda of `reg` was chosen. The paper keeps it equal for all tests but does not print it.
+//! How the weight lambda of `reg` was chosen. The paper uses one value for all tests but does not publish it.
 //!
 //! The rule: the decade whose figures come nearest to the four that the paper prints (no noise, and the ends of its
 //! three curves), by the sum of squared differences, on scenes that are not among those whose figures are reported.
@@ -27,7 +27,7 @@ const OTHER_SEEDS: u64 = 1_000_000;
 /// Steps that the scan reports.
 pub(crate) const STEPS: usize = SCENES as usize;
 
-/// What the scan finds for one lambda.
+/// The result of the scan for one lambda.
 #[derive(Debug, Clone, PartialEq)]
 struct ScanPoint {
     /// The weight.
@@ -99,10 +99,10 @@ pub(crate) fn table(seed: u64, steps: &Steps) -> Result<Table, Error> {
         table.push(row);
     }
     table.note(format!(
-        "The paper keeps one lambda for all tests and does not print it. Ours is the decade that comes nearest to its \
-         four figures, on {SCENES} scenes with other seeds than those reported above. It is used in every experiment. \
-         (The highest O3D is that of larger weights, where the result is nearly a sphere; on the real scenes these are no \
-         better.)"
+        "The paper uses one lambda for all tests and does not publish it. Ours is the decade closest to its four \
+         figures, on {SCENES} scenes with other seeds than those reported above. It is used in every experiment. \
+         (Larger weights give the highest O3D, with nearly spherical results; they are not better on the real \
+         scenes.)"
     ));
     Ok(table)
 }

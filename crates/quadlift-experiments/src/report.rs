@@ -1,4 +1,4 @@
-//! What an experiment gives: text, tables and plots, and the figures that sum it up.
+//! The result of an experiment: text, tables, plots and headline figures.
 
 use std::fmt::Write;
 
@@ -157,11 +157,11 @@ pub fn summary(reports: &[Report]) -> Table {
 pub fn page(reports: &[Report], command: &str, plots: &str) -> String {
     let mut text = format!(
         "# The paper's experiments, rerun\n\n<!-- Written by `{command}`; do not edit. -->\n\nThe experiments of \
-         section 5 of *3D Pose from Detections* (Rubino, Crocco, Perina, Murino, Del Bue, ICCV 2015), with the paper's \
-         printed figures in the rows whose setting is \"paper\". This page is written by\n\n    {command}\n\nThe same \
-         seed gives the same page, with any number of threads. The real data cannot be part of the project (its \
-         licences do not allow it); the folder that holds its `scenes` is named with `--data DIR` or the environment \
-         variable `QUADLIFT_DATA`. `synthetic` and `few-views` need no data.\n\n{CONVENTIONS}\n"
+         section 5 of *3D Pose from Detections* (Rubino, Crocco, Perina, Murino, Del Bue, ICCV 2015), with the \
+         paper's printed figures in the rows whose setting is \"paper\". This page is written by\n\n    \
+         {command}\n\nThe same seed gives the same page, with any number of threads. The real data is not part of the \
+         project (its licences do not allow it); `--data DIR` or the environment variable `QUADLIFT_DATA` sets the \
+         folder that contains its `scenes`. `synthetic` and `few-views` need no data.\n\n{CONVENTIONS}\n"
     );
     let _ = writeln!(text, "{}", summary(reports).to_markdown());
     for report in reports {
@@ -171,10 +171,10 @@ pub fn page(reports: &[Report], command: &str, plots: &str) -> String {
     format!("{}\n", text.trim_end())
 }
 
-/// What holds for all tables.
+/// Conventions of all tables.
 pub const CONVENTIONS: &str = "\
 An average is the mean over the sequences, as in the paper. O3D is the volume of the intersection over that of the \
-union of the estimated and the true ellipsoid, 0 where the estimate is no ellipsoid or the method needs more views; \
+union of the estimated and the true ellipsoid, 0 if the estimate is not an ellipsoid or the method needs more views; \
 theta_err is the angle between their main axes in radians, over the objects with an ellipsoid. Objects that are \
 detected in fewer than two of the views do not count. No estimator reads the truth, and every setting is the same for \
 all sequences.

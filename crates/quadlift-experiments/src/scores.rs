@@ -2,7 +2,7 @@
 
 use quadlift::metrics::ObjectScore;
 
-/// A mean and how far it can be trusted.
+/// A mean with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figure {
     /// The mean.
@@ -11,7 +11,7 @@ pub struct Figure {
     pub standard_error: Option<f64>,
 }
 
-/// What is measured of one object.
+/// The measures of one object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Measure {
     /// Volume IoU of the ellipsoids (O3D of the paper); 0 without an ellipsoid.
@@ -47,7 +47,7 @@ impl Measure {
         }
     }
 
-    /// The value for one object; absent where the object does not count.
+    /// The value for one object; absent if the object does not count.
     pub fn of(self, score: &ObjectScore) -> Option<f64> {
         match self {
             Self::O3d => score.iou3d,

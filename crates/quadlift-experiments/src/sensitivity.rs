@@ -24,7 +24,7 @@ use crate::table::{Cell, Table};
 /// Scenes of each synthetic figure.
 const SCENES: u64 = 4;
 
-/// What the constants are multiplied with.
+/// Factors on the constants.
 const FACTORS: [f64; 2] = [0.5, 2.0];
 
 /// Height of KITTI's cameras above the road, metres.
@@ -132,10 +132,10 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     };
     let mut report = Report::new("sensitivity", "Tuned constants, halved and doubled");
     report.text(
-        "Each tuned constant is halved and doubled, all others as they are. The first row has the figures with all constants \
-         as they are: mean O3D of synthetic ellipsoids (boxes with 5 % noise), of KITTI's cars (RRC boxes, car prior), of TUW \
-         and LINEMOD (enclosing bodies), and F1 of associations. The other rows have differences; those below 0.0005 are \
-         left out.",
+        "Each tuned constant is halved and doubled while all others are unchanged. The first row has the figures with \
+         unchanged constants: mean O3D of synthetic ellipsoids (boxes with 5 % noise), of KITTI's cars (RRC boxes, \
+         car prior), of TUW and LINEMOD (enclosing bodies), and F1 of associations. The other rows show differences; \
+         those below 0.0005 are omitted.",
     );
     let names = measured.iter().map(|figure| figure.name).chain(["association, F1"]);
     let mut table = Table::new("Sensitivity", ["constant", "value"].into_iter().chain(names));

@@ -8,7 +8,7 @@ use crate::table::{Cell, Table};
 /// Title of the column with the mean over the sequences.
 const AVERAGE: &str = "average";
 
-/// Which sequences a table shows.
+/// The sequences of a table.
 #[derive(Debug, Clone, Copy)]
 pub struct Columns<'a> {
     /// Sequences that make up the average.

@@ -83,11 +83,11 @@ pub fn run(seed: u64, progress: Progress) -> Result<Report, Error> {
 
     let mut report = Report::new("synthetic", "Synthetic scenes (section 5.1)");
     report.text(format!(
-        "50 ellipsoids in a cube of side 20, 20 views from a distance of 200 on a path of 60 degrees of azimuth and 70 \
-         of elevation, one kind of noise at a time, as in the paper; each figure is the mean O3D over {SCENES} scenes \
-         (300 objects, standard error at most 0.02; it is shown at the largest amount). `planes` gets the boxes around \
-         the noisy ellipses. Where boxes are measured, `pfd`, `reg` and `lfd` get the ellipses inscribed in them. The \
-         circles in the plots are the paper's figures at both ends of its curves. One lambda for `reg` in all tests: \
+        "50 ellipsoids in a cube of side 20, 20 views from a distance of 200 on a path of 60 degrees of azimuth and \
+         70 of elevation, one kind of noise at a time, as in the paper; each figure is the mean O3D over {SCENES} \
+         scenes (300 objects, standard error at most 0.02; it is shown at the largest amount). `planes` gets the \
+         boxes around the noisy ellipses. With boxes, `pfd`, `reg` and `lfd` get the inscribed ellipses. The circles \
+         in the plots are the paper's figures at both ends of its curves. One lambda for `reg` in all tests: \
          {REG_LAMBDA:e} (see the scan below).",
     ));
     for curve in curves() {
@@ -198,7 +198,7 @@ fn harder_readings(rows: &[MethodRow], seeds: std::ops::Range<u64>, steps: &Step
     }
     table.note(
         "The paper's size error has no index for the axis, and its translation error is in units of the mean axis \
-         length: above, one factor for both axes and the mean semi-axis, the readings that come closest to its curves.",
+         length: above, we use one factor for both axes and the mean semi-axis, the readings closest to its curves.",
     );
     Ok(table)
 }

@@ -1,4 +1,4 @@
-//! The one table type: made once, shown as text, as Markdown and as JSON.
+//! The table type: made once, rendered as text, Markdown and JSON.
 
 use std::fmt::Write;
 
@@ -78,7 +78,7 @@ impl From<String> for Cell {
 pub struct Table {
     /// What it shows.
     pub title: String,
-    /// What a reader must know besides, one paragraph each.
+    /// Notes for the reader, one paragraph each.
     pub notes: Vec<String>,
     /// Titles of the columns.
     pub columns: Vec<String>,

@@ -1,4 +1,4 @@
-//! The TUW sequence at hand (PfD section 5.3, table `tab:iros`): six objects on a table, eight views.
+//! The available TUW sequence (PfD section 5.3, table `tab:iros`): six objects on a table, eight views.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use crate::report::{Headline, Report};
 use crate::scores::{Measure, pooled};
 use crate::sequences::Columns;
 
-/// Name of the sequence at hand in the table.
+/// Name of the available sequence in the table.
 const DEMO: &str = "demo";
 
 const MEASURES: [Measure; 3] = [Measure::O3d, Measure::EnclosingO3d, Measure::ThetaErr];
@@ -40,9 +40,9 @@ pub fn run(data: &Path, seed: u64, progress: Progress) -> Result<Report, Error> 
     let scores = run_rows(&rows, &scenes, &protocol, &steps)?;
     let mut report = Report::new("tuw", "TUW: several objects on a table (section 5.3)");
     report.text(
-        "One sequence is at hand, with the boxes that the authors published with a later paper (source `authors`); \
-         which one it is, is not stated there. Not reproducible with this data: the other four sequences, and the \
-         ellipses from segmented images (PfD+ES, PfD+REG+ES). The paper's average is over its five sequences; our \
+        "One sequence is available, with the boxes that the authors published with a later paper (source `authors`), \
+         which does not state which sequence it is. Not reproducible with this data: the other four sequences, and \
+         the ellipses from segmented images (PfD+ES, PfD+REG+ES). The paper's average is over its five sequences; our \
          standard errors are over the six objects.",
     );
     let columns = Columns { averaged: &[DEMO], pooled: None, beside: &TUW_SEQUENCES };

@@ -12,19 +12,18 @@ const TARGET: f64 = 45.0;
 /// How far an angle may be from it, degrees.
 const TOLERANCE: f64 = 5.0;
 
-/// Which views are taken.
+/// The selection of views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
     /// Views whose directions differ by 45 +- 5 degrees; of three views the first and the second, and the second and
-    /// the third, while the first and the third differ by 40 degrees at least. Where there are none, those that come
-    /// nearest.
+    /// the third, while the first and the third differ by 40 degrees at least. If there are none, the closest ones.
     Around45Degrees,
     /// The two views that differ most; the third is the one that differs most from the nearer one of them.
     Widest,
 }
 
 /// Draws up to `draws` different sets of `count` views (2 or 3) from the viewing directions of one object; indices
-/// ascend within a set. None where there are fewer views.
+/// ascend within a set. Empty if there are fewer views.
 pub fn draw_views(
     directions: &[Vector3<f64>],
     count: usize,

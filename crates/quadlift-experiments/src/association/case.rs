@@ -10,13 +10,13 @@ use quadlift::{LocalizeOptions, localize};
 use crate::error::Error;
 use crate::scores::mean;
 
-/// A found object counts when the volume IoU with a true one is at least this.
+/// Minimum volume IoU of a found object with a true one.
 const LEAST_IOU: f64 = 0.25;
 
-/// A true object is looked for when it is detected so often.
+/// Minimum number of detections of a true object.
 const FEWEST_VIEWS: usize = 3;
 
-/// A scene as association gets it, and what is true about it. Only detections that take part are in it.
+/// A scene as input of association, with its ground truth. It contains only the selected detections.
 #[derive(Debug, Clone)]
 pub struct Case {
     /// The scene; ids of its detections are what association may look at.
@@ -27,7 +27,7 @@ pub struct Case {
     pub bodies: Vec<Ellipsoid>,
 }
 
-/// How well a case was divided into objects.
+/// The scores of an association.
 #[derive(Debug, Clone, Copy)]
 pub struct CaseScore {
     /// The detections.
@@ -67,7 +67,7 @@ impl Marked {
     }
 }
 
-/// How a case was divided into objects.
+/// The association of a case.
 #[derive(Debug, Clone, Copy)]
 pub struct Division {
     /// The detections.
@@ -82,7 +82,7 @@ impl Case {
     /// Divides the scene and compares the division, and nothing else, with the truth.
     ///
     /// # Errors
-    /// [`Error::Associate`] when the options do not fit the scene.
+    /// [`Error::Associate`] if the options do not fit the scene.
     pub fn division(&self, options: &AssociateOptions) -> Result<Division, Error> {
         let association = associate(&self.scene, options)?;
         let (standing, false_objects) = self.marked(&association);

@@ -1,5 +1,5 @@
-//! Four sequences of KITTI's tracking benchmark as a detector sees them: all boxes of RRC, of cars that stand and cars
-//! that drive, and poses from GPS and IMU.
+//! Four sequences of KITTI's tracking benchmark with detections: all boxes of RRC, of parked and moving cars, and poses
+//! from GPS and IMU.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -28,7 +28,7 @@ const SEQUENCES: [(&str, &str, f64, [f64; 3]); 4] = [
     ("0009", "association_video_0009", 0.96, [0.969, 0.985, 5.0]),
 ];
 
-/// Boxes with a lower score are left out.
+/// Boxes with a lower score are skipped.
 const LEAST_SCORE: f64 = 0.5;
 
 /// A box shows a labelled car when their intersection over union is greater.
@@ -185,11 +185,10 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
         (of_false, of_true) = (of_false.and(score.false_objects), of_true.and(score.standing));
     }
     table.note(format!(
-        "Boxes with a score of {LEAST_SCORE} or more; every setting is the default. Poses from \
-         GPS and IMU. A true object is a car that stands still and is detected three times at least; its centre is found \
-         when an object lies within its longest semi-axis. An object that was found is false when most of its boxes show \
-         something else, most often a car that drives. Aims for all sequences together: at least half of the false ones \
-         doubtful, and at most 5 % of the true ones."
+        "Boxes with a score of {LEAST_SCORE} or more; default settings. Poses from GPS and IMU. A true object is a \
+         static car that is detected at least three times; its centre is found if an object lies within its longest \
+         semi-axis. A found object is false if most of its boxes show something else, usually a moving car. Aims for \
+         all sequences together: at least half of the false ones doubtful, and at most 5 % of the true ones."
     ));
     report.table(table);
     for (id, what, marked) in [

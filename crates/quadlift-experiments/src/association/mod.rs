@@ -1,4 +1,4 @@
-//! Association: objects from detections that name none (ours), beside the figures of our numpy prototype.
+//! Association: objects from detections without ids (ours), compared with our numpy prototype.
 
 pub mod case;
 pub mod driving;
@@ -15,7 +15,7 @@ use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
 use crate::scores::{Figure, mean};
 
-/// A figure that is aimed at: the headline, and the least it should be.
+/// A target: the headline and its minimum.
 #[derive(Debug, Clone, Copy)]
 struct Aim {
     id: &'static str,
@@ -37,12 +37,12 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     let steps = Steps::new("association", all_steps, progress);
     let mut report = Report::new("association", "Association: objects from detections without ids");
     report.text(
-        "The ids of the detections are taken away, or made wrong, and the detections are divided into objects again. F1 \
-         is the harmonic mean of precision and recall over pairs of detections of true objects (were they put together, \
-         do they belong together). An object is found when the volume IoU of the body that association itself fits \
-         with a true one is 0.25 or more; true objects count when they are detected three times at least. O3D is the mean \
-         over them after `localize` (ellipsoids, no priors), 0 for those that are not there. The columns \"prototype\" hold the figures of our numpy \
-         prototype, \"aim\" what was demanded of this program before it was written.",
+        "The ids of the detections are taken away, or made wrong, and the detections are associated again. F1 is the \
+         harmonic mean of precision and recall over pairs of detections of true objects. An object is found if the \
+         body fitted by the association has a volume IoU of at least 0.25 with a true one; true objects count if they \
+         are detected at least three times. O3D is the mean over them after `localize` (ellipsoids, no priors), 0 for \
+         missing objects. The columns \"prototype\" hold the figures of our numpy prototype, \"aim\" the targets set \
+         before the program was written.",
     );
     synthetic::add(&mut report, seed, &steps)?;
     match &folder {
@@ -50,7 +50,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
             without_ids::add(folder, &mut report, &steps)?;
             driving::add(folder, &mut report, &steps)?;
         }
-        None => report.text("The real data is not at hand: only synthetic scenes are shown."),
+        None => report.text("The real data is not available: only synthetic scenes are shown."),
     }
     parts::add(folder.as_deref(), &mut report, seed, &steps)?;
     Ok(report)

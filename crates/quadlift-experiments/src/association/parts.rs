@@ -1,4 +1,4 @@
-//! What parts of association are worth: each switched off.
+//! Ablation of the parts of association: each switched off.
 
 use std::path::Path;
 
@@ -46,7 +46,7 @@ impl Row {
         AssociateOptions { ids: IdUse::Ignore, thorough, without, ..Default::default() }
     }
 
-    /// Whether the row shows anything but which objects are doubtful.
+    /// Whether the row affects more than doubtful objects.
     fn divides(&self) -> bool {
         !matches!(self.without, Some(Part::Warning(_)))
     }
@@ -99,8 +99,8 @@ pub fn add(data: Option<&Path>, report: &mut Report, seed: u64, steps: &Steps) -
         }
     }
     table.note(
-        "Conditions as above. KITTI tracking: the four sequences, false objects and doubtful ones of all of them together. \
-         Weak objects are dissolved in a thorough search only.",
+        "Conditions as above. KITTI tracking: the four sequences, false objects and doubtful ones of all of them \
+         together. Only a thorough search releases and searches weak objects again.",
     );
     report.table(table);
     Ok(())

@@ -19,7 +19,7 @@ const BASE: &str = "association_base";
 /// Scenes of each condition.
 const SEEDS: u64 = 3;
 
-/// A condition: what is different from the base, and what the prototype reaches (on scenes of its own).
+/// A condition: its difference from the base, and the figures of the prototype (on its own scenes).
 pub struct Condition {
     name: &'static str,
     make: SyntheticOptions,
@@ -124,7 +124,7 @@ pub fn with_parts_to_do() -> [(&'static str, SyntheticOptions); 5] {
     ]
 }
 
-/// What is made of ids that detections come with.
+/// The use of given ids.
 struct IdRow {
     name: &'static str,
     ids: SyntheticIds,
@@ -222,9 +222,10 @@ pub fn add(report: &mut Report, seed: u64, steps: &Steps) -> Result<(), Error> {
         }
     }
     table.note(
-        "Base: 50 objects of one category in a cube of 40, 20 views on the path of the paper, noise of the edges 5 % of \
-         the half size, 20 % of the boxes missed, 15 % more that are false. The prototype's figures are those of its own \
-         scenes of the same kind. P: share of the found objects that are true, R: share of the true ones that are found.",
+        "Base: 50 objects of one category in a cube of 40, 20 views on the path of the paper, noise of the edges 5 % \
+         of the half size, 20 % of the boxes missed, 15 % false boxes in addition. The prototype's figures are from \
+         its own scenes of the same kind. P: fraction of the found objects that are true, R: fraction of the true \
+         objects that are found.",
     );
     report.table(table);
     add_ids(report, seed, steps)
@@ -262,8 +263,8 @@ fn add_ids(report: &mut Report, seed: u64, steps: &Steps) -> Result<(), Error> {
         }
     }
     table.note(
-        "A fragment begins a new track at a detection, a switch exchanges the tracks of two neighbours from then on, each \
-         with that probability at every detection.",
+        "At each detection, with the given probability, a fragment starts a new track and a switch swaps the tracks \
+         of two neighbours from then on.",
     );
     report.table(table);
     Ok(())

@@ -1,4 +1,4 @@
-//! Real boxes whose identities are taken away: objects on tables (TUW, LINEMOD-Occluded), parked cars (KITTI).
+//! Real boxes without their ids: objects on tables (TUW, LINEMOD-Occluded), parked cars (KITTI).
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -143,8 +143,8 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
         ]);
     }
     table.note(
-        "Every setting is the default. `aligned` poses are registered on the labels; `oxts` ones come from GPS and IMU and \
-         drift by 1.4 m over S22.",
+        "Default settings. `aligned` poses are registered on the labels; `oxts` ones come from GPS and IMU and drift \
+         by 1.4 m over S22.",
     );
     report.table(table);
     for ((id, what, _), f1) in GROUPS.into_iter().zip(lowest) {

@@ -76,7 +76,7 @@ impl NamedMistake {
         value.map_or_else(|| name.to_owned(), |value| format!("{name} {value}"))
     }
 
-    /// What the self-check should name.
+    /// The expected causes.
     pub(super) fn cause(&self) -> CauseName {
         match self {
             Self::Undone(correction) => correction.cause(),
@@ -154,7 +154,7 @@ fn with_mixed_ids(scene: &Scene) -> Option<Scene> {
     Scene::from_parts(wrong).ok()
 }
 
-/// What a mistake costs.
+/// The cost of a mistake.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Harm {
     /// By how much the mean O3D falls.

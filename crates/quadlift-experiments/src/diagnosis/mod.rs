@@ -1,4 +1,4 @@
-//! The self-check on right scenes and on scenes with one of the usual mistakes (ours).
+//! The self-check on correct scenes and on scenes with one of the common mistakes (ours).
 
 mod mistakes;
 mod real;
@@ -46,7 +46,7 @@ impl Extent {
     pub const SMALL: Self = Self { right: 200, wrong: 15, without_ids: 3, real_stride: 15 };
 }
 
-/// What the self-check said of a wrong scene.
+/// The result of the self-check for a corrupted scene.
 #[derive(Debug, Clone, Copy)]
 struct Verdict {
     called_wrong: bool,
@@ -68,11 +68,11 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
     let first = FIRST_SCENE + seed * 1_000_000;
     let mut report = Report::new("diagnosis", "Self-check: right scenes, and scenes with one mistake (ours)");
     report.text(
-        "Synthetic scenes are drawn at random: trajectory (paper, arcs of 20 and 60 degrees, orbit, random, street), 3 to \
-         60 views, 1 to 50 objects (a street has its own number), box edges with a noise of 0 to 10 % of the half size, 0 to \
-         30 % wrong boxes. Each mistake is made with one size of it. A mistake counts where it lowers the mean O3D by more \
-         than 0.1 or moves the median centre by more than half a mean semi-axis. No scene of these tables has set a \
-         threshold of the self-check.",
+        "Synthetic scenes are drawn at random: trajectory (paper, arcs of 20 and 60 degrees, orbit, random, street), \
+         3 to 60 views, 1 to 50 objects (a street has its own number), box edges with a noise of 0 to 10 % of the \
+         half size, 0 to 30 % wrong boxes. Each mistake has one magnitude. A mistake counts if it lowers the mean O3D \
+         by more than 0.1 or moves the median centre by more than half a mean semi-axis. No scene of these tables was \
+         used to set a threshold of the self-check.",
     );
     let right = right_scenes(first, extent.right, &steps);
     let with_ids = wrong_scenes(first, extent.wrong, &steps);
@@ -101,11 +101,11 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
         report.table(by_mistake("Mistakes in real scenes with ids", &real.wrong));
     }
     report.text(
-        "Some mistakes cannot be seen in some scenes, because the wrong scene is as consistent as the right one: another \
-         focal length where the cameras are far away beside the extent of the objects (paper, arcs and orbit: it only \
-         scales the world), frames off by a few on a straight and even drive (it moves the world along), a mirrored \
-         drive in a plane. These are counted apart as \"hidden by the geometry\". Millimetres instead of metres can never \
-         be seen in boxes and poses, only with a prior on sizes or the height of the camera.",
+        "Some mistakes cannot be detected in some scenes, because the wrong scene is as consistent as the correct \
+         one: a wrong focal length if the cameras are far away relative to the extent of the objects (paper, arcs and \
+         orbit: it only scales the world), a small frame offset on a straight drive at constant speed (it shifts the \
+         world), a mirrored drive in a plane. These are counted separately as \"hidden by the geometry\". Millimetres \
+         instead of metres cannot be detected from boxes and poses, only with a prior on sizes or the camera height.",
     );
     let share = |of: &[(String, Verdict)], good: fn(&Verdict) -> bool| -> Option<Figure> {
         let counted: Vec<f64> = (of.iter())

@@ -15,7 +15,7 @@ use crate::paper::ACCV_SEQUENCES;
 /// Fewest views and objects of a large scene.
 const LARGE: (usize, usize) = (8, 5);
 
-/// What was said of the real scenes.
+/// Results for the real scenes.
 pub(super) struct RealVerdicts {
     /// Of right ones, by data set.
     pub right: Vec<(&'static str, Vec<Diagnosis>)>,

@@ -1,6 +1,6 @@
 //! Masks and ellipses from images (PfD section 4.2), and what they are worth in 3D: PfD+ES, PfD+REG+ES and ours.
 //!
-//! The paper prints no figures of its segmentation; the rows beside ours are those of our numpy prototype.
+//! The paper has no figures of its segmentation; we compare with our numpy prototype.
 
 mod errors;
 mod prototype;
@@ -28,7 +28,7 @@ use crate::table::{Cell, Table};
 const REAL_SCENES: [&str; 2] = ["lmo_A", "lmo_B"];
 const SOURCE: &str = "visible-mask";
 
-/// How much of the experiment is run.
+/// The extent of the experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
     /// All of it: what `quadlift reproduce` shows.
@@ -65,10 +65,10 @@ struct MaskRow {
     setting: MaskSetting,
 }
 
-/// What a row does with masks and views.
+/// The handling of masks and views in a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum MaskSetting {
-    /// What the program does: a mask that looks wrong is given up for the ellipse of the box.
+    /// Like the program: an unreliable mask is replaced by the ellipse in the box.
     FallsBack,
     /// The mask is kept whatever it looks like.
     KeepsAll,
@@ -144,14 +144,14 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
     let steps = Steps::new("segmentation", scenes * (1 + extent.mask_rows().len() + rows), progress);
     let mut report = Report::new("segmentation", "Segmentation: ellipses from images (section 4.2)");
     report.text(
-        "Masks of the objects are found in the crops of their boxes, those of one object in all frames together \
-         (`sca`: Stel Component Analysis; `sca+cut`: finished by graph cuts; `graphcut`: graph cuts with the colours of \
-         all frames, without stels; `gmm`: mixtures of colours that know no places), and compared with the true masks. \
-         The ellipses have the second moments of the masks. Means over sequences, an object in a scene each; the median \
-         of the ellipse IoU and the angle between the long axes are over all views (objects whose axes differ by less \
-         than a fifth have no angle); centre is the distance of the centres over the mean semi-axis, log area the \
-         absolute logarithm of the ratio of the areas. All views are segmented; scored are those in which at least 70 % \
-         of the object is visible. The prototype was given these only; \"scored views only\" does the same.",
+        "Objects are segmented in the crops of their boxes, jointly over all frames of an object (`sca`: Stel \
+         Component Analysis; `sca+cut`: refined by graph cuts; `graphcut`: graph cuts with the colours of all frames, \
+         without stels; `gmm`: mixtures of colours without positions), and the masks are compared with the true ones. \
+         The ellipses have the second moments of the masks. Means over sequences (one object in one scene each); the \
+         median of the ellipse IoU and the angle between the long axes are over all views (objects whose axes differ \
+         by less than a fifth have no angle); centre is the distance of the centres over the mean semi-axis, log area \
+         the absolute logarithm of the ratio of the areas. All views are segmented; those in which at least 70 % of \
+         the object is visible are scored. The prototype was given only these; \"scored views only\" does the same.",
     );
     let rendered = (0..extent.rendered_scenes()).into_par_iter().map(|scene| {
         let scene = ImageScene::rendered(seed + scene);
@@ -181,7 +181,7 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
             };
             sets.insert(0, real);
         }
-        None => report.text("The real images are not at hand: only the rendered scenes are shown."),
+        None => report.text("The real images are not available: only the rendered scenes are shown."),
     }
     for set in &sets {
         set.add_masks(extent, seed, &steps, &mut report)?;
@@ -195,7 +195,7 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
     Ok(report)
 }
 
-/// What is measured of a detection.
+/// The errors of a detection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Measured {
     /// Its box.
@@ -315,20 +315,20 @@ fn table_3d(sets: &[ImageSet], scores: &[Vec<RowScores>]) -> Table {
         table.push([row.method.into(), row.setting.as_str().into()].into_iter().chain(figures).collect());
     }
     table.note(
-        "Means over the objects of all scenes, from all of their views. Ellipses and masks are those of `sca+cut`, beside \
-         the same boxes; where no mask could be trusted, the closed forms take the ellipse in the box, `map` the box alone, \
-         and with masks the view is left out. theta_err is over the objects of which an ellipsoid was found: with `pfd` \
-         they are few. `map` takes place and size from a box, and the shape from an ellipse beside it; of a mask, `map` \
-         and `planes` take the lines that bound it from eight sides.",
+        "Means over the objects of all scenes, from all of their views. Ellipses and masks are those of `sca+cut`, \
+         together with the same boxes; without a reliable mask, the closed forms use the ellipse in the box, `map` \
+         uses the box alone, and with masks the view is skipped. theta_err is over the objects with an ellipsoid: \
+         with `pfd` they are few. `map` takes position and size from a box and the shape from the ellipse beside it; \
+         from a mask, `map` and `planes` use the supporting lines in eight directions.",
     );
     table.note(
-        "Where `map` on ellipses is not the best row, the ellipses are to blame: that of an object which is partly hidden \
-         or not convex is not the projection of an ellipsoid, and those of several views are not projections of the same \
-         one, even where the masks are the true ones. They are also smaller than what the boxes touch: alone they lose \
-         size. The lines that bound a mask are not led astray by its shape, but by single pixels: on the rendered scenes, \
-         where masks are clean, they are the best measurement of all, on the real images those of the masks that were \
-         found are worse than the boxes. What the rows of the true masks are better by is the errors of the masks that \
-         were found.",
+        "If `map` on ellipses is not the best row, the ellipses are the cause: the ellipse of a partly occluded or \
+         non-convex object is not the projection of an ellipsoid, and the ellipses of several views are not \
+         projections of the same one, even with true masks. They are also smaller than the outline that the boxes \
+         touch, so ellipses alone underestimate the size. Supporting lines of a mask are not affected by its shape, \
+         but by single pixels: on the rendered scenes with clean masks they are the best measurement, on the real \
+         images those of the estimated masks are worse than the boxes. The gain of the rows with true masks is the \
+         error of the estimated masks.",
     );
     table
 }

@@ -18,7 +18,7 @@ use super::errors::ViewErrors;
 use crate::data::TrueScene;
 use crate::error::Error;
 
-/// Masks are scored where at least this share of the object is visible: elsewhere the ellipse is that of a part.
+/// Masks are scored if at least this fraction of the object is visible; otherwise the ellipse covers only a part.
 const LEAST_VISIBLE: f64 = 0.7;
 /// Masks of fewer pixels are not scored either, nor objects with fewer such views.
 const FEWEST_PIXELS: usize = 50;
@@ -53,7 +53,7 @@ impl ImageScene {
     /// Reads a scene of the real data with the detections of one source. One image is held at a time.
     ///
     /// # Errors
-    /// [`Error::Read`] when the scene, an image or a mask cannot be read.
+    /// [`Error::Read`] if the scene, an image or a mask cannot be read.
     pub fn read(data: &Path, file: &str, source: &str) -> Result<Self, Error> {
         let path = data.join("scenes").join(format!("{file}.json"));
         let mut content = read_scene_file(&path)?;

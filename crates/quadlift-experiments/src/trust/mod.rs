@@ -17,7 +17,7 @@ use crate::report::{Headline, Report};
 use crate::scores::Figure;
 use crate::table::{Cell, Table};
 
-/// How much of the experiment is run.
+/// The extent of the experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
     /// All of it: 2,000 objects in each synthetic cell. About 22 minutes of one processor.
@@ -44,15 +44,15 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
     let steps = Steps::new("trust", sets.iter().map(of_set).sum::<usize>() + synthetic_steps, progress);
     let mut report = Report::new("trust", "Trust: how often the truth lies in the regions of an estimate");
     report.text(
-        "A region of an estimate is all that lies within a squared distance, in units of its covariance, that the \
-         chi-square distribution exceeds in 50, 10, 5 or 1 % of all cases. An honest covariance has the truth inside as \
-         often as the region says, and the median squared distance 2.37 for centre and extents (3 degrees of freedom) and \
-         8.34 for the whole body (9; NEES). Extents are the squared half extents along the axes of the world (ellipsoids) \
-         or the logarithms of the semi-axes (other bodies).",
+        "A region of an estimate contains all points within the squared Mahalanobis distance that the chi-square \
+         distribution exceeds in 50, 10, 5 or 1 % of all cases. With a calibrated covariance, the truth lies inside \
+         as often as the region states, and the median squared distance is 2.37 for centre and extents (3 degrees of \
+         freedom) and 8.34 for the whole body (9; NEES). Extents are the squared half extents along the axes of the \
+         world (ellipsoids) or the logarithms of the semi-axes (other bodies).",
     );
     match &folder {
         Some(folder) => add_real(&mut report, folder, &sets, seed, &steps)?,
-        None => report.text("The real data is not at hand: only synthetic cells are shown."),
+        None => report.text("The real data is not available: only synthetic cells are shown."),
     }
     match extent {
         Extent::Whole => synthetic::add(&mut report, 20, seed, &steps)?,
@@ -87,13 +87,12 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
         pooled.push(all);
     }
     table.note(
-        "\"Noise only\" leaves out what the views of an object have in common and what tells objects apart \
-         (`MapOptions::common_errors`); the estimates are the same. LINEMOD (boxes of YOLO) and LMO (boxes of the models, \
-         of visible masks, of YOLO), options of the program; TUW; KITTI with boxes of RRC and the car prior. The true \
-         centre of LINEMOD, LMO and TUW is that of the smallest ellipsoid around the object, which is another point than \
-         the centre of a body that touches it all round: on TUW's two bottles by a sixth of their length. \
-         \"Against exact boxes\": the body of the same kind fitted to tight boxes of the models takes the place of the \
-         truth.",
+        "\"Noise only\" ignores errors common to the views of an object and differences between objects \
+         (`MapOptions::common_errors`); the estimates are the same. LINEMOD (boxes of YOLO) and LMO (boxes of the \
+         models, of visible masks, of YOLO), options of the program; TUW; KITTI with boxes of RRC and the car prior. \
+         The true centre of LINEMOD, LMO and TUW is that of the smallest ellipsoid around the object, which differs \
+         from the centre of its tangent body: on TUW's two bottles by a sixth of their length. \"Against exact \
+         boxes\": the reference is the body of the same kind fitted to tight boxes of the models.",
     );
     report.table(table);
     let [noise_only, default, _] = pooled.as_slice() else { return Ok(()) };
@@ -109,7 +108,8 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
         ),
         (
             "trust_real_volume",
-            "median volume of the centre's region, relative to one factor on all noise-only regions that has 90 % inside",
+            "median volume of the centre's region, relative to one factor on all noise-only regions that has 90 % \
+             inside",
             relative_volume(default, noise_only),
         ),
     ];

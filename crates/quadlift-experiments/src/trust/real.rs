@@ -25,7 +25,7 @@ const CAMERA_HEIGHT: f64 = 1.65;
 /// Source of the tight boxes of the projected models, in LINEMOD and LMO.
 const EXACT: &str = "model";
 
-/// What estimates are compared with.
+/// The reference of estimates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Against {
     /// The truth of the data set.
@@ -62,7 +62,7 @@ pub(super) fn sets() -> Vec<RealSet> {
 }
 
 impl RealSet {
-    /// The options: those of a user who knows what the objects are.
+    /// The options of a user who knows the kind of the objects.
     fn options(&self, source: &str, seed: u64) -> LocalizeOptions {
         let mut options = LocalizeOptions { source: Some(source.to_owned()), seed, ..Default::default() };
         if self.cars {

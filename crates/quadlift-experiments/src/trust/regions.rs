@@ -6,7 +6,7 @@ use quadlift::solve::Estimate;
 
 use crate::table::Cell;
 
-/// The regions that are looked at, in per cent.
+/// The tested regions, in per cent.
 pub(super) const LEVELS: [u32; 4] = [50, 90, 95, 99];
 
 /// Quantiles of chi-square with 3 degrees of freedom at [`LEVELS`].
@@ -39,7 +39,7 @@ impl Part {
         }
     }
 
-    /// Quantiles of its squared distance at [`LEVELS`], where the covariance is honest.
+    /// Quantiles of its squared distance at [`LEVELS`] for a calibrated covariance.
     pub(super) fn quantiles(self) -> [f64; 4] {
         if self == Self::Whole { CHI2_9 } else { CHI2_3 }
     }
@@ -73,7 +73,7 @@ impl Judged {
     }
 }
 
-/// How often the truth lies in the regions of one part, over some objects.
+/// Coverage of the regions of one part, over some objects.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Coverage {
     /// Number of objects.

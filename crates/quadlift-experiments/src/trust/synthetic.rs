@@ -88,11 +88,12 @@ fn cell(kind: &Kind, span: f64, views: usize, scenes: u64, seed: u64) -> Result<
 pub(super) fn add(report: &mut Report, scenes: u64, seed: u64, steps: &Steps) -> Result<(), Error> {
     let objects = (scenes * OBJECTS as u64) as f64;
     report.text(format!(
-        "Synthetic: cameras on an arc at distance 200, {objects} objects a cell ({scenes} scenes). Boxes with edge noise of 0.05 \
-         half sizes; ellipses with translation 0.1, size 0.1 for each axis and rotation 10 degrees; cuboids are asked for \
-         as cuboids. The standard error of a share is {:.1} at 50 % and {:.1} at 90 %. With few views the noise \
-         levels are drawn a little towards what is usual for detectors. Cuboids of any orientation in a narrow arc fit their boxes in several ways, which no single \
-         covariance tells: their regions of extents and body hold too little.",
+        "Synthetic: cameras on an arc at distance 200, {objects} objects a cell ({scenes} scenes). Boxes with edge \
+         noise of 0.05 half sizes; ellipses with translation 0.1, size 0.1 for each axis and rotation 10 degrees; \
+         cuboids are fitted as cuboids. The standard error of a share is {:.1} at 50 % and {:.1} at 90 %. With few \
+         views the noise levels are pulled slightly towards typical detector levels. Cuboids with arbitrary \
+         orientation in a narrow arc fit their boxes in several ways, which a single covariance cannot represent: \
+         their regions of extents and body are too small.",
         50.0 / objects.sqrt(),
         30.0 / objects.sqrt()
     ));
