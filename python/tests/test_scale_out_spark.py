@@ -293,8 +293,9 @@ def test_a_column_that_may_have_been_meant_is_named(
     detections: DataFrame, cameras: DataFrame, caplog: pytest.LogCaptureFixture
 ) -> None:
     quadlift.spark.localize(detections.withColumnRenamed("object", "track_id"), cameras)
-    assert "detections has no column 'object', so detections are associated scene by scene; ignored columns: track_id" in (
-        caplog.messages
+    assert (
+        "detections has no column 'object', so detections are associated scene by scene; ignored columns: track_id"
+        in (caplog.messages)
     )
     caplog.clear()
     quadlift.spark.localize(detections.drop("object"), cameras)
