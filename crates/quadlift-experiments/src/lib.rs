@@ -6,7 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod accv;
-pub mod association;
+mod association;
 mod cross_validation;
 pub mod data;
 pub mod diagnosis;
@@ -20,7 +20,7 @@ mod kitti;
 pub mod methods;
 mod minimal;
 mod noise_curves;
-pub mod online;
+mod online;
 pub mod paper;
 pub mod plot;
 mod progress;
@@ -73,6 +73,8 @@ pub enum Experiment {
     Kinds,
     /// The default compared with a given noise level and a closed form, with 2 to 20 views; not in the paper.
     FewViews,
+    /// The object map frame by frame, beside batch; not in the paper, and not in [`Experiment::ALL`].
+    Online,
     /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
     #[cfg(feature = "sensitivity")]
     Sensitivity,
@@ -124,6 +126,7 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Diagnosis => diagnosis::run(data, diagnosis::Extent::WHOLE, seed, progress),
         Experiment::Kinds => kinds::run(seed, progress),
         Experiment::FewViews => few_views::run(seed, progress),
+        Experiment::Online => online::run(data, seed, progress),
         #[cfg(feature = "sensitivity")]
         Experiment::Sensitivity => sensitivity::run(data, seed, progress),
     }

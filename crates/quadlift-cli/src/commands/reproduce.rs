@@ -35,6 +35,8 @@ Experiments:
   diagnosis     the self-check on correct and on corrupted scenes (without data: synthetic scenes only)
   kinds         bodies of several kinds, standing and lying (needs no data)
   few-views     the default with 2 to 20 views, compared with a given noise level and a closed form (needs no data)
+  online        the object map frame by frame, compared with association of all frames (not part of all; without data: synthetic
+                scenes only)
   sensitivity   tuned constants, halved and doubled (needs the feature `sensitivity`; not part of all)
   all           all of them
 
@@ -88,6 +90,7 @@ enum Name {
     Diagnosis,
     Kinds,
     FewViews,
+    Online,
     #[cfg(feature = "sensitivity")]
     Sensitivity,
     All,
@@ -108,6 +111,7 @@ impl Name {
             Self::Diagnosis => vec![Experiment::Diagnosis],
             Self::Kinds => vec![Experiment::Kinds],
             Self::FewViews => vec![Experiment::FewViews],
+            Self::Online => vec![Experiment::Online],
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity => vec![Experiment::Sensitivity],
             Self::All => Experiment::ALL.to_vec(),
@@ -183,6 +187,7 @@ fn name(args: &Args) -> &'static str {
         Name::Diagnosis => "diagnosis",
         Name::Kinds => "kinds",
         Name::FewViews => "few-views",
+        Name::Online => "online",
         #[cfg(feature = "sensitivity")]
         Name::Sensitivity => "sensitivity",
         Name::All => "results",

@@ -1,10 +1,10 @@
 //! Association: objects from detections without ids (ours), compared with our numpy prototype.
 
-pub mod case;
-pub mod driving;
+pub(crate) mod case;
+pub(crate) mod driving;
 mod parts;
-pub mod synthetic;
-pub mod without_ids;
+pub(crate) mod synthetic;
+pub(crate) mod without_ids;
 
 use std::path::Path;
 

@@ -1,3 +1,54 @@
-//! The object map frame by frame, beside association of all frames at once (ours).
+//! The object map frame by frame: beside association of all frames at once, objects that are taken away, loop closures (ours).
 
-pub mod replay;
+mod beside_batch;
+mod lifecycle;
+mod loop_closure;
+mod replay;
+
+use std::path::Path;
+
+use quadlift::geometry::Ellipsoid;
+use quadlift::metrics::score_found;
+use quadlift::scene::Scene;
+use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::{LocalizeOptions, localize};
+
+use crate::data::data_folder;
+use crate::error::Error;
+use crate::progress::{Progress, Steps};
+use crate::report::Report;
+
+/// Runs the experiment. Without real data the synthetic scenes remain, unless `data` names a folder that has none.
+///
+/// # Errors
+/// [`Error::NoData`], [`Error::Read`], [`Error::Synthetic`], [`Error::Associate`], [`Error::Localize`].
+pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
+    let folder = match data_folder(data) {
+        Ok(folder) => Some(folder),
+        Err(error) if data.is_some() => return Err(error),
+        Err(_) => None,
+    };
+    let steps = Steps::new("online", 3, progress);
+    let mut report = Report::new("online", "The object map frame by frame");
+    report.text(
+        "Scenes are observed frame by frame by `quadlift::online::ObjectMap`, without object ids and with its default options. F1 \
+         and O3D are those of `reproduce association`; O3D is that of `localize` on the views that the map keeps (32 of each \
+         object at most).",
+    );
+    beside_batch::add(folder.as_deref(), &mut report, seed)?;
+    steps.done();
+    lifecycle::add(&mut report, seed)?;
+    steps.done();
+    loop_closure::add(&mut report, seed)?;
+    steps.done();
+    Ok(report)
+}
+
+/// Mean volume IoU of the true bodies after `localize`, 0 for those that are not there.
+fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
+    let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let localization = localize(scene, &LocalizeOptions::from(map))?;
+    let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
+    let score = score_found(&estimates, bodies, 0.0);
+    Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
+}
