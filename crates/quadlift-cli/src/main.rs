@@ -33,7 +33,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     associate, completions, demo, evaluate, export, import, import_detections, info, localize, render, reproduce,
-    segment, synth, view,
+    segment, stream, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -86,6 +86,7 @@ enum Command {
     Segment(segment::Args),
     Associate(associate::Args),
     Localize(Box<localize::Args>),
+    Stream(Box<stream::Args>),
     Evaluate(evaluate::Args),
     View(view::Args),
     Render(render::Args),
@@ -136,6 +137,7 @@ fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {
         Command::Segment(args) => segment::run(&args, out),
         Command::Associate(args) => associate::run(&args, out),
         Command::Localize(args) => localize::run(&args, out),
+        Command::Stream(args) => stream::run(&args, out),
         Command::Evaluate(args) => evaluate::run(&args, out),
         Command::View(args) => view::run(&args, out),
         Command::Render(args) => render::run(&args, out),

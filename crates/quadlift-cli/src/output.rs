@@ -66,6 +66,16 @@ impl Output {
         to_stdout(text)
     }
 
+    /// Prints a line of a stream at once, whatever the verbosity; whether anybody still reads the standard output.
+    pub fn stream_line(&self, line: &str) -> anyhow::Result<bool> {
+        let mut stream = std::io::stdout().lock();
+        match stream.write_all(line.as_bytes()).and_then(|()| stream.flush()) {
+            Ok(()) => Ok(true),
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
+            Err(error) => Err(error).context("cannot write to the standard output"),
+        }
+    }
+
     /// Prints a detail on the standard error stream.
     pub fn detail(&self, text: &str) {
         if self.verbose {

@@ -15,18 +15,22 @@ const OUTPUTS: [&str; 3] = ["output", "report", "views"];
 /// Outputs of `quadlift synth` alone; elsewhere a truth is read.
 const OUTPUTS_OF_SYNTH: [&str; 1] = ["truth"];
 
+/// Outputs of `quadlift stream` alone. The state may be read as well, before it is written.
+const OUTPUTS_OF_STREAM: [&str; 2] = ["map", "state"];
+
 /// The outputs and inputs of a command, by the names of their options.
 pub struct Paths<'a> {
     outputs: Vec<(&'a str, &'a Path)>,
     inputs: Vec<(&'a str, &'a Path)>,
     /// `quadlift import-detections`, which may change its scene in place.
     in_place: bool,
+    command: &'a str,
 }
 
 impl<'a> Paths<'a> {
     /// Those of the whole command line.
     pub fn new(matches: &'a ArgMatches) -> Self {
-        let mut paths = Self { outputs: Vec::new(), inputs: Vec::new(), in_place: false };
+        let mut paths = Self { outputs: Vec::new(), inputs: Vec::new(), in_place: false, command: "" };
         let mut matches = matches;
         let mut command = "";
         while let Some((name, below)) = matches.subcommand() {
@@ -34,26 +38,31 @@ impl<'a> Paths<'a> {
             matches = below;
         }
         paths.in_place = command == "import-detections";
+        paths.command = command;
         for id in matches.ids() {
             // Groups of options have ids too, without values of their own.
             let Ok(Some(values)) = matches.try_get_raw(id.as_str()) else { continue };
-            let is_output =
-                OUTPUTS.contains(&id.as_str()) || command == "synth" && OUTPUTS_OF_SYNTH.contains(&id.as_str());
+            let is_output = OUTPUTS.contains(&id.as_str())
+                || command == "synth" && OUTPUTS_OF_SYNTH.contains(&id.as_str())
+                || command == "stream" && OUTPUTS_OF_STREAM.contains(&id.as_str());
             let list = if is_output { &mut paths.outputs } else { &mut paths.inputs };
             list.extend(values.map(|value: &OsStr| (id.as_str(), Path::new(value))));
         }
         paths
     }
 
-    /// Whether an output is standard output, which must not be mixed with messages.
+    /// Whether an output is standard output, as the events of `quadlift stream` are: messages must not be mixed with it.
     pub fn to_standard_output(&self) -> bool {
-        self.outputs.iter().any(|(_, path)| is_standard_output(path))
+        self.command == "stream" || self.outputs.iter().any(|(_, path)| is_standard_output(path))
     }
 
     /// Refuses outputs that are a file which is read, or one file twice, before anything is computed.
     pub fn check(&self, json: bool) -> anyhow::Result<()> {
         for (index, &(option, output)) in self.outputs.iter().enumerate() {
             let what = if option == "report" { "report" } else { "result" };
+            if self.command == "stream" && is_standard_output(output) {
+                return usage(format!("events go to the standard output, where the {what} would go too"));
+            }
             if json && is_standard_output(output) {
                 return usage(format!("--json writes to standard output, and so would the {what}"));
             }
@@ -62,7 +71,7 @@ impl<'a> Paths<'a> {
                     continue;
                 }
                 return usage(match name {
-                    "scene" | "scenes" => format!("the {what} would overwrite the scene {}", input.display()),
+                    "scene" | "scenes" | "input" => format!("the {what} would overwrite the scene {}", input.display()),
                     _ => format!(
                         "the {what} would overwrite {}, which is an input; choose another name",
                         input.display()

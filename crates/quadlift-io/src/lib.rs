@@ -27,6 +27,7 @@ pub mod problems;
 pub mod read;
 pub mod scene_file;
 pub mod segmentation;
+pub mod stream;
 #[cfg(feature = "parquet")]
 pub mod tables;
 mod temporary;

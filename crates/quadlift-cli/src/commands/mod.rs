@@ -16,5 +16,6 @@ pub mod reproduce;
 #[path = "reproduce_missing.rs"]
 pub mod reproduce;
 pub mod segment;
+pub mod stream;
 pub mod synth;
 pub mod view;

@@ -30,6 +30,7 @@ pub use object_records::{
     MisfitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use paths::way_to_file;
+pub(crate) use read::parse_json_line;
 pub use read::{parse_scene_file, read_scene_file};
 pub use records::{
     CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile,
@@ -40,4 +41,5 @@ pub use run::{
     count_localised, cross_validation_record, fitted_body_name, noise_record, settings_record, skipped_record,
     status_counts,
 };
+pub(crate) use suggest::known_names;
 pub use write::{write_localized_file, write_scene, write_scene_file};

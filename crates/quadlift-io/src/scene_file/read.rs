@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use serde_json::error::Category;
 use serde_path_to_error::Segment;
@@ -40,6 +41,24 @@ pub fn parse_scene_file(path: &Path, bytes: &[u8]) -> Result<SceneFile, ReadErro
     }
 }
 
+/// A record in the bytes of one line of JSON Lines. Errors have columns and entries, no lines.
+///
+/// # Errors
+/// [`ReadError`] without a path when the line is no UTF-8 text or no JSON, or when an entry has another shape than it should.
+pub(crate) fn parse_json_line<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, ReadError> {
+    let path = Path::new("");
+    let text = as_utf8(path, bytes)?;
+    serde_json::from_str(text).map_err(|_| {
+        let start = text.len() - text.trim_start().len();
+        if !text[start..].starts_with('{') {
+            let found = text[start..].chars().next().unwrap_or_default();
+            return ReadError::new(path, format!("expected a JSON object, which starts with {{; found {found:?}"))
+                .at(1, start + 1);
+        }
+        diagnose_records::<T>(path, text).unwrap_or_else(|| ReadError::new(path, "this is not valid JSON"))
+    })
+}
+
 /// What must be right before anything else is worth a message.
 #[derive(Deserialize)]
 struct Header {
@@ -62,17 +81,19 @@ fn diagnose(path: &Path, text: &str) -> ReadError {
     {
         return ReadError::new(path, problem);
     }
+    diagnose_records::<SceneFile>(path, text).unwrap_or_else(|| ReadError::new(path, "this is not a scene file"))
+}
+
+/// Says which entry of a JSON text is wrong; `None` where all are right.
+fn diagnose_records<T: DeserializeOwned>(path: &Path, text: &str) -> Option<ReadError> {
     let mut deserializer = serde_json::Deserializer::from_str(text);
-    match serde_path_to_error::deserialize::<_, SceneFile>(&mut deserializer) {
+    match serde_path_to_error::deserialize::<_, T>(&mut deserializer) {
         Err(error) => {
             let entry = entry(error.path());
             let field = error.path().iter().filter_map(field_name).next_back();
-            describe(path, text, error.inner(), entry, field)
+            Some(describe(path, text, error.inner(), entry, field))
         }
-        Ok(_) => match deserializer.end() {
-            Err(error) => describe(path, text, &error, None, None),
-            Ok(()) => ReadError::new(path, "this is not a scene file"),
-        },
+        Ok(_) => deserializer.end().err().map(|error| describe(path, text, &error, None, None)),
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use nalgebra::{Point3, Vector3};
 
+use super::input::Frame;
 use super::keyframes::Keyframes;
 use super::names::InputIds;
 use super::options::OnlineOptions;
@@ -173,6 +174,11 @@ impl ObjectMap {
     /// Number of frames that the map keeps, because objects have views of them or they are recent.
     pub fn keyframes(&self) -> usize {
         self.keyframes.len()
+    }
+
+    /// The frames that the map keeps, in the order in which they were observed.
+    pub fn kept_frames(&self) -> impl Iterator<Item = &Frame> + '_ {
+        self.keyframes.iter().map(|(_, keyframe)| &keyframe.frame)
     }
 
     /// Objects of the map, confirmed and gone, in the order of their ids.

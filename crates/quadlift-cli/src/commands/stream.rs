@@ -1,0 +1,276 @@
+//! `quadlift stream`: an object map that is updated frame by frame.
+
+mod map_file;
+mod session;
+mod source;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::builder::RangedU64ValueParser;
+use quadlift::LocalizeOptions;
+use quadlift::online::OnlineOptions;
+use quadlift::solve::{MapOptions, Method, PoseNoise};
+use quadlift_io::guard::{allow_overwriting, check_not_read};
+use quadlift_io::scene_file::Detail;
+use serde_json::{Map, Value, json};
+
+use crate::args::{self, BodyChoice};
+use crate::association::IdsName;
+use crate::error::{Outcome, usage};
+use crate::files::{check_file, check_result_name};
+use crate::localization::{PriorSource, Settings};
+use crate::next::Next;
+use crate::output::Output;
+use crate::report::check_report;
+use map_file::MapFiles;
+use session::Session;
+use source::Source;
+
+/// Update an object map frame by frame
+///
+/// Reads posed frames with their detections as JSON Lines, or replays a scene, and writes a line of events for each frame:
+/// which object each detection belongs to, and which objects are new, confirmed, merged, gone or back.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "\
+A line of the input:
+  {\"frame\": \"000017\", \"time\": 0.57, \"camera\": \"left\", \"cam_from_world\": [[...], [...], [...]],
+   \"detections\": [{\"box\": [x0, y0, x1, y1], \"category\": \"cup\", \"score\": 0.9, \"object\": \"track 3\"}]}
+
+A line of the output:
+  {\"frame\": \"000017\", \"objects\": [\"object_0001\"], \"events\": [{\"type\": \"confirmed\", \"object\": \"object_0001\"}]}
+
+Examples:
+  quadlift stream scene.json --map objects.json
+  tracker | quadlift stream --map objects.json --every 100 --state map.state --resume > events.jsonl
+
+Ctrl-C, SIGTERM and a closed output end the stream: map, state and report are written. A second signal ends the program at
+once.
+
+Exit codes: 0 the stream has ended; 1 a file cannot be read or written, or --strict and a line is wrong; 2 wrong usage."
+)]
+pub struct Args {
+    /// Frames: - for JSON Lines on the standard input (default), a file of such lines, or a scene file (.json)
+    #[arg(value_name = "INPUT")]
+    input: Option<PathBuf>,
+
+    /// Write the objects of the map with their kept views, a result file that evaluate, view and export read
+    #[arg(long, value_name = "OUT.json")]
+    map: Option<PathBuf>,
+
+    /// Write map and state every N frames too, not only at the end
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    every: Option<u64>,
+
+    /// Write what --resume needs to go on
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
+
+    /// Go on from --state, if the file exists: frames of the input that were observed before are passed over
+    #[arg(long, requires = "state")]
+    resume: bool,
+
+    /// End at the first line or frame that is wrong, with exit code 1
+    #[arg(long)]
+    strict: bool,
+
+    /// Write a report at the end, an HTML page
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+
+    /// What the map file says of each object: full, or brief (no covariance, no figures of single views)
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
+    detail: DetailName,
+
+    /// Use only the detections of this source of a scene file; required if the scene has several
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
+
+    /// How far to trust the ids of detections (of a tracker): trust, evidence or ignore
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
+    ids: IdsName,
+
+    /// Views that an object needs to be confirmed
+    #[arg(long, value_name = "N", default_value_t = OnlineOptions::default().min_views)]
+    min_views: usize,
+
+    /// Skip detections with a lower score
+    #[arg(long, value_name = "S", value_parser = args::finite)]
+    min_score: Option<f64>,
+
+    /// Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, selected as the
+    /// evidence grows]
+    #[arg(long, value_name = "PX", value_parser = args::positive)]
+    pixel_sd: Option<f64>,
+
+    /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
+    #[arg(long, value_name = "builtin|FILE.toml")]
+    priors: Option<PathBuf>,
+
+    /// Views that an object keeps; the others are forgotten, those that add least first
+    #[arg(long, value_name = "N", default_value_t = OnlineOptions::default().max_views)]
+    max_views: usize,
+
+    /// Objects that the map keeps
+    #[arg(long, value_name = "N", default_value_t = OnlineOptions::default().max_objects)]
+    max_objects: usize,
+
+    /// The poses may be wrong: standard deviations of each frame's turn, in radians, and shift, in world units; frames can
+    /// have their own
+    #[arg(long, value_name = "RAD,LENGTH", value_parser = args::pose_noise)]
+    pose_noise: Option<PoseNoise>,
+
+    /// Kind of body of the map file: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1 to 2), or auto
+    #[arg(long, value_name = "BODY", default_value = "auto", value_parser = args::body_choice)]
+    body: BodyChoice,
+
+    /// Do not find out which objects of the map file stand upright
+    #[arg(long)]
+    no_upright: bool,
+
+    /// Number of threads for the map file [default: one per core]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    threads: Option<usize>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum DetailName {
+    Full,
+    Brief,
+}
+
+impl From<DetailName> for Detail {
+    fn from(name: DetailName) -> Self {
+        match name {
+            DetailName::Full => Self::Full,
+            DetailName::Brief => Self::Brief,
+        }
+    }
+}
+
+impl Args {
+    /// The input, where it is not the standard input.
+    fn input(&self) -> Option<&Path> {
+        self.input.as_deref().filter(|path| path.as_os_str() != "-")
+    }
+
+    /// How the objects of the map file are estimated.
+    fn settings(&self) -> anyhow::Result<Settings> {
+        let priors = match &self.priors {
+            None => PriorSource::None,
+            Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
+            Some(path) => PriorSource::File(path.clone()),
+        };
+        let map = MapOptions {
+            body: self.body.0,
+            upright: !self.no_upright,
+            pose_noise: self.pose_noise,
+            ..MapOptions::default()
+        };
+        Settings::new(LocalizeOptions { method: Method::Map(map), ..Default::default() }, priors)
+    }
+
+    /// The options of the map.
+    fn map_options(&self, settings: &Settings) -> anyhow::Result<OnlineOptions> {
+        let options = OnlineOptions {
+            ids: self.ids.use_of_ids(),
+            min_views: self.min_views,
+            min_score: self.min_score,
+            pixel_sd: self.pixel_sd,
+            priors: settings.priors_on_categories(),
+            max_views: self.max_views,
+            max_objects: self.max_objects,
+            ..OnlineOptions::default()
+        };
+        match options.validate() {
+            Ok(()) => Ok(options),
+            Err(error) => usage(error.to_string()),
+        }
+    }
+
+    /// The options that the map depends on, by their names: a state goes on with the same.
+    fn lasting_options(&self) -> Map<String, Value> {
+        let ids = match self.ids {
+            IdsName::Trust => "trust",
+            IdsName::Evidence => "evidence",
+            IdsName::Ignore => "ignore",
+        };
+        let options = json!({
+            "ids": ids,
+            "min-views": self.min_views,
+            "min-score": self.min_score,
+            "pixel-sd": self.pixel_sd,
+            "priors": self.priors.as_ref().map(|path| path.display().to_string()),
+            "max-views": self.max_views,
+            "max-objects": self.max_objects,
+            "pose-noise": self.pose_noise.map(|noise| [noise.rotation_sd, noise.translation_sd]),
+            "source": self.source,
+        });
+        match options {
+            Value::Object(options) => options,
+            _ => Map::new(),
+        }
+    }
+
+    /// Checks the names of what is written, before anything is read.
+    fn check_outputs(&self) -> anyhow::Result<()> {
+        if let Some(map) = &self.map {
+            check_result_name(map, true)?;
+        }
+        let files: Vec<&Path> = [&self.map, &self.state].into_iter().flatten().map(PathBuf::as_path).collect();
+        files.iter().try_for_each(|path| check_file(path))?;
+        check_report(self.report.as_ref(), &files)?;
+        if self.every.is_some() && files.is_empty() {
+            return usage("--every says how often --map and --state are written; neither is given");
+        }
+        Ok(())
+    }
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    if let Some(threads) = args.threads {
+        // Before anything else: the first call of the library starts the threads.
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
+    }
+    args.check_outputs()?;
+    let settings = args.settings()?;
+    let map_options = args.map_options(&settings)?;
+    let lasting = args.lasting_options();
+    let mut session = Session::new(map_options, args, &lasting, out)?;
+    let mut source = Source::open(args.input(), args.source.as_deref())?;
+    // Reading the state does not keep it from being written.
+    args.state.as_deref().map(allow_overwriting);
+    [&args.map, &args.state, &args.report].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
+    let files = MapFiles {
+        map: args.map.as_deref(),
+        state: args.state.as_deref(),
+        report: args.report.as_deref(),
+        input: args.input().unwrap_or(Path::new("stream.jsonl")),
+        detail: args.detail.into(),
+        settings: &settings,
+        lasting: &lasting,
+    };
+    let ended = session.run(&mut source, &files);
+    // Whatever ended the stream, what was seen is written.
+    let written = session.end(&files);
+    let text = session.in_words();
+    let wrote = [&args.map, &args.state, &args.report].into_iter().flatten();
+    ended?;
+    written?;
+    let wrote: String = wrote.map(|path| format!("wrote {}\n", path.display())).collect();
+    out.report(&format!("{text}\n{wrote}"))?;
+    if let Some(map) = &args.map {
+        let mut next = Next::default();
+        if args.report.is_none() {
+            next = next.command(["view".into(), map.as_path().into()], "look at it in the browser");
+        }
+        next.command(
+            ["export ply".into(), map.as_path().into(), "-o objects.ply".into()],
+            "the same for other programs",
+        )
+        .tell(out)?;
+    }
+    Ok(if session.has_failed_writes() { Outcome::SomethingFailed } else { Outcome::Fine })
+}

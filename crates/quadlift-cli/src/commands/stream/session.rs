@@ -1,0 +1,242 @@
+//! A stream from its first line to its end.
+
+use anyhow::bail;
+use quadlift::online::{ObjectMap, OnlineOptions};
+use quadlift::solve::PoseNoise;
+use quadlift_io::priors::check_metres;
+use quadlift_io::stream::{
+    AboutRecord, FrameLine, Line, LineError, MAX_LINE, NextLine, OutputLine, PoseRecord, StreamState, parse_line,
+    read_state_file,
+};
+use serde_json::{Map, Value};
+
+use super::Args;
+use super::map_file::MapFiles;
+use super::source::{Item, Source};
+use crate::error::in_words;
+use crate::localization::PriorSource;
+use crate::output::{HEADING, Output};
+use crate::words::count;
+
+/// The state of a stream.
+pub struct Session<'a> {
+    stream: StreamState,
+    /// What is passed over of an input that is fed again.
+    passed: Option<Passed>,
+    every: Option<u64>,
+    strict: bool,
+    pose_noise: Option<PoseNoise>,
+    out: &'a Output,
+    /// Whether somebody reads the events.
+    is_read: bool,
+    errors: u64,
+    failed_writes: u64,
+}
+
+/// What was observed before the input was fed again.
+struct Passed {
+    time: f64,
+    frame: String,
+    /// Lines of new poses that followed the last frame.
+    poses: u64,
+    /// Whether the last frame came by; only poses are passed over then.
+    is_over: bool,
+}
+
+impl<'a> Session<'a> {
+    /// A stream from its beginning, or from where its state is.
+    pub fn new(
+        map_options: OnlineOptions,
+        args: &Args,
+        lasting: &Map<String, Value>,
+        out: &'a Output,
+    ) -> anyhow::Result<Self> {
+        let stored = args.state.as_deref().filter(|path| args.resume && path.exists());
+        let stream = match stored {
+            Some(path) => read_state_file(path, map_options, lasting)?,
+            None => StreamState { map: ObjectMap::new(map_options)?, scene: Default::default(), poses_since: 0 },
+        };
+        let last = stream.map.last_frame();
+        let passed = last.map(|(frame, time)| Passed {
+            time,
+            frame: frame.to_owned(),
+            poses: stream.poses_since,
+            is_over: false,
+        });
+        Ok(Self {
+            passed,
+            stream,
+            every: args.every,
+            strict: args.strict,
+            pose_noise: args.pose_noise,
+            out,
+            is_read: true,
+            errors: 0,
+            failed_writes: 0,
+        })
+    }
+
+    /// Observes all frames of the input, until it ends, a signal comes or nobody reads the events.
+    pub fn run(&mut self, source: &mut Source, files: &MapFiles) -> anyhow::Result<()> {
+        source.tell_that_it_waits(self.out);
+        let needs_metres = matches!(files.settings.priors, PriorSource::Builtin);
+        if let Some(about) = source.about() {
+            self.about(None, &about)?;
+        }
+        while self.is_read {
+            let before = self.stream.map.frames();
+            let (number, line) = match source.next()? {
+                Item::End => return Ok(()),
+                Item::Frame(frame) => (None, Ok(Line { frames: vec![*frame], ..Line::default() })),
+                Item::Line(NextLine::Text(number, text)) => (Some(number), parse_line(&text)),
+                Item::Line(NextLine::TooLong(number)) => {
+                    let problem = format!("the line is longer than {MAX_LINE} bytes");
+                    (Some(number), Err(LineError::new(problem)))
+                }
+            };
+            match line {
+                Ok(line) => self.line(number, line, needs_metres)?,
+                Err(error) => self.error(number, error)?,
+            }
+            let after = self.stream.map.frames();
+            if let Some(every) = self.every
+                && after / every > before / every
+                && files.any_on_the_way()
+                && let Err(error) = files.write(&self.stream, false, self.out)
+            {
+                // It may work the next time.
+                self.out.error(&in_words(&error));
+                self.failed_writes += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn line(&mut self, number: Option<u64>, line: Line, needs_metres: bool) -> anyhow::Result<()> {
+        let Line { about, frames, poses, is_list } = line;
+        if about != AboutRecord::default() {
+            self.about(number, &about)?;
+        }
+        for (index, frame) in frames.into_iter().enumerate() {
+            if needs_metres && let Err(problem) = check_metres(self.stream.scene.length_unit()) {
+                bail!("{problem}");
+            }
+            self.frame(number, is_list.then_some(index), frame)?;
+        }
+        poses.map_or(Ok(()), |poses| self.poses(number, &poses))
+    }
+
+    fn about(&mut self, number: Option<u64>, about: &AboutRecord) -> anyhow::Result<()> {
+        match self.stream.scene.take_in(about) {
+            Ok(()) => Ok(()),
+            Err(error) => self.error(number, LineError::of_entry(&error)),
+        }
+    }
+
+    /// Observes a frame; `index` is its place in the list of the line.
+    fn frame(&mut self, number: Option<u64>, index: Option<usize>, frame: FrameLine) -> anyhow::Result<()> {
+        let (id, time) = (frame.record.id.clone(), frame.record.time.unwrap_or_default());
+        if let Some(passed) = &mut self.passed
+            && !passed.is_over
+            && time <= passed.time
+        {
+            // Times never go back: what is earlier was observed or refused, up to the last frame.
+            passed.is_over = time == passed.time && id == passed.frame;
+            return Ok(());
+        }
+        let error = |mut error: LineError| {
+            if let Some(index) = index {
+                error.message = format!("frames[{index}]: {}", error.message);
+            }
+            error.in_frame(&id)
+        };
+        let checked = self.stream.scene.check(frame, &self.stream.map);
+        let mut checked = match checked {
+            Ok(checked) => checked,
+            Err(problem) => return self.error(number, error(LineError::of_entry(&problem))),
+        };
+        checked.frame.pose_noise = checked.frame.pose_noise.or(self.pose_noise);
+        let update = match self.stream.map.observe(&checked.frame, &checked.detections()) {
+            Ok(update) => update,
+            Err(problem) => return self.error(number, error(LineError::new(problem))),
+        };
+        self.stream.scene.keep(checked, &self.stream.map);
+        self.stream.poses_since = 0;
+        self.passed = None;
+        self.print(&OutputLine::of_frame(&id, &update))
+    }
+
+    fn poses(&mut self, number: Option<u64>, poses: &[PoseRecord]) -> anyhow::Result<()> {
+        if let Some(passed) = &mut self.passed {
+            // Those before the last frame, and so many after it, are in the map.
+            if !passed.is_over {
+                return Ok(());
+            }
+            if let Some(left) = passed.poses.checked_sub(1) {
+                passed.poses = left;
+                return Ok(());
+            }
+        }
+        match self.stream.scene.take_in_poses(poses) {
+            Ok(updates) => {
+                let update = self.stream.map.update_poses(&updates);
+                self.stream.poses_since += 1;
+                self.print(&OutputLine::of_poses(updates.len(), &update))
+            }
+            Err(error) => self.error(number, LineError::of_entry(&error)),
+        }
+    }
+
+    /// Reports a line or a frame that is wrong.
+    fn error(&mut self, number: Option<u64>, error: LineError) -> anyhow::Result<()> {
+        if self.passed.as_ref().is_some_and(|passed| !passed.is_over) {
+            // It was reported when it was read for the first time.
+            return Ok(());
+        }
+        self.errors += 1;
+        let message = error.message.clone();
+        self.print(&OutputLine::of_error(number, error))?;
+        if self.strict {
+            let place = number.map_or(String::new(), |number| format!("line {number}: "));
+            bail!("{place}{message}");
+        }
+        Ok(())
+    }
+
+    fn print(&mut self, line: &OutputLine) -> anyhow::Result<()> {
+        if self.is_read {
+            self.is_read = self.out.stream_line(&line.to_text())?;
+        }
+        Ok(())
+    }
+
+    /// Prints what the end has changed, and writes the files.
+    pub fn end(&mut self, files: &MapFiles) -> anyhow::Result<()> {
+        let update = self.stream.map.clone().settle();
+        if !update.events.is_empty() {
+            self.print(&OutputLine::of_end(self.stream.map.frames(), &update))?;
+        }
+        files.write(&self.stream, true, self.out)
+    }
+
+    /// Whether files could not be written on the way.
+    pub fn has_failed_writes(&self) -> bool {
+        self.failed_writes > 0
+    }
+
+    /// What has come out, in one line.
+    pub fn in_words(&self) -> String {
+        let mut settled = self.stream.map.clone();
+        settled.settle();
+        let gone = settled.objects().filter(|object| object.presence == quadlift::online::Presence::Gone).count();
+        let frames = count(settled.frames() as usize, "frame");
+        let mut text = format!("{HEADING}{frames}{HEADING:#}: {}", count(settled.objects().count(), "object"));
+        if gone > 0 {
+            text.push_str(&format!(", {gone} gone"));
+        }
+        if self.errors > 0 {
+            text.push_str(&format!("; {} in the input", count(self.errors as usize, "error")));
+        }
+        text
+    }
+}

@@ -1,0 +1,20 @@
+//! Frames as JSON Lines in, events as JSON Lines out: what `quadlift stream` reads and writes
+//! (docs/formats/stream.md, docs/formats/stream.schema.json).
+//!
+//! [`LineReader`] gives the lines of a file or of the standard input, [`parse_line`] one line as records, which
+//! [`StreamedScene`] checks and converts to frames of [`quadlift::online`]. [`StreamedScene::to_file`] makes a scene file
+//! of the map, [`StreamState`] holds what that file cannot. [`OutputLine`] is a line of the output.
+
+mod event;
+mod input;
+mod line;
+mod map_file;
+mod scene;
+mod state;
+
+pub use event::{DetectionRecord, EventRecord, OutputLine};
+pub use input::{Input, LineReader, MAX_LINE, NextLine, open};
+pub use line::{AboutRecord, CameraOfFrame, FrameLine, Line, LineError, PoseRecord, parse_line, scene_to_frames};
+pub use map_file::add_memory;
+pub use scene::{CheckedFrame, StreamedScene};
+pub use state::{STATE_FORMAT, STATE_VERSION, StreamState, parse_state_file, read_state_file, write_state_file};

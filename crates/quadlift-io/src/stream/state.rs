@@ -1,0 +1,123 @@
+//! The state of a stream in a file: what is needed to go on as if it had never ended.
+
+use std::path::Path;
+
+use quadlift::online::{MapState, ObjectMap, OnlineOptions};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::line::AboutRecord;
+use super::scene::StreamedScene;
+use crate::atomic::write_file;
+use crate::error::{ReadError, WriteError};
+use crate::input::{as_utf8, read_bytes};
+use crate::scene_file::{CameraRecord, FrameRecord};
+use crate::wording::plain_words;
+
+/// The value of `format` in a state file.
+pub const STATE_FORMAT: &str = "quadlift.stream_state";
+/// The value of `version` that this program reads and writes.
+pub const STATE_VERSION: u64 = 1;
+
+/// What goes on: the map, the scene, and where the input was.
+#[derive(Debug, Clone)]
+pub struct StreamState {
+    /// The map.
+    pub map: ObjectMap,
+    /// Cameras and kept frames.
+    pub scene: StreamedScene,
+    /// Lines of new poses since the last frame.
+    pub poses_since: u64,
+}
+
+/// The file, as it is written.
+#[derive(Serialize, Deserialize)]
+struct StateRecord {
+    format: String,
+    version: u64,
+    /// Options that the result depends on, by the names of the command line.
+    options: Map<String, Value>,
+    poses_since: u64,
+    about: AboutRecord,
+    unnamed_cameras: Vec<CameraRecord>,
+    frames: Vec<FrameRecord>,
+    map: MapState,
+}
+
+/// Writes a state as a whole or not at all. `options` are those that the result depends on.
+///
+/// # Errors
+/// [`WriteError`] when the system refuses.
+pub fn write_state_file(path: &Path, state: &StreamState, options: &Map<String, Value>) -> Result<(), WriteError> {
+    let (about, frames, unnamed_cameras) = state.scene.to_parts(&state.map);
+    let record = StateRecord {
+        format: STATE_FORMAT.to_owned(),
+        version: STATE_VERSION,
+        options: options.clone(),
+        poses_since: state.poses_since,
+        about,
+        unnamed_cameras,
+        frames,
+        map: state.map.to_state(),
+    };
+    write_file(path, |out| {
+        serde_json::to_writer(&mut *out, &record)?;
+        out.write_all(b"\n")
+    })
+}
+
+/// Reads a state that was written with the same options.
+///
+/// # Errors
+/// [`ReadError`] when the file cannot be read, when it is none of this version, when it is damaged, or when an option differs.
+pub fn read_state_file(
+    path: &Path,
+    map_options: OnlineOptions,
+    options: &Map<String, Value>,
+) -> Result<StreamState, ReadError> {
+    parse_state_file(path, &read_bytes(path)?, map_options, options)
+}
+
+/// The state in the bytes of a file; the path only serves for messages.
+///
+/// # Errors
+/// As [`read_state_file`].
+pub fn parse_state_file(
+    path: &Path,
+    bytes: &[u8],
+    map_options: OnlineOptions,
+    options: &Map<String, Value>,
+) -> Result<StreamState, ReadError> {
+    let error = |problem: String| ReadError::new(path, problem);
+    let text = as_utf8(path, bytes)?;
+    #[derive(Deserialize)]
+    struct Header {
+        format: Option<Value>,
+        version: Option<Value>,
+    }
+    let json_error = |problem: serde_json::Error| {
+        ReadError::new(path, format!("the state cannot be read: {}", plain_words(&problem.to_string())))
+    };
+    let header: Header = serde_json::from_str(text).map_err(json_error)?;
+    if header.format.as_ref().and_then(Value::as_str) != Some(STATE_FORMAT) {
+        let found = header.format.map_or("none".to_owned(), |found| found.to_string());
+        return Err(error(format!("this is no state of a stream: \"format\" is {found}; expected \"{STATE_FORMAT}\"")));
+    }
+    if header.version.as_ref().and_then(Value::as_u64) != Some(STATE_VERSION) {
+        let found = header.version.map_or("none".to_owned(), |found| found.to_string());
+        return Err(error(format!("the state has version {found}; this program reads version {STATE_VERSION}")));
+    }
+    let record: StateRecord = serde_json::from_str(text).map_err(json_error)?;
+    for (name, now) in options {
+        let before = record.options.get(name).unwrap_or(&Value::Null);
+        if before != now {
+            return Err(error(format!(
+                "the state was made with --{name} {before}, and now it is {now}; go on with the same options"
+            )));
+        }
+    }
+    let map = ObjectMap::from_state(map_options, record.map).map_err(|problem| error(problem.to_string()))?;
+    let scene = StreamedScene::from_parts(record.about, record.frames, record.unnamed_cameras)
+        .map_err(|problem| problem.in_file(path))?;
+    Ok(StreamState { map, scene, poses_since: record.poses_since })
+}
