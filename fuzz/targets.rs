@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use quadlift::LocalizeOptions;
+use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::{BodyKind, Method, Status};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
 use quadlift_io::read::detections::coco::parse_coco;
@@ -24,6 +25,7 @@ use quadlift_io::read::projections::parse_projections;
 use quadlift_io::read::tum::{TumOptions, parse_tum};
 use quadlift_io::read::{Import, PixelCenters, colmap};
 use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
+use quadlift_io::stream::{StreamedScene, parse_line};
 use quadlift_io::{EntryError, ReadError};
 use quadlift_segment::{ConvexHull, PixelTerm, Polygons, Rle};
 
@@ -319,6 +321,43 @@ pub fn polygons(data: &[u8]) -> bool {
     }
     let _ = (polygons.moments(), polygons.hull());
     true
+}
+
+/// Observes the frames of JSON Lines: an error has a message in one line, what is kept is a valid scene.
+pub fn stream(data: &[u8]) -> bool {
+    let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
+    let mut scene = StreamedScene::default();
+    let mut all_read = true;
+    for line in data.split(|&byte| byte == b'\n').filter(|line| !line.is_empty()) {
+        let line = match parse_line(line) {
+            Ok(line) => line,
+            Err(error) => {
+                assert!(!error.message.is_empty() && !error.message.contains(char::is_control), "{error:?}");
+                all_read = false;
+                continue;
+            }
+        };
+        all_read &= scene.take_in(&line.about).is_ok();
+        for frame in line.frames {
+            let Ok(checked) = scene.check(frame, &map) else {
+                all_read = false;
+                continue;
+            };
+            if map.observe(&checked.frame, &checked.detections()).is_ok() {
+                scene.keep(checked, &map);
+            } else {
+                all_read = false;
+            }
+        }
+        match line.poses.map(|poses| scene.take_in_poses(&poses)) {
+            Some(Ok(updates)) => drop(map.update_poses(&updates)),
+            Some(Err(_)) => all_read = false,
+            None => {}
+        }
+    }
+    map.settle();
+    scene.to_file(&map).to_scene().unwrap();
+    all_read
 }
 
 /// Localises boxes whose corners are the bytes, in frames on a circle: estimates are finite or have a status that says why

@@ -40,7 +40,10 @@ impl<'a> Paths<'a> {
         paths.in_place = command == "import-detections";
         paths.command = command;
         for id in matches.ids() {
-            // Groups of options have ids too, without values of their own.
+            // Groups of options have ids too, the names of their structs, and names of options as values.
+            if id.as_str().starts_with(char::is_uppercase) {
+                continue;
+            }
             let Ok(Some(values)) = matches.try_get_raw(id.as_str()) else { continue };
             let is_output = OUTPUTS.contains(&id.as_str())
                 || command == "synth" && OUTPUTS_OF_SYNTH.contains(&id.as_str())
@@ -79,7 +82,9 @@ impl<'a> Paths<'a> {
                 });
             }
             let twice = |(_, other): &&(_, &Path)| {
-                is_same_file(other, output) || is_standard_output(other) && is_standard_output(output)
+                is_same_file(other, output)
+                    || is_standard_output(other) && is_standard_output(output)
+                    || self.command == "stream" && *other == output
             };
             if let Some((_, other)) = self.outputs[..index].iter().find(twice) {
                 return usage(format!("the {what} would overwrite {}; choose another name", other.display()));

@@ -130,6 +130,11 @@ fn scene() {
 }
 
 #[test]
+fn stream() {
+    run("stream", targets::stream);
+}
+
+#[test]
 fn rle() {
     run("rle", targets::rle);
 }

@@ -133,6 +133,35 @@ fn entries() -> Vec<Case> {
     ]
 }
 
+/// Streams that cannot be opened or written. Bad lines are events: see `stream_hostile`.
+fn streams() -> Vec<Case> {
+    let lines = |title, content: &'static str, arguments| Case {
+        title,
+        arguments,
+        code: 1,
+        make: Box::new(move |folder| folder.write("state", content)),
+    };
+    vec![
+        called("a stream that does not exist", 1, "stream no.jsonl"),
+        called("a folder as a stream", 1, "stream ."),
+        called("a map file in a folder that does not exist", 1, "stream scene.json --map no/out.json"),
+        called("a map file in the place of the scene", 2, "stream scene.json --map scene.json"),
+        called("a map file on standard output", 2, "stream scene.json --map -"),
+        called("a map file and a state of the same name", 2, "stream scene.json --map out --state out"),
+        called("--every without anything to write", 2, "stream scene.json --every 10"),
+        called("--resume without a state", 2, "stream scene.json --resume"),
+        called("an object that keeps too few views", 2, "stream scene.json --max-views 2"),
+        called("built-in priors without metres", 1, "stream scene.json --priors builtin"),
+        lines("a state that is no JSON", "{", "stream --state state --resume"),
+        lines("a state that is none", "{}", "stream --state state --resume"),
+        lines(
+            "a state of another version",
+            "{\"format\": \"quadlift.stream_state\", \"version\": 7}",
+            "stream --state state --resume",
+        ),
+    ]
+}
+
 /// Reports and pictures that cannot be made.
 fn looks() -> Vec<Case> {
     vec![
@@ -747,6 +776,7 @@ fn document() -> String {
         ("Evaluation", evaluations()),
         ("Exports", exports()),
         ("Reports and pictures", looks()),
+        ("Streams", streams()),
     ];
     let mut text = INTRODUCTION.to_owned();
     for (heading, cases) in sections {

@@ -21,4 +21,7 @@ mod real_data;
 mod report;
 mod reproduce;
 mod segment;
+mod stream;
+mod stream_hostile;
+mod stream_schema;
 mod troubleshooting;

@@ -105,6 +105,14 @@ fn files_that_a_run_reads_or_that_its_scene_names_are_not_overwritten() {
 }
 
 #[test]
+fn an_output_may_have_the_name_of_an_option() {
+    let folder = with_result();
+    folder.write("output", "earlier");
+    folder.succeed("localize scene.json -o output");
+    assert_eq!(folder.read("output"), folder.read("result.json"));
+}
+
+#[test]
 fn a_demo_does_not_overwrite_files() {
     let folder = Folder::new();
     folder.write("d/scene.json", "mine");

@@ -1,0 +1,268 @@
+//! `quadlift stream` through the built program: replay, lines, ends of all kinds, going on.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::common::Folder;
+use serde_json::{Value, json};
+
+/// A scene of six objects whose detections have no ids, with its truth, and the same as lines.
+pub fn folder_with_stream() -> Folder {
+    let folder = Folder::new();
+    folder
+        .succeed("synth -q -o scene.json --truth truth.json --no-ids --objects 6 --views 20 --seed 2 --noise box:0.03");
+    let mut scene = folder.json("scene.json");
+    // As detectors write them; the map keeps boxes in single precision.
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        for edge in detection["box"].as_array_mut().unwrap() {
+            *edge = json!((edge.as_f64().unwrap() * 100.0).round() / 100.0);
+        }
+    }
+    folder.write_json("scene.json", &scene);
+    folder.write("scene.jsonl", lines_of(&scene).join(""));
+    folder
+}
+
+/// The lines of a scene: one with the cameras, and one for each frame.
+pub fn lines_of(scene: &Value) -> Vec<String> {
+    let about = json!({"name": scene["name"], "up": scene["up"], "cameras": scene["cameras"]});
+    let mut lines = vec![format!("{about}\n")];
+    for (index, frame) in scene["frames"].as_array().unwrap().iter().enumerate() {
+        let of_frame = |d: &&Value| d["frame"] == frame["id"];
+        let detections: Vec<&Value> = scene["detections"].as_array().unwrap().iter().filter(of_frame).collect();
+        let detections: Vec<Value> = detections.iter().map(|d| json!({"box": d["box"]})).collect();
+        let line = json!({
+            "frame": frame["id"], "time": index, "camera": frame["camera"], "cam_from_world": frame["cam_from_world"],
+            "detections": detections,
+        });
+        lines.push(format!("{line}\n"));
+    }
+    lines
+}
+
+fn program(folder: &Folder, arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_quadlift"));
+    command.current_dir(folder.path("")).args(arguments.split_whitespace());
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// Runs the program with a text on its standard input; gives its output and exit code.
+pub fn stream(folder: &Folder, arguments: &str, input: &str) -> (Vec<Value>, i32, String) {
+    let mut child = program(folder, arguments).spawn().unwrap();
+    let mut to_child = child.stdin.take().unwrap();
+    let input = input.to_owned();
+    // The program may end before it has read all.
+    let writer = std::thread::spawn(move || drop(to_child.write_all(input.as_bytes())));
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let lines = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    (lines, output.status.code().unwrap_or(-1), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn a_scene_is_replayed_and_its_map_is_a_result() {
+    let folder = folder_with_stream();
+    let events = folder.succeed("stream scene.json --map map.json --report map.html");
+    assert_eq!(events.lines().filter(|line| line.contains("\"frame\":")).count(), 20);
+    assert_eq!(events.matches("\"confirmed\"").count(), 6, "{events}");
+    let scores: Value = serde_json::from_str(&folder.succeed("evaluate map.json truth.json --json")).unwrap();
+    assert_eq!(scores["found"]["matched"], 6, "{scores}");
+    let map = folder.json("map.json");
+    let ids: Vec<&str> = map["objects"].as_array().unwrap().iter().map(|o| o["id"].as_str().unwrap()).collect();
+    assert_eq!(ids, ["object_0001", "object_0002", "object_0003", "object_0004", "object_0005", "object_0006"]);
+    let memory = &map["objects"][0]["memory"];
+    assert_eq!((&memory["presence"], &memory["last_seen"]), (&json!("confirmed"), &json!(19.0)), "{memory}");
+    // Frames and boxes are those of the scene.
+    let scene = folder.json("scene.json");
+    for (of_map, given) in map["frames"].as_array().unwrap().iter().zip(scene["frames"].as_array().unwrap()) {
+        assert_eq!(of_map["cam_from_world"], given["cam_from_world"]);
+    }
+    let given = scene["detections"].as_array().unwrap();
+    let is_given = |of_map: &Value| given.iter().any(|d| d["frame"] == of_map["frame"] && d["box"] == of_map["box"]);
+    assert!(map["detections"].as_array().unwrap().iter().all(is_given));
+    assert!(folder.read("map.html").contains("object_0006"));
+    folder.succeed("export ply map.json -o map.ply");
+    folder.succeed("view map.json truth.json --no-browser");
+    folder.succeed("localize map.json -o again.json --quiet");
+    assert_eq!(folder.json("again.json")["localization"]["localised"], 6);
+}
+
+#[test]
+fn lines_give_what_the_scene_gives_and_writing_on_the_way_changes_nothing() {
+    let folder = folder_with_stream();
+    let replayed = folder.succeed("stream scene.json --map map.json -q");
+    let text = folder.read("scene.jsonl");
+    assert_eq!(folder.succeed("stream scene.jsonl --map lines.json -q"), replayed);
+    let (lines, code, _) = stream(&folder, "stream --map input.json --state state --every 3", &text);
+    assert_eq!(code, 0);
+    let replayed: Vec<Value> = replayed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines, replayed);
+    for name in ["lines.json", "input.json"] {
+        assert_eq!(folder.read(name), folder.read("map.json"), "{name}");
+    }
+    // Both frames of an instant in one line, with the camera in one of them.
+    let scene = folder.json("scene.json");
+    let mut frames: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
+    frames[0]["camera"] = scene["cameras"][0].clone();
+    let pairs = frames.chunks(2).enumerate().map(|(k, pair)| {
+        let mut pair = pair.to_vec();
+        pair.iter_mut().for_each(|frame| drop(frame.as_object_mut().unwrap().remove("time")));
+        format!("{}\n", json!({"time": k, "frames": pair}))
+    });
+    let (lines, code, _) = stream(&folder, "stream -", &pairs.collect::<String>());
+    assert_eq!(code, 0);
+    let objects = |lines: &[Value]| lines.iter().map(|line| line["objects"].clone()).collect::<Vec<_>>();
+    assert_eq!(objects(&lines), objects(&replayed));
+}
+
+#[test]
+fn an_empty_input_gives_an_empty_map() {
+    let folder = Folder::new();
+    for input in ["", "\n  \n"] {
+        let (lines, code, told) = stream(&folder, "stream --map map.json --state state --report map.html", input);
+        assert_eq!((lines.len(), code), (0, 0), "{told}");
+        assert!(folder.json("map.json")["objects"].is_null() && folder.path("map.html").exists());
+    }
+    let (_, code, _) = stream(&folder, "stream --state state --resume", "");
+    assert_eq!(code, 0);
+}
+
+#[test]
+fn new_poses_move_the_map() {
+    let folder = folder_with_stream();
+    let lines = lines_of(&folder.json("scene.json"));
+    let (_, _, _) = stream(&folder, "stream --map map.json", &lines.concat());
+    // The whole world is moved by one unit along x, after all frames.
+    let frames: Vec<Value> = lines[1..].iter().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let poses = frames.iter().map(|frame| {
+        let mut pose = frame["cam_from_world"].clone();
+        for row in pose.as_array_mut().unwrap() {
+            row[3] = json!(row[3].as_f64().unwrap() - row[0].as_f64().unwrap());
+        }
+        json!({"frame": frame["frame"], "cam_from_world": pose})
+    });
+    let poses = format!("{}\n", json!({"poses": poses.collect::<Vec<_>>()}));
+    let (events, code, _) = stream(&folder, "stream --map moved.json --state state", &(lines.concat() + &poses));
+    assert_eq!(code, 0);
+    assert!(events.iter().any(|line| line["poses"] == 20), "{events:?}");
+    let [map, moved] = ["map.json", "moved.json"].map(|name| folder.json(name)["objects"].clone());
+    for (before, after) in map.as_array().unwrap().iter().zip(moved.as_array().unwrap()) {
+        let x = |object: &Value| object["center"][0].as_f64().unwrap();
+        assert!((x(after) - x(before) - 1.0).abs() < 0.05, "{} {}", before["center"], after["center"]);
+    }
+    // Going on passes the poses over, too.
+    let (events, _, _) = stream(&folder, "stream --map again.json --state state --resume", &(lines.concat() + &poses));
+    assert!(events.iter().all(|line| line["frame"].is_null() && line["poses"].is_null()), "{events:?}");
+    assert_eq!(folder.read("again.json"), folder.read("moved.json"));
+}
+
+/// Reads lines of the output until so many frames are done.
+fn wait_for_frames(child: &mut Child, frames: usize) -> BufReader<std::process::ChildStdout> {
+    let mut out = BufReader::new(child.stdout.take().unwrap());
+    for _ in 0..frames {
+        let mut line = String::new();
+        assert!(out.read_line(&mut line).unwrap() > 0);
+    }
+    out
+}
+
+#[test]
+fn a_closed_output_ends_the_stream_and_the_map_is_written() {
+    let folder = folder_with_stream();
+    let lines = lines_of(&folder.json("scene.json"));
+    let mut child = program(&folder, "stream --map map.json").spawn().unwrap();
+    let mut input = child.stdin.take().unwrap();
+    input.write_all(lines[..12].concat().as_bytes()).unwrap();
+    drop(wait_for_frames(&mut child, 11));
+    // Nobody reads any more; the input stays open.
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        assert!(start.elapsed() < Duration::from_secs(60), "the stream goes on");
+        let _ = input.write_all(lines[12].as_bytes());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(folder.json("map.json")["localization"]["stream"]["frames"].as_u64().unwrap() >= 11);
+}
+
+#[cfg(unix)]
+fn send(signal: &str, child: &Child) {
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_end_the_stream_and_the_map_is_written() {
+    let folder = folder_with_stream();
+    let lines = lines_of(&folder.json("scene.json"));
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        let mut child = program(&folder, "stream --map map.json --state state").spawn().unwrap();
+        let mut input = child.stdin.take().unwrap();
+        input.write_all(lines[..12].concat().as_bytes()).unwrap();
+        let mut out = wait_for_frames(&mut child, 11);
+        // The input stays open: the program waits for a line.
+        send(signal, &child);
+        let mut rest = String::new();
+        out.read_to_string(&mut rest).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(0), "{signal}");
+        assert_eq!(folder.json("map.json")["localization"]["stream"]["frames"], 11, "{signal}");
+        assert_eq!(folder.names(), ["map.json", "scene.json", "scene.jsonl", "state", "truth.json"]);
+        std::fs::remove_file(folder.path("map.json")).unwrap();
+    }
+    stream(&folder, "stream --map map.json --state state --resume", &lines.concat());
+    stream(&folder, "stream --map whole.json", &lines.concat());
+    assert_eq!(folder.read("map.json"), folder.read("whole.json"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_stream_that_was_killed_goes_on_to_the_same_bytes() {
+    let folder = folder_with_stream();
+    let lines = lines_of(&folder.json("scene.json"));
+    let (whole, _, _) = stream(&folder, "stream --map whole.json --state whole.state", &lines.concat());
+    for (round, frames) in [1, 2, 5, 9, 14, 19].into_iter().enumerate() {
+        let arguments = "stream --map map.json --state state --every 1";
+        let mut child = program(&folder, arguments).spawn().unwrap();
+        let mut input = child.stdin.take().unwrap();
+        input.write_all(lines.concat().as_bytes()).unwrap();
+        let _out = wait_for_frames(&mut child, frames);
+        // At different places between two lines: files may be half written.
+        std::thread::sleep(Duration::from_millis(3 * round as u64));
+        send("-KILL", &child);
+        child.wait().unwrap();
+        if folder.path("map.json").exists() {
+            assert!(folder.json("map.json")["localization"]["stream"]["frames"].as_u64().unwrap() + 1 >= frames as u64);
+        }
+        let (rest, code, told) = stream(&folder, &format!("{arguments} --resume"), &lines.concat());
+        assert_eq!(code, 0, "{told}");
+        assert!(rest.len() <= whole.len() - frames + 1 && whole.ends_with(&rest), "{frames}: {rest:?}");
+        assert_eq!(folder.read("map.json"), folder.read("whole.json"), "{frames}");
+        assert_eq!(folder.read("state"), folder.read("whole.state"), "{frames}");
+        for name in ["map.json", "state"] {
+            std::fs::remove_file(folder.path(name)).unwrap();
+        }
+    }
+    // Nothing else is left.
+    assert_eq!(folder.names(), ["scene.json", "scene.jsonl", "truth.json", "whole.json", "whole.state"]);
+}
+
+#[test]
+fn a_state_goes_on_with_the_same_options_and_must_be_whole() {
+    let folder = folder_with_stream();
+    folder.succeed("stream scene.json --state state -q");
+    let refused = folder.run("stream scene.json --state state --resume --min-views 4");
+    assert_eq!(refused.code, 1);
+    assert!(refused.stderr.contains("the state was made with --min-views 3, and now it is 4"), "{}", refused.stderr);
+    let text = folder.read("state");
+    for cut in (1..text.len()).step_by(text.len() / 20) {
+        folder.write("cut", &text[..cut]);
+        let run = folder.run("stream scene.json --state cut --resume");
+        assert!(run.code == 1 && run.stderr.starts_with("error: cut: "), "{cut}: {}", run.stderr);
+        assert_eq!(folder.read("cut").len(), cut);
+    }
+    let run = folder.run("stream scene.json --state scene.json --resume");
+    assert!(run.code == 2 && run.stderr.contains("would overwrite the scene"), "{}", run.stderr);
+}
