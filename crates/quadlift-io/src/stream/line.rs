@@ -324,6 +324,6 @@ mod tests {
         assert!(message(r#"{"frame": "a", "frames": []}"#).starts_with("found \"frame\" and \"frames\""));
         assert!(message("{").starts_with("the line ends too early"));
         let error = parse_line(b"{\"frame\": \"a\", \"x\": \xff}").unwrap_err();
-        assert!(error.message.contains("0xff is not UTF-8") && error.column == Some(20), "{error:?}");
+        assert!(error.message.contains("0xff is not UTF-8") && error.column == Some(21), "{error:?}");
     }
 }
