@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use quadlift::UnknownName;
 use quadlift::solve::{BodyKind, PoseNoise, Sigmas};
+use quadlift_io::scene_file::Detail;
 
 /// Reads a kind of body.
 pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
@@ -23,6 +24,24 @@ pub fn body_choice(text: &str) -> Result<BodyChoice, String> {
             .parse()
             .map(|body| BodyChoice(Some(body)))
             .map_err(|error: UnknownName| format!("expected one of auto, {}", error.expected.join(", "))),
+    }
+}
+
+/// How much a result says of each object.
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+pub enum DetailName {
+    /// Everything.
+    Full,
+    /// No covariance, no figures of single views.
+    Brief,
+}
+
+impl From<DetailName> for Detail {
+    fn from(name: DetailName) -> Self {
+        match name {
+            DetailName::Full => Self::Full,
+            DetailName::Brief => Self::Brief,
+        }
     }
 }
 

@@ -12,10 +12,9 @@ use quadlift::LocalizeOptions;
 use quadlift::online::OnlineOptions;
 use quadlift::solve::{MapOptions, Method, PoseNoise};
 use quadlift_io::guard::{allow_overwriting, check_not_read};
-use quadlift_io::scene_file::Detail;
 use serde_json::{Map, Value, json};
 
-use crate::args::{self, BodyChoice};
+use crate::args::{self, BodyChoice, DetailName};
 use crate::association::IdsName;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, check_result_name};
@@ -133,21 +132,6 @@ pub struct Args {
     /// Number of threads for the map file [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
-enum DetailName {
-    Full,
-    Brief,
-}
-
-impl From<DetailName> for Detail {
-    fn from(name: DetailName) -> Self {
-        match name {
-            DetailName::Full => Self::Full,
-            DetailName::Brief => Self::Brief,
-        }
-    }
 }
 
 impl Args {

@@ -7,10 +7,9 @@ use quadlift::cross_validation::Extent;
 use quadlift::solve::{BodyKind, Method, PoseNoise, Sigmas};
 use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_io::read_scene_file;
-use quadlift_io::scene_file::Detail;
 
 use super::direct::{DirectArgs, ONLY_DIRECT};
-use crate::args::{self, BodyChoice, SigmaSource};
+use crate::args::{self, BodyChoice, DetailName, SigmaSource};
 use crate::association::{IdsName, When};
 use crate::corrections::{CheckArgs, Corrections};
 use crate::error::usage;
@@ -157,21 +156,6 @@ pub struct Args {
 /// The command, in which options that have no effect on scene files need `--cameras`.
 pub fn with_requirements(command: clap::Command) -> clap::Command {
     ONLY_DIRECT.iter().fold(command, |command, id| command.mut_arg(id, |option| option.requires("cameras")))
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
-pub(super) enum DetailName {
-    Full,
-    Brief,
-}
-
-impl From<DetailName> for Detail {
-    fn from(name: DetailName) -> Self {
-        match name {
-            DetailName::Full => Self::Full,
-            DetailName::Brief => Self::Brief,
-        }
-    }
 }
 
 impl Args {
