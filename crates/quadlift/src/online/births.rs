@@ -1,11 +1,10 @@
 //! New objects from boxes that belong to none, in pairs with those of the last frames.
 
+use super::current::Current;
 use super::map::ObjectMap;
-use super::observe::Current;
-use super::recent::RecentBox;
 use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
-use super::views::{KeptView, to_bits};
+use super::views::{KeptView, RecentBox, to_bits};
 use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;

@@ -1,8 +1,8 @@
 //! From the first boxes of an object to its end: evidence confirms it, clear views without a detection speak against it.
 
+use super::current::Current;
 use super::map::ObjectMap;
 use super::matching::{Matched, Seen};
-use super::observe::Current;
 use super::tracked::{DETECTED_LOG_ODDS, Presence, Tracked};
 use super::update::{Event, FrameUpdate, ObjectId, Removal};
 use super::views::KeptView;
@@ -220,7 +220,9 @@ impl ObjectMap {
         self.visibility.remove(slot);
         self.slot_of_id.remove(&tracked.id);
         self.free_slots.push(slot);
-        Self::forget_ids(&mut self.tally, slot, &tracked.input_ids);
+        for &(id, _) in &tracked.input_ids {
+            self.tally.forget(id, slot);
+        }
         Some(tracked)
     }
 

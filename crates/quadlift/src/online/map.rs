@@ -1,18 +1,17 @@
 //! The object map.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::{Point3, Vector3};
 
 use super::input::Frame;
 use super::keyframes::Keyframes;
-use super::names::InputIds;
+use super::names::{Categories, InputIds};
 use super::options::OnlineOptions;
-use super::recent::RecentFrame;
 use super::running::Running;
 use super::tracked::{Presence, Tracked};
 use super::update::ObjectId;
-use super::views::{KeptView, from_bits};
+use super::views::{KeptView, RecentFrame, from_bits};
 use super::visibility::VisibilityIndex;
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::score::input_ids::IdTally;
@@ -68,10 +67,7 @@ pub struct ObjectMap {
     pub(super) last: Option<(f64, String)>,
     /// What is taken off the world's coordinates: the centre of the first camera.
     pub(super) origin: Vector3<f64>,
-    /// Names of the categories; detections without one have a category of their own.
-    pub(super) categories: Vec<Option<String>>,
-    pub(super) category_of_name: HashMap<String, u16>,
-    pub(super) no_category: Option<u16>,
+    pub(super) categories: Categories,
     pub(super) input_ids: InputIds,
     pub(super) tally: IdTally,
     pub(super) running: Running,
@@ -136,9 +132,7 @@ impl ObjectMap {
             next_key: 0,
             last: None,
             origin: Vector3::zeros(),
-            categories: Vec::new(),
-            category_of_name: HashMap::new(),
-            no_category: None,
+            categories: Categories::default(),
             input_ids: InputIds::default(),
             running,
             keyframes: Keyframes::default(),
@@ -226,7 +220,7 @@ impl ObjectMap {
             .categories
             .iter()
             .map(|&(category, n)| {
-                (self.categories[usize::from(category)].clone(), f64::from(n) / f64::from(total.max(1)))
+                (self.categories.names()[usize::from(category)].clone(), f64::from(n) / f64::from(total.max(1)))
             })
             .collect();
         categories.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -269,7 +263,7 @@ impl ObjectMap {
         Observations {
             cameras: Vec::new(),
             boxes: Vec::new(),
-            categories: vec![None; self.categories.len()],
+            categories: vec![None; self.categories.names().len()],
             least_half_size: self.running.least_half_size(),
             origin: self.origin,
             sizes: self.running.box_sizes(),
@@ -279,7 +273,7 @@ impl ObjectMap {
 
     /// Whether ids of detections are evidence.
     pub(super) fn weighs_ids(&self) -> bool {
-        self.options.ids == IdUse::Evidence && self.input_ids.next > 0
+        self.options.ids == IdUse::Evidence && self.input_ids.is_used()
     }
 
     /// Puts an object where cameras that may see it find it.

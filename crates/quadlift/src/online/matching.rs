@@ -2,8 +2,8 @@
 
 use nalgebra::Vector2;
 
+use super::current::Current;
 use super::map::ObjectMap;
-use super::observe::Current;
 use super::tracked::Tracked;
 use super::update::{FrameUpdate, ObjectId};
 use super::views::{from_bits, least_telling, to_bits};

@@ -19,6 +19,7 @@
 //! Nothing is drawn at random, and there is no clock but the times of the frames: the same frames give the same map.
 
 mod births;
+mod current;
 mod input;
 mod keyframes;
 mod learning;

@@ -1,11 +1,6 @@
 //! Names of categories and input ids, as numbers.
 
-use std::collections::BTreeMap;
-
-use super::map::ObjectMap;
-use crate::association::IdUse;
-use crate::association::input::context::given_size;
-use crate::association::score::input_ids::IdTally;
+use std::collections::{BTreeMap, HashMap};
 
 /// Input ids that are remembered, at most.
 const MAX_INPUT_IDS: usize = 20_000;
@@ -16,68 +11,84 @@ const MAX_INPUT_IDS: usize = 20_000;
 pub(super) struct InputIds {
     /// The number of each id, and the key of the last frame that has it.
     by_name: BTreeMap<String, (u32, u32)>,
-    pub next: u32,
+    next: u32,
 }
 
-impl ObjectMap {
-    /// The number of a category.
-    pub(super) fn category_index(&mut self, name: Option<&str>) -> u16 {
-        let known = match name {
-            Some(name) => self.category_of_name.get(name).copied(),
-            None => self.no_category,
-        };
-        if let Some(known) = known {
-            return known;
-        }
-        let index = self.categories.len() as u16;
-        match name {
-            Some(name) => {
-                self.category_of_name.insert(name.to_owned(), index);
-            }
-            None => self.no_category = Some(index),
-        }
-        let size = name.and_then(|name| given_size(&self.options.priors, name));
-        self.categories.push(name.map(str::to_owned));
-        self.running.add_category(size);
-        index
+impl InputIds {
+    /// Whether there was an id at all.
+    pub fn is_used(&self) -> bool {
+        self.next > 0
     }
 
-    /// The number of an input id, where ids are used.
-    pub(super) fn input_id_number(&mut self, name: &str, key: u32) -> Option<u32> {
-        if self.options.ids == IdUse::Ignore {
-            return None;
-        }
-        if let Some((number, last)) = self.input_ids.by_name.get_mut(name) {
+    /// The number of an id in a frame.
+    pub fn number(&mut self, name: &str, key: u32) -> u32 {
+        if let Some((number, last)) = self.by_name.get_mut(name) {
             *last = key;
-            return Some(*number);
+            return *number;
         }
-        let number = self.input_ids.next;
-        self.input_ids.next += 1;
-        self.input_ids.by_name.insert(name.to_owned(), (number, key));
-        if self.input_ids.by_name.len() > MAX_INPUT_IDS {
-            self.forget_old_ids();
-        }
-        Some(number)
+        let number = self.next;
+        self.next = self.next.saturating_add(1);
+        self.by_name.insert(name.to_owned(), (number, key));
+        number
     }
 
-    /// Forgets the half of the input ids that has not been seen for longest.
-    fn forget_old_ids(&mut self) {
-        let mut ages: Vec<(u32, u32)> = self.input_ids.by_name.values().map(|&(number, last)| (last, number)).collect();
+    /// Where there are too many, forgets the half that has not been seen for longest; returns its numbers.
+    pub fn forget_old(&mut self) -> Vec<u32> {
+        if self.by_name.len() <= MAX_INPUT_IDS {
+            return Vec::new();
+        }
+        let mut ages: Vec<(u32, u32)> = self.by_name.values().map(|&(number, last)| (last, number)).collect();
         ages.sort_unstable();
         let limit = ages[ages.len() / 2];
-        let tally = &mut self.tally;
-        self.input_ids.by_name.retain(|_, &mut (number, last)| {
+        let mut forgotten = Vec::new();
+        self.by_name.retain(|_, &mut (number, last)| {
             let stays = (last, number) >= limit;
             if !stays {
-                tally.forget_id(number);
+                forgotten.push(number);
             }
             stays
         });
+        forgotten
+    }
+}
+
+/// The categories of a map; detections without one have a category of their own.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Categories {
+    names: Vec<Option<String>>,
+    by_name: HashMap<String, u16>,
+    none: Option<u16>,
+}
+
+impl Categories {
+    /// Categories in the order of their numbers.
+    pub fn new(names: Vec<Option<String>>) -> Self {
+        let mut categories = Self::default();
+        for name in names {
+            categories.add(name.as_deref());
+        }
+        categories
     }
 
-    pub(super) fn forget_ids(tally: &mut IdTally, slot: u32, ids: &[(u32, u32)]) {
-        for &(id, _) in ids {
-            tally.forget(id, slot);
+    pub fn names(&self) -> &[Option<String>] {
+        &self.names
+    }
+
+    /// The number of a category that is known.
+    pub fn find(&self, name: Option<&str>) -> Option<u16> {
+        name.map_or(self.none, |name| self.by_name.get(name).copied())
+    }
+
+    /// A category more; the caller sees to it that there are at most [`super::MAX_CATEGORIES`].
+    pub fn add(&mut self, name: Option<&str>) -> u16 {
+        let index = self.names.len() as u16;
+        match name {
+            Some(name) => {
+                self.by_name.insert(name.to_owned(), index);
+            }
+            None => self.none = Some(index),
         }
+        self.names.push(name.map(str::to_owned));
+        index
     }
 }

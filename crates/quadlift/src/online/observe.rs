@@ -4,34 +4,21 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector2;
 
+use super::current::Current;
 use super::input::{Detection, Frame, ObserveError};
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
-use super::recent::{RecentBox, RecentFrame};
 use super::update::{Event, FrameUpdate};
-use super::views::{KeptView, to_bits};
+use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
 use super::{MAX_CATEGORIES, MAX_DETECTIONS};
+use crate::association::IdUse;
 use crate::association::input::clutter::set_clutter;
-use crate::association::input::observations::Observations;
+use crate::association::input::context::given_size;
 use crate::geometry::BoundingBox;
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
 /// Frames in a row that contradict the map after which they are believed: the world has changed.
 const BELIEVED_AFTER: u32 = 10;
-
-/// The boxes of the frame that is observed.
-pub(super) struct Current {
-    pub key: u32,
-    pub time: f64,
-    /// One camera and its boxes, from left to right.
-    pub observations: Observations,
-    /// The boxes as they are kept, in the same order.
-    pub views: Vec<KeptView>,
-    /// Ids that they came with, in the same order.
-    pub input_ids: Vec<Option<u32>>,
-    /// Boxes that belong to no object so far.
-    pub free: Vec<u32>,
-}
 
 impl ObjectMap {
     /// Observes a frame: says which detection is of which object, and what is new.
@@ -99,10 +86,10 @@ impl ObjectMap {
         if detections.len() > MAX_DETECTIONS {
             return Err(ObserveError::TooManyDetections { id: id(), count: detections.len() });
         }
-        let is_new = |name: &str| !self.category_of_name.contains_key(name);
+        let is_new = |name: &str| self.categories.find(Some(name)).is_none();
         let new: BTreeSet<&str> = detections.iter().filter_map(|d| d.category).filter(|name| is_new(name)).collect();
         // One more for detections without a category.
-        let count = self.categories.len() + new.len() + 1;
+        let count = self.categories.names().len() + new.len() + 1;
         if count > MAX_CATEGORIES {
             return Err(ObserveError::TooManyCategories { id: id(), count });
         }
@@ -191,5 +178,26 @@ impl ObjectMap {
         let observation = view.observation(0, &Vector2::zeros());
         self.running.count_box(observation.log_half, observation.half_size, category as usize);
         view
+    }
+
+    /// The number of a category.
+    fn category_index(&mut self, name: Option<&str>) -> u16 {
+        if let Some(known) = self.categories.find(name) {
+            return known;
+        }
+        self.running.add_category(name.and_then(|name| given_size(&self.options.priors, name)));
+        self.categories.add(name)
+    }
+
+    /// The number of an input id, where ids are used.
+    fn input_id_number(&mut self, name: &str, key: u32) -> Option<u32> {
+        if self.options.ids == IdUse::Ignore {
+            return None;
+        }
+        let number = self.input_ids.number(name, key);
+        for forgotten in self.input_ids.forget_old() {
+            self.tally.forget_id(forgotten);
+        }
+        Some(number)
     }
 }

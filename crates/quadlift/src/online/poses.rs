@@ -6,10 +6,9 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
-use super::recent::{RecentBox, RecentFrame};
 use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
-use super::views::KeptView;
+use super::views::{KeptView, RecentBox, RecentFrame};
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::input::point_tree::PointTree;
 use crate::association::score::fit::{Start, fit};

@@ -2,10 +2,10 @@
 
 use nalgebra::Vector2;
 
+use super::current::Current;
 use super::map::ObjectMap;
-use super::observe::Current;
 use super::update::{Event, FrameUpdate, ObjectId, Removal};
-use super::views::{KeptView, to_bits};
+use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
 use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatio;
@@ -15,25 +15,6 @@ pub(super) const WINDOW: usize = 24;
 
 /// How many frames later the boxes of a frame are assigned again.
 const LOOKS: [usize; 3] = [3, 10, WINDOW];
-
-/// A frame whose boxes may still change their object.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct RecentFrame {
-    pub key: u32,
-    pub time: f64,
-    pub boxes: Vec<RecentBox>,
-}
-
-/// A box with its object.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct RecentBox {
-    pub view: KeptView,
-    /// Id that the detection came with.
-    pub input_id: Option<u32>,
-    pub owner: Option<ObjectId>,
-}
 
 /// A box whose object has changed: its place in the frame, the slots before and after.
 struct Change {

@@ -2,11 +2,13 @@
 
 use nalgebra::Vector2;
 
-use super::state::MOST;
 use crate::association::input::clutter::BoxSizes;
 use crate::association::input::observations::SMALLEST_SIZE;
 use crate::association::input::sizes::LogSize;
 use crate::association::score::scene_statistics::{LARGEST_SHIFT_SD, SceneStatistics};
+
+/// Counts are smaller than this, so that counting on does not overflow.
+pub(super) const MOST: u64 = 1 << 53;
 
 /// Bins of the histogram of half sizes, eight for each octave from 1/16 of a pixel on.
 const BINS: usize = 256;

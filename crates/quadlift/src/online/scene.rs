@@ -25,8 +25,8 @@ impl ObjectMap {
             }
         }
         // A detection without a category has none in the scene.
-        let mut category_index = vec![None; self.categories.len()];
-        for (index, name) in self.categories.iter().enumerate() {
+        let mut category_index = vec![None; self.categories.names().len()];
+        for (index, name) in self.categories.names().iter().enumerate() {
             if let Some(name) = name {
                 category_index[index] = Some(parts.categories.len() as u32);
                 parts.categories.push(name.clone());

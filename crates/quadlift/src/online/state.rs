@@ -1,19 +1,18 @@
 //! The state of a map as plain numbers: what a program stores to go on later.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, Vector2, Vector3};
 
 use super::input::Frame;
 use super::keyframes::{Keyframe, Keyframes};
 use super::map::ObjectMap;
-use super::names::InputIds;
+use super::names::{Categories, InputIds};
 use super::options::OnlineOptions;
-use super::recent::RecentFrame;
-use super::running::Running;
+use super::running::{MOST, Running};
 use super::tracked::{Presence, Tracked};
 use super::update::ObjectId;
-use super::views::KeptView;
+use super::views::{KeptView, RecentFrame};
 use crate::association::AssociateError;
 use crate::association::score::input_ids::IdTally;
 use crate::association::score::object::Object;
@@ -47,9 +46,6 @@ pub struct MapState {
 
 /// The number of the format that this version writes and reads.
 const VERSION: u32 = 1;
-
-/// Counts are smaller than this, so that counting on does not overflow.
-pub(super) const MOST: u64 = 1 << 53;
 
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -121,7 +117,7 @@ impl ObjectMap {
             next_id: self.next_id,
             last: self.last.clone(),
             origin: self.origin.into(),
-            categories: self.categories.clone(),
+            categories: self.categories.names().to_vec(),
             input_ids: self.input_ids.clone(),
             tally: self.tally.clone(),
             running: self.running.clone(),
@@ -146,20 +142,11 @@ impl ObjectMap {
         }
         state.check()?;
         let mut map = Self::new(options)?;
-        for (index, name) in state.categories.iter().enumerate() {
-            // Checked to be few.
-            match name {
-                Some(name) => {
-                    map.category_of_name.insert(name.clone(), index as u16);
-                }
-                None => map.no_category = Some(index as u16),
-            }
-        }
         map.next_key = state.next_key;
         map.next_id = state.next_id;
         map.last = state.last;
         map.origin = Vector3::from(state.origin);
-        map.categories = state.categories;
+        map.categories = Categories::new(state.categories);
         map.input_ids = state.input_ids;
         map.tally = state.tally;
         map.running = state.running;
@@ -190,6 +177,8 @@ impl MapState {
     fn check(&self) -> Result<(), StateError> {
         let hold = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(StateError::Damaged(what)) };
         hold(self.categories.len() <= super::MAX_CATEGORIES, "too many categories")?;
+        let distinct: BTreeSet<&Option<String>> = self.categories.iter().collect();
+        hold(distinct.len() == self.categories.len(), "a category is there twice")?;
         hold(self.running.has_categories(self.categories.len()), "statistics of other categories")?;
         hold(self.running.is_countable() && self.next_id < MOST, "a count is out of range")?;
         hold(self.keyframes.windows(2).all(|w| w[0].0 < w[1].0), "frames are not in order")?;

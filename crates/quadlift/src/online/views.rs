@@ -3,6 +3,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::keyframes::Keyframes;
+use super::update::ObjectId;
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 
 /// A detection that an object keeps, or that may still find its object. A map has dozens for each object, so that it is small: 48
@@ -28,6 +29,25 @@ pub(super) struct KeptView {
     pub cut: u8,
     /// Which edges another object hides, as bits.
     pub hidden: u8,
+}
+
+/// A frame whose boxes may still change their object.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct RecentFrame {
+    pub key: u32,
+    pub time: f64,
+    pub boxes: Vec<RecentBox>,
+}
+
+/// A box with its object.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct RecentBox {
+    pub view: KeptView,
+    /// Id that the detection came with.
+    pub input_id: Option<u32>,
+    pub owner: Option<ObjectId>,
 }
 
 /// Four flags as bits.

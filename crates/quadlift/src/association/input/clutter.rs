@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::observations::{BoxObservation, Camera, Observations};
+use super::box_observation::{BoxObservation, Camera};
 use crate::association::statistics::LN_2PI;
 
 /// Maximum number of other boxes of a frame for the density at a box; more are sampled evenly.
@@ -56,18 +56,23 @@ pub(crate) fn set_clutter(boxes: &mut [BoxObservation], camera: &Camera, sizes: 
 
 /// For births: log density, over the centre and the two log sizes, of the alternatives for an unassigned box: clutter
 /// or another object nearby.
-pub(crate) fn log_density_among_neighbours(observations: &Observations, log_rate: f64, used: &[bool]) -> Vec<f64> {
-    let mut densities: Vec<f64> = observations.boxes.iter().map(|b| observations.sizes.log_density(b)).collect();
-    for camera in &observations.cameras {
+pub(crate) fn log_density_among_neighbours(
+    (cameras, boxes): (&[Camera], &[BoxObservation]),
+    sizes: &BoxSizes,
+    log_rate: f64,
+    used: &[bool],
+) -> Vec<f64> {
+    let mut densities: Vec<f64> = boxes.iter().map(|b| sizes.log_density(b)).collect();
+    for camera in cameras {
         let all: Vec<usize> = camera.boxes.clone().filter(|&i| !used[i]).collect();
         let step = all.len().div_ceil(MOST_NEIGHBOURS).max(1);
         let uniform = log_rate.exp() / camera.size.product();
         for &index in &all {
-            let observation = &observations.boxes[index];
+            let observation = &boxes[index];
             let width = 2.0 * observation.half_size;
             let neighbours = all.iter().step_by(step).filter(|&&i| i != index);
             let near: f64 = neighbours
-                .map(|&i| &observations.boxes[i])
+                .map(|&i| &boxes[i])
                 .filter(|other| other.category == observation.category)
                 .map(|other| (-0.5 * (other.center() - observation.center()).norm_squared() / (width * width)).exp())
                 .sum();

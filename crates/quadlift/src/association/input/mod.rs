@@ -1,6 +1,7 @@
 //! Input of association: the selected detections, their boxes and cameras, neighbouring frames, clutter densities,
 //! sizes.
 
+pub(crate) mod box_observation;
 pub(crate) mod clutter;
 pub(crate) mod context;
 pub(crate) mod frame_order;

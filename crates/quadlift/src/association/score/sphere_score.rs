@@ -44,7 +44,12 @@ impl<'a> SphereScorer<'a> {
         statistics: &'a SceneStatistics,
         used: &[bool],
     ) -> SphereScorer<'a> {
-        let density = log_density_among_neighbours(observations, statistics.log_clutter_rate, used);
+        let density = log_density_among_neighbours(
+            (&observations.cameras, &observations.boxes),
+            &observations.sizes,
+            statistics.log_clutter_rate,
+            used,
+        );
         let in_frame = |camera: &Camera| {
             let is_free = |&i: &usize| !used[i] && !context.is_trusted(&observations.boxes[i]);
             let free = |i: usize| {
