@@ -6,7 +6,6 @@ use super::matching::{Matched, Seen};
 use super::tracked::{DETECTED_LOG_ODDS, Presence, Tracked};
 use super::update::{Event, FrameUpdate, ObjectId, Removal};
 use super::views::KeptView;
-use crate::association::IdUse;
 use crate::association::input::observations::BoxObservation;
 use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
 use crate::association::statistics::median;
@@ -150,9 +149,7 @@ impl ObjectMap {
 
     /// Whether a tentative object has enough views and evidence.
     fn is_certain(&self, tracked: &Tracked) -> bool {
-        tracked.object.views() >= self.options.min_views
-            && (self.options.ids == IdUse::Trust && tracked.object.trusted_id.is_some()
-                || self.evidence_of(tracked) > MIN_EVIDENCE)
+        tracked.object.views() >= self.options.min_views && self.evidence_of(tracked) > MIN_EVIDENCE
     }
 
     fn after_miss(&mut self, slot: u32, visible_share: f64, update: &mut FrameUpdate) {

@@ -23,6 +23,9 @@ use crate::geometry::Ellipsoid;
 /// Slack of edges in pixels before there is evidence for another one.
 const FIRST_PIXEL_SD: f64 = 2.0;
 
+/// Share of wrong ids where ids are trusted: a map that took them for certain could not undo a mistake.
+const TRUSTED_WRONG_SHARE: f64 = 1e-3;
+
 /// Numbers of views for which the probability of detections is tabulated.
 const RATE_VIEWS: usize = 1024;
 
@@ -127,7 +130,10 @@ impl ObjectMap {
         options.validate()?;
         let running = Running::new(options.pixel_sd.unwrap_or(FIRST_PIXEL_SD));
         Ok(Self {
-            tally: IdTally::new(options.wrong_id_share),
+            tally: IdTally::new(match options.ids {
+                IdUse::Trust => options.wrong_id_share.min(TRUSTED_WRONG_SHARE),
+                IdUse::Evidence | IdUse::Ignore => options.wrong_id_share,
+            }),
             options,
             next_key: 0,
             last: None,
@@ -273,7 +279,7 @@ impl ObjectMap {
 
     /// Whether ids of detections are evidence.
     pub(super) fn weighs_ids(&self) -> bool {
-        self.options.ids == IdUse::Evidence && self.input_ids.is_used()
+        self.options.ids != IdUse::Ignore && self.input_ids.is_used()
     }
 
     /// Puts an object where cameras that may see it find it.

@@ -36,7 +36,7 @@ impl ObjectMap {
     /// Tries two objects as one.
     pub(super) fn try_as_one(&mut self, first: u32, second: u32, update: &mut FrameUpdate) {
         let (Some(a), Some(b)) = (self.slot(first), self.slot(second)) else { return };
-        if a.object.category != b.object.category || a.object.trusted_id.is_some() && b.object.trusted_id.is_some() {
+        if a.object.category != b.object.category {
             return;
         }
         let distance = (a.object.center - b.object.center).norm();

@@ -6,7 +6,7 @@ use crate::solve::CategoryPriors;
 /// Options of an [`super::ObjectMap`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct OnlineOptions {
-    /// How far to trust the ids of detections (of a tracker).
+    /// How far to trust the ids of detections (of a tracker). [`IdUse::Trust`] makes them strong evidence, not certainty.
     pub ids: IdUse,
     /// Probability that an id is wrong, in (0, 1), for [`IdUse::Evidence`].
     pub wrong_id_share: f64,
