@@ -1,5 +1,7 @@
 //! From the first boxes of an object to its end: evidence confirms it, clear views without a detection speak against it.
 
+use std::collections::{HashMap, HashSet};
+
 use super::current::Current;
 use super::map::ObjectMap;
 use super::matching::{Matched, Seen};
@@ -19,6 +21,9 @@ const GONE_LOG_ODDS: f64 = -5.5;
 
 /// What a detection adds to the logarithm of the odds that an object that was gone is back: two are needed, one may be clutter.
 const RETURN_LOG_ODDS: f64 = 4.0;
+
+/// The part of the objects that is forgotten at once where there are too many: one in so many.
+const FORGOTTEN_PART: usize = 100;
 
 /// An object is clearly in view where so much of its predicted box is inside of the image,
 const CLEAR_SHARE: f64 = 0.7;
@@ -85,12 +90,17 @@ impl ObjectMap {
         for &(slot, _) in taken {
             self.after_detection(slot, update);
         }
-        let detected = |slot: u32| taken.iter().any(|(other, _)| *other == slot);
+        let detected: HashSet<u32> = taken.iter().map(|(slot, _)| *slot).collect();
+        let depth_of_slot: HashMap<u32, f64> = matched.seen.iter().map(|s| (s.slot, s.prediction.depth)).collect();
+        let mut depths = vec![None; current.observations.boxes.len()];
+        for (slot, index, _) in &matched.pairs {
+            depths[*index as usize] = depth_of_slot.get(slot).copied();
+        }
         for seen in &matched.seen {
-            let is_detected = detected(seen.slot);
+            let is_detected = detected.contains(&seen.slot);
             // Its own box covers it where it is detected; what else does was no hindrance then.
             let usual_size = self.usual_half_size(seen.slot);
-            let visible_share = match clarity(current, matched, seen, usual_size) {
+            let visible_share = match clarity(current, &depths, seen, usual_size) {
                 Clarity::Unclear => 0.0,
                 Clarity::InView { .. } if is_detected => 1.0,
                 Clarity::InView { covered } => 1.0 - covered,
@@ -207,7 +217,6 @@ impl ObjectMap {
                 *object = None;
             }
         }
-        self.aliases.retain(|_, older| *older != tracked.id);
         update.events.push(Event::Removed { object: tracked.id, reason });
     }
 
@@ -223,20 +232,28 @@ impl ObjectMap {
         Some(tracked)
     }
 
-    /// Forgets objects while there are more than the map may keep; not the newest one.
+    /// Where there are more objects than the map may keep, forgets some; not the newest one.
     pub(super) fn forget_beyond_limit(&mut self, newest: ObjectId, update: &mut FrameUpdate) {
-        while self.slot_of_id.len() > self.options.max_objects {
-            let rank = |t: &&Tracked| {
-                let kind = match t.presence {
-                    Presence::Tentative => 0,
-                    Presence::Gone => 1,
-                    Presence::Confirmed => 2,
-                };
-                (kind, t.last_keyframe, t.id)
+        let most = self.options.max_objects;
+        if self.slot_of_id.len() <= most {
+            return;
+        }
+        let rank = |t: &Tracked| {
+            let kind = match t.presence {
+                Presence::Tentative => 0,
+                Presence::Gone => 1,
+                Presence::Confirmed => 2,
             };
-            let Some(last) = self.tracked().filter(|t| t.id != newest).min_by_key(rank).map(|t| t.id) else { return };
-            let slot = self.slot_of_id[&last];
-            self.remove_slot(slot, Removal::Forgotten, update);
+            (kind, t.last_keyframe, t.id)
+        };
+        let mut ranks: Vec<_> = self.tracked().filter(|t| t.id != newest).map(rank).collect();
+        ranks.sort_unstable();
+        // Some at once, so that the list need not be made for every new object.
+        let count = (self.slot_of_id.len() - most).max(most / FORGOTTEN_PART);
+        for (.., id) in ranks.into_iter().take(count) {
+            if let Some(&slot) = self.slot_of_id.get(&id) {
+                self.remove_slot(slot, Removal::Forgotten, update);
+            }
         }
     }
 }
@@ -249,7 +266,8 @@ enum Clarity {
     InView { covered: f64 },
 }
 
-fn clarity(current: &Current, matched: &Matched, seen: &Seen, usual_size: f64) -> Clarity {
+/// Looks at an object in a frame; `depths` are those of the objects that the boxes are of, where they are of any.
+fn clarity(current: &Current, depths: &[Option<f64>], seen: &Seen, usual_size: f64) -> Clarity {
     let prediction = &seen.prediction;
     let camera = &current.observations.cameras[0];
     let [x0, y0, x1, y1] = prediction.edges;
@@ -260,14 +278,11 @@ fn clarity(current: &Current, matched: &Matched, seen: &Seen, usual_size: f64) -
     if inside < CLEAR_SHARE * w * h || !is_large {
         return Clarity::Unclear;
     }
-    let depth = |slot: u32| matched.seen.iter().find(|s| s.slot == slot).map(|s| s.prediction.depth);
-    let covers = |(index, b): (usize, &BoxObservation)| {
+    let covers = |(depth, b): (&Option<f64>, &BoxObservation)| {
         let [bx0, by0, bx1, by1] = b.edges;
         let covered = (x1.min(bx1) - x0.max(bx0)).max(0.0) * (y1.min(by1) - y0.max(by0)).max(0.0) / (w * h);
-        let owner = matched.pairs.iter().find(|(_, other, _)| *other as usize == index).map(|(slot, ..)| *slot);
-        let is_behind = covered > 0.0 && owner.and_then(depth).is_some_and(|depth| depth >= prediction.depth);
-        if is_behind { 0.0 } else { covered }
+        if depth.is_some_and(|depth| depth >= prediction.depth) { 0.0 } else { covered }
     };
-    let covered = current.observations.boxes.iter().enumerate().map(covers).fold(0.0, f64::max);
+    let covered = depths.iter().zip(&current.observations.boxes).map(covers).fold(0.0, f64::max);
     Clarity::InView { covered: covered.min(1.0) }
 }

@@ -12,6 +12,9 @@ use crate::association::search::merge::{FEWER_VIEWS, NEAR, SAME_PLACE, SAME_SIZE
 /// A pair is tried again when one of the two has grown by this factor.
 const TRIED_AGAIN: f64 = 1.3;
 
+/// Merged ids that are remembered; the oldest are forgotten.
+const MOST_ALIASES: usize = 100_000;
+
 /// Pairs that are remembered; more are tried again.
 const MOST_TRIED: usize = 100_000;
 
@@ -148,10 +151,10 @@ impl ObjectMap {
         for &(id, count) in &young.input_ids {
             union.count_id(Some(id), count);
         }
-        for (_, target) in self.aliases.iter_mut().filter(|(_, target)| **target == young.id) {
-            *target = old.id;
-        }
         self.aliases.insert(young.id, old.id);
+        if self.aliases.len() > MOST_ALIASES {
+            self.aliases.pop_first();
+        }
         for object in &mut update.objects {
             if *object == Some(young.id) {
                 *object = Some(old.id);
