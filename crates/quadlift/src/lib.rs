@@ -29,6 +29,7 @@
 //!   [`Estimate`](solve::Estimate) for every object: a body (ellipsoid, cuboid, cylinder or superellipsoid), its covariance,
 //!   the residual of each view, outliers and warnings. A [`Status`](solve::Status) other than `Ok` says why there is none.
 //! - **No object ids**: [`associate()`] divides the detections into objects and clutter.
+//! - **Frame by frame**: [`online::ObjectMap`] keeps a map of objects while frames arrive.
 //! - **One object, no scene**: [`solve::Estimator`] fits the [`View`](scene::View)s of one object by any method.
 //! - **Wrong input**: [`diagnosis::diagnose`] checks whether a scene agrees with itself, and names the mistake (pose
 //!   convention, resized boxes, shifted frames, ...). [`localize()`] calls it, and reports no object as `Ok` where it does not.
@@ -49,6 +50,7 @@
 //!
 //! # Features
 //! `parallel` (default): objects are solved in parallel with rayon.
+//! `serde`: the state of an object map ([`online::MapState`]) can be written and read.
 #![forbid(unsafe_code)]
 
 pub mod association;
