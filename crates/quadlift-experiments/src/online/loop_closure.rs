@@ -84,7 +84,7 @@ fn close_loop(options: &SyntheticOptions, turn: f64, shift: f64) -> Result<[f64;
             let share = if drifts { place as f64 / count as f64 } else { 0.0 };
             let moved = drifted(&frame.projection, share * turn.to_radians(), share * shift);
             frame.projection = moved.unwrap_or(frame.projection);
-            // What the map refuses it does not know.
+            // Refused frames are skipped.
             let _ = map.observe(&frame, &detections);
         }
         map.settle();

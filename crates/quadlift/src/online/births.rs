@@ -1,4 +1,4 @@
-//! New objects from boxes that belong to none, in pairs with those of the last frames.
+//! New objects from pairs of unassigned boxes of this frame and the last ones.
 
 use super::current::Current;
 use super::map::ObjectMap;
@@ -11,17 +11,17 @@ use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
 use crate::association::score::object::is_visible;
 use crate::association::score::rays::{Sphere, pair_sphere};
 
-/// Disagreement of the boxes of a new object, at most.
+/// Maximum disagreement of the two boxes of a new object.
 const LARGEST_DISAGREEMENT: f64 = 6.0;
 
-/// The most pairs of boxes that are tested for a frame, and at least for each box.
+/// Maximum number of pairs tested per frame, and the minimum per box.
 const MOST_PAIRS: usize = 100_000;
 const LEAST_PAIRS: usize = 20;
 
-/// New objects of a frame, at most: each costs fits.
+/// Maximum number of new objects per frame; each costs fits.
 const MOST_BIRTHS: usize = 500;
 
-/// Two boxes that may show one object: box of the frame, recent frame and box in it.
+/// Two boxes that may show the same object: a box of the frame, and a recent frame with a box in it.
 struct BoxPair {
     disagreement: f64,
     new: u32,
@@ -30,7 +30,7 @@ struct BoxPair {
 }
 
 impl ObjectMap {
-    /// Begins new objects from the free boxes of the frame.
+    /// Starts new objects from the unassigned boxes of the frame.
     pub(super) fn begin_objects(&mut self, current: &mut Current, update: &mut FrameUpdate) {
         let mut pairs = self.box_pairs(current);
         let place = |pair: &BoxPair| (pair.new, pair.old);
@@ -68,7 +68,7 @@ impl ObjectMap {
         current.free.retain(|index| !taken_new.contains(index));
     }
 
-    /// Pairs of free boxes that may show one object.
+    /// Pairs of unassigned boxes that may show the same object.
     fn box_pairs(&self, current: &Current) -> Vec<BoxPair> {
         let camera = &current.observations.cameras[0];
         // The rays of the free boxes of the last frames, the latest first.
@@ -124,14 +124,14 @@ impl ObjectMap {
         self.forget_beyond_limit(id, update);
     }
 
-    /// An id that was never used.
+    /// A new id.
     pub(super) fn new_id(&mut self) -> ObjectId {
         let id = ObjectId(self.next_id);
         self.next_id += 1;
         id
     }
 
-    /// Puts an object into a slot, which is returned.
+    /// Puts an object into a slot and returns the slot.
     pub(super) fn put(&mut self, tracked: Tracked) -> u32 {
         let slot = match self.free_slots.pop() {
             Some(slot) => slot,
@@ -149,7 +149,7 @@ impl ObjectMap {
         slot
     }
 
-    /// Gives free boxes of the last frames to an object of two views, the latest first, and counts in which of these frames it
+    /// Assigns unassigned boxes of the last frames to an object of two views, latest first, and counts the frames in which it
     /// should be seen.
     fn look_back(&mut self, tracked: &mut Tracked) {
         for recent in (0..self.recent.len()).rev() {
@@ -195,7 +195,7 @@ impl ObjectMap {
         }
     }
 
-    /// A view's detection, for people.
+    /// The detection of a view.
     pub(super) fn detection_of(&self, view: &KeptView) -> Option<DetectionRef> {
         let frame = self.keyframes.get(view.keyframe)?.frame.id.clone();
         Some(DetectionRef { frame, detection: view.detection as usize })

@@ -3,7 +3,7 @@
 use super::views::KeptView;
 use crate::association::input::observations::Observations;
 
-/// The boxes of the frame that is observed, or looked at again.
+/// The boxes of the frame that is being assigned.
 pub(super) struct Current {
     pub key: u32,
     pub time: f64,
@@ -11,8 +11,8 @@ pub(super) struct Current {
     pub observations: Observations,
     /// The boxes as they are kept, in the same order.
     pub views: Vec<KeptView>,
-    /// Ids that they came with, in the same order.
+    /// Their input ids, in the same order.
     pub input_ids: Vec<Option<u32>>,
-    /// Boxes that belong to no object so far.
+    /// Unassigned boxes.
     pub free: Vec<u32>,
 }

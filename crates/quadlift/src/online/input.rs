@@ -24,7 +24,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame of a scene, at some time.
+    /// A frame of a scene with a time.
     pub fn of_scene(frame: &scene::Frame, time: f64) -> Self {
         Self {
             id: frame.id.clone(),
@@ -36,7 +36,7 @@ impl Frame {
         }
     }
 
-    /// The frame as a scene has it.
+    /// The frame of a scene.
     pub(super) fn to_scene(&self) -> scene::Frame {
         scene::Frame { id: self.id.clone(), projection: self.projection, image_size: self.image_size, lens: self.lens }
     }
@@ -45,24 +45,24 @@ impl Frame {
 /// A detection in a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Detection<'a> {
-    /// The box in the image as it is, pixels.
+    /// The box in the image, with lens distortion, pixels.
     pub bounding_box: BoundingBox,
     /// Category.
     pub category: Option<&'a str>,
     /// Score of the detector, in [0, 1] by custom.
     pub score: Option<f64>,
-    /// Id of the object, of a tracker for example.
+    /// Object id, for example of a tracker.
     pub id: Option<&'a str>,
 }
 
 impl Detection<'_> {
-    /// A detection of which only the box is known.
+    /// A detection with a box only.
     pub fn from_box(bounding_box: BoundingBox) -> Self {
         Self { bounding_box, category: None, score: None, id: None }
     }
 }
 
-/// Why a frame was not taken. The map is as it was before.
+/// Why a frame was refused. The map is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ObserveError {
@@ -106,11 +106,11 @@ pub enum ObserveError {
         count: usize,
     },
     /// Too many categories.
-    #[error("frame {id:?} makes it {count} categories; expected {} at most", super::MAX_CATEGORIES)]
+    #[error("frame {id:?} brings the map to {count} categories; expected {} at most", super::MAX_CATEGORIES)]
     TooManyCategories {
         /// Id of the frame.
         id: String,
-        /// Number of categories of the map with this frame.
+        /// Number of categories including those of this frame.
         count: usize,
     },
     /// The score of a detection is not a number.

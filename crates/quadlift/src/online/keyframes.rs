@@ -7,19 +7,19 @@ use nalgebra::{Vector2, Vector3};
 use super::input::Frame;
 use crate::association::input::observations::Camera;
 
-/// A frame that some kept view refers to, or that is recent.
+/// A frame that kept views refer to, or a recent one.
 #[derive(Debug, Clone)]
 pub(super) struct Keyframe {
     pub frame: Frame,
     pub camera: Camera,
-    /// Shift of its boxes against the map, pixels, which is taken off them.
+    /// Shift of its boxes relative to the map, pixels; subtracted from them.
     pub shift: Vector2<f64>,
-    /// Views and lists that refer to it.
+    /// Number of references.
     pub references: u32,
 }
 
 impl Keyframe {
-    /// The frame in a map with this origin; `extent` is the size of the image where it is not known.
+    /// The frame in a map with this origin; `extent` replaces an unknown image size.
     pub fn new(frame: Frame, origin: &Vector3<f64>, extent: Vector2<f64>) -> Self {
         let center = frame.projection.center_in_world().map_or(*origin, |c| c.coords);
         let camera = Camera::new(&frame.projection, &center, origin, frame.image_size.unwrap_or(extent));
@@ -58,14 +58,14 @@ impl Keyframes {
         self.by_key.len()
     }
 
-    /// One reference more.
+    /// Adds a reference.
     pub fn hold(&mut self, key: u32) {
         if let Some(keyframe) = self.by_key.get_mut(&key) {
             keyframe.references += 1;
         }
     }
 
-    /// One reference less; without any the frame is forgotten.
+    /// Removes a reference; a frame without references is removed.
     pub fn release(&mut self, key: u32) {
         if let Some(keyframe) = self.by_key.get_mut(&key) {
             keyframe.references = keyframe.references.saturating_sub(1);

@@ -1,4 +1,4 @@
-//! Noise, clutter and sizes, learnt from a sample of the objects whenever the map has grown.
+//! Noise, clutter and sizes, estimated from a sample of the objects whenever the map has grown.
 
 use super::map::ObjectMap;
 use super::tracked::{Presence, Tracked};
@@ -9,18 +9,18 @@ use crate::association::score::scene_statistics::volume_of;
 use crate::association::search::passes::PIXEL_SDS;
 use crate::tuning::MIN_EVIDENCE_SHARE;
 
-/// Statistics are learnt again when objects have so many times as many boxes.
+/// Growth of the number of assigned boxes at which statistics are estimated again.
 const LEARNING_GROWTH: f64 = 1.1;
 
-/// The slack of edges is chosen again when objects have so many times as many boxes.
+/// Growth of the number of assigned boxes at which the slack of edges is selected again.
 const SLACK_GROWTH: f64 = 2.0;
 
-/// Objects that are looked at for noise and sizes, and for the slack, at most; evenly over the map.
+/// Maximum number of objects used for noise and sizes, and for the slack; evenly over the map.
 const SAMPLE: usize = 128;
 const SLACK_SAMPLE: usize = 24;
 
 impl ObjectMap {
-    /// Learns the statistics of the map where it has grown enough.
+    /// Estimates the statistics of the map if it has grown enough.
     pub(super) fn learn_if_due(&mut self) {
         self.running.learn_clutter();
         if self.running.assigned < self.running.next_learning {
@@ -34,7 +34,7 @@ impl ObjectMap {
         }
     }
 
-    /// Objects with enough views, at most so many, evenly over the map.
+    /// At most `most` objects with enough views, evenly over the map.
     fn sample(&self, most: usize) -> Vec<&Tracked> {
         let enough = |t: &&Tracked| t.object.views() >= self.options.min_views;
         let all: Vec<&Tracked> = self.tracked().filter(enough).collect();
@@ -42,7 +42,7 @@ impl ObjectMap {
         all.into_iter().step_by(step).collect()
     }
 
-    /// The objects of a sample with their boxes in one list.
+    /// Estimates the statistics from a sample of the objects.
     pub(super) fn learn(&mut self) {
         let sample = self.sample(SAMPLE);
         let count = self.tracked().filter(|t| t.object.views() >= self.options.min_views).count();
@@ -67,7 +67,7 @@ impl ObjectMap {
         self.running.statistics = learnt;
     }
 
-    /// Chooses the slack of edges as batch does: as much as costs little evidence.
+    /// Selects the slack of edges as in batch: the largest that costs little evidence.
     fn choose_slack(&mut self) {
         let sample: Vec<Tracked> =
             self.sample(SLACK_SAMPLE).into_iter().filter(|t| t.presence == Presence::Confirmed).cloned().collect();
@@ -88,7 +88,7 @@ impl ObjectMap {
         }
     }
 
-    /// Evidence of some objects, fitted and with noise learnt at a slack of edges.
+    /// Evidence of objects after a fit with this slack of edges.
     fn evidence_with_slack(&self, sample: &[Tracked], slack: f64) -> f64 {
         let (observations, mut statistics) = self.gather(sample.iter().flat_map(|t| &t.views));
         statistics.pixel_sd = slack;

@@ -1,4 +1,4 @@
-//! From the first boxes of an object to its end: evidence confirms it, clear views without a detection speak against it.
+//! States of an object: evidence confirms it, clear views without a detection count against it.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,47 +12,47 @@ use crate::association::input::observations::BoxObservation;
 use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
 use crate::association::statistics::median;
 
-/// Tentative objects are dropped when they have been missed more often than this, and than they were detected.
+/// Tentative objects are removed when they have been missed more often than this, and more often than detected.
 const MOST_MISSES: usize = 4;
 
-/// Logarithm of the odds below which an object is gone. With [`DETECTED_LOG_ODDS`] a detector that misses one object in five
+/// Log odds below which an object is gone. With [`DETECTED_LOG_ODDS`] a detector that misses one object in five
 /// must miss it eight times in a row: by chance once in 400,000 views.
 const GONE_LOG_ODDS: f64 = -5.5;
 
-/// What a detection adds to the logarithm of the odds that an object that was gone is back: two are needed, one may be clutter.
+/// What a detection adds to the log odds of a gone object. Two detections bring it back, because one may be clutter.
 const RETURN_LOG_ODDS: f64 = 4.0;
 
-/// The part of the objects that is forgotten at once where there are too many: one in so many.
+/// If there are too many objects, one in so many is forgotten at once.
 const FORGOTTEN_PART: usize = 100;
 
-/// An object is clearly in view where so much of its predicted box is inside of the image,
+/// An object is clearly in view if at least this share of its predicted box is inside the image,
 const CLEAR_SHARE: f64 = 0.7;
-/// and the box is so many times as large as the smallest that is expected to be detected,
+/// and the box is this many times larger than the smallest that a detector is expected to find,
 const CLEAR_SIZE: f64 = 1.5;
-/// or as those in which it was detected before.
+/// or than the boxes in which it was detected before.
 const USUAL_SIZE: f64 = 0.8;
 
-/// Views count for the share of clear views in which objects are detected where no more of them is covered.
+/// Maximum covered share of the views from which the detection rate is estimated.
 const MOST_COVERED: f64 = 0.2;
 
-/// Its own share of detections counts as so many views of the map's.
+/// Weight of the map's detection rate beside the object's own, in views.
 const SHARE_WEIGHT: f64 = 4.0;
 
-/// Range of the share of clear views in which an object is detected.
+/// Range of the detection rate in clear views.
 const SHARE_RANGE: [f64; 2] = [0.05, 0.97];
 
-/// Expected detections from which on a frame without any of them contradicts the map, and how improbable that must be.
+/// Minimum number of expected detections for a contradiction, and the log probability that none occurs.
 const MIN_EXPECTED: usize = 3;
 const DISAGREES_BELOW: f64 = -12.0;
 
 impl ObjectMap {
-    /// The evidence of an object's kept views against clutter, nats.
+    /// Evidence of an object's kept views against clutter, nats.
     pub(super) fn evidence_of(&self, tracked: &Tracked) -> f64 {
         let (observations, statistics) = self.gather(&tracked.views);
         evidence(&self.rate, &observations, &statistics, &tracked.object)
     }
 
-    /// The number of objects that should be detected where none of them is, which contradicts the map.
+    /// The number of expected objects, if the frame contradicts the map because none of them is detected.
     pub(super) fn disagreement(&self, matched: &Matched, boxes: usize) -> Option<usize> {
         if boxes == 0 {
             return None;
@@ -79,7 +79,7 @@ impl ObjectMap {
         (own / (f64::from(tracked.clear) + SHARE_WEIGHT)).clamp(SHARE_RANGE[0], SHARE_RANGE[1])
     }
 
-    /// What the detections of a frame, and the lack of them, say of its objects.
+    /// Updates the objects of a frame with their detections and misses.
     pub(super) fn after_matching(
         &mut self,
         current: &Current,
@@ -114,7 +114,7 @@ impl ObjectMap {
         }
     }
 
-    /// The median half size of an object's kept boxes, pixels; infinite for none.
+    /// Median half size of an object's kept boxes, pixels; infinite without any.
     fn usual_half_size(&self, slot: u32) -> f64 {
         let half_size = |view: &KeptView| {
             let [x0, y0, x1, y1] = view.edges.map(f64::from);
@@ -157,7 +157,7 @@ impl ObjectMap {
         }
     }
 
-    /// Whether a tentative object has enough views and evidence.
+    /// Whether an object has enough views and evidence to be confirmed.
     fn is_certain(&self, tracked: &Tracked) -> bool {
         tracked.object.views() >= self.options.min_views && self.evidence_of(tracked) > MIN_EVIDENCE
     }
@@ -196,7 +196,7 @@ impl ObjectMap {
 
     /// Removes an object from the map.
     ///
-    /// Its id is not used again. Returns whether there was such an object.
+    /// Its id is not used again. Returns false if there is no such object.
     pub fn remove(&mut self, id: ObjectId) -> bool {
         let slot = self.slot_of_id.get(&self.resolve(id)).copied();
         slot.is_some_and(|slot| {
@@ -220,7 +220,7 @@ impl ObjectMap {
         update.events.push(Event::Removed { object: tracked.id, reason });
     }
 
-    /// Takes an object out of its slot, without its views.
+    /// Takes an object out of its slot; references of its views remain.
     pub(super) fn take_slot(&mut self, slot: u32) -> Option<Tracked> {
         let tracked = self.slots.get_mut(slot as usize)?.take()?;
         self.visibility.remove(slot);
@@ -232,7 +232,7 @@ impl ObjectMap {
         Some(tracked)
     }
 
-    /// Where there are more objects than the map may keep, forgets some; not the newest one.
+    /// Removes objects if there are more than [`super::OnlineOptions::max_objects`]; never the newest one.
     pub(super) fn forget_beyond_limit(&mut self, newest: ObjectId, update: &mut FrameUpdate) {
         let most = self.options.max_objects;
         if self.slot_of_id.len() <= most {
@@ -258,15 +258,15 @@ impl ObjectMap {
     }
 }
 
-/// How clearly an object could be seen in a frame.
+/// How clearly an object is in view.
 enum Clarity {
-    /// Not so that a detection is expected.
+    /// A detection is not expected.
     Unclear,
-    /// In view; so much of its predicted box is covered by that of something nearer, or of nobody knows what.
+    /// In view; `covered` is the share of its predicted box covered by the box of a nearer object or by an unassigned box.
     InView { covered: f64 },
 }
 
-/// Looks at an object in a frame; `depths` are those of the objects that the boxes are of, where they are of any.
+/// How clearly an object is in view in a frame; `depths` are the depths of the objects of the boxes, if assigned.
 fn clarity(current: &Current, depths: &[Option<f64>], seen: &Seen, usual_size: f64) -> Clarity {
     let prediction = &seen.prediction;
     let camera = &current.observations.cameras[0];

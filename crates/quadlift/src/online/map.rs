@@ -20,16 +20,16 @@ use crate::association::statistics::DetectionRate;
 use crate::association::{AssociateError, IdUse};
 use crate::geometry::Ellipsoid;
 
-/// Slack of edges in pixels before there is evidence for another one.
+/// Initial slack of edges, pixels.
 const FIRST_PIXEL_SD: f64 = 2.0;
 
-/// Share of wrong ids where ids are trusted: a map that took them for certain could not undo a mistake.
+/// Share of wrong ids if ids are trusted. It is not zero, so that a mistake can be undone.
 const TRUSTED_WRONG_SHARE: f64 = 1e-3;
 
-/// Numbers of views for which the probability of detections is tabulated.
+/// Number of views up to which the probability of detections is tabulated.
 const RATE_VIEWS: usize = 1024;
 
-/// Room for errors of the range within which an object is looked for.
+/// Margin of the range within which an object may be visible.
 const RANGE_MARGIN: f64 = 1.2 * 1.3;
 
 /// A map of objects that is updated frame by frame.
@@ -68,28 +68,28 @@ pub struct ObjectMap {
     pub(super) next_key: u32,
     /// Time and id of the last frame.
     pub(super) last: Option<(f64, String)>,
-    /// What is taken off the world's coordinates: the centre of the first camera.
+    /// Origin of the internal coordinates: the centre of the first camera.
     pub(super) origin: Vector3<f64>,
     pub(super) categories: Categories,
     pub(super) input_ids: InputIds,
     pub(super) tally: IdTally,
     pub(super) running: Running,
     pub(super) keyframes: Keyframes,
-    /// The last frames, whose boxes may still change their object.
+    /// The last frames, whose boxes may still be reassigned.
     pub(super) recent: VecDeque<RecentFrame>,
-    /// Objects by slots, which are used again.
+    /// Objects by slot; slots are reused.
     pub(super) slots: Vec<Option<Tracked>>,
     pub(super) free_slots: Vec<u32>,
     pub(super) slot_of_id: BTreeMap<ObjectId, u32>,
-    /// Objects that were merged into others.
+    /// Merged objects and what they were merged into.
     pub(super) aliases: BTreeMap<ObjectId, ObjectId>,
     pub(super) visibility: VisibilityIndex,
-    /// Range of visibility of an object of unit size, when the index was made.
+    /// Visibility range of an object of unit size for which the index was built.
     pub(super) indexed_range: f64,
     pub(super) next_id: u64,
-    /// Frames in a row that contradicted the map.
+    /// Number of consecutive frames that contradicted the map.
     pub(super) disagreeing: u32,
-    /// Numbers of views at which pairs of objects were tried as one.
+    /// Pairs of objects whose merge was refused, with their numbers of views at that time.
     pub(super) tried_pairs: BTreeMap<(u64, u64), (usize, usize)>,
     pub(super) rate: DetectionRate,
 }
@@ -101,19 +101,19 @@ pub struct MapObject {
     pub id: ObjectId,
     /// How certain the map is of it.
     pub presence: Presence,
-    /// Probability that it is where it is: evidence of its detections, and of clear views without one.
+    /// Probability that it exists and is still there: from its evidence, and from clear views without a detection.
     pub existence: f64,
     /// Evidence of its kept views against clutter (nats).
     pub evidence: f64,
-    /// The quick fit of the association, in the world; [`ObjectMap::localize`] gives a better one, with a covariance.
+    /// The quick fit of the association, world frame; [`ObjectMap::localize`] gives better ones with covariances.
     pub ellipsoid: Ellipsoid,
     /// Share of its detections in each category, the most frequent first.
     pub categories: Vec<(Option<String>, f64)>,
     /// Number of its detections.
     pub detections: usize,
-    /// Number of frames in which it should be detected, if nothing hides it.
+    /// Number of frames in which it should be detected if nothing hides it.
     pub expected_views: usize,
-    /// Number of views that are kept of it.
+    /// Number of kept views.
     pub kept_views: usize,
     /// Time of its first detection, seconds.
     pub first_seen: f64,
@@ -161,7 +161,7 @@ impl ObjectMap {
         &self.options
     }
 
-    /// Number of frames that were observed.
+    /// Number of observed frames.
     pub fn frames(&self) -> u64 {
         self.running.frames
     }
@@ -171,7 +171,7 @@ impl ObjectMap {
         self.last.as_ref().map(|(time, id)| (id.as_str(), *time))
     }
 
-    /// Number of frames that the map keeps, because objects have views of them or they are recent.
+    /// Number of kept frames: those of kept views, and the recent ones.
     pub fn keyframes(&self) -> usize {
         self.keyframes.len()
     }
@@ -186,7 +186,7 @@ impl ObjectMap {
         self.tracked().filter(|t| t.presence != Presence::Tentative).filter_map(|t| self.describe(t))
     }
 
-    /// Objects of which the map is not certain yet, in the order of their ids.
+    /// Tentative objects, in the order of their ids.
     pub fn tentative_objects(&self) -> impl Iterator<Item = MapObject> + '_ {
         self.tracked().filter(|t| t.presence == Presence::Tentative).filter_map(|t| self.describe(t))
     }
@@ -250,7 +250,7 @@ impl ObjectMap {
         })
     }
 
-    /// Views as association uses them: their cameras, their boxes in the same order, and the statistics with their hidden edges.
+    /// Cameras and boxes of views in the form that association uses, and the statistics with their hidden edges.
     pub(super) fn gather<'a>(&self, views: impl IntoIterator<Item = &'a KeptView>) -> (Observations, SceneStatistics) {
         let mut observations = self.no_observations();
         let mut statistics = self.running.statistics.clone();
@@ -282,14 +282,14 @@ impl ObjectMap {
         self.options.ids != IdUse::Ignore && self.input_ids.is_used()
     }
 
-    /// Puts an object where cameras that may see it find it.
+    /// Updates the place of an object in the visibility index.
     pub(super) fn index(&mut self, slot: u32) {
         let Some(tracked) = self.slots[slot as usize].as_ref() else { return };
         let range = RANGE_MARGIN * self.indexed_range * tracked.object.longest_semi_axis();
         self.visibility.put(slot, &tracked.object.center, range);
     }
 
-    /// Puts all objects into the index anew where they may be seen from farther away than it allows for.
+    /// Rebuilds the visibility index if objects may be visible from farther away than it allows for.
     pub(super) fn check_index(&mut self) {
         let range = self.running.longest_focal / self.running.least_half_size().max(1e-9);
         if range <= self.indexed_range && range > 0.25 * self.indexed_range {

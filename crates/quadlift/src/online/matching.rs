@@ -1,4 +1,4 @@
-//! Which box of a frame is of which object of the map.
+//! Assigns the boxes of a frame to objects.
 
 use nalgebra::Vector2;
 
@@ -16,21 +16,21 @@ use crate::association::statistics::STUDENT_T_DOF;
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::solve::PoseNoise;
 
-/// Views that an object needs to say where the boxes of a frame should be.
+/// Minimum number of views of objects that are used to estimate the shift of a frame.
 const MIN_INFORMATIVE_VIEWS: usize = 4;
 
-/// Shifts that are smaller than this, in pixels, are not worth a second matching.
+/// Minimum shift for a second matching, pixels.
 pub(super) const LEAST_SHIFT: f64 = 0.25;
 
-/// Below this number of views an object is fitted anew at every box, later when its views have grown by this factor.
+/// An object with fewer views is refitted at every box, later when its number of views has grown by this factor.
 const ALWAYS_FITTED: usize = 12;
 const REFIT_GROWTH: f64 = 1.15;
 
-/// Sum of the squared residuals of a box's four edges, in standard deviations, beyond which its object is fitted anew: 5 % of
-/// boxes where the errors are normal.
+/// Sum of the squared normalised residuals of a box's edges beyond which its object is refitted: 5 % of
+/// the boxes if errors are normal.
 const SURPRISE: f64 = 9.5;
 
-/// An object that the camera should see.
+/// An object that should be visible in the frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     pub slot: u32,
@@ -40,14 +40,14 @@ pub(super) struct Seen {
 /// The pairs of objects and boxes of a frame.
 #[derive(Debug, Default)]
 pub(super) struct Matched {
-    /// Slot, index of the box, and what it is worth.
+    /// Slot, index of the box, log likelihood ratio.
     pub pairs: Vec<(u32, u32, LogLikelihoodRatio)>,
-    /// Objects that should be seen, by slots.
+    /// Objects that should be visible.
     pub seen: Vec<Seen>,
 }
 
 impl ObjectMap {
-    /// Pairs boxes with objects, and takes the shift of the frame off its boxes.
+    /// Matches boxes with objects, and subtracts the shift of the frame from its boxes.
     pub(super) fn match_boxes(&mut self, current: &mut Current, pose_noise: Option<PoseNoise>) -> Matched {
         let camera = current.observations.cameras[0].clone();
         let slots = self.visibility.near(&camera.center);
@@ -66,7 +66,7 @@ impl ObjectMap {
         self.pair_up(current, &slots, &|_| None)
     }
 
-    /// The best pairs, as the boxes are; `owner` is the slot of the object that a box belongs to so far.
+    /// The best pairs; `owner` is the slot of the object that a box is assigned to so far.
     pub(super) fn pair_up(&self, current: &Current, slots: &[u32], owner: &dyn Fn(u32) -> Option<u32>) -> Matched {
         let (observations, statistics) = (&current.observations, &self.running.statistics);
         let camera = &observations.cameras[0];
@@ -98,8 +98,8 @@ impl ObjectMap {
         Matched { pairs, seen }
     }
 
-    /// The most probable shift of the frame's boxes against the map, and the information about it; `None` where no object says
-    /// something.
+    /// The most probable shift of the frame's boxes relative to the map, and its information; `None` without informative
+    /// objects.
     pub(super) fn shift_of(
         &self,
         current: &Current,
@@ -121,11 +121,11 @@ impl ObjectMap {
                 weights[edge % 2] += weight;
             }
         }
-        // Half of what the spread says on top, as in batch.
+        // As in batch: otherwise the prior dominates.
         (weights.x > 1.5 * prior).then(|| (sum.component_div(&weights), weights))
     }
 
-    /// Gives the boxes to their objects; returns the slots of the objects that the frame shows.
+    /// Assigns the matched boxes; returns the objects that should be visible.
     pub(super) fn assign(&mut self, current: &mut Current, matched: Matched, update: &mut FrameUpdate) -> Vec<Seen> {
         for seen in &matched.seen {
             if let Some(tracked) = self.slot_mut(seen.slot) {
@@ -147,7 +147,7 @@ impl ObjectMap {
         matched.seen
     }
 
-    /// Gives a box of the frame to an object, which is fitted anew where it has few views; `None` when that fails.
+    /// Assigns a box of the frame to an object and refits it if due; `None` if the fit fails.
     fn give(&mut self, slot: u32, current: &Current, index: u32) -> Option<ObjectId> {
         let view = &current.views[index as usize];
         let mut tracked = self.slots.get_mut(slot as usize)?.take()?;
@@ -183,7 +183,7 @@ impl ObjectMap {
         Some(id)
     }
 
-    /// How far a box is from what its object predicts: the sum of squares over its edges, in standard deviations.
+    /// Sum of the squared normalised residuals of a box's edges.
     fn surprise(&self, tracked: &Tracked, current: &Current, index: u32) -> f64 {
         let observation = &current.observations.boxes[index as usize];
         let hidden = from_bits(current.views[index as usize].hidden);
@@ -193,7 +193,7 @@ impl ObjectMap {
         two_sided.map(|e| residuals[e] * residuals[e] * information).sum()
     }
 
-    /// Forgets views of an object while it has more than it may keep.
+    /// Forgets views of an object until it has at most [`super::OnlineOptions::max_views`].
     pub(super) fn forget_views(&mut self, slot: u32) {
         let (most, keyframes) = (self.options.max_views, &mut self.keyframes);
         let Some(tracked) = self.slots.get_mut(slot as usize).and_then(Option::as_mut) else { return };

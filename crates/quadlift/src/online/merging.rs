@@ -1,4 +1,4 @@
-//! Objects that turn out to be one.
+//! Merges objects that are one.
 
 use super::map::ObjectMap;
 use super::matching::Seen;
@@ -9,10 +9,10 @@ use crate::association::score::evidence::evidence;
 use crate::association::score::fit::{Start, fit};
 use crate::association::search::merge::{FEWER_VIEWS, NEAR, SAME_PLACE, SAME_SIZE, SHARED_FRAMES, within};
 
-/// A pair is tried again when one of the two has grown by this factor.
+/// A refused pair is tried again when the number of views of either has grown by this factor.
 const TRIED_AGAIN: f64 = 1.3;
 
-/// Merged ids that are remembered; the oldest are forgotten.
+/// Maximum number of merged ids that are remembered; the oldest are forgotten.
 const MOST_ALIASES: usize = 100_000;
 
 /// Pairs that are remembered; more are tried again.

@@ -1,22 +1,22 @@
 //! Object memory: objects from detections that arrive frame by frame.
 //!
-//! [`ObjectMap::observe`] takes a posed frame with its detections, and says which detection is of which object, and which objects
-//! are new, confirmed, merged or gone. It asks the same questions as [`crate::associate()`] with the same likelihoods
-//! (docs/method.md, section 15), but only while a box is recent: the time for a frame does not grow with the map.
+//! [`ObjectMap::observe`] takes a posed frame with its detections and returns the object of each detection, and which objects are
+//! new, confirmed, merged or gone. It uses the likelihoods of [`crate::associate()`] (docs/method.md, section 15), but
+//! assigns a box only while its frame is recent: the time for a frame does not grow with the map.
 //!
 //! The order of a frame (`observe`):
 //! 1. `matching`: the objects that the camera may see (`visibility`) predict their boxes; the pairs with the largest total log
-//!    likelihood ratio are made. The error of the frame's pose is taken off as a shift of its boxes.
-//! 2. `births`: boxes that are left form new objects with those of the last frames.
-//! 3. `recent`: the boxes of some of the last frames are assigned again, to the objects as they are known by now.
+//!    likelihood ratio are made. The pose error of the frame is estimated as a shift of its boxes.
+//! 2. `births`: unassigned boxes form new objects with those of the last frames.
+//! 3. `recent`: the boxes of some of the last frames are assigned again, because the objects are known better.
 //! 4. `lifecycle`: evidence confirms objects; clear views without a detection remove them.
-//! 5. `merging`: objects that overlap in the image are tried as one.
-//! 6. `learning`: noise, clutter and sizes of the map, from a sample of the objects (`running`).
+//! 5. `merging`: objects that overlap in the image are merged if they are one.
+//! 6. `learning`: noise, clutter and sizes are estimated from a sample of the objects (`running`).
 //!
-//! An object keeps a bounded number of views (`views`); the others are forgotten, and only counted. `poses` moves keyframes after
+//! An object keeps a bounded number of views (`views`); the others are forgotten and only counted. `poses` moves keyframes after
 //! a loop closure, and `scene` makes a [`crate::scene::Scene`] of the kept views for the estimators, reports and files.
 //!
-//! Nothing is drawn at random, and there is no clock but the times of the frames: the same frames give the same map.
+//! Nothing is random, and the only clock is the times of the frames: the same frames give the same map.
 
 mod births;
 mod current;
@@ -50,8 +50,8 @@ pub use state::{MapState, StateError};
 pub use tracked::Presence;
 pub use update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
 
-/// Detections of one frame, at most: matching more takes seconds.
+/// Maximum number of detections of a frame; matching more takes seconds.
 pub const MAX_DETECTIONS: usize = 20_000;
 
-/// Categories of a map, at most.
+/// Maximum number of categories of a map.
 pub const MAX_CATEGORIES: usize = 4096;

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-/// Input ids that are remembered, at most.
+/// Maximum number of input ids that are remembered.
 const MAX_INPUT_IDS: usize = 20_000;
 
-/// Numbers of the ids that detections come with.
+/// Numbers of input ids.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct InputIds {
@@ -15,7 +15,7 @@ pub(super) struct InputIds {
 }
 
 impl InputIds {
-    /// Whether there was an id at all.
+    /// Whether any detection had an id.
     pub fn is_used(&self) -> bool {
         self.next > 0
     }
@@ -32,7 +32,7 @@ impl InputIds {
         number
     }
 
-    /// Where there are too many, forgets the half that has not been seen for longest; returns its numbers.
+    /// If there are too many, forgets the half that was seen least recently and returns its numbers.
     pub fn forget_old(&mut self) -> Vec<u32> {
         if self.by_name.len() <= MAX_INPUT_IDS {
             return Vec::new();
@@ -74,12 +74,12 @@ impl Categories {
         &self.names
     }
 
-    /// The number of a category that is known.
+    /// The number of a known category.
     pub fn find(&self, name: Option<&str>) -> Option<u16> {
         name.map_or(self.none, |name| self.by_name.get(name).copied())
     }
 
-    /// A category more; the caller sees to it that there are at most [`super::MAX_CATEGORIES`].
+    /// Adds a category; the caller ensures that there are at most [`super::MAX_CATEGORIES`].
     pub fn add(&mut self, name: Option<&str>) -> u16 {
         let index = self.names.len() as u16;
         match name {

@@ -1,4 +1,4 @@
-//! One frame: what is checked, and in which order things are done.
+//! Observes a frame: checks it and runs the steps in their order.
 
 use std::collections::BTreeSet;
 
@@ -17,16 +17,16 @@ use crate::association::input::context::given_size;
 use crate::geometry::BoundingBox;
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
-/// Frames in a row that contradict the map after which they are believed: the world has changed.
+/// Number of consecutive contradicting frames after which they are used: the world has changed.
 const BELIEVED_AFTER: u32 = 10;
 
 impl ObjectMap {
-    /// Observes a frame: says which detection is of which object, and what is new.
+    /// Observes a frame: returns the object of each detection and what has changed.
     ///
-    /// The time that it takes depends on what the camera sees, not on the size of the map.
+    /// The time depends on what the camera sees, not on the size of the map.
     ///
     /// # Errors
-    /// [`ObserveError`] says why the frame was not taken; the map is as it was.
+    /// [`ObserveError`] says why the frame was refused; the map is unchanged.
     pub fn observe(&mut self, frame: &Frame, detections: &[Detection]) -> Result<FrameUpdate, ObserveError> {
         self.check(frame, detections)?;
         let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
@@ -118,7 +118,7 @@ impl ObjectMap {
                 Some(lens) => lens.undistort_box(&in_image),
                 None => Some(in_image),
             };
-            // As it is kept: a box that is empty or endless then is no box.
+            // Views are kept in single precision; a box must be valid then.
             let rounded = |measured: BoundingBox| BoundingBox::new(measured.edges().map(|e| f64::from(e as f32))).ok();
             let Some(measured) = measured.and_then(rounded) else { continue };
             if frame.image_size.is_none() {

@@ -15,14 +15,14 @@ pub struct OnlineOptions {
     /// Skip detections with a lower score; those without a score are kept.
     pub min_score: Option<f64>,
     /// The part of the standard deviation of box edges that does not depend on the box size, pixels
-    /// ([`AssociateOptions::pixel_sd`]). `None` selects 2, 4 or 8 as the evidence of the objects grows.
+    /// ([`AssociateOptions::pixel_sd`]). `None` selects 2, 4 or 8 by the evidence of the objects.
     pub pixel_sd: Option<f64>,
     /// Sizes by category, if known.
     pub priors: CategoryPriors,
-    /// Views that an object keeps; at least 4. The others are forgotten, those that add least first.
+    /// Maximum number of views that an object keeps; at least 4. The least informative views are forgotten.
     pub max_views: usize,
-    /// Objects that the map keeps. Where there are more, those that were never confirmed are forgotten first, then those that
-    /// are gone, then those that have not been seen for longest.
+    /// Maximum number of objects. If there are more, tentative objects are removed first, then gone ones, then those that were
+    /// seen least recently.
     pub max_objects: usize,
 }
 

@@ -1,4 +1,4 @@
-//! New poses of old frames, after a loop closure.
+//! Poses that change, for example after a loop closure.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,7 +19,7 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::search::merge::NEAR;
 use crate::geometry::Projection;
 
-/// Rounds of learning, splitting, merging and assigning after frames have moved.
+/// Rounds of estimation, splitting, merging and assignment after frames have moved.
 const ROUNDS: usize = 4;
 
 /// The new pose of a frame.
@@ -32,10 +32,10 @@ pub struct PoseUpdate {
 }
 
 impl ObjectMap {
-    /// Moves frames, and the objects with the frames that show them. Objects that lie in one place afterwards are merged.
+    /// Moves frames and the objects that they show. Objects that then coincide are merged.
     ///
-    /// No old detection is read again: the views that the map keeps are fitted anew. Frames that the map does not keep are
-    /// passed over. The update names the objects that were merged.
+    /// Objects are refitted to their kept views; no old detection is needed. Frames that the map does not keep are skipped. The
+    /// update names merged objects.
     pub fn update_poses(&mut self, poses: &[PoseUpdate]) -> FrameUpdate {
         let mut update = FrameUpdate::default();
         let new: BTreeMap<&str, &Projection> = poses.iter().map(|p| (p.frame.as_str(), &p.projection)).collect();
@@ -81,7 +81,7 @@ impl ObjectMap {
         update
     }
 
-    /// Assigns the kept views of all frames again; of the recent ones all boxes.
+    /// Assigns the kept views of all frames again, and all boxes of the recent ones.
     fn assign_kept(&mut self, update: &mut FrameUpdate) {
         let mut frames: BTreeMap<u32, RecentFrame> = BTreeMap::new();
         for tracked in self.tracked() {
@@ -112,7 +112,7 @@ impl ObjectMap {
         self.recent_again(update);
     }
 
-    /// An object fitted to its views where they are now, from where they carry it.
+    /// An object refitted to its moved views, starting where they carry it.
     fn moved(&self, tracked: &Tracked, before: &BTreeMap<u32, Camera>) -> Option<Tracked> {
         let (observations, statistics) = self.gather(&tracked.views);
         let mut starts = vec![Start::body(&tracked.object)];
@@ -131,8 +131,8 @@ impl ObjectMap {
         Some(moved)
     }
 
-    /// Takes the views out of an object that are better explained by clutter now, and makes an object of them where they agree;
-    /// returns its slot. With wrong poses, different things lie in one place.
+    /// Splits the views off an object that clutter explains better, and makes an object of them if they agree; returns its
+    /// slot. With wrong poses, views of different things were assigned to one object.
     fn split(&mut self, slot: u32, update: &mut FrameUpdate) -> Option<u32> {
         let tracked = self.slot(slot)?;
         let (mut observations, statistics) = self.gather(&tracked.views);
@@ -180,7 +180,7 @@ impl ObjectMap {
         Some(slot)
     }
 
-    /// Tries pairs of near objects as one, of which one was touched, the nearest first.
+    /// Merges near objects that are one, nearest first; at least one of a pair has moved.
     fn merge_near(&mut self, touched: &BTreeSet<u32>, update: &mut FrameUpdate) {
         let slots: Vec<u32> = self.slot_of_id.values().copied().collect();
         let objects: Vec<(Vector3<f64>, f64)> = slots
@@ -207,7 +207,7 @@ impl ObjectMap {
         }
     }
 
-    /// Merges two objects that the user knows to be one; the older id stays. Returns it, or `None` where there is no such pair.
+    /// Merges two objects that are known to be one. Returns the id that stays, the older one, or `None` if that is impossible.
     pub fn merge(&mut self, first: ObjectId, second: ObjectId) -> Option<ObjectId> {
         let (first, second) = (self.resolve(first), self.resolve(second));
         let (a, b) = (*self.slot_of_id.get(&first)?, *self.slot_of_id.get(&second)?);
@@ -215,7 +215,7 @@ impl ObjectMap {
     }
 }
 
-/// The object that some boxes show together, where there are two of them at least.
+/// The object that boxes show together; needs two of them.
 fn object_of(observations: &Observations, statistics: &SceneStatistics, boxes: &[u32]) -> Option<Object> {
     let first = &observations.boxes[*boxes.first().filter(|_| boxes.len() >= 2)? as usize];
     let guess = observations.cameras[first.frame].center + first.ray;
@@ -224,7 +224,7 @@ fn object_of(observations: &Observations, statistics: &SceneStatistics, boxes: &
     fit(observations, statistics, boxes.to_vec(), &[Start::sphere(sphere.center, sphere.log_radius.exp())])
 }
 
-/// The rigid motion of what a camera sees, when its pose changes: `X_new = turn X + shift`.
+/// The rigid motion of what a camera sees when its pose changes: `X_new = turn X + shift`.
 fn motion(old: &Camera, new: &Camera) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     // Both have the same intrinsics up to scale: M_new X_new + p_new = M_old X + p_old.
     let inverse = new.matrix.fixed_columns::<3>(0).try_inverse()?;

@@ -1,4 +1,4 @@
-//! The last frames: their boxes are assigned again when the objects are known better.
+//! Assigns the boxes of the last frames again, when the objects are known better.
 
 use nalgebra::Vector2;
 
@@ -10,13 +10,13 @@ use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatio;
 
-/// Frames back in which boxes may still change their object.
+/// Number of last frames whose boxes may still be reassigned.
 pub(super) const WINDOW: usize = 24;
 
-/// How many frames later the boxes of a frame are assigned again.
+/// Ages, in frames, at which the boxes of a frame are assigned again.
 const LOOKS: [usize; 3] = [3, 10, WINDOW];
 
-/// A box whose object has changed: its place in the frame, the slots before and after.
+/// A box to reassign: its index in the frame, the slots before and after.
 struct Change {
     index: usize,
     from: Option<u32>,
@@ -24,8 +24,8 @@ struct Change {
 }
 
 impl ObjectMap {
-    /// Assigns the boxes of all recent frames again, to the objects as they are known now: for the end of a stream, or before the
-    /// map is read. It takes as long as [`super::ObjectMap::observe`] takes for that many frames.
+    /// Assigns the boxes of all recent frames again, for the end of a stream. It takes about as long as observing that many
+    /// frames.
     pub fn settle(&mut self) -> FrameUpdate {
         let mut update = FrameUpdate::default();
         self.recent_again(&mut update);
@@ -39,7 +39,7 @@ impl ObjectMap {
         }
     }
 
-    /// Looks again at those of the recent frames whose turn it is, and lets the oldest go.
+    /// Assigns the frames of the ages [`LOOKS`] again, and drops the oldest one.
     pub(super) fn look_back_at_frames(&mut self, update: &mut FrameUpdate) {
         let newest = self.recent.len().saturating_sub(1);
         for lag in LOOKS {
@@ -54,7 +54,7 @@ impl ObjectMap {
         }
     }
 
-    /// Notes the object of a view in its frame, where that is recent.
+    /// Sets the object of a box in its frame, if the frame is recent.
     pub(super) fn set_owner(&mut self, view: &KeptView, owner: Option<ObjectId>) {
         let place = self.recent.partition_point(|frame| frame.key < view.keyframe);
         let Some(frame) = self.recent.get_mut(place).filter(|frame| frame.key == view.keyframe) else { return };
@@ -75,7 +75,7 @@ impl ObjectMap {
         self.recent[recent] = frame;
     }
 
-    /// Assigns the boxes of a frame again: all boxes where it is recent, else those that objects have kept.
+    /// Assigns boxes of a frame again.
     pub(super) fn assign_again(&mut self, frame: &mut RecentFrame, update: &mut FrameUpdate) {
         let Some(changes) = self.changes(frame) else { return };
         let mut changed: Vec<u32> = Vec::new();
@@ -109,7 +109,7 @@ impl ObjectMap {
         }
     }
 
-    /// Boxes of a frame that belong to another object than they are said to.
+    /// Boxes of a frame whose best assignment differs from the current one.
     fn changes(&mut self, frame: &RecentFrame) -> Option<Vec<Change>> {
         let keyframe = self.keyframes.get(frame.key)?;
         let (camera, shift, noise) = (keyframe.camera.clone(), keyframe.shift, keyframe.frame.pose_noise);
@@ -155,7 +155,7 @@ impl ObjectMap {
         Some(current.free.iter().copied().filter(differs).map(change).collect())
     }
 
-    /// Takes a view back from its object.
+    /// Removes a view from its object.
     pub(super) fn take_back(&mut self, slot: u32, view: &KeptView, input_id: Option<u32>) {
         let Some(tracked) = self.slot_mut(slot) else { return };
         let Some(place) = tracked.views.iter().position(|v| v.keyframe == view.keyframe) else { return };
@@ -168,7 +168,7 @@ impl ObjectMap {
         }
     }
 
-    /// Gives a view of an earlier frame to an object.
+    /// Adds a view of an earlier frame to an object.
     fn add_late(&mut self, slot: u32, view: KeptView, input_id: Option<u32>) -> Option<ObjectId> {
         let key = view.keyframe;
         let tracked = self.slot_mut(slot)?;
@@ -183,7 +183,7 @@ impl ObjectMap {
         Some(id)
     }
 
-    /// Fits an object to the views that it has now; one with too few of them is removed.
+    /// Refits an object; one with too few views is removed.
     pub(super) fn refit(&mut self, slot: u32, update: &mut FrameUpdate) {
         self.forget_views(slot);
         let Some(tracked) = self.slot(slot) else { return };

@@ -7,7 +7,7 @@ use crate::association::input::observations::SMALLEST_SIZE;
 use crate::association::input::sizes::LogSize;
 use crate::association::score::scene_statistics::{LARGEST_SHIFT_SD, SceneStatistics};
 
-/// Counts are smaller than this, so that counting on does not overflow.
+/// Upper bound of counts in a state, so that counting on does not overflow.
 pub(super) const MOST: u64 = 1 << 53;
 
 /// Bins of the histogram of half sizes, eight for each octave from 1/16 of a pixel on.
@@ -15,26 +15,26 @@ const BINS: usize = 256;
 const BINS_PER_OCTAVE: f64 = 8.0;
 const FIRST_OCTAVE: f64 = -4.0;
 
-/// Prior of the share of clear views in which an object is detected, as so many views with this share.
+/// Prior of the detection rate in clear views: its weight in views, and the rate.
 const RATE_PRIOR: [f64; 2] = [8.0, 0.8];
 
-/// Shifts of frames, at most and at least, and how many frames must tell one before their spread is learnt.
+/// Minimum standard deviation of frame shifts, and the number of frames from which it is estimated.
 const LEAST_SHIFT_SD: f64 = 0.2;
 const MIN_INFORMATIVE_FRAMES: u64 = 5;
 
-/// Everything that is learnt from all frames together.
+/// Running statistics of all frames.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Running {
     pub frames: u64,
     pub boxes: u64,
-    /// Boxes that objects have.
+    /// Assigned boxes.
     pub assigned: i64,
     /// Sum, and sum of squares, of the logarithms of half widths and half heights.
     log_sizes: [f64; 2],
     histogram: Vec<u64>,
     category_counts: Vec<u64>,
-    /// Clear views of confirmed objects, and in how many of them they were detected.
+    /// Clear views of confirmed objects, and those with a detection.
     pub clear: f64,
     pub clear_detected: f64,
     shift_squares: f64,
@@ -43,9 +43,9 @@ pub(super) struct Running {
     pub longest_focal: f64,
     /// Extent of all boxes, for images of unknown size.
     pub extent: [f64; 2],
-    /// Number of assigned boxes at which the statistics are learnt again.
+    /// Number of assigned boxes at which statistics are estimated again.
     pub next_learning: i64,
-    /// Number of assigned boxes at which the slack of edges is chosen again.
+    /// Number of assigned boxes at which the slack of edges is selected again.
     pub next_slack: i64,
     pub statistics: SceneStatistics,
     pub given_sizes: Vec<Option<LogSize>>,
@@ -73,20 +73,20 @@ impl Running {
         }
     }
 
-    /// Whether there are numbers for so many categories, and all lists have their sizes.
+    /// Whether all lists have the right length for this number of categories.
     pub fn has_categories(&self, count: usize) -> bool {
         let counts = [self.category_counts.len(), self.given_sizes.len(), self.statistics.log_sizes.len()];
         counts.iter().all(|&n| n == count) && self.histogram.len() == BINS && self.statistics.hidden.is_empty()
     }
 
-    /// Whether all counts can be counted on.
+    /// Whether all counts are within [`MOST`].
     pub fn is_countable(&self) -> bool {
         let assigned = self.assigned.unsigned_abs();
         [self.frames, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MOST)
             && self.histogram.iter().chain(&self.category_counts).all(|&n| n < MOST)
     }
 
-    /// A category more.
+    /// Adds a category.
     pub fn add_category(&mut self, size: Option<LogSize>) {
         self.category_counts.push(0);
         self.given_sizes.push(size);
@@ -105,14 +105,14 @@ impl Running {
         self.histogram[bin as usize] += 1;
     }
 
-    /// How large boxes are.
+    /// The distribution of box sizes.
     pub fn box_sizes(&self) -> BoxSizes {
         let count = (2 * self.boxes).max(1) as f64;
         let mean = self.log_sizes[0] / count;
         BoxSizes::new(mean, (self.log_sizes[1] / count - mean * mean).max(0.0))
     }
 
-    /// Predicted boxes of a smaller half size are not expected to be detected.
+    /// Half size below which predicted boxes are not expected to be detected, pixels.
     pub fn least_half_size(&self) -> f64 {
         let below = (0.02 * self.boxes as f64) as u64;
         let mut sum = 0;
@@ -130,19 +130,19 @@ impl Running {
         self.category_counts.iter().map(|&n| 1e-9 + n as f64 / self.boxes.max(1) as f64).collect()
     }
 
-    /// Share of clear views in which a confirmed object is detected.
+    /// Detection rate of confirmed objects in clear views.
     pub fn detection_share(&self) -> f64 {
         (self.clear_detected + RATE_PRIOR[0] * RATE_PRIOR[1]) / (self.clear + RATE_PRIOR[0])
     }
 
-    /// Learns how many boxes are clutter.
+    /// Updates the clutter rate.
     pub fn learn_clutter(&mut self) {
         let (frames, all) = (self.frames.max(1) as f64, self.boxes as f64);
         let free = (all - self.assigned as f64) / frames;
         self.statistics.log_clutter_rate = free.max(0.02 * all / frames).max(0.02).ln();
     }
 
-    /// Learns the spread of the shifts of frames from that of one, with the information about it.
+    /// Updates the standard deviation of frame shifts with the shift of a frame and its information.
     pub fn learn_shift(&mut self, shift: &Vector2<f64>, information: &Vector2<f64>) {
         self.shift_frames += 1;
         self.shift_squares += shift.norm_squared() + 1.0 / information.x + 1.0 / information.y;

@@ -9,8 +9,7 @@ use crate::localize::{Localization, LocalizeError, LocalizeOptions, localize};
 use crate::scene::{Detection, Scene, SceneParts};
 
 impl ObjectMap {
-    /// The kept views of the objects as a scene: its objects are named by their ids, in their order; objects of which the map is
-    /// not certain are left out.
+    /// The kept views as a scene. Its object ids are those of the map, in their order; tentative objects are left out.
     pub fn to_scene(&self) -> Scene {
         let mut parts = SceneParts { name: "object map".to_owned(), ..Default::default() };
         let objects: Vec<_> = self.tracked().filter(|t| t.presence != Presence::Tentative).collect();

@@ -1,4 +1,4 @@
-//! The state of a map as plain numbers: what a program stores to go on later.
+//! The state of a map as plain numbers, to store it and go on later.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,12 +19,12 @@ use crate::association::score::object::Object;
 use crate::geometry::{Camera, CameraModel, Projection};
 use crate::solve::PoseNoise;
 
-/// The whole state of an [`ObjectMap`] but its options. With the feature `serde` it can be written and read; what is read is
-/// checked by [`ObjectMap::from_state`].
+/// The state of an [`ObjectMap`] without its options. The feature `serde` makes it serialisable; [`ObjectMap::from_state`]
+/// checks it.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MapState {
-    /// Number of this format.
+    /// Version of the format.
     version: u32,
     next_key: u32,
     next_id: u64,
@@ -44,7 +44,7 @@ pub struct MapState {
     tried_pairs: Vec<((u64, u64), (usize, usize))>,
 }
 
-/// The number of the format that this version writes and reads.
+/// Version of the format that is written and read.
 const VERSION: u32 = 1;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +58,7 @@ struct KeyframeState {
     /// Name and parameters of the camera with a lens.
     lens: Option<(String, Vec<f64>)>,
     pose_noise: Option<[f64; 2]>,
-    /// The image size, or what stood for it.
+    /// The image size, or its replacement.
     extent: [f64; 2],
     shift: [f64; 2],
     references: u32,
@@ -90,17 +90,17 @@ struct TrackedState {
     last_keyframe: u32,
 }
 
-/// Why a state is not one of a map.
+/// Why a state cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StateError {
-    /// It was written by another version.
+    /// Its format has another version.
     #[error("the state has format {found}; expected {VERSION}")]
     Version {
         /// The format found.
         found: u32,
     },
-    /// Something in it contradicts something else in it.
+    /// It contradicts itself.
     #[error("the state is damaged: {0}")]
     Damaged(&'static str),
     /// The options are wrong.
@@ -109,7 +109,7 @@ pub enum StateError {
 }
 
 impl ObjectMap {
-    /// The state of the map. [`ObjectMap::from_state`] with the same options gives a map that goes on exactly as this one.
+    /// The state of the map. With it and the same options, [`ObjectMap::from_state`] gives a map that behaves exactly like this one.
     pub fn to_state(&self) -> MapState {
         MapState {
             version: VERSION,
@@ -135,7 +135,7 @@ impl ObjectMap {
     /// The map of a state.
     ///
     /// # Errors
-    /// [`StateError`] when the state is of another version or damaged, or when the options are wrong.
+    /// [`StateError`] if the version differs, the state is damaged, or an option is outside of its range.
     pub fn from_state(options: OnlineOptions, state: MapState) -> Result<Self, StateError> {
         if state.version != VERSION {
             return Err(StateError::Version { found: state.version });
@@ -173,7 +173,7 @@ impl ObjectMap {
 }
 
 impl MapState {
-    /// Whether everything that refers to something finds it.
+    /// Checks all references and ranges.
     fn check(&self) -> Result<(), StateError> {
         let hold = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(StateError::Damaged(what)) };
         hold(self.categories.len() <= super::MAX_CATEGORIES, "too many categories")?;
@@ -327,7 +327,7 @@ impl TrackedState {
 
 #[cfg(test)]
 impl MapState {
-    /// Panics where the state is not one that [`ObjectMap::from_state`] takes, or where frames are held by nobody, or not held.
+    /// Panics if [`ObjectMap::from_state`] would refuse the state, or if reference counts are wrong.
     pub(super) fn assert_sound(&self) {
         assert_eq!(self.check(), Ok(()));
         let mut held: BTreeMap<u32, u32> = BTreeMap::new();
@@ -343,7 +343,7 @@ impl MapState {
         assert_eq!(self.running.assigned, views as i64);
     }
 
-    /// States with one thing wrong each.
+    /// States with one error each.
     pub(super) fn damaged(&self) -> Vec<Self> {
         let with = |change: &dyn Fn(&mut Self)| {
             let mut state = self.clone();

@@ -1,4 +1,4 @@
-//! An object as the map keeps it.
+//! An object of the map.
 
 use super::update::ObjectId;
 use super::views::KeptView;
@@ -12,31 +12,31 @@ pub enum Presence {
     Tentative,
     /// It is there.
     Confirmed,
-    /// It was there, and is not detected any more where it should be.
+    /// It was there, but is no longer detected in clear views.
     Gone,
 }
 
-/// Logarithm of the odds that an object that has just been detected is still there in the next frame.
+/// Log odds that an object that was just detected is still there in the next frame.
 pub(super) const DETECTED_LOG_ODDS: f64 = 6.9;
 
 /// An object of the map.
 #[derive(Debug, Clone)]
 pub(super) struct Tracked {
     pub id: ObjectId,
-    /// The fit; its boxes are the places of `views`.
+    /// The fit; its boxes are indices into `views`.
     pub object: Object,
     /// Kept views in the order of their frames.
     pub views: Vec<KeptView>,
-    /// Number of views, with the forgotten ones, at the last fit.
+    /// Number of views at the last fit, including forgotten ones.
     pub fitted_views: usize,
     /// Number of its detections in each category, by index.
     pub categories: Vec<(u16, u32)>,
-    /// Ids that its detections came with, and how many of each.
+    /// Input ids of its detections, with counts.
     pub input_ids: Vec<(u32, u32)>,
     pub presence: Presence,
-    /// Logarithm of the odds that it is there.
+    /// Log odds that it is there.
     pub log_odds: f64,
-    /// Views in which it could be seen clearly since it was confirmed, and in how many of them it was detected.
+    /// Clear views since it was confirmed, and those with a detection.
     pub clear: u32,
     pub clear_detected: u32,
     /// Clear views without a detection since the last one.
@@ -47,11 +47,11 @@ pub(super) struct Tracked {
     pub last_keyframe: u32,
 }
 
-/// Distinct input ids that are remembered of an object.
+/// Maximum number of input ids that are remembered per object.
 const MAX_INPUT_IDS: usize = 32;
 
 impl Tracked {
-    /// An object of no views yet, seen between two instants.
+    /// An object without views, seen between two times.
     pub fn new(id: ObjectId, object: Object, [first_time, last_time]: [f64; 2]) -> Self {
         Self {
             id,
@@ -80,7 +80,7 @@ impl Tracked {
         self.count_id(input_id, 1);
     }
 
-    /// Counts an id, so many times.
+    /// Adds to the count of an id.
     pub fn count_id(&mut self, input_id: Option<u32>, times: u32) {
         let Some(id) = input_id else { return };
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| *known == id) {
@@ -90,7 +90,7 @@ impl Tracked {
         }
     }
 
-    /// Takes a detection off the counts of categories and ids.
+    /// Removes a detection from the counts.
     pub fn uncount(&mut self, view: &KeptView, input_id: Option<u32>) {
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| Some(*known) == input_id) {
             *count = count.saturating_sub(1);
@@ -100,7 +100,7 @@ impl Tracked {
         }
     }
 
-    /// Puts a view where its frame belongs. The fit does not know of it yet.
+    /// Adds a view in the order of frames, without a fit.
     pub fn add_view(&mut self, view: KeptView, input_id: Option<u32>) {
         self.count(&view, input_id);
         self.last_keyframe = self.last_keyframe.max(view.keyframe);
@@ -109,21 +109,21 @@ impl Tracked {
         self.renumber();
     }
 
-    /// Takes a view out.
+    /// Removes a view.
     pub fn take_view(&mut self, place: usize) -> KeptView {
         let view = self.views.remove(place);
         self.renumber();
         view
     }
 
-    /// A fit in place of the old one.
+    /// Replaces the fit.
     pub fn replace_fit(&mut self, fitted: Object) {
         let Object { forgotten, visible, trusted_id, .. } = self.object;
         self.object = Object { forgotten, visible, trusted_id, ..fitted };
         self.fitted_views = self.object.views();
     }
 
-    /// Whether it has a view of a frame; only of those that are kept.
+    /// Whether it has a kept view of a frame.
     pub fn is_seen_in(&self, keyframe: u32) -> bool {
         self.views.binary_search_by_key(&keyframe, |v| v.keyframe).is_ok()
     }

@@ -1,6 +1,6 @@
-//! What a frame has changed in an object map.
+//! What changed in an object map.
 
-/// Id of an object of a map: 1, 2, ... in the order in which objects came up. Ids are never used again.
+/// Id of an object of a map: 1, 2, ... in order of appearance. Ids are never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ObjectId(pub u64);
@@ -25,13 +25,13 @@ pub struct DetectionRef {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Removal {
-    /// It was not detected in clear views: it is gone. The map keeps it and finds it again where it returns.
+    /// It was not detected in clear views. The map keeps it, and detects when it returns.
     Gone,
-    /// Its detections are better explained by clutter; they belong to no object any more.
+    /// Clutter explains its detections better; they are unassigned.
     Weak,
-    /// It is inside of a like object that has more detections.
+    /// It coincides with a similar object that has many more detections.
     Nested,
-    /// The map keeps [`super::OnlineOptions::max_objects`] objects only.
+    /// The map exceeded [`super::OnlineOptions::max_objects`].
     Forgotten,
     /// The user removed it.
     User,
@@ -41,11 +41,11 @@ pub enum Removal {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Event {
-    /// An object came up from two detections or more. It is not certain yet.
+    /// A tentative object was created from two or more detections.
     New {
         /// The object.
         object: ObjectId,
-        /// Its detections of earlier frames; that of this frame is in [`FrameUpdate::objects`].
+        /// Its detections in earlier frames; the one in this frame is in [`FrameUpdate::objects`].
         detections: Vec<DetectionRef>,
     },
     /// There is enough evidence for an object.
@@ -53,36 +53,35 @@ pub enum Event {
         /// The object.
         object: ObjectId,
     },
-    /// Detections of earlier frames turned out to be of an object, or of none.
+    /// Detections of earlier frames were reassigned.
     Reassigned {
-        /// The object; `None` where they are clutter.
+        /// The object; `None` if they are clutter now.
         object: Option<ObjectId>,
         /// The detections.
         detections: Vec<DetectionRef>,
     },
-    /// Two objects turned out to be one. The older id stays.
+    /// Two objects were merged. The older id stays.
     Merged {
         /// The object that stays.
         object: ObjectId,
-        /// The id that is an alias of it from now on.
+        /// The id that is now an alias of it.
         alias: ObjectId,
     },
-    /// An object left the map, or is gone.
+    /// An object was removed or is gone.
     Removed {
         /// The object.
         object: ObjectId,
         /// Why.
         reason: Removal,
     },
-    /// An object that was gone is detected again.
+    /// A gone object is detected again.
     Returned {
         /// The object.
         object: ObjectId,
     },
-    /// The frame contradicts the map: of the objects that should be seen, none is detected. It changes nothing but what it says
-    /// itself.
+    /// The frame contradicts the map, because none of the expected objects is detected. It does not change the map.
     Disagrees {
-        /// Number of objects that should be seen.
+        /// Number of expected objects.
         expected: usize,
     },
 }

@@ -6,8 +6,7 @@ use super::keyframes::Keyframes;
 use super::update::ObjectId;
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 
-/// A detection that an object keeps, or that may still find its object. A map has dozens for each object, so that it is small: 48
-/// bytes; edges are known to 1e-4 px.
+/// A kept detection. A map has dozens per object, so it is small: edges have single precision, 1e-4 px.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct KeptView {
@@ -31,7 +30,7 @@ pub(super) struct KeptView {
     pub hidden: u8,
 }
 
-/// A frame whose boxes may still change their object.
+/// A frame whose boxes may still be reassigned.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct RecentFrame {
@@ -45,7 +44,7 @@ pub(super) struct RecentFrame {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct RecentBox {
     pub view: KeptView,
-    /// Id that the detection came with.
+    /// Input id of the detection.
     pub input_id: Option<u32>,
     pub owner: Option<ObjectId>,
 }
@@ -77,14 +76,14 @@ impl KeptView {
         (self.keyframe, self.detection) == (other.keyframe, other.detection)
     }
 
-    /// Number of edges that tell where the object ends.
+    /// Number of edges that are neither cut off nor hidden.
     fn telling_edges(&self) -> u32 {
         4 - (self.cut | self.hidden).count_ones()
     }
 }
 
-/// The place of the view that adds least to the others: of the two whose directions of view and distances are most alike, the one
-/// with fewer edges that tell something, else the one that is farther away.
+/// Index of the least informative view: of the two with the most similar directions and distances, the one with fewer useful
+/// edges, else the farther one.
 pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &Vector3<f64>) -> usize {
     // Points on rays from the object to the cameras, at the logarithms of the distances.
     let places: Vec<(Vector3<f64>, f64)> = views
@@ -99,7 +98,7 @@ pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &
     for a in 0..places.len() {
         for b in a + 1..places.len() {
             let (d, l) = (places[a].0 - places[b].0, places[a].1 - places[b].1);
-            // Views that tell little are forgotten for less.
+            // Views with few useful edges are forgotten earlier.
             let worth = views[a].telling_edges().min(views[b].telling_edges());
             let apart = (d.norm_squared() + 0.25 * l * l) * f64::from(1 + worth);
             if apart < closest {

@@ -12,7 +12,7 @@ pub(super) struct VisibilityIndex {
     places: Vec<Option<(i32, [i64; 3])>>,
 }
 
-/// Ranges are those between these powers of two.
+/// Exponents of the smallest and largest range, powers of two.
 const LEVELS: [f64; 2] = [-60.0, 60.0];
 
 fn cell_at(point: &Vector3<f64>, level: i32) -> [i64; 3] {
