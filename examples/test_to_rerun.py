@@ -225,7 +225,7 @@ class ToRerun(unittest.TestCase):
         scene = package.Scene.from_arrays(projections=np.eye(3, 4)[None])
         with self.assertRaisesRegex(package.QuadliftError, "there is no recording; call rerun.init first"):
             scene.to_rerun()
-        with self.assertRaisesRegex(package.QuadliftError, "recording.json: there is no such file; expected what"):
+        with self.assertRaisesRegex(package.QuadliftError, "recording.json: there is no such file; expected the output of"):
             package.log_recording(self.folder)
 
 
