@@ -238,8 +238,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     };
     let ended = session.run(&mut source, &files);
     // Whatever ended the stream, what was seen is written.
-    let written = session.end(&files);
-    let text = session.in_words();
+    let (text, written) = session.end(&files);
     let wrote = [&args.map, &args.state, &args.report].into_iter().flatten();
     ended?;
     written?;

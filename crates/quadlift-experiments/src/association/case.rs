@@ -102,8 +102,8 @@ impl Case {
             division: pairwise_clustering_scores(&self.true_objects, &association.object_of_detection),
             found: score_found(&bodies, &self.detected_bodies(), LEAST_IOU),
             centers_found: self.centers_found(&bodies),
-            o3d: self.o3d(&association.applied_to(&self.scene, None))?,
-            o3d_with_true_ids: self.o3d(&self.with_true_ids()?)?,
+            o3d: o3d(&association.applied_to(&self.scene, None), &self.detected_bodies())?,
+            o3d_with_true_ids: o3d(&self.with_true_ids()?, &self.detected_bodies())?,
             standing,
             false_objects,
         })
@@ -135,16 +135,6 @@ impl Case {
         mean(&self.detected_bodies().iter().map(|body| if is_near(body) { 1.0 } else { 0.0 }).collect::<Vec<_>>())
     }
 
-    /// Localises the objects that the detections name: the mean volume IoU of the true objects, 0 for those that are
-    /// not there.
-    fn o3d(&self, scene: &Scene) -> Result<f64, Error> {
-        let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
-        let localization = localize(scene, &LocalizeOptions::from(map))?;
-        let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
-        let score = score_found(&estimates, &self.detected_bodies(), 0.0);
-        Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
-    }
-
     /// The true and the false ones of the objects that were found.
     fn marked(&self, association: &Association) -> (Marked, Marked) {
         let mut members = vec![(0usize, 0usize); association.objects.len()];
@@ -163,6 +153,16 @@ impl Case {
         }
         (standing, others)
     }
+}
+
+/// Localises the objects that the detections name: the mean volume IoU of the true objects, 0 for those that are
+/// not there.
+pub(crate) fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
+    let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let localization = localize(scene, &LocalizeOptions::from(map))?;
+    let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
+    let score = score_found(&estimates, bodies, 0.0);
+    Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
 }
 
 #[cfg(test)]

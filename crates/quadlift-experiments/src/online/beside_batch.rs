@@ -7,9 +7,8 @@ use quadlift::metrics::pairwise_clustering_scores;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use rayon::prelude::*;
 
-use super::o3d;
 use super::replay::replay;
-use crate::association::case::Case;
+use crate::association::case::{Case, o3d};
 use crate::association::{driving, synthetic, without_ids};
 use crate::error::Error;
 use crate::report::{Headline, Report};

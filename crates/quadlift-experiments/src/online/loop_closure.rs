@@ -13,8 +13,8 @@ use quadlift::synthetic::{
 };
 use rayon::prelude::*;
 
-use super::o3d;
 use super::replay::{by_frame, observed};
+use crate::association::case::o3d;
 use crate::error::Error;
 use crate::report::Report;
 use crate::scores::mean;

@@ -7,12 +7,6 @@ mod replay;
 
 use std::path::Path;
 
-use quadlift::geometry::Ellipsoid;
-use quadlift::metrics::score_found;
-use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, MapOptions};
-use quadlift::{LocalizeOptions, localize};
-
 use crate::data::data_folder;
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
@@ -42,13 +36,4 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     loop_closure::add(&mut report, seed)?;
     steps.done();
     Ok(report)
-}
-
-/// Mean volume IoU of the true bodies after `localize`, 0 for those that are not there.
-fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
-    let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
-    let localization = localize(scene, &LocalizeOptions::from(map))?;
-    let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
-    let score = score_found(&estimates, bodies, 0.0);
-    Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
 }

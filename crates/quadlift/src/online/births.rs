@@ -9,10 +9,8 @@ use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
 use crate::association::score::object::is_visible;
-use crate::association::score::rays::{Sphere, pair_sphere};
-
-/// Maximum disagreement of the two boxes of a new object.
-const LARGEST_DISAGREEMENT: f64 = 6.0;
+use crate::association::score::rays::{PairSphere, Sphere};
+use crate::association::search::growth::new_pair;
 
 /// Maximum number of pairs tested per frame, and the minimum per box.
 const MOST_PAIRS: usize = 100_000;
@@ -89,24 +87,15 @@ impl ObjectMap {
                 others.push((&keyframe.camera, observation, (recent, place)));
             }
         }
+        let tally = self.weighs_ids().then_some(&self.tally);
         let mut pairs = Vec::new();
         for &new in &current.free {
             let observation = &current.observations.boxes[new as usize];
             for (other_camera, other, old) in &others {
-                if other.category != observation.category {
-                    continue;
-                }
-                let Some(pair) = pair_sphere((camera, observation), (other_camera, other)) else { continue };
-                let mut disagreement = pair.disagreement;
-                if let Some(size) = self.running.statistics.log_sizes[observation.category] {
-                    disagreement += 0.5 * ((pair.sphere.log_radius - size.mean) / size.sd).powi(2);
-                }
-                if disagreement < LARGEST_DISAGREEMENT {
-                    if self.weighs_ids() {
-                        disagreement -= self.tally.pair_bonus(observation.id, other.id);
-                    }
-                    pairs.push(BoxPair { disagreement, new, old: *old, sphere: pair.sphere });
-                }
+                let pair = new_pair(&self.running.statistics, tally, (camera, observation), (other_camera, other));
+                let box_pair =
+                    |pair: PairSphere| BoxPair { disagreement: pair.disagreement, new, old: *old, sphere: pair.sphere };
+                pairs.extend(pair.map(box_pair));
             }
         }
         pairs
@@ -175,9 +164,7 @@ impl ObjectMap {
                 view.hidden = to_bits(ratio.hidden);
                 let mut longer = tracked.clone();
                 longer.add_view(view, found.input_id);
-                let (observations, statistics) = self.gather(&longer.views);
-                let start = Start::body(&tracked.object);
-                if let Some(fitted) = fit(&observations, &statistics, longer.object.boxes.clone(), &[start]) {
+                if let Some(fitted) = self.fit_views(&longer, &[Start::body(&tracked.object)]) {
                     longer.replace_fit(fitted);
                     longer.object.visible += 1;
                     *tracked = longer;

@@ -34,28 +34,21 @@ impl ObjectMap {
         }
     }
 
-    /// At most `most` objects with enough views, evenly over the map.
-    fn sample(&self, most: usize) -> Vec<&Tracked> {
+    /// At most `most` objects with enough views, evenly over the map, and the number of all of them.
+    fn sample(&self, most: usize) -> (Vec<&Tracked>, usize) {
         let enough = |t: &&Tracked| t.object.views() >= self.options.min_views;
         let all: Vec<&Tracked> = self.tracked().filter(enough).collect();
         let step = all.len().div_ceil(most).max(1);
-        all.into_iter().step_by(step).collect()
+        let count = all.len();
+        (all.into_iter().step_by(step).collect(), count)
     }
 
     /// Estimates the statistics from a sample of the objects.
     pub(super) fn learn(&mut self) {
-        let sample = self.sample(SAMPLE);
-        let count = self.tracked().filter(|t| t.object.views() >= self.options.min_views).count();
+        let (sample, count) = self.sample(SAMPLE);
         let (observations, statistics) = self.gather(sample.iter().flat_map(|t| &t.views));
-        let mut next = 0;
-        let objects: Vec<Object> = sample
-            .iter()
-            .map(|t| {
-                let first = next;
-                next += t.views.len() as u32;
-                Object { boxes: (first..next).collect(), ..t.object.clone() }
-            })
-            .collect();
+        let objects: Vec<Object> =
+            in_one_list(sample.iter().copied()).map(|(t, boxes)| Object { boxes, ..t.object.clone() }).collect();
         let mut learnt = statistics;
         learnt.learn_edge_sd(&observations, &objects);
         learnt.learn_sizes(&self.running.given_sizes, objects.iter());
@@ -70,7 +63,7 @@ impl ObjectMap {
     /// Selects the slack of edges as in batch: the largest that costs little evidence.
     fn choose_slack(&mut self) {
         let sample: Vec<Tracked> =
-            self.sample(SLACK_SAMPLE).into_iter().filter(|t| t.presence == Presence::Confirmed).cloned().collect();
+            self.sample(SLACK_SAMPLE).0.into_iter().filter(|t| t.presence == Presence::Confirmed).cloned().collect();
         if sample.is_empty() {
             return;
         }
@@ -92,17 +85,22 @@ impl ObjectMap {
     fn evidence_with_slack(&self, sample: &[Tracked], slack: f64) -> f64 {
         let (observations, mut statistics) = self.gather(sample.iter().flat_map(|t| &t.views));
         statistics.pixel_sd = slack;
-        let mut next = 0;
-        let fitted: Vec<Object> = sample
-            .iter()
-            .filter_map(|t| {
-                let first = next;
-                next += t.views.len() as u32;
-                let fitted = fit(&observations, &statistics, (first..next).collect(), &[Start::body(&t.object)])?;
+        let fitted: Vec<Object> = in_one_list(sample)
+            .filter_map(|(t, boxes)| {
+                let fitted = fit(&observations, &statistics, boxes, &[Start::body(&t.object)])?;
                 Some(Object { forgotten: t.object.forgotten, visible: t.object.visible, ..fitted })
             })
             .collect();
         statistics.learn_edge_sd(&observations, &fitted);
         fitted.iter().map(|o| evidence(&self.rate, &observations, &statistics, o).max(0.0)).sum()
     }
+}
+
+/// Objects with the indices of their views in the list of the views of all of them.
+fn in_one_list<'a>(sample: impl IntoIterator<Item = &'a Tracked>) -> impl Iterator<Item = (&'a Tracked, Vec<u32>)> {
+    sample.into_iter().scan(0, |next, tracked| {
+        let first = *next;
+        *next += tracked.views.len() as u32;
+        Some((tracked, (first..*next).collect()))
+    })
 }

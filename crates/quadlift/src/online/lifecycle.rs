@@ -10,10 +10,8 @@ use super::update::{Event, FrameUpdate, ObjectId, Removal};
 use super::views::KeptView;
 use crate::association::input::observations::BoxObservation;
 use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
+use crate::association::search::growth::MOST_MISSES;
 use crate::association::statistics::median;
-
-/// Tentative objects are removed when they have been missed more often than this, and more often than detected.
-const MOST_MISSES: usize = 4;
 
 /// Log odds below which an object is gone. With [`DETECTED_LOG_ODDS`] a detector that misses one object in five
 /// must miss it eight times in a row: by chance once in 400,000 views.
@@ -99,8 +97,7 @@ impl ObjectMap {
         for seen in &matched.seen {
             let is_detected = detected.contains(&seen.slot);
             // Its own box covers it where it is detected; what else does was no hindrance then.
-            let usual_size = self.usual_half_size(seen.slot);
-            let visible_share = match clarity(current, &depths, seen, usual_size) {
+            let visible_share = match clarity(current, &depths, seen, || self.usual_half_size(seen.slot)) {
                 Clarity::Unclear => 0.0,
                 Clarity::InView { .. } if is_detected => 1.0,
                 Clarity::InView { covered } => 1.0 - covered,
@@ -137,7 +134,6 @@ impl ObjectMap {
         let id = tracked.id;
         let confirms = tracked.presence == Presence::Tentative && self.is_certain(tracked);
         let Some(tracked) = self.slot_mut(slot) else { return };
-        tracked.missed = 0;
         match tracked.presence {
             Presence::Tentative if confirms => {
                 tracked.presence = Presence::Confirmed;
@@ -168,6 +164,7 @@ impl ObjectMap {
         let views = tracked.object.views();
         let misses = tracked.object.visible.saturating_sub(views);
         let weak = match tracked.presence {
+            // More often than detected, too.
             Presence::Tentative => misses > MOST_MISSES.max(views),
             // Many misses speak against a weak object, wherever they come from.
             Presence::Confirmed => misses.is_multiple_of(MOST_MISSES) && self.evidence_of(tracked) <= MIN_EVIDENCE,
@@ -183,7 +180,6 @@ impl ObjectMap {
         // Things that are half hidden are detected much less often (ours).
         let share = self.share_of(tracked) * visible_share * visible_share;
         let Some(tracked) = self.slot_mut(slot) else { return };
-        tracked.missed += 1;
         tracked.log_odds += (1.0 - share).ln();
         if tracked.presence == Presence::Gone {
             tracked.log_odds = tracked.log_odds.max(GONE_LOG_ODDS);
@@ -267,15 +263,16 @@ enum Clarity {
 }
 
 /// How clearly an object is in view in a frame; `depths` are the depths of the objects of the boxes, if assigned.
-fn clarity(current: &Current, depths: &[Option<f64>], seen: &Seen, usual_size: f64) -> Clarity {
+fn clarity(current: &Current, depths: &[Option<f64>], seen: &Seen, usual_size: impl Fn() -> f64) -> Clarity {
     let prediction = &seen.prediction;
     let camera = &current.observations.cameras[0];
     let [x0, y0, x1, y1] = prediction.edges;
     let [w, h] = prediction.size();
     let inside = (x1.min(camera.size.x) - x0.max(0.0)).max(0.0) * (y1.min(camera.size.y) - y0.max(0.0)).max(0.0);
-    let least = (CLEAR_SIZE * current.observations.least_half_size).min(USUAL_SIZE * usual_size);
-    let is_large = 0.25 * (w + h) >= least;
-    if inside < CLEAR_SHARE * w * h || !is_large {
+    let half_size = 0.25 * (w + h);
+    let is_large =
+        || half_size >= CLEAR_SIZE * current.observations.least_half_size || half_size >= USUAL_SIZE * usual_size();
+    if inside < CLEAR_SHARE * w * h || !is_large() {
         return Clarity::Unclear;
     }
     let covers = |(depth, b): (&Option<f64>, &BoxObservation)| {

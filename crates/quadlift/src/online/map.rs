@@ -14,7 +14,9 @@ use super::update::ObjectId;
 use super::views::{KeptView, RecentFrame, from_bits};
 use super::visibility::VisibilityIndex;
 use crate::association::input::observations::{Camera, Observations};
+use crate::association::score::fit::{Start, fit};
 use crate::association::score::input_ids::IdTally;
+use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::DetectionRate;
 use crate::association::{AssociateError, IdUse};
@@ -262,6 +264,12 @@ impl ObjectMap {
             statistics.hidden.push(from_bits(view.hidden));
         }
         (observations, statistics)
+    }
+
+    /// The fit of an object to its views, from the best of some starts; `None` if no start can be followed.
+    pub(super) fn fit_views(&self, tracked: &Tracked, starts: &[Start]) -> Option<Object> {
+        let (observations, statistics) = self.gather(&tracked.views);
+        fit(&observations, &statistics, tracked.object.boxes.clone(), starts)
     }
 
     /// Observations of this map without any box.

@@ -7,24 +7,18 @@ use super::map::ObjectMap;
 use super::tracked::Tracked;
 use super::update::{FrameUpdate, ObjectId};
 use super::views::{from_bits, least_telling, to_bits};
-use crate::association::score::fit::{Start, fit};
+use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::{LogLikelihoodRatio, LogLikelihoodRatios};
 use crate::association::score::object::{Prediction, is_visible};
 use crate::association::search::assignment::overlaps_image;
 use crate::association::search::candidates::Candidates;
-use crate::association::statistics::STUDENT_T_DOF;
+use crate::association::search::frame_shift::{FrameShift, MIN_INFORMATIVE_VIEWS};
+use crate::association::search::growth::{ALWAYS_FITTED, REFIT_GROWTH};
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::solve::PoseNoise;
 
-/// Minimum number of views of objects that are used to estimate the shift of a frame.
-const MIN_INFORMATIVE_VIEWS: usize = 4;
-
 /// Minimum shift for a second matching, pixels.
-pub(super) const LEAST_SHIFT: f64 = 0.25;
-
-/// An object with fewer views is refitted at every box, later when its number of views has grown by this factor.
-const ALWAYS_FITTED: usize = 12;
-const REFIT_GROWTH: f64 = 1.15;
+const LEAST_SHIFT: f64 = 0.25;
 
 /// Sum of the squared normalised residuals of a box's edges beyond which its object is refitted: 5 % of
 /// the boxes if errors are normal.
@@ -47,27 +41,34 @@ pub(super) struct Matched {
 }
 
 impl ObjectMap {
-    /// Matches boxes with objects, and subtracts the shift of the frame from its boxes.
-    pub(super) fn match_boxes(&mut self, current: &mut Current, pose_noise: Option<PoseNoise>) -> Matched {
-        let camera = current.observations.cameras[0].clone();
-        let slots = self.visibility.near(&camera.center);
-        let matched = self.pair_up(current, &slots, &|_| None);
-        let given = pose_noise.map_or(0.0, |noise| camera.focal * noise.rotation_sd);
-        let shift_sd = self.running.statistics.shift_sd.hypot(given);
-        let Some((shift, information)) = self.shift_of(current, &matched, shift_sd) else { return matched };
-        self.running.learn_shift(&shift, &information);
-        if shift.norm() < LEAST_SHIFT {
-            return matched;
+    /// Matches boxes with objects, and updates the shift of the frame, which is subtracted from its boxes; `owner` is the slot of
+    /// the object that a box is assigned to so far.
+    pub(super) fn match_boxes(
+        &mut self,
+        current: &mut Current,
+        slots: &[u32],
+        pose_noise: Option<PoseNoise>,
+        owner: &dyn Fn(u32) -> Option<u32>,
+    ) -> (Matched, Option<FrameShift>) {
+        let matched = self.pair_up(current, slots, owner);
+        let Some(subtracted) = self.keyframes.get(current.key).map(|k| k.shift) else { return (matched, None) };
+        let estimate = self.shift_of(current, &matched, pose_noise, &subtracted);
+        if !estimate.is_informative() {
+            return (matched, None);
         }
-        current.observations.move_boxes(0, &-shift);
+        let shift = estimate.shift();
+        if (shift - subtracted).norm() < LEAST_SHIFT {
+            return (matched, Some(estimate));
+        }
+        current.observations.move_boxes(0, &(subtracted - shift));
         if let Some(keyframe) = self.keyframes.get_mut(current.key) {
             keyframe.shift = shift;
         }
-        self.pair_up(current, &slots, &|_| None)
+        (self.pair_up(current, slots, owner), Some(estimate))
     }
 
     /// The best pairs; `owner` is the slot of the object that a box is assigned to so far.
-    pub(super) fn pair_up(&self, current: &Current, slots: &[u32], owner: &dyn Fn(u32) -> Option<u32>) -> Matched {
+    fn pair_up(&self, current: &Current, slots: &[u32], owner: &dyn Fn(u32) -> Option<u32>) -> Matched {
         let (observations, statistics) = (&current.observations, &self.running.statistics);
         let camera = &observations.cameras[0];
         let ratios = LogLikelihoodRatios::new(observations, statistics);
@@ -98,31 +99,25 @@ impl ObjectMap {
         Matched { pairs, seen }
     }
 
-    /// The most probable shift of the frame's boxes relative to the map, and its information; `None` without informative
-    /// objects.
-    pub(super) fn shift_of(
+    /// The shift of the frame's boxes relative to the map; `subtracted` is what was subtracted from them before.
+    fn shift_of(
         &self,
         current: &Current,
         matched: &Matched,
-        sd: f64,
-    ) -> Option<(Vector2<f64>, Vector2<f64>)> {
+        pose_noise: Option<PoseNoise>,
+        subtracted: &Vector2<f64>,
+    ) -> FrameShift {
         let camera = &current.observations.cameras[0];
-        let prior = 1.0 / (sd * sd);
-        let (mut sum, mut weights) = (Vector2::zeros(), Vector2::repeat(prior));
+        let given = pose_noise.map_or(0.0, |noise| camera.focal * noise.rotation_sd);
+        let mut estimate = FrameShift::new(self.running.statistics.shift_sd.hypot(given));
         for &(slot, index, ratio) in &matched.pairs {
             let Some(tracked) = self.slot(slot).filter(|t| t.object.views() >= MIN_INFORMATIVE_VIEWS) else { continue };
             let observation = &current.observations.boxes[index as usize];
             let residuals = tracked.object.residuals_px(camera, observation);
-            let information = self.running.statistics.sd(observation).powi(-2);
-            for edge in (0..4).filter(|&e| !observation.cut[e] && !ratio.hidden[e]) {
-                let error = if edge < 2 { -residuals[edge] } else { residuals[edge] };
-                let weight = information * (STUDENT_T_DOF + 1.0) / (STUDENT_T_DOF + error * error * information);
-                sum[edge % 2] += weight * error;
-                weights[edge % 2] += weight;
-            }
+            let one_sided = std::array::from_fn(|e| observation.cut[e] || ratio.hidden[e]);
+            estimate.add(&residuals, one_sided, self.running.statistics.sd(observation), subtracted);
         }
-        // As in batch: otherwise the prior dominates.
-        (weights.x > 1.5 * prior).then(|| (sum.component_div(&weights), weights))
+        estimate
     }
 
     /// Assigns the matched boxes; returns the objects that should be visible.
@@ -157,9 +152,7 @@ impl ObjectMap {
         let views = tracked.object.views();
         let grown = views < ALWAYS_FITTED || views as f64 >= REFIT_GROWTH * tracked.fitted_views as f64;
         if grown || self.surprise(&tracked, current, index) > SURPRISE {
-            let (observations, statistics) = self.gather(&tracked.views);
-            let start = Start::body(&tracked.object);
-            match fit(&observations, &statistics, tracked.object.boxes.clone(), &[start]) {
+            match self.fit_views(&tracked, &[Start::body(&tracked.object)]) {
                 Some(fitted) => tracked.replace_fit(fitted),
                 None => {
                     let place = tracked.views.partition_point(|v| v.keyframe < view.keyframe);

@@ -36,9 +36,15 @@ impl ObjectMap {
         }
     }
 
+    /// Two objects with their slots, the older one first.
+    fn by_age(&self, first: u32, second: u32) -> Option<[(u32, &Tracked); 2]> {
+        let (a, b) = (self.slot(first)?, self.slot(second)?);
+        Some(if a.id < b.id { [(first, a), (second, b)] } else { [(second, b), (first, a)] })
+    }
+
     /// Tries two objects as one.
     pub(super) fn try_as_one(&mut self, first: u32, second: u32, update: &mut FrameUpdate) {
-        let (Some(a), Some(b)) = (self.slot(first), self.slot(second)) else { return };
+        let Some([(older_slot, a), (younger_slot, b)]) = self.by_age(first, second) else { return };
         if a.object.category != b.object.category {
             return;
         }
@@ -46,20 +52,18 @@ impl ObjectMap {
         if distance >= NEAR * (a.object.radius + b.object.radius) {
             return;
         }
-        let (older, younger) = if a.id < b.id { (a, b) } else { (b, a) };
-        let key = (older.id.0, younger.id.0);
-        let views = (older.object.views(), younger.object.views());
+        let key = (a.id.0, b.id.0);
+        let views = (a.object.views(), b.object.views());
         if let Some(tried) = self.tried_pairs.get(&key)
             && (views.0 as f64) < TRIED_AGAIN * tried.0 as f64
             && (views.1 as f64) < TRIED_AGAIN * tried.1 as f64
         {
             return;
         }
-        let (older_slot, younger_slot) = if a.id < b.id { (first, second) } else { (second, first) };
-        if let Some(union) = self.union(older, younger, false) {
+        if let Some(union) = self.union(a, b, false) {
             self.merge_into(older_slot, younger_slot, union, update);
         } else if let Some(weaker) = nested(a, b) {
-            let slot = if weaker == a.id { first } else { second };
+            let slot = if weaker == a.id { older_slot } else { younger_slot };
             self.remove_slot(slot, Removal::Nested, update);
         } else {
             if self.tried_pairs.len() >= MOST_TRIED {
@@ -71,11 +75,9 @@ impl ObjectMap {
 
     /// Merges two objects, whatever the evidence says; `false` where no body fits both.
     pub(super) fn merge_by_force(&mut self, first: u32, second: u32) -> bool {
-        let (Some(a), Some(b)) = (self.slot(first), self.slot(second)) else { return false };
-        let (older, younger) = if a.id < b.id { (first, second) } else { (second, first) };
-        let (Some(a), Some(b)) = (self.slot(older), self.slot(younger)) else { return false };
-        let Some(union) = self.union(a, b, true) else { return false };
-        self.merge_into(older, younger, union, &mut FrameUpdate::default());
+        let Some([(older_slot, older), (younger_slot, younger)]) = self.by_age(first, second) else { return false };
+        let Some(union) = self.union(older, younger, true) else { return false };
+        self.merge_into(older_slot, younger_slot, union, &mut FrameUpdate::default());
         true
     }
 

@@ -31,7 +31,9 @@ impl ObjectMap {
         self.check(frame, detections)?;
         let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
         let mut current = self.take_in(frame, detections);
-        let matched = self.match_boxes(&mut current, frame.pose_noise);
+        let slots = self.visibility.near(&current.observations.cameras[0].center);
+        let (matched, shift) = self.match_boxes(&mut current, &slots, frame.pose_noise, &|_| None);
+        shift.iter().for_each(|shift| self.running.learn_shift(shift));
         let disagrees = self.disagreement(&matched, current.views.len());
         if let Some(expected) = disagrees {
             self.disagreeing += 1;

@@ -9,14 +9,12 @@ use super::map::ObjectMap;
 use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
 use super::views::{KeptView, RecentBox, RecentFrame};
-use crate::association::input::observations::{Camera, Observations};
+use crate::association::input::observations::Camera;
 use crate::association::input::point_tree::PointTree;
-use crate::association::score::fit::{Start, fit};
+use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
-use crate::association::score::object::Object;
-use crate::association::score::rays::triangulate_sphere;
-use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::search::merge::NEAR;
+use crate::association::search::passes::fit_rays;
 use crate::geometry::Projection;
 
 /// Rounds of estimation, splitting, merging and assignment after frames have moved.
@@ -114,7 +112,6 @@ impl ObjectMap {
 
     /// An object refitted to its moved views, starting where they carry it.
     fn moved(&self, tracked: &Tracked, before: &BTreeMap<u32, Camera>) -> Option<Tracked> {
-        let (observations, statistics) = self.gather(&tracked.views);
         let mut starts = vec![Start::body(&tracked.object)];
         for view in [tracked.views.first(), tracked.views.get(tracked.views.len() / 2), tracked.views.last()] {
             let view = view?;
@@ -125,7 +122,7 @@ impl ObjectMap {
             let center = turn * tracked.object.center + shift;
             starts.push(Start { center, root: turn * tracked.object.root });
         }
-        let fitted = fit(&observations, &statistics, tracked.object.boxes.clone(), &starts)?;
+        let fitted = self.fit_views(tracked, &starts)?;
         let mut moved = tracked.clone();
         moved.replace_fit(fitted);
         Some(moved)
@@ -149,7 +146,7 @@ impl ObjectMap {
             observations.move_boxes(others[index], &Vector2::zeros());
         }
         let boxes: Vec<u32> = others.iter().map(|&index| index as u32).collect();
-        let object = object_of(&observations, &statistics, &boxes);
+        let object = if boxes.len() < 2 { None } else { fit_rays(&observations, &statistics, boxes) };
         let times = [tracked.first_time, tracked.last_time];
         let views: Vec<KeptView> = others.iter().map(|&index| tracked.views[index].clone()).collect();
         for view in &views {
@@ -213,15 +210,6 @@ impl ObjectMap {
         let (a, b) = (*self.slot_of_id.get(&first)?, *self.slot_of_id.get(&second)?);
         (a != b && self.merge_by_force(a, b)).then_some(first.min(second))
     }
-}
-
-/// The object that boxes show together; needs two of them.
-fn object_of(observations: &Observations, statistics: &SceneStatistics, boxes: &[u32]) -> Option<Object> {
-    let first = &observations.boxes[*boxes.first().filter(|_| boxes.len() >= 2)? as usize];
-    let guess = observations.cameras[first.frame].center + first.ray;
-    let sphere = triangulate_sphere(observations, boxes, &guess)?;
-    let sphere = triangulate_sphere(observations, boxes, &sphere.center)?;
-    fit(observations, statistics, boxes.to_vec(), &[Start::sphere(sphere.center, sphere.log_radius.exp())])
 }
 
 /// The rigid motion of what a camera sees when its pose changes: `X_new = turn X + shift`.

@@ -1,13 +1,11 @@
 //! Assigns the boxes of the last frames again, when the objects are known better.
 
-use nalgebra::Vector2;
-
 use super::current::Current;
 use super::map::ObjectMap;
 use super::update::{Event, FrameUpdate, ObjectId, Removal};
 use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
 use crate::association::input::observations::{BoxObservation, Camera};
-use crate::association::score::fit::{Start, fit};
+use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatio;
 
 /// Number of last frames whose boxes may still be reassigned.
@@ -128,23 +126,8 @@ impl ObjectMap {
             Current { key: frame.key, time: frame.time, observations, views: Vec::new(), input_ids: Vec::new(), free };
         let slots: Vec<u32> =
             self.visibility.near(&camera.center).into_iter().filter(|slot| !fixed.contains(slot)).collect();
-        let owner = |index: u32| owners[index as usize];
-        let mut matched = self.pair_up(&current, &slots, &owner);
         // Objects that were uncertain then say now where the frame's boxes should be.
-        let given = noise.map_or(0.0, |noise| camera.focal * noise.rotation_sd);
-        let sd = self.running.statistics.shift_sd.hypot(given);
-        if let Some((more, information)) = self.shift_of(&current, &matched, sd) {
-            // The prior is about the whole shift.
-            let prior = 1.0 / (sd * sd);
-            let better: Vector2<f64> = shift + more - (shift * prior).component_div(&information);
-            if (better - shift).norm() > super::matching::LEAST_SHIFT {
-                current.observations.move_boxes(0, &(shift - better));
-                matched = self.pair_up(&current, &slots, &owner);
-                if let Some(keyframe) = self.keyframes.get_mut(current.key) {
-                    keyframe.shift = better;
-                }
-            }
-        }
+        let (matched, _) = self.match_boxes(&mut current, &slots, noise, &|index| owners[index as usize]);
         let mut new: Vec<Option<(u32, LogLikelihoodRatio)>> = vec![None; owners.len()];
         for &(slot, index, ratio) in &matched.pairs {
             new[index as usize] = Some((slot, ratio));
@@ -191,9 +174,7 @@ impl ObjectMap {
             self.remove_slot(slot, Removal::Weak, update);
             return;
         }
-        let (observations, statistics) = self.gather(&tracked.views);
-        let start = Start::body(&tracked.object);
-        let fitted = fit(&observations, &statistics, tracked.object.boxes.clone(), &[start]);
+        let fitted = self.fit_views(tracked, &[Start::body(&tracked.object)]);
         if let (Some(fitted), Some(tracked)) = (fitted, self.slot_mut(slot)) {
             tracked.replace_fit(fitted);
             self.index(slot);

@@ -1,11 +1,10 @@
 //! Running estimates of the map: sizes of boxes, categories, noise, clutter, how often objects are detected.
 
-use nalgebra::Vector2;
-
 use crate::association::input::clutter::BoxSizes;
 use crate::association::input::observations::SMALLEST_SIZE;
 use crate::association::input::sizes::LogSize;
-use crate::association::score::scene_statistics::{LARGEST_SHIFT_SD, SceneStatistics};
+use crate::association::score::scene_statistics::SceneStatistics;
+use crate::association::search::frame_shift::{FrameShift, spread};
 
 /// Upper bound of counts in a state, so that counting on does not overflow.
 pub(super) const MOST: u64 = 1 << 53;
@@ -17,10 +16,6 @@ const FIRST_OCTAVE: f64 = -4.0;
 
 /// Prior of the detection rate in clear views: its weight in views, and the rate.
 const RATE_PRIOR: [f64; 2] = [8.0, 0.8];
-
-/// Minimum standard deviation of frame shifts, and the number of frames from which it is estimated.
-const LEAST_SHIFT_SD: f64 = 0.2;
-const MIN_INFORMATIVE_FRAMES: u64 = 5;
 
 /// Running statistics of all frames.
 #[derive(Debug, Clone, PartialEq)]
@@ -142,13 +137,12 @@ impl Running {
         self.statistics.log_clutter_rate = free.max(0.02 * all / frames).max(0.02).ln();
     }
 
-    /// Updates the standard deviation of frame shifts with the shift of a frame and its information.
-    pub fn learn_shift(&mut self, shift: &Vector2<f64>, information: &Vector2<f64>) {
+    /// Updates the standard deviation of frame shifts with the shift of a frame.
+    pub fn learn_shift(&mut self, shift: &FrameShift) {
         self.shift_frames += 1;
-        self.shift_squares += shift.norm_squared() + 1.0 / information.x + 1.0 / information.y;
-        if self.shift_frames >= MIN_INFORMATIVE_FRAMES {
-            let sd = (0.5 * self.shift_squares / self.shift_frames as f64).sqrt();
-            self.statistics.shift_sd = sd.clamp(LEAST_SHIFT_SD, LARGEST_SHIFT_SD);
+        self.shift_squares += shift.expected_square();
+        if let Some(sd) = spread(self.shift_squares, self.shift_frames as usize) {
+            self.statistics.shift_sd = sd;
         }
     }
 }

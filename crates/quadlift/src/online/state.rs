@@ -85,7 +85,7 @@ struct TrackedState {
     input_ids: Vec<(u32, u32)>,
     presence: Presence,
     log_odds: f64,
-    clear: [u32; 3],
+    clear: [u32; 2],
     times: [f64; 2],
     last_keyframe: u32,
 }
@@ -286,7 +286,7 @@ impl TrackedState {
             input_ids: tracked.input_ids.clone(),
             presence: tracked.presence,
             log_odds: tracked.log_odds,
-            clear: [tracked.clear, tracked.clear_detected, tracked.missed],
+            clear: [tracked.clear, tracked.clear_detected],
             times: [tracked.first_time, tracked.last_time],
             last_keyframe: tracked.last_keyframe,
         }
@@ -307,7 +307,7 @@ impl TrackedState {
             visible: self.visible,
             trusted_id: None,
         };
-        let [clear, clear_detected, missed] = self.clear;
+        let [clear, clear_detected] = self.clear;
         let [first_time, last_time] = self.times;
         Tracked {
             views: self.views,
@@ -318,7 +318,6 @@ impl TrackedState {
             log_odds: self.log_odds,
             clear,
             clear_detected,
-            missed,
             last_keyframe: self.last_keyframe,
             ..Tracked::new(self.id, object, [first_time, last_time])
         }

@@ -39,8 +39,6 @@ pub(super) struct Tracked {
     /// Clear views since it was confirmed, and those with a detection.
     pub clear: u32,
     pub clear_detected: u32,
-    /// Clear views without a detection since the last one.
-    pub missed: u32,
     pub first_time: f64,
     pub last_time: f64,
     /// Key of the frame of the last detection.
@@ -64,7 +62,6 @@ impl Tracked {
             log_odds: 0.0,
             clear: 0,
             clear_detected: 0,
-            missed: 0,
             first_time,
             last_time,
             last_keyframe: 0,

@@ -38,15 +38,26 @@ impl MapFiles<'_> {
         self.map.is_some() || self.state.is_some()
     }
 
-    /// Writes map and state; at the end the report, too. The state goes on without what happens at the end of a stream, so
-    /// that it does not matter how often it was written.
-    pub fn write(&self, stream: &StreamState, is_end: bool, out: &Output) -> anyhow::Result<()> {
-        let report = self.report.filter(|_| is_end);
-        if self.map.is_some() || report.is_some() {
+    /// Writes map and state on the way. The state goes on without what happens at the end of a stream, so that it does not
+    /// matter how often it was written.
+    pub fn write(&self, stream: &StreamState, out: &Output) -> anyhow::Result<()> {
+        if self.map.is_some() {
             let mut settled = stream.map.clone();
             settled.settle();
-            self.write_map(&settled, &stream.scene, report, out)?;
+            self.write_map(&settled, &stream.scene, None, out)?;
         }
+        self.write_state(stream)
+    }
+
+    /// Writes map, state and report at the end; `settled` is the settled map.
+    pub fn write_at_end(&self, stream: &StreamState, settled: &ObjectMap, out: &Output) -> anyhow::Result<()> {
+        if self.map.is_some() || self.report.is_some() {
+            self.write_map(settled, &stream.scene, self.report, out)?;
+        }
+        self.write_state(stream)
+    }
+
+    fn write_state(&self, stream: &StreamState) -> anyhow::Result<()> {
         if let Some(path) = self.state {
             write_state_file(path, stream, self.lasting)?;
         }

@@ -102,7 +102,7 @@ impl<'a> Session<'a> {
             if let Some(every) = self.every
                 && after / every > before / every
                 && files.any_on_the_way()
-                && let Err(error) = files.write(&self.stream, false, self.out)
+                && let Err(error) = files.write(&self.stream, self.out)
             {
                 // It may work the next time.
                 self.out.error(&in_words(&error));
@@ -210,13 +210,16 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Prints what the end has changed, and writes the files.
-    pub fn end(&mut self, files: &MapFiles) -> anyhow::Result<()> {
-        let update = self.stream.map.clone().settle();
-        if !update.events.is_empty() {
-            self.print(&OutputLine::of_end(self.stream.map.frames(), &update))?;
-        }
-        files.write(&self.stream, true, self.out)
+    /// Settles the map, prints what that has changed, and writes the files; returns what has come out, in one line.
+    pub fn end(&mut self, files: &MapFiles) -> (String, anyhow::Result<()>) {
+        let mut settled = self.stream.map.clone();
+        let update = settled.settle();
+        let printed = match update.events.is_empty() {
+            true => Ok(()),
+            false => self.print(&OutputLine::of_end(settled.frames(), &update)),
+        };
+        let written = printed.and_then(|()| files.write_at_end(&self.stream, &settled, self.out));
+        (self.in_words(&settled), written)
     }
 
     /// Whether files could not be written on the way.
@@ -225,9 +228,7 @@ impl<'a> Session<'a> {
     }
 
     /// What has come out, in one line.
-    pub fn in_words(&self) -> String {
-        let mut settled = self.stream.map.clone();
-        settled.settle();
+    fn in_words(&self, settled: &ObjectMap) -> String {
         let gone = settled.objects().filter(|object| object.presence == quadlift::online::Presence::Gone).count();
         let frames = count(settled.frames() as usize, "frame");
         let mut text = format!("{HEADING}{frames}{HEADING:#}: {}", count(settled.objects().count(), "object"));

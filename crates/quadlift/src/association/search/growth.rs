@@ -9,12 +9,12 @@ use nalgebra::Vector3;
 use super::assignment::{count_visible, overlaps_image};
 use super::candidates::Candidates;
 use crate::association::input::context::AssociationContext;
-use crate::association::input::observations::Observations;
+use crate::association::input::observations::{BoxObservation, Camera, Observations};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::input_ids::IdTally;
 use crate::association::score::log_likelihood_ratio::{LogLikelihoodRatio, LogLikelihoodRatios};
 use crate::association::score::object::{Object, is_visible};
-use crate::association::score::rays::{Sphere, pair_sphere};
+use crate::association::score::rays::{PairSphere, Sphere, pair_sphere};
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::optimize::matching::{Pair, best_pairs};
 
@@ -25,11 +25,11 @@ const WINDOW: usize = 12;
 const LARGEST_DISAGREEMENT: f64 = 6.0;
 
 /// Below this number of views an object is refitted at every box, later when its views have grown by this factor.
-const ALWAYS_FITTED: usize = 12;
-const REFIT_GROWTH: f64 = 1.15;
+pub(crate) const ALWAYS_FITTED: usize = 12;
+pub(crate) const REFIT_GROWTH: f64 = 1.15;
 
 /// Objects of two views die when they have been missed more often than this.
-const MOST_MISSES: usize = 4;
+pub(crate) const MOST_MISSES: usize = 4;
 
 /// In videos of more frames than `LONG_VIDEO`, objects that have not been seen for this many frames are skipped: the
 /// poses may have drifted.
@@ -109,6 +109,29 @@ pub(crate) fn grow(
         }
     }
     growth.finish()
+}
+
+/// The sphere of two boxes as a new object, with the sizes of its category and the ids in its disagreement; `None` where they
+/// disagree too much.
+pub(crate) fn new_pair(
+    statistics: &SceneStatistics,
+    tally: Option<&IdTally>,
+    new: (&Camera, &BoxObservation),
+    old: (&Camera, &BoxObservation),
+) -> Option<PairSphere> {
+    let (a, b) = (new.1, old.1);
+    if a.category != b.category {
+        return None;
+    }
+    let mut pair = pair_sphere(new, old)?;
+    if let Some(size) = statistics.log_sizes[a.category] {
+        pair.disagreement += 0.5 * ((pair.sphere.log_radius - size.mean) / size.sd).powi(2);
+    }
+    if pair.disagreement.is_nan() || pair.disagreement >= LARGEST_DISAGREEMENT {
+        return None;
+    }
+    pair.disagreement -= tally.map_or(0.0, |t| t.pair_bonus(a.id, b.id));
+    Some(pair)
 }
 
 impl Growth<'_> {
@@ -253,19 +276,8 @@ impl Growth<'_> {
         for &new in left {
             let (camera, observation) = sides(new);
             for &(_, old) in pool.iter().rev().take(MOST_PAIRS) {
-                let other = sides(old);
-                if other.1.category != observation.category {
-                    continue;
-                }
-                let Some(pair) = pair_sphere((camera, observation), other) else { continue };
-                let mut disagreement = pair.disagreement;
-                if let Some(size) = self.statistics.log_sizes[observation.category] {
-                    disagreement += 0.5 * ((pair.sphere.log_radius - size.mean) / size.sd).powi(2);
-                }
-                if disagreement < LARGEST_DISAGREEMENT {
-                    let bonus = self.tally.as_ref().map_or(0.0, |t| t.pair_bonus(observation.id, other.1.id));
-                    pairs.push((disagreement - bonus, new, old, pair.sphere));
-                }
+                let pair = new_pair(self.statistics, self.tally.as_ref(), (camera, observation), sides(old));
+                pairs.extend(pair.map(|pair| (pair.disagreement, new, old, pair.sphere)));
             }
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));

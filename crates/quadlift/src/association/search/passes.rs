@@ -157,6 +157,16 @@ impl State {
     }
 }
 
+/// An object fitted to boxes (two at least) from the sphere that their rays show.
+pub(crate) fn fit_rays(observations: &Observations, statistics: &SceneStatistics, boxes: Vec<u32>) -> Option<Object> {
+    let first = &observations.boxes[*boxes.first()? as usize];
+    let guess = observations.cameras[first.frame].center + first.ray;
+    let sphere = triangulate_sphere(observations, &boxes, &guess)?;
+    let sphere = triangulate_sphere(observations, &boxes, &sphere.center)?;
+    let start = Start::sphere(sphere.center, sphere.log_radius.exp());
+    fit(observations, statistics, boxes, &[start])
+}
+
 /// Objects of trusted ids.
 fn trusted_objects(context: &AssociationContext, state: &State) -> Vec<Object> {
     if context.options.ids != IdUse::Trust {
@@ -172,12 +182,7 @@ fn trusted_objects(context: &AssociationContext, state: &State) -> Vec<Object> {
     let groups: Vec<(u32, Vec<u32>)> = by_id.into_iter().filter(|(_, boxes)| boxes.len() >= 2).collect();
     let objects = map_indices(groups.len(), |k| {
         let (id, boxes) = &groups[k];
-        let first = &observations.boxes[boxes[0] as usize];
-        let guess = observations.cameras[first.frame].center + first.ray;
-        let sphere = triangulate_sphere(observations, boxes, &guess)?;
-        let sphere = triangulate_sphere(observations, boxes, &sphere.center)?;
-        let start = Start::sphere(sphere.center, sphere.log_radius.exp());
-        let mut object = fit(observations, &state.statistics, boxes.clone(), &[start])?;
+        let mut object = fit_rays(observations, &state.statistics, boxes.clone())?;
         object.trusted_id = Some(*id);
         object.visible = count_visible(context, observations, &object);
         Some(object)
