@@ -12,7 +12,8 @@ use quadlift::LocalizeOptions;
 use quadlift::online::OnlineOptions;
 use quadlift::solve::{MapOptions, Method, PoseNoise};
 use quadlift_io::guard::{allow_overwriting, check_not_read};
-use serde_json::{Map, Value, json};
+use quadlift_io::stream::{StoredPriors, lasting_options};
+use serde_json::{Map, Value};
 
 use crate::args::{self, BodyChoice, DetailName};
 use crate::association::IdsName;
@@ -175,27 +176,9 @@ impl Args {
     }
 
     /// The options that the map depends on, by their names: a state goes on with the same.
-    fn lasting_options(&self) -> Map<String, Value> {
-        let ids = match self.ids {
-            IdsName::Trust => "trust",
-            IdsName::Evidence => "evidence",
-            IdsName::Ignore => "ignore",
-        };
-        let options = json!({
-            "ids": ids,
-            "min-views": self.min_views,
-            "min-score": self.min_score,
-            "pixel-sd": self.pixel_sd,
-            "priors": self.priors.as_ref().map(|path| path.display().to_string()),
-            "max-views": self.max_views,
-            "max-objects": self.max_objects,
-            "pose-noise": self.pose_noise.map(|noise| [noise.rotation_sd, noise.translation_sd]),
-            "source": self.source,
-        });
-        match options {
-            Value::Object(options) => options,
-            _ => Map::new(),
-        }
+    fn lasting_options(&self, map_options: &OnlineOptions) -> Map<String, Value> {
+        let priors = self.priors.as_ref().map(|path| StoredPriors::Name(path.display().to_string()));
+        lasting_options(map_options, priors.as_ref(), self.pose_noise, self.source.as_deref())
     }
 
     /// Checks the names of what is written, before anything is read.
@@ -221,7 +204,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     args.check_outputs()?;
     let settings = args.settings()?;
     let map_options = args.map_options(&settings)?;
-    let lasting = args.lasting_options();
+    let lasting = args.lasting_options(&map_options);
     let mut session = Session::new(map_options, args, &lasting, out)?;
     let mut source = Source::open(args.input(), args.source.as_deref())?;
     // Reading the state does not keep it from being written.

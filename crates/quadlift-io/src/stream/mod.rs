@@ -9,12 +9,17 @@ mod event;
 mod input;
 mod line;
 mod map_file;
+mod options;
 mod scene;
 mod state;
 
 pub use event::{DetectionRecord, EventRecord, OutputLine};
 pub use input::{Input, LineReader, MAX_LINE, NextLine, open};
 pub use line::{AboutRecord, CameraOfFrame, FrameLine, Line, LineError, PoseRecord, parse_line, scene_to_frames};
-pub use map_file::add_memory;
+pub use map_file::{MapMemory, presence_name};
+pub use options::{StoredPriors, id_use_name, lasting_options, options_of};
 pub use scene::{CheckedFrame, StreamedScene};
-pub use state::{STATE_FORMAT, STATE_VERSION, StreamState, parse_state_file, read_state_file, write_state_file};
+pub use state::{
+    STATE_FORMAT, STATE_VERSION, StreamState, parse_state_file, read_state_file, state_options, write_state,
+    write_state_file,
+};

@@ -1,5 +1,6 @@
 //! The state of a stream in a file: what is needed to go on as if it had never ended.
 
+use std::io::{self, Write};
 use std::path::Path;
 
 use quadlift::online::{MapState, ObjectMap, OnlineOptions};
@@ -44,11 +45,25 @@ struct StateRecord {
     map: MapState,
 }
 
-/// Writes a state as a whole or not at all. `options` are those that the result depends on.
+/// Writes a state to a file as a whole or not at all. `options` are those that the result depends on ([`lasting_options`]).
 ///
 /// # Errors
 /// [`WriteError`] when the system refuses.
+///
+/// [`lasting_options`]: super::lasting_options
 pub fn write_state_file(path: &Path, state: &StreamState, options: &Map<String, Value>) -> Result<(), WriteError> {
+    write_file(path, |out| write_state(out, state, options))
+}
+
+/// Writes a state, as [`write_state_file`] does.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_state(
+    out: &mut (impl Write + ?Sized),
+    state: &StreamState,
+    options: &Map<String, Value>,
+) -> io::Result<()> {
     let (about, frames, unnamed_cameras) = state.scene.to_parts(&state.map);
     let record = StateRecord {
         format: STATE_FORMAT.to_owned(),
@@ -60,10 +75,8 @@ pub fn write_state_file(path: &Path, state: &StreamState, options: &Map<String, 
         frames,
         map: state.map.to_state(),
     };
-    write_file(path, |out| {
-        serde_json::to_writer(&mut *out, &record)?;
-        out.write_all(b"\n")
-    })
+    serde_json::to_writer(&mut *out, &record)?;
+    out.write_all(b"\n")
 }
 
 /// Reads a state that was written with the same options.
@@ -90,24 +103,8 @@ pub fn parse_state_file(
 ) -> Result<StreamState, ReadError> {
     let error = |problem: String| ReadError::new(path, problem);
     let text = as_utf8(path, bytes)?;
-    #[derive(Deserialize)]
-    struct Header {
-        format: Option<Value>,
-        version: Option<Value>,
-    }
-    let json_error = |problem: serde_json::Error| {
-        ReadError::new(path, format!("the state cannot be read: {}", plain_words(&problem.to_string())))
-    };
-    let header: Header = serde_json::from_str(text).map_err(json_error)?;
-    if header.format.as_ref().and_then(Value::as_str) != Some(STATE_FORMAT) {
-        let found = header.format.map_or("none".to_owned(), |found| found.to_string());
-        return Err(error(format!("this is no state of a stream: \"format\" is {found}; expected \"{STATE_FORMAT}\"")));
-    }
-    if header.version.as_ref().and_then(Value::as_u64) != Some(STATE_VERSION) {
-        let found = header.version.map_or("none".to_owned(), |found| found.to_string());
-        return Err(error(format!("the state has version {found}; this program reads version {STATE_VERSION}")));
-    }
-    let record: StateRecord = serde_json::from_str(text).map_err(json_error)?;
+    header(path, text)?;
+    let record: StateRecord = serde_json::from_str(text).map_err(|problem| json_error(path, &problem))?;
     for (name, now) in options {
         let before = record.options.get(name).unwrap_or(&Value::Null);
         if before != now {
@@ -120,4 +117,39 @@ pub fn parse_state_file(
     let scene = StreamedScene::from_parts(record.about, record.frames, record.unnamed_cameras)
         .map_err(|problem| problem.in_file(path))?;
     Ok(StreamState { map, scene, poses_since: record.poses_since })
+}
+
+/// The options that a state was written with.
+///
+/// # Errors
+/// As [`parse_state_file`], where the file is none of this version.
+pub fn state_options(path: &Path, bytes: &[u8]) -> Result<Map<String, Value>, ReadError> {
+    Ok(header(path, as_utf8(path, bytes)?)?.options.unwrap_or_default())
+}
+
+/// What tells a state of this version from other files.
+#[derive(Deserialize)]
+struct Header {
+    format: Option<Value>,
+    version: Option<Value>,
+    options: Option<Map<String, Value>>,
+}
+
+/// Checks that a text is a state of this version.
+fn header(path: &Path, text: &str) -> Result<Header, ReadError> {
+    let error = |problem: String| ReadError::new(path, problem);
+    let header: Header = serde_json::from_str(text).map_err(|problem| json_error(path, &problem))?;
+    if header.format.as_ref().and_then(Value::as_str) != Some(STATE_FORMAT) {
+        let found = header.format.map_or("none".to_owned(), |found| found.to_string());
+        return Err(error(format!("this is no state of a stream: \"format\" is {found}; expected \"{STATE_FORMAT}\"")));
+    }
+    if header.version.as_ref().and_then(Value::as_u64) != Some(STATE_VERSION) {
+        let found = header.version.map_or("none".to_owned(), |found| found.to_string());
+        return Err(error(format!("the state has version {found}; this program reads version {STATE_VERSION}")));
+    }
+    Ok(header)
+}
+
+fn json_error(path: &Path, problem: &serde_json::Error) -> ReadError {
+    ReadError::new(path, format!("the state cannot be read: {}", plain_words(&problem.to_string())))
 }

@@ -6,9 +6,9 @@ use anyhow::Context;
 use quadlift::Localization;
 use quadlift::online::ObjectMap;
 use quadlift_io::scene_file::{Detail, SceneFile};
-use quadlift_io::stream::{StreamState, StreamedScene, add_memory, write_state_file};
+use quadlift_io::stream::{MapMemory, StreamState, StreamedScene, write_state_file};
 use quadlift_io::write_scene_file;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use crate::localization::{Settings, localize_scene, result_file};
 use crate::output::Output;
@@ -80,11 +80,7 @@ impl MapFiles<'_> {
             localize_scene("map", &scene, self.settings, &Output { quiet: true, ..*out }).context("map")?
         };
         let mut result = result_file(&file, &scene, &localization, self.settings);
-        add_memory(&mut result.objects, map);
-        result.detections.clone_from(&file.detections);
-        if let (Some(about), Some((frame, time))) = (&mut result.localization, map.last_frame()) {
-            about["stream"] = json!({ "frames": map.frames(), "last_frame": frame, "last_time": time });
-        }
+        MapMemory::of(map).add_to(&mut result, &file);
         if let Some(path) = self.map {
             self.write_result(path, &result)?;
         }
