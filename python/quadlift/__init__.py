@@ -1,9 +1,9 @@
 """quadlift lifts 2D detections from posed images to 3D objects.
 
 `localize` takes arrays and gives arrays; `Scene` holds posed frames and detections, reads and writes files and converts
-objects of other packages. Camera axes are OpenCV's (x right, y down, z forward), pixels are measured from the corner of
-the image (the first pixel's centre is at 0.5, 0.5), angles are radians, quaternions have w first, and the world unit is
-arbitrary.
+objects of other packages; `ObjectMap` keeps a map of objects while frames arrive. Camera axes are OpenCV's (x right, y
+down, z forward), pixels are measured from the corner of the image (the first pixel's centre is at 0.5, 0.5), angles are
+radians, quaternions have w first, and the world unit is arbitrary.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from ._core import QuadliftError, __version__
 from ._estimates import Alternative, AssociatedObject, Evaluation, InconsistentSceneWarning
 from ._limits import set_max_pixels
 from ._localize import localize
+from ._object_map import FrameUpdate, MapObject, MapObjects, ObjectMap
 from ._options import Options, Prior
 from ._rerun import log_recording
 from ._scene import Estimates, Scene
@@ -21,7 +22,11 @@ __all__ = [
     "AssociatedObject",
     "Estimates",
     "Evaluation",
+    "FrameUpdate",
     "InconsistentSceneWarning",
+    "MapObject",
+    "MapObjects",
+    "ObjectMap",
     "Options",
     "Prior",
     "QuadliftError",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _checks, _core
+from . import _checks, _core, _found
 from ._core import QuadliftError
 from ._scene_data import SceneData
 
@@ -138,9 +138,7 @@ class FromOtherPackages(SceneData):
         _checks.scene("cameras", cameras)
         table = _Table(cameras)
         for frame, found in _by_frame(detections, frames, cameras.frame_ids):
-            data = getattr(found, "data", None) or {}
-            classes = data.get("class_name", found.class_id)
-            table.add(frame, found.xyxy, found.confidence, classes, found.tracker_id, found.mask)
+            table.add(frame, _found.of_supervision(found))
         return cameras.with_detections(**table.arrays(), source=source)
 
     @classmethod
@@ -175,15 +173,7 @@ class FromOtherPackages(SceneData):
             frames = _frames_of_paths([str(result.path) for result in results], known)
         table = _Table(cameras)
         for frame, result in _by_frame(results, frames, known):
-            boxes = result.boxes
-            if boxes is None:
-                raise QuadliftError(
-                    f'the result of frame "{known[frame]}" has no boxes; expected those of detection, segmentation or '
-                    "tracking"
-                )
-            classes = [result.names[int(k)] for k in _numpy(boxes.cls)]
-            tracks = None if boxes.id is None else _numpy(boxes.id).astype(np.int64)
-            table.add(frame, _numpy(boxes.xyxy), _numpy(boxes.conf), classes, tracks, None)
+            table.add(frame, _found.of_ultralytics(result, f'the result of frame "{known[frame]}"'))
         return cameras.with_detections(**table.arrays(), source=source)
 
 
@@ -224,17 +214,6 @@ def _frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
     )
 
 
-def _numpy(tensor: Any) -> Any:
-    """Converts a tensor on any device to an array."""
-    tensor = tensor.cpu() if hasattr(tensor, "cpu") else tensor
-    return np.asarray(tensor)
-
-
-def _track(number: Any) -> str | None:
-    """The object id of a track; None and -1 mean no track."""
-    return None if number is None or number < 0 else f"t{int(number)}"
-
-
 class _Table:
     """Detections, gathered frame by frame, as arguments of `Scene.with_detections`."""
 
@@ -247,14 +226,15 @@ class _Table:
         self.object: list[str | None] = []
         self.masks: list[Any] = []
 
-    def add(self, frame: int, boxes: Any, scores: Any, classes: Any, tracks: Any, masks: Any) -> None:
-        edges = _checks.array(f'xyxy of frame "{self.frame_ids[frame]}"', boxes, ("M", 4))
+    def add(self, frame: int, found: _found.Found) -> None:
+        edges = _checks.array(f'xyxy of frame "{self.frame_ids[frame]}"', found.boxes, ("M", 4))
+        scores, classes, tracks, masks = found.scores, found.categories, found.object, found.masks
         for row in range(len(edges)):
             self.frame.append(frame)
             self.boxes.append(edges[row])
             self.scores.append(float("nan") if scores is None else float(scores[row]))
             self.categories.append(None if classes is None else str(classes[row]))
-            self.object.append(None if tracks is None else _track(tracks[row]))
+            self.object.append(None if tracks is None else tracks[row])
             self.masks.append(None if masks is None else masks[row])
 
     def arrays(self) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
@@ -12,6 +12,8 @@ from ._core import QuadliftError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from ._found import Found
 
 Names = tuple["NDArray[np.int64] | None", list[str]]
 """Indices into a list of texts, shape (M,), -1 for none; None if no row has one."""
@@ -57,6 +59,35 @@ class DetectionArrays(TypedDict, total=False):
     source: str | None
     hidden_edges: NDArray[np.bool_] | None
     """(M, 4)."""
+
+
+class MapFrame(TypedDict):
+    """A frame of an object map; a projection, or a pose with a camera."""
+
+    id: str
+    time: float
+    camera: str | None
+    """Id of a camera that was given before."""
+    new_camera: tuple[str | None, str, list[float]] | None
+    """Id, COLMAP's name of the model, parameters."""
+    cam_from_world: list[list[float]] | None
+    """(3, 4)."""
+    projection: list[list[float]] | None
+    """(3, 4)."""
+    image_size: list[float] | None
+    image: str | None
+    pose_noise: list[float] | None
+
+
+class BoxArrays(TypedDict):
+    """The M boxes of a frame; NaN for none."""
+
+    boxes: NDArray[np.float64]
+    """(M, 4)."""
+    object: Names
+    category: Names
+    scores: NDArray[np.float64] | None
+    """(M,)."""
 
 
 # From arguments
@@ -110,15 +141,15 @@ def _matrices(
     return "cam_from_world", len(poses), {"cam_from_world": poses, "intrinsics": cameras}
 
 
-def _poses(cam_from_world: ArrayLike) -> NDArray[np.float64]:
-    """(F, 3, 4) of (F, 3, 4) or (F, 4, 4)."""
+def _poses(cam_from_world: ArrayLike, of_one: bool = False) -> NDArray[np.float64]:
+    """(F, 3, 4) of (F, 3, 4) or (F, 4, 4); `of_one`: the argument is a single pose."""
     poses = _checks.array("cam_from_world", cam_from_world, ("F", 3, 4), ("F", 4, 4))
     if poses.shape[1] == 3:
         return poses
     wrong = np.flatnonzero((poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any(axis=1))
     if wrong.size:
-        row = poses[wrong[0], 3].tolist()
-        raise QuadliftError(f"the last row of cam_from_world[{wrong[0]}] is {row}; expected [0, 0, 0, 1]")
+        row, place = poses[wrong[0], 3].tolist(), "" if of_one else f"[{wrong[0]}]"
+        raise QuadliftError(f"the last row of cam_from_world{place} is {row}; expected [0, 0, 0, 1]")
     return poses[:, :3]
 
 
@@ -131,6 +162,144 @@ def _sizes(image_sizes: ArrayLike, like: str, count: int) -> NDArray[np.float64]
     if (sizes <= 0.0).any():
         raise QuadliftError(f"image_sizes holds {sizes[sizes <= 0.0][0]}; expected positive numbers of pixels")
     return sizes
+
+
+def map_frame(
+    frame_id: str,
+    *,
+    time: Any,
+    intrinsics: ArrayLike | None,
+    distortion: ArrayLike | None,
+    cam_from_world: ArrayLike | None,
+    projection: ArrayLike | None,
+    camera: Any,
+    image_size: ArrayLike | None,
+    image: str | None,
+    pose_noise: ArrayLike | None,
+) -> MapFrame:
+    """A frame of the arguments of `ObjectMap.observe`."""
+    matrix, pose, name, model = None, None, None, None
+    size = None if image_size is None else _size(image_size)
+    if projection is not None:
+        others = {"intrinsics": intrinsics, "cam_from_world": cam_from_world, "camera": camera}
+        found = [k for k, value in others.items() if value is not None]
+        if found:
+            raise QuadliftError(f"expected either projection, or a camera and cam_from_world; found {found[0]} too")
+        matrix = _checks.array("projection", projection, (3, 4))
+    else:
+        given = {"intrinsics": intrinsics, "camera": camera}
+        found = [k for k, value in given.items() if value is not None]
+        if len(found) == 2:
+            raise QuadliftError("expected either intrinsics or camera; found both")
+        if cam_from_world is None or not found:
+            found += ["cam_from_world"] if cam_from_world is not None else []
+            words = " and ".join(found) or "none of them"
+            raise QuadliftError(f"expected projection, or cam_from_world with intrinsics or camera; found {words}")
+        pose = _poses(_checks.array("cam_from_world", cam_from_world, (3, 4), (4, 4))[np.newaxis], of_one=True)[0]
+        if isinstance(camera, str):
+            name = camera
+        elif camera is not None:
+            model, size = _camera(camera, size)
+        else:
+            model = (None, *_lens(intrinsics, distortion))
+    if distortion is not None and intrinsics is None:
+        raise QuadliftError("distortion goes with intrinsics; found it without them")
+    return {
+        "id": frame_id,
+        "time": _checks.number("time", time),
+        "camera": name,
+        "new_camera": model,
+        "cam_from_world": None if pose is None else pose.tolist(),
+        "projection": None if matrix is None else matrix.tolist(),
+        "image_size": size,
+        "image": _checks.optional(_checks.text, "image", image),
+        "pose_noise": None if pose_noise is None else _checks.array("pose_noise", pose_noise, (2,)).tolist(),
+    }
+
+
+def _size(image_size: ArrayLike) -> list[float]:
+    size: list[float] = _checks.array("image_size", image_size, (2,)).tolist()
+    if min(size) <= 0.0:
+        raise QuadliftError(f"image_size is {tuple(size)}; expected two positive numbers of pixels")
+    return size
+
+
+def _lens(intrinsics: ArrayLike | None, distortion: ArrayLike | None) -> tuple[str, list[float]]:
+    """COLMAP's model and parameters of a matrix and of OpenCV's coefficients."""
+    k = _checks.array("intrinsics", intrinsics, (3, 3))
+    if [k[0, 1], k[1, 0], k[2, 0], k[2, 1], k[2, 2]] != [0.0, 0.0, 0.0, 0.0, 1.0]:
+        raise QuadliftError(f"intrinsics is {k.tolist()}; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
+    if k[0, 0] <= 0.0 or k[1, 1] <= 0.0:
+        raise QuadliftError(f"intrinsics has the focal lengths ({k[0, 0]:g}, {k[1, 1]:g}); expected positive numbers")
+    pinhole = [k[0, 0].item(), k[1, 1].item(), k[0, 2].item(), k[1, 2].item()]
+    if distortion is None:
+        return "PINHOLE", pinhole
+    found = _checks.array("distortion", distortion, ("N",), (1, "N"), ("N", 1)).reshape(-1)
+    if found.size not in (4, 5, 8, 12, 14) or found[8:].any():
+        raise QuadliftError(
+            f"distortion has {found.size} numbers; expected 4, 5 or 8 of OpenCV's coefficients k1, k2, p1, p2, k3, k4, "
+            'k5, k6 (camera={"model": ..., "params": ...} takes other lenses)'
+        )
+    coefficients = [*found[:8].tolist(), *[0.0] * (8 - found[:8].size)]
+    if any(coefficients[4:]):
+        return "FULL_OPENCV", pinhole + coefficients
+    return ("OPENCV", pinhole + coefficients[:4]) if any(coefficients) else ("PINHOLE", pinhole)
+
+
+def _camera(camera: Any, size: list[float] | None) -> tuple[tuple[str | None, str, list[float]], list[float] | None]:
+    """A camera of a mapping with the fields of scene files, or of pycolmap; and the size of its images."""
+    fields = ("id", "model", "params", "width", "height")
+    if isinstance(camera, Mapping):
+        found = {name: camera.get(name) for name in fields}
+        unknown = [name for name in camera if name not in fields]
+        if unknown:
+            raise QuadliftError(f"camera has the field {unknown[0]!r}; expected {', '.join(map(repr, fields))}")
+    else:
+        found = {name: getattr(camera, name, None) for name in fields[1:]}
+        # An enum of pycolmap.
+        found["model"] = getattr(found["model"], "name", found["model"])
+    if found["model"] is None or found["params"] is None:
+        raise QuadliftError(
+            f"camera is a {type(camera).__name__}; expected the id of a camera that was given before, a mapping with "
+            '"model" and "params", or a pycolmap.Camera'
+        )
+    of_camera = [found["width"], found["height"]]
+    if of_camera != [None, None]:
+        size = _size([_checks.number(f"camera.{name}", found[name]) for name in ("width", "height")])
+    name = _checks.optional(_checks.text, "camera.id", found.get("id"))
+    params = _checks.array("camera.params", found["params"], ("N",)).tolist()
+    return (name, _checks.text("camera.model", found["model"]), params), size
+
+
+def map_detections(found: Found) -> BoxArrays:
+    """The detections of a frame of an object map."""
+    boxes = _checks.array("boxes", found.boxes, ("M", 4))
+    count, scores = len(boxes), found.scores
+    if scores is not None:
+        scores = _checks.array("scores", scores, ("M",), nan=True)
+        _checks.rows("scores", len(scores), "boxes", count)
+    return {
+        "boxes": boxes,
+        "object": _checks.names("object", found.object, count, "boxes"),
+        "category": _checks.names("categories", found.categories, count, "boxes"),
+        "scores": scores,
+    }
+
+
+def map_poses(
+    frame_ids: list[str], cam_from_world: ArrayLike | None, projections: ArrayLike | None
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """The arguments of `ObjectMap.update_poses`."""
+    if (cam_from_world is None) == (projections is None):
+        words = "none of them" if projections is None else "both"
+        raise QuadliftError(f"expected either cam_from_world or projections; found {words}")
+    if cam_from_world is not None:
+        poses = _poses(cam_from_world)
+        _checks.rows("cam_from_world", len(poses), "frame_ids", len(frame_ids))
+        return poses, None
+    matrices = _checks.array("projections", projections, ("F", 3, 4))
+    _checks.rows("projections", len(matrices), "frame_ids", len(frame_ids))
+    return None, matrices
 
 
 def detections(

@@ -117,11 +117,15 @@ class EstimateArrays:
 
     @classmethod
     def _of(cls, localized: _core.Localized, ids: str = "found") -> Self:
-        """The arrays of a result; `ids` is "numbers" or "texts" (both sorted) or "found"."""
+        """The arrays of a result; `ids` is "numbers", "texts" or "map" (all sorted) or "found"."""
         found = localized.arrays()
         names: list[str] = found["object_ids"]
         object_ids: NDArray[Any] = np.array(names, dtype=np.int64 if ids == "numbers" else np.str_)
-        order = np.arange(len(names)) if ids == "found" else np.argsort(object_ids, kind="stable")
+        order = np.arange(len(names))
+        if ids != "found":
+            # Those of a map end with their numbers, which have four digits or more.
+            keys = [int(name.rpartition("_")[2]) for name in names] if ids == "map" else object_ids
+            order = np.argsort(np.asarray(keys), kind="stable").astype(np.int64)
         in_order = bool((order[1:] > order[:-1]).all())
         places = np.empty(len(names) + 1, dtype=np.int64)
         places[order], places[-1] = np.arange(len(names)), -1

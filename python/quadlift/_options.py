@@ -181,6 +181,57 @@ def of_association(
     }
 
 
+def of_map(
+    *,
+    name: str | None,
+    up: Any,
+    length_unit: str | None,
+    ids: str,
+    min_views: int,
+    min_score: float | None,
+    pixel_sd: float | None,
+    priors: Path | Mapping[str, Prior] | None,
+    max_views: int,
+    max_objects: int,
+    pose_noise: tuple[float, float] | None,
+) -> dict[str, Any]:
+    """The core's keywords of an object map."""
+    path, text = _priors(priors)
+    return {
+        "name": _checks.optional(_checks.text, "name", name),
+        "up": None if up is None else _checks.array("up", up, (3,)).tolist(),
+        "length_unit": _checks.optional(_checks.text, "length_unit", length_unit),
+        "ids": _checks.text("ids", ids),
+        "min_views": _checks.whole("min_views", min_views, 2, 2**32),
+        "min_score": _checks.optional(_checks.number, "min_score", min_score),
+        "pixel_sd": _checks.optional(_checks.number, "pixel_sd", pixel_sd),
+        "priors": path,
+        "priors_text": text,
+        "max_views": _checks.whole("max_views", max_views, 4, 2**32),
+        "max_objects": _checks.whole("max_objects", max_objects, 1, 2**32),
+        "pose_noise": None if pose_noise is None else _checks.array("pose_noise", pose_noise, (2,)).tolist(),
+    }
+
+
+NOT_OF_MAP = ("associate", "ids", "source", "priors", "pose_noise")
+"""Options of a localisation that an object map has, or that mean nothing there."""
+
+
+def split_of_map(options: Options, of_map: dict[str, Any]) -> tuple[dict[str, Any], int | None, Progress | None]:
+    """As `split`, for the objects of a map with these options (by the names of the program)."""
+    for name in NOT_OF_MAP:
+        if name in options:
+            raise TypeError(f"ObjectMap.localize() got an unexpected keyword argument {name!r}")
+    keywords, threads, progress = split(options, "ObjectMap.localize")
+    keywords["associate"] = "never"
+    if keywords["method"] == "map":
+        priors = of_map["priors"]
+        text = priors["text"] if isinstance(priors, dict) else None
+        keywords["priors"], keywords["priors_text"] = (priors, None) if text is None else (None, text)
+        keywords["pose_noise"] = of_map["pose-noise"]
+    return keywords, threads, progress
+
+
 def threads_and_progress(threads: Any, progress: Any) -> tuple[int | None, Progress | None]:
     """The number of threads and the progress callback, checked."""
     if threads is not None:

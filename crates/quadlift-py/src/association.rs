@@ -30,7 +30,8 @@ pub struct AssociateKeywords {
 impl AssociateKeywords {
     /// Checks the keywords for a scene.
     pub fn for_scene(self, scene: &Scene) -> PyResult<AssociateOptions> {
-        let (priors, _) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
+        let unit = scene.length_unit.as_deref();
+        let (priors, _) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
         let options = AssociateOptions {
             ids: choice("ids", &self.ids, &IDS)?,
             thorough: self.thorough,

@@ -48,6 +48,38 @@ pub struct DetectionArrays<'py> {
 #[derive(FromPyObject, Default)]
 struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
 
+/// The boxes of a frame: M rows, the dictionary `BoxArrays` of `python/quadlift/_arrays.py`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct BoxArrays<'py> {
+    /// (M, 4).
+    boxes: PyReadonlyArray2<'py, f64>,
+    object: Names<'py>,
+    category: Names<'py>,
+    /// (M,); NaN for none.
+    scores: Option<PyReadonlyArray1<'py, f64>>,
+}
+
+impl BoxArrays<'_> {
+    /// The detections of a frame as records, checked; or which row is wrong.
+    pub fn records(&self, frame: &str) -> Result<Vec<DetectionRecord>, String> {
+        let boxes = self.boxes.as_array();
+        let record = |row: usize| {
+            let edges: [f64; 4] = std::array::from_fn(|k| boxes[[row, k]]);
+            BoundingBox::new(edges).map_err(|error| format!("boxes[{row}]: {error}"))?;
+            Ok(DetectionRecord {
+                frame: frame.into(),
+                object: self.object.of_row(row).map(Into::into),
+                category: self.category.of_row(row).map(Into::into),
+                score: self.scores.as_ref().map(|scores| scores.as_array()[row]).filter(|score| !score.is_nan()),
+                bounding_box: Some(edges),
+                ..Default::default()
+            })
+        };
+        (0..boxes.nrows()).map(record).collect()
+    }
+}
+
 /// A box and an ellipse, measured in the image as it is.
 type Measured = (Option<BoundingBox>, Option<Ellipse>);
 
@@ -165,6 +197,12 @@ fn values<const N: usize>(array: &Option<PyReadonlyArray2<f64>>, row: usize) -> 
 }
 
 impl Names<'_> {
+    /// The name of a row.
+    fn of_row(&self, row: usize) -> Option<&str> {
+        let code = *self.0.as_ref()?.as_array().get(row)?;
+        self.1.get(usize::try_from(code).ok()?).map(String::as_str)
+    }
+
     /// For each row the index of its name in `known`, which is extended in the order of their first appearance. Names
     /// may repeat where none is known yet: they stand for different things then.
     fn indices(&self, known: &mut Vec<String>) -> Vec<Option<u32>> {

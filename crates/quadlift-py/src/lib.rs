@@ -8,6 +8,7 @@ mod evaluation;
 mod frames;
 mod loaded;
 mod localized;
+mod object_map;
 mod options;
 mod recording;
 mod run;
@@ -27,5 +28,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(detections::hidden_edges, module)?)?;
     module.add_class::<scene::PyScene>()?;
     module.add_class::<localized::PyLocalized>()?;
+    module.add_class::<object_map::PyObjectMap>()?;
     Ok(())
 }

@@ -21,6 +21,7 @@ use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::{
     coordinates_name, cross_validation_record, fitted_body_name, noise_record, settings_record,
 };
+use quadlift_io::stream::MapMemory;
 use quadlift_report::{Content, Scores, page, report};
 
 use crate::association::associated;
@@ -46,6 +47,8 @@ pub struct PyLocalized {
     settings: serde_json::Value,
     /// The calibration of regions, if any.
     calibration: Option<serde_json::Value>,
+    /// What an object map knows of the objects, if they are those of one.
+    memory: Option<MapMemory>,
     /// Index of the used source.
     source: Option<u32>,
     /// Read errors, as text.
@@ -104,7 +107,45 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
     let settings = settings_record(options, choices.priors.as_deref());
     let seconds = start.elapsed().as_secs_f64();
     let calibration = choices.calibration.clone();
-    Ok(PyLocalized { loaded, changed, association, localization, settings, calibration, source, problems, seconds })
+    let memory = None;
+    Ok(PyLocalized {
+        loaded,
+        changed,
+        association,
+        localization,
+        settings,
+        calibration,
+        memory,
+        source,
+        problems,
+        seconds,
+    })
+}
+
+/// Localises the objects of a map from its kept views, like `quadlift stream --map`.
+pub fn localized_map(
+    loaded: Arc<Loaded>,
+    memory: MapMemory,
+    choices: &Choices,
+    ticker: &Ticker,
+) -> Result<PyLocalized, String> {
+    let start = Instant::now();
+    let localization = match loaded.scene.detections.is_empty() {
+        true => Localization::default(),
+        false => localize_observed(&loaded.scene, &choices.options, ticker).map_err(|error| error.to_string())?,
+    };
+    Ok(PyLocalized {
+        loaded,
+        changed: None,
+        association: None,
+        localization,
+        settings: settings_record(&choices.options, choices.priors.as_deref()),
+        calibration: choices.calibration.clone(),
+        memory: Some(memory),
+        source: None,
+        problems: Vec::new(),
+        seconds: start.elapsed().as_secs_f64(),
+    })
 }
 
 impl PyLocalized {
@@ -122,6 +163,9 @@ impl PyLocalized {
         if let Some(association) = &self.association {
             let source = self.source.map(|index| self.scene().sources[index as usize].as_str());
             add_to_result(&mut file, self.loaded.file().detections.clone(), self.scene(), source, association);
+        }
+        if let Some(memory) = &self.memory {
+            memory.add_to(&mut file, self.loaded.file());
         }
         file
     }

@@ -114,7 +114,8 @@ impl LocalizeKeywords {
             Some(true) => Extent::All,
         };
         options.validate().map_err(refuse)?;
-        let (priors, name) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), scene)?;
+        let unit = scene.length_unit.as_deref();
+        let (priors, name) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
         if let Some(map) = options.method.map_options_mut() {
             map.priors = priors;
         }
@@ -169,7 +170,7 @@ impl LocalizeKeywords {
 pub fn read_priors(
     name: Option<&str>,
     text: Option<&str>,
-    scene: &Scene,
+    length_unit: Option<&str>,
 ) -> PyResult<(CategoryPriors, Option<String>)> {
     let priors = match (name, text) {
         (_, Some(text)) => {
@@ -177,7 +178,7 @@ pub fn read_priors(
             return Ok((priors, Some("given".to_owned())));
         }
         (Some("builtin"), None) => {
-            check_metres(scene.length_unit.as_deref()).map_err(refuse)?;
+            check_metres(length_unit).map_err(refuse)?;
             builtin_priors()
         }
         (Some(path), None) => quadlift_io::read_priors(path.as_ref()).map_err(refuse)?,

@@ -20,6 +20,6 @@ pub use map_file::{MapMemory, presence_name};
 pub use options::{StoredPriors, id_use_name, lasting_options, options_of};
 pub use scene::{CheckedFrame, StreamedScene};
 pub use state::{
-    STATE_FORMAT, STATE_VERSION, StreamState, parse_state_file, read_state_file, state_options, write_state,
-    write_state_file,
+    STATE_FORMAT, STATE_VERSION, StoredStream, StreamState, parse_state_file, parse_stored_stream, read_state_file,
+    read_stored_stream, write_state, write_state_file,
 };

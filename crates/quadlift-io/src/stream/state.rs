@@ -4,14 +4,17 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use quadlift::online::{MapState, ObjectMap, OnlineOptions};
+use quadlift::solve::{CategoryPriors, PoseNoise};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::line::AboutRecord;
+use super::options::{StoredPriors, options_of};
 use super::scene::StreamedScene;
 use crate::atomic::write_file;
 use crate::error::{ReadError, WriteError};
 use crate::input::{as_utf8, read_bytes};
+use crate::priors::{builtin_priors, parse_priors, read_priors};
 use crate::scene_file::{CameraRecord, FrameRecord};
 use crate::wording::plain_words;
 
@@ -119,12 +122,40 @@ pub fn parse_state_file(
     Ok(StreamState { map, scene, poses_since: record.poses_since })
 }
 
-/// The options that a state was written with.
+/// A state with the options that it was written with.
+#[derive(Debug, Clone)]
+pub struct StoredStream {
+    /// The state.
+    pub state: StreamState,
+    /// The options as they stand in the state, to write it again.
+    pub options: Map<String, Value>,
+    /// Standard deviations of the poses of frames without their own.
+    pub pose_noise: Option<PoseNoise>,
+}
+
+/// Reads a state with the options that it was written with; priors of a file are read from there again.
 ///
 /// # Errors
-/// As [`parse_state_file`], where the file is none of this version.
-pub fn state_options(path: &Path, bytes: &[u8]) -> Result<Map<String, Value>, ReadError> {
-    Ok(header(path, as_utf8(path, bytes)?)?.options.unwrap_or_default())
+/// [`ReadError`] when the state or the file of its priors cannot be read.
+pub fn read_stored_stream(path: &Path) -> Result<StoredStream, ReadError> {
+    parse_stored_stream(path, &read_bytes(path)?)
+}
+
+/// As [`read_stored_stream`], from the bytes of a file; the path only serves for messages.
+///
+/// # Errors
+/// As [`read_stored_stream`].
+pub fn parse_stored_stream(path: &Path, bytes: &[u8]) -> Result<StoredStream, ReadError> {
+    let options = header(path, as_utf8(path, bytes)?)?.options.unwrap_or_default();
+    let (mut of_map, priors, pose_noise) = options_of(&options).map_err(|problem| ReadError::new(path, problem))?;
+    of_map.priors = match priors {
+        None => CategoryPriors::default(),
+        Some(StoredPriors::Name(name)) if name == "builtin" => builtin_priors(),
+        Some(StoredPriors::Name(name)) => read_priors(name.as_ref())?,
+        Some(StoredPriors::Text { text }) => parse_priors("priors".as_ref(), &text)?,
+    };
+    let state = parse_state_file(path, bytes, of_map, &options)?;
+    Ok(StoredStream { state, options, pose_noise })
 }
 
 /// What tells a state of this version from other files.
