@@ -39,12 +39,20 @@ def in_child(work: Any) -> Any:
         child.join()
 
 
+def observe(object_map: quadlift.ObjectMap, made: Arrays, first: int = 0) -> None:
+    for k, projection in enumerate(made.projections):
+        found = {"projection": projection, "image_size": (640, 480), "boxes": made.boxes[made.frame == k]}
+        object_map.observe(first + k, time=first + k, **found)
+
+
 def test_everything_works_in_forked_children(made: Arrays, tmp_path: Path) -> None:
     cameras = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480))
     scene = cameras.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
     # Starts the threads of this process, which its children do not have.
     here = scene.localize()
     _, objects = scene.associate(ids="ignore")
+    object_map = quadlift.ObjectMap()
+    observe(object_map, made)
 
     def everything() -> Any:
         localized = scene.localize()
@@ -52,6 +60,9 @@ def test_everything_works_in_forked_children(made: Arrays, tmp_path: Path) -> No
         scene.diagnose()
         localized.to_scene().evaluate(localized.to_scene())
         localized.report(tmp_path / "page.html")
+        # The parent's map goes on.
+        observe(object_map, made, len(made.projections))
+        assert len(object_map.objects) > 0
         grandchild = in_child(lambda: scene.localize().centers)
         return localized.centers, localized.covariances, len(again), grandchild
 
