@@ -17,6 +17,7 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 QUADLIFT = os.environ["QUADLIFT"]
+IMPORTER = Path(sys.executable).with_name("rerun-importer-quadlift")
 
 
 class Recording:
@@ -67,7 +68,7 @@ def content(chunks):
 
 
 def quadlift(folder, *args):
-    subprocess.run([QUADLIFT, "-q", *args], cwd=folder, check=True)
+    subprocess.run([QUADLIFT, "-q", *args], cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
 
 def block_means(image):
@@ -220,6 +221,61 @@ class ToRerun(unittest.TestCase):
         found = content(verified(folder / "scene.rrd"))
         for entity in ("/world/camera", "/world/camera/image/boxes"):
             self.assertEqual(found[entity], expected[entity])
+
+    def test_the_importer(self):
+        folder = self.folder
+        quadlift(folder, "synth", "-o", "scene.json", "--render", "--objects", "3", "--views", "5")
+        quadlift(folder, "localize", "scene.json", "-o", "estimate.json")
+        quadlift(folder, "stream", "scene.json", "--map", "map.json")
+        quadlift(folder, "export", "rerun", "scene.json", "estimate.json", "-o", "recording")
+
+        def imported(name, *args):
+            command = [IMPORTER, name, "--application-id", "app", "--recording-id", "mine", *args]
+            return subprocess.run(command, cwd=folder, capture_output=True)
+
+        def entities(name, *args):
+            run = imported(name, *args)
+            self.assertEqual(run.returncode, 0, run.stderr)
+            (folder / "imported.rrd").write_bytes(run.stdout)
+            return content(verified(folder / "imported.rrd"))
+
+        for name in ["scene.json", "estimate.json", "map.json"]:
+            package.Scene.read(folder / name).to_rerun(folder / "expected.rrd")
+            expected = content(verified(folder / "expected.rrd"))
+            self.assertIn("/world/camera/image/boxes", expected)
+            # Other arguments that Rerun passes, now or later, change nothing.
+            self.assertEqual(entities(name, "--opened-recording-id", "a", "--time_sequence", "b=1", "--new"), expected)
+        package.log_recording(folder / "recording", folder / "expected.rrd")
+        expected = content(verified(folder / "expected.rrd"))
+        for name in ["recording", "recording/recording.json"]:
+            self.assertEqual(entities(name), expected)
+        imported_below = imported("recording", "--entity-path-prefix", "/a/b")
+        (folder / "below.rrd").write_bytes(imported_below.stdout)
+        below = {chunk.entity_path for chunk in verified(folder / "below.rrd")}
+        self.assertTrue({f"/a/b{path}" for path in expected} <= below, below)
+
+        # As the viewer finds it.
+        script = """if True:
+            import rerun as rr
+            with rr.RecordingStream("app", recording_id="mine") as stream:
+                stream.save("logged.rrd")
+                rr.log_file_from_path("recording/recording.json")
+                stream.flush()
+                stream.disconnect()"""
+        path = os.pathsep.join([str(IMPORTER.parent), os.environ["PATH"]])
+        subprocess.run([sys.executable, "-c", script], cwd=folder, env={**os.environ, "PATH": path}, check=True)
+        self.assertEqual(content(verified(folder / "logged.rrd")), expected)
+
+        # What is not ours.
+        (folder / "other.json").write_text('{"format": "other", "version": 1}')
+        (folder / "scene.txt").write_text((folder / "scene.json").read_text())
+        for name in ["other.json", "scene.txt", "missing.json", "images", "recording/images"]:
+            run = imported(name)
+            self.assertEqual((run.returncode, run.stdout), (rr.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE, b""), name)
+        (folder / "broken.json").write_text('{"format": "quadlift.scene", "version": 1, "frames": 7}')
+        run = imported("broken.json")
+        self.assertEqual((run.returncode, run.stdout), (1, b""))
+        self.assertIn("broken.json:1:", run.stderr.decode())
 
     def test_without_recording(self):
         scene = package.Scene.from_arrays(projections=np.eye(3, 4)[None])

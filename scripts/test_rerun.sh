@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Tests `quadlift export rerun`, `to_rerun` of the Python package and examples/to_rerun.py: makes recordings, checks them
-# with `rerun rrd verify` and reads them back. rerun-sdk is installed into target/rerun-venv (790 MB) if it is not there;
+# Tests `quadlift export rerun`, `quadlift stream --rerun`, `to_rerun` and the importer of the Python package, and
+# examples/to_rerun.py: makes recordings, checks them with `rerun rrd verify` and reads them back. rerun-sdk is installed into target/rerun-venv (790 MB) if it is not there;
 # QUADLIFT_SKIP_RERUN=1 skips the test.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -26,4 +26,6 @@ if [ -z "${QUADLIFT:-}" ]; then
     cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked
     QUADLIFT="$target/debug/quadlift"
 fi
-QUADLIFT="$QUADLIFT" "$python" examples/test_to_rerun.py
+export QUADLIFT
+"$python" examples/test_to_rerun.py
+"$python" examples/test_stream_rerun.py

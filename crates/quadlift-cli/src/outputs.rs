@@ -16,7 +16,7 @@ const OUTPUTS: [&str; 3] = ["output", "report", "views"];
 const OUTPUTS_OF_SYNTH: [&str; 1] = ["truth"];
 
 /// Outputs of `quadlift stream` alone. The state may be read as well, before it is written.
-const OUTPUTS_OF_STREAM: [&str; 2] = ["map", "state"];
+const OUTPUTS_OF_STREAM: [&str; 3] = ["map", "state", "rerun"];
 
 /// The outputs and inputs of a command, by the names of their options.
 pub struct Paths<'a> {

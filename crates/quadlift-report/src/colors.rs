@@ -21,12 +21,17 @@ const PALETTE: [Color; 10] = [
 /// Detections without an object.
 pub const UNKNOWN: Color = [0x88; 3];
 
+/// The colour of an object by its index.
+pub fn of_object(index: usize) -> Color {
+    PALETTE[index % PALETTE.len()]
+}
+
 impl Report {
     /// The colour of an object: by category if there are several, otherwise by object.
     pub fn color(&self, index: usize) -> Color {
         let category = self.objects.get(index).map_or(-1, |object| object.category);
         match self.categories.len() {
-            0 | 1 => PALETTE[index % PALETTE.len()],
+            0 | 1 => of_object(index),
             _ => usize::try_from(category).map_or(UNKNOWN, |category| PALETTE[category % PALETTE.len()]),
         }
     }

@@ -10,6 +10,7 @@ mod content;
 mod data;
 mod document;
 mod frame_image;
+mod live;
 mod masks;
 mod objects;
 mod outline;
@@ -24,6 +25,7 @@ pub use content::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECT
 pub use data::{Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow};
 pub use document::{report, report_of_frames};
 pub use frame_image::{FrameImage, frame_image, frame_jpeg};
+pub use live::{LiveEvent, LiveMap, LiveRecord};
 pub use page::page;
 pub use picture::{Label, Picture, write_labels};
 pub use recording::{Recording, RecordingFrame, recording};

@@ -61,7 +61,7 @@ pub struct RecordingObject {
 }
 
 /// A body as Rerun can draw it.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordingBody {
     /// Kind of body: `ellipsoid`, `cuboid` or `superellipsoid`.
     pub kind: &'static str,
@@ -193,7 +193,7 @@ fn category(report: &Report, object_index: usize) -> Option<String> {
     report.categories.get(index).cloned()
 }
 
-fn drawable(body: &ReportBody) -> Option<RecordingBody> {
+pub(crate) fn drawable(body: &ReportBody) -> Option<RecordingBody> {
     let drawn = match body.body()? {
         // Rerun has ellipsoids and boxes.
         round @ (Body::Cylinder(_) | Body::Superellipsoid(_)) => ReportBody::from(&round.ellipsoid()),
@@ -244,7 +244,7 @@ fn gather_frame(report: &Report, scene: &Scene, frame: &ReportFrame, projection:
         time: None,
         size: frame.size,
         image: None,
-        camera: camera(projection),
+        camera: recording_camera(projection),
         boxes,
         ellipses,
         outlines,
@@ -267,7 +267,7 @@ fn line(points: &[Vector2<f64>]) -> Line {
     points.iter().map(|point| point.map(|x| (100.0 * x).round() / 100.0).into()).collect()
 }
 
-fn camera(projection: &Projection) -> Option<RecordingCamera> {
+pub(crate) fn recording_camera(projection: &Projection) -> Option<RecordingCamera> {
     let pose = projection.camera_pose()?;
     let pose: &Matrix3x4<f64> = pose.matrix();
     let k = projection.m() * pose.fixed_columns::<3>(0).transpose();
@@ -301,7 +301,7 @@ mod tests {
     fn a_projection_of_any_scale_is_its_camera_and_pose() {
         let matrix = *turned_camera().matrix();
         for scale in [1.0, -0.02] {
-            let found = camera(&Projection::from_matrix(matrix * scale).unwrap()).unwrap();
+            let found = recording_camera(&Projection::from_matrix(matrix * scale).unwrap()).unwrap();
             let k = nalgebra::Matrix3::from_fn(|i, j| found.intrinsics[i][j]);
             let pose = Matrix3x4::from_fn(|i, j| found.cam_from_world[i][j]);
             assert!((k * pose - matrix).norm() < 1e-9, "{k} {pose}");

@@ -1,6 +1,7 @@
 //! `quadlift stream`: an object map that is updated frame by frame.
 
 mod map_file;
+mod rerun;
 mod session;
 mod source;
 
@@ -24,6 +25,7 @@ use crate::next::Next;
 use crate::output::Output;
 use crate::report::check_report;
 use map_file::MapFiles;
+use rerun::{Live, Target};
 use session::Session;
 use source::Source;
 
@@ -79,6 +81,12 @@ pub struct Args {
     /// Write a report at the end, an HTML page
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+
+    /// Show frames, objects and events live in Rerun: in the viewer on this machine, which is started if there is none, in that
+    /// of an address (HOST:PORT), or in a recording (OUT.rrd); needs Python with rerun-sdk
+    #[arg(long, value_name = "TARGET", num_args = 0..=1, require_equals = true, default_missing_value = "",
+          value_parser = Target::parse)]
+    rerun: Option<Target>,
 
     /// What the map file says of each object: full, or brief (no covariance, no figures of single views)
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
@@ -141,6 +149,14 @@ impl Args {
         self.input.as_deref().filter(|path| path.as_os_str() != "-")
     }
 
+    /// The recording, where that is what `--rerun` names.
+    fn recording(&self) -> Option<&PathBuf> {
+        match &self.rerun {
+            Some(Target::File(path)) => Some(path),
+            _ => None,
+        }
+    }
+
     /// How the objects of the map file are estimated.
     fn settings(&self) -> anyhow::Result<Settings> {
         let priors = match &self.priors {
@@ -189,6 +205,7 @@ impl Args {
         let files: Vec<&Path> = [&self.map, &self.state].into_iter().flatten().map(PathBuf::as_path).collect();
         files.iter().try_for_each(|path| check_file(path))?;
         check_report(self.report.as_ref(), &files)?;
+        self.recording().map_or(Ok(()), |path| check_file(path))?;
         if self.every.is_some() && files.is_empty() {
             return usage("--every says how often --map and --state are written; neither is given");
         }
@@ -209,7 +226,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let mut source = Source::open(args.input(), args.source.as_deref())?;
     // Reading the state does not keep it from being written.
     args.state.as_deref().map(allow_overwriting);
-    [&args.map, &args.state, &args.report].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
+    let outputs = [args.map.as_ref(), args.state.as_ref(), args.report.as_ref(), args.recording()];
+    outputs.iter().flatten().try_for_each(|path| check_not_read(path))?;
     let files = MapFiles {
         map: args.map.as_deref(),
         state: args.state.as_deref(),
@@ -219,13 +237,16 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         settings: &settings,
         lasting: &lasting,
     };
+    if let Some(target) = &args.rerun {
+        let name = args.input().map(|path| path.display().to_string());
+        session.show(Live::start(target, name.as_deref(), out)?);
+    }
     let ended = session.run(&mut source, &files);
     // Whatever ended the stream, what was seen is written.
     let (text, written) = session.end(&files);
-    let wrote = [&args.map, &args.state, &args.report].into_iter().flatten();
     ended?;
     written?;
-    let wrote: String = wrote.map(|path| format!("wrote {}\n", path.display())).collect();
+    let wrote: String = outputs.iter().flatten().map(|path| format!("wrote {}\n", path.display())).collect();
     out.report(&format!("{text}\n{wrote}"))?;
     if let Some(map) = &args.map {
         let mut next = Next::default();

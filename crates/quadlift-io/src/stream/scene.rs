@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use nalgebra::Vector3;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift::online::{Detection, Frame, ObjectMap, PoseUpdate};
 use quadlift::scene;
@@ -87,6 +88,12 @@ impl StreamedScene {
     /// The world unit.
     pub fn length_unit(&self) -> Option<&str> {
         self.about.length_unit.as_deref()
+    }
+
+    /// The unit world direction against gravity.
+    pub fn up(&self) -> Option<[f64; 3]> {
+        let up = Vector3::from(self.about.up?).try_normalize(0.0)?;
+        Some(up.into())
     }
 
     /// Takes in what a line says of the scene. Cameras of the same id must be the same.

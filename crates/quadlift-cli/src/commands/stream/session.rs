@@ -12,6 +12,7 @@ use serde_json::{Map, Value};
 
 use super::Args;
 use super::map_file::MapFiles;
+use super::rerun::Live;
 use super::source::{Item, Source};
 use crate::error::in_words;
 use crate::localization::PriorSource;
@@ -29,6 +30,7 @@ pub struct Session<'a> {
     out: &'a Output,
     /// Whether somebody reads the events.
     is_read: bool,
+    live: Option<Live<'a>>,
     errors: u64,
     failed_writes: u64,
 }
@@ -71,9 +73,15 @@ impl<'a> Session<'a> {
             pose_noise: args.pose_noise,
             out,
             is_read: true,
+            live: None,
             errors: 0,
             failed_writes: 0,
         })
+    }
+
+    /// Shows the stream in Rerun from now on.
+    pub fn show(&mut self, live: Live<'a>) {
+        self.live = Some(live);
     }
 
     /// Observes all frames of the input, until it ends, a signal comes or nobody reads the events.
@@ -160,6 +168,9 @@ impl<'a> Session<'a> {
             Ok(update) => update,
             Err(problem) => return self.error(number, error(LineError::new(problem))),
         };
+        if let Some(live) = &mut self.live {
+            live.frame(&self.stream.map, &checked, &update, self.stream.scene.up());
+        }
         self.stream.scene.keep(checked, &self.stream.map);
         self.stream.poses_since = 0;
         self.passed = None;
@@ -181,6 +192,9 @@ impl<'a> Session<'a> {
             Ok(updates) => {
                 let update = self.stream.map.update_poses(&updates);
                 self.stream.poses_since += 1;
+                if let Some(live) = &mut self.live {
+                    live.others(&self.stream.map, &update, self.stream.scene.up());
+                }
                 self.print(&OutputLine::of_poses(updates.len(), &update))
             }
             Err(error) => self.error(number, LineError::of_entry(&error)),
@@ -195,6 +209,11 @@ impl<'a> Session<'a> {
         }
         self.errors += 1;
         let message = error.message.clone();
+        if let Some(live) = &mut self.live {
+            let place =
+                [number.map(|number| format!("line {number}: ")), error.frame.as_ref().map(|id| format!("{id}: "))];
+            live.error(&self.stream.map, place.into_iter().flatten().collect::<String>() + &message);
+        }
         self.print(&OutputLine::of_error(number, error))?;
         if self.strict {
             let place = number.map_or(String::new(), |number| format!("line {number}: "));
@@ -214,6 +233,10 @@ impl<'a> Session<'a> {
     pub fn end(&mut self, files: &MapFiles) -> (String, anyhow::Result<()>) {
         let mut settled = self.stream.map.clone();
         let update = settled.settle();
+        if let Some(mut live) = self.live.take() {
+            live.others(&settled, &update, self.stream.scene.up());
+            live.finish();
+        }
         let printed = match update.events.is_empty() {
             true => Ok(()),
             false => self.print(&OutputLine::of_end(settled.frames(), &update)),
