@@ -206,6 +206,14 @@ impl Args {
         files.iter().try_for_each(|path| check_file(path))?;
         check_report(self.report.as_ref(), &files)?;
         self.recording().map_or(Ok(()), |path| check_file(path))?;
+        if let (Some(Target::Local), Some(input)) = (&self.rerun, self.input())
+            && (input.extension().is_some_and(|end| end == "rrd") || input.to_string_lossy().contains("://"))
+        {
+            return usage(format!(
+                "the input {0} cannot be read; to show the stream there: --rerun={0}",
+                input.display()
+            ));
+        }
         if self.every.is_some() && files.is_empty() {
             return usage("--every says how often --map and --state are written; neither is given");
         }

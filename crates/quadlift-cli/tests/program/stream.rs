@@ -266,3 +266,54 @@ fn a_state_goes_on_with_the_same_options_and_must_be_whole() {
     let run = folder.run("stream scene.json --state scene.json --resume");
     assert!(run.code == 2 && run.stderr.contains("would overwrite the scene"), "{}", run.stderr);
 }
+
+/// `--rerun` with programs in the place of Python; examples/test_stream_rerun.py has the real one.
+#[cfg(unix)]
+#[test]
+fn what_happens_to_rerun_does_not_change_the_stream() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let folder = folder_with_stream();
+    let plain = folder.succeed("stream scene.jsonl -q");
+    let run = |script: &str| {
+        folder.write("python", format!("#!/bin/sh\n{script}\n"));
+        std::fs::set_permissions(folder.path("python"), std::fs::Permissions::from_mode(0o755)).unwrap();
+        let mut command = program(&folder, "stream scene.jsonl --rerun=out.rrd");
+        let output = command.env("QUADLIFT_PYTHON", folder.path("python")).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (text(output.stdout), output.status.code(), text(output.stderr))
+    };
+    let (events, code, told) = run("cat > taken; echo done");
+    assert_eq!((events.as_str(), code), ("", Some(1)), "{told}");
+    let (events, code, told) = run("echo ready; cat > taken; echo done");
+    assert_eq!((&events, code), (&plain, Some(0)), "{told}");
+    assert!(!told.contains("warning"), "{told}");
+    // What it is told: the script, the target, and a record for each frame and for the end.
+    let taken = folder.read("taken");
+    let records: Vec<Value> = taken.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    assert_eq!(records[0], json!({"name": "scene.jsonl", "file": "out.rrd", "address": null}));
+    assert_eq!(records.iter().filter(|record| record["frame"].is_object()).count(), 20);
+    for (script, reason) in [
+        ("echo ready", "it takes no more records"),
+        ("echo ready; echo 'error: the viewer has gone'", "the viewer has gone"),
+        ("echo ready; cat > taken; echo 'error: the viewer has gone'", "the viewer has gone"),
+        ("echo ready; cat > taken", "it does not end"),
+    ] {
+        let (events, code, told) = run(script);
+        assert_eq!((&events, code), (&plain, Some(0)), "{script}: {told}");
+        let warning = "warning: Rerun shows no more of the stream, which goes on without it: ";
+        assert_eq!(told.matches(warning).count(), 1, "{script}: {told}");
+        // Whether it has ended before the last record is a matter of time.
+        assert!(told.contains(reason) || told.contains("it does not end"), "{script}: {told}");
+    }
+    for (script, problem) in [("echo 'error: no module'", "--rerun: no module"), ("exit 3", "it needs Rerun's SDK")] {
+        let (events, code, told) = run(script);
+        assert_eq!((events.as_str(), code), ("", Some(1)), "{script}");
+        assert!(told.contains(problem), "{script}: {told}");
+    }
+    let mut command = program(&folder, "stream scene.jsonl --rerun");
+    let output = command.env("QUADLIFT_PYTHON", "no-python").output().unwrap();
+    assert!(
+        String::from_utf8(output.stderr).unwrap().contains("cannot start no-python (QUADLIFT_PYTHON names another)")
+    );
+}

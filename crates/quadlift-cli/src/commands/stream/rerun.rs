@@ -4,7 +4,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::{Builder, sleep};
 use std::time::{Duration, Instant};
 
@@ -125,7 +125,12 @@ impl<'a> Live<'a> {
             };
             Builder::new().name("rerun answers".to_owned()).spawn(read)?;
         }
-        match answers.recv().as_deref() {
+        let answer = answers.recv();
+        if answer.as_deref() != Ok("ready") {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+        match answer.as_deref() {
             Ok("ready") => {}
             Ok(problem) => bail!("--rerun: {}", problem.trim_start_matches("error: ")),
             Err(_) => bail!("--rerun: {shown} has failed; it needs Rerun's SDK (pip install rerun-sdk)"),
@@ -176,23 +181,22 @@ impl<'a> Live<'a> {
         }
         match self.answers.recv_timeout(PATIENCE) {
             Ok(answer) if answer == "done" => drop(self.child.wait()),
-            Ok(answer) => self.warn(&answer),
-            Err(RecvTimeoutError::Timeout) => self.give_up(),
-            Err(RecvTimeoutError::Disconnected) => self.warn("the process that logs has ended"),
+            Ok(answer) => self.end(&answer),
+            Err(_) => self.end("it does not end"),
         }
     }
 
     fn give_up(&mut self) {
         self.records = None;
         let answer = self.answers.recv_timeout(Duration::from_secs(1));
-        self.warn(answer.as_deref().unwrap_or("it takes no more records"));
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.end(answer.as_deref().unwrap_or("it takes no more records"));
     }
 
-    fn warn(&self, reason: &str) {
+    fn end(&mut self, reason: &str) {
         let reason = reason.trim_start_matches("error: ");
         self.out.warning(&format!("Rerun shows no more of the stream, which goes on without it: {reason}"));
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 

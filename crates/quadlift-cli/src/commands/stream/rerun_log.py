@@ -47,6 +47,9 @@ REJECTED = [0xE0, 0x10, 0x10]
 PATIENCE = 10.0
 CHECK_EVERY = 1.0
 
+# The port of the local viewer.
+PORT = 9876
+
 Record = dict[str, Any]
 
 
@@ -198,7 +201,8 @@ def serve(lines: IO[bytes], status: IO[str]) -> None:
     try:
         import rerun as rr
 
-        stream = rr.RecordingStream("quadlift")
+        # Leaving `with stream` would wait for the viewer without end.
+        stream = rr.RecordingStream("quadlift", make_thread_default=True)
         _open(rr, stream, target)
     except Exception as error:
         print("error:", " ".join(str(error).split()), file=status, flush=True)
@@ -206,13 +210,12 @@ def serve(lines: IO[bytes], status: IO[str]) -> None:
     print("ready", file=status, flush=True)
     checked = time.monotonic()
     try:
-        with stream:
-            for line in lines:
-                log_live(rr, json.loads(line))
-                if time.monotonic() > checked + CHECK_EVERY:
-                    stream.flush(timeout_sec=PATIENCE)
-                    checked = time.monotonic()
-            stream.flush(timeout_sec=PATIENCE)
+        for line in lines:
+            log_live(rr, json.loads(line))
+            if time.monotonic() > checked + CHECK_EVERY:
+                stream.flush(timeout_sec=PATIENCE)
+                checked = time.monotonic()
+        stream.flush(timeout_sec=PATIENCE)
     except RuntimeError as error:
         # The viewer has gone. The program goes on without it.
         print("error:", " ".join(str(error).split()), file=status, flush=True)
@@ -230,11 +233,18 @@ def _open(rr: Any, stream: Any, target: Record) -> None:
     elif target["address"]:
         address = urlsplit(target["address"])
         # The SDK would try for ever.
-        port = address.port or (443 if address.scheme.endswith(("https", "rerun")) else 80)
-        with socket.create_connection((address.hostname, port), timeout=PATIENCE):
-            pass
+        _check_viewer(address.hostname or "", address.port or 0)
         stream.connect_grpc(target["address"])
     else:
         # That of this interpreter, or else of the PATH.
         viewer = shutil.which("rerun", path=os.path.dirname(sys.executable))
-        rr.spawn(executable_path=viewer, recording=stream)
+        rr.spawn(port=PORT, executable_path=viewer, recording=stream)
+        # The SDK goes on without a viewer, if it does not start.
+        _check_viewer("127.0.0.1", PORT)
+
+
+def _check_viewer(host: str, port: int) -> None:
+    try:
+        socket.create_connection((host, port), timeout=PATIENCE).close()
+    except OSError as error:
+        raise OSError(f"there is no viewer at {host}:{port} ({error.strerror or error})") from error
