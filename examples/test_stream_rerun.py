@@ -126,6 +126,19 @@ class StreamRerun(unittest.TestCase):
         self.assertEqual(len(texts), sum(len(line["events"]) for line in events))
         self.assertEqual(sum(value.startswith("confirmed") for value in texts), 6)
 
+    def test_images(self):
+        folder = self.folder
+        quadlift(folder, "synth", "-o", "scene.json", "--render", "--objects", "3", "--views", "5")
+        scene = read(folder / "scene.json")
+        scene["frames"][3]["image"] = "images/none.jpg"
+        (folder / "scene.json").write_text(json.dumps(scene))
+        run = stream(folder, "scene.json", "--rerun=live.rrd")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        blobs = rows(verified(folder / "live.rrd"), "/world/camera/image", "EncodedImage:blob")
+        self.assertEqual([index for index, _ in blobs], [0, 1, 2, 4])
+        for index, [blob] in blobs:
+            self.assertEqual(bytes(blob), (folder / scene["frames"][index]["image"]).read_bytes())
+
     def test_objects_that_are_gone_vanish_and_errors_are_events(self):
         given = text(lines(60, lambda k, cup: cup == 0 or k < 20)) + "nonsense\n"
         run = stream(self.folder, "--rerun=live.rrd", given=given)

@@ -75,9 +75,13 @@ def log_live(rr: Any, record: Record) -> None:
     _set_time(rr, record["index"], record["time"])
     if record["frame"]:
         _log_camera(rr, record["frame"])
+        image = record["frame"]["image"]
+        # A stream goes on without an image.
+        shown = image and image.lower().endswith((".jpg", ".jpeg", ".png")) and os.path.isfile(image)
+        rr.log("world/camera/image", rr.EncodedImage(path=image) if shown else rr.EncodedImage.cleared())
         _log_boxes(rr, record["frame"]["boxes"])
-    for shown in record["objects"]:
-        rr.log(f"world/map/{shown['id']}", _bodies(rr.Ellipsoids3D, [shown], "estimate", _name(shown)))
+    for mapped in record["objects"]:
+        rr.log(f"world/map/{mapped['id']}", _bodies(rr.Ellipsoids3D, [mapped], "estimate", _name(mapped)))
     for gone in record["gone"]:
         rr.log(f"world/map/{gone}", rr.Clear(recursive=False))
     for event in record["events"]:

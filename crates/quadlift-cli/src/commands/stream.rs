@@ -246,8 +246,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         lasting: &lasting,
     };
     if let Some(target) = &args.rerun {
-        let name = args.input().map(|path| path.display().to_string());
-        session.show(Live::start(target, name.as_deref(), out)?);
+        session.show(Live::start(target, args.input(), out)?);
     }
     let ended = session.run(&mut source, &files);
     // Whatever ended the stream, what was seen is written.

@@ -283,7 +283,7 @@ fn what_happens_to_rerun_does_not_change_the_stream() {
         let text = |bytes| String::from_utf8(bytes).unwrap();
         (text(output.stdout), output.status.code(), text(output.stderr))
     };
-    let (events, code, told) = run("cat > taken; echo done");
+    let (events, code, told) = run("head -c 10 > taken; echo done");
     assert_eq!((events.as_str(), code), ("", Some(1)), "{told}");
     let (events, code, told) = run("echo ready; cat > taken; echo done");
     assert_eq!((&events, code), (&plain, Some(0)), "{told}");

@@ -43,6 +43,11 @@ pub struct CheckedFrame {
 }
 
 impl CheckedFrame {
+    /// Path of the image, relative to the input.
+    pub fn image(&self) -> Option<&str> {
+        self.record.image.as_deref()
+    }
+
     /// The detections, in their order.
     pub fn detections(&self) -> Vec<Detection<'_>> {
         (self.detections.iter().zip(&self.boxes))

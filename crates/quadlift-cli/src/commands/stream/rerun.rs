@@ -2,7 +2,7 @@
 //! Python package.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::{Builder, sleep};
@@ -46,6 +46,9 @@ const WAITING: usize = 64;
 /// How long Rerun may take nothing, before it is given up; the script gives up a viewer earlier.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// How long Python may take to import Rerun's SDK and to open the target.
+const PATIENCE_AT_START: Duration = Duration::from_secs(120);
+
 /// Where records go.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
@@ -85,6 +88,8 @@ impl Target {
 /// A live view.
 pub struct Live<'a> {
     map: LiveMap,
+    /// The folder that paths of images are relative to.
+    folder: PathBuf,
     /// The direction against gravity that was logged.
     up: Option<[f64; 3]>,
     /// `None` once Rerun is gone.
@@ -96,7 +101,7 @@ pub struct Live<'a> {
 
 impl<'a> Live<'a> {
     /// Starts Python, and waits until it has opened the target.
-    pub fn start(target: &Target, name: Option<&str>, out: &'a Output) -> anyhow::Result<Self> {
+    pub fn start(target: &Target, input: Option<&Path>, out: &'a Output) -> anyhow::Result<Self> {
         let python =
             std::env::var_os(PYTHON).unwrap_or_else(|| if cfg!(windows) { "python" } else { "python3" }.into());
         let shown = python.to_string_lossy().into_owned();
@@ -110,7 +115,7 @@ impl<'a> Live<'a> {
             format!("--rerun needs Python with Rerun's SDK (rerun-sdk); cannot start {shown} ({PYTHON} names another)")
         })?;
         let target = json!({
-            "name": name,
+            "name": input.map(|path| path.display().to_string()),
             "file": match target { Target::File(path) => Some(path), _ => None },
             "address": match target { Target::Address(address) => Some(address), _ => None },
         });
@@ -125,7 +130,7 @@ impl<'a> Live<'a> {
             };
             Builder::new().name("rerun answers".to_owned()).spawn(read)?;
         }
-        let answer = answers.recv();
+        let answer = answers.recv_timeout(PATIENCE_AT_START);
         if answer.as_deref() != Ok("ready") {
             let _ = child.kill();
             let _ = child.wait();
@@ -135,12 +140,17 @@ impl<'a> Live<'a> {
             Ok(problem) => bail!("--rerun: {}", problem.trim_start_matches("error: ")),
             Err(_) => bail!("--rerun: {shown} has failed; it needs Rerun's SDK (pip install rerun-sdk)"),
         }
-        Ok(Self { map: LiveMap::default(), up: None, records: Some(records), answers, child, out })
+        let folder = input.and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
+        Ok(Self { map: LiveMap::default(), folder, up: None, records: Some(records), answers, child, out })
     }
 
     /// Logs a frame that was observed.
     pub fn frame(&mut self, map: &ObjectMap, checked: &CheckedFrame, update: &FrameUpdate, up: Option<[f64; 3]>) {
-        let record = self.map.frame(map, &checked.frame, &checked.detections(), update);
+        let mut record = self.map.frame(map, &checked.frame, &checked.detections(), update);
+        // Boxes are those of a pinhole camera, and so are images without a lens.
+        if let (Some(frame), Some(image), None) = (&mut record.frame, checked.image(), &checked.frame.lens) {
+            frame.image = self.folder.join(image).to_str().map(str::to_owned);
+        }
         self.log(record, up);
     }
 
