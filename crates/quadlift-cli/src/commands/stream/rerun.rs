@@ -72,13 +72,11 @@ impl Target {
         }
         let (scheme, rest) = text.split_once("://").unwrap_or(("rerun+http", text));
         let (host, path) = rest.split_once('/').unwrap_or((rest, "proxy"));
-        let port = host.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
-        let is_address = ["rerun", "rerun+http", "rerun+https"].contains(&scheme) && !host.is_empty();
-        match port {
-            Some(_) if is_address => {
-                Ok(Self::Address(format!("{scheme}://{host}/{}", if path.is_empty() { "proxy" } else { path })))
-            }
-            _ => Err("expected a recording, OUT.rrd, or the address of a viewer, such as 127.0.0.1:9876 or \
+        let has_port =
+            host.rsplit_once(':').is_some_and(|(name, port)| !name.is_empty() && port.parse::<u16>().is_ok());
+        match has_port && ["rerun", "rerun+http", "rerun+https"].contains(&scheme) {
+            true => Ok(Self::Address(format!("{scheme}://{host}/{}", if path.is_empty() { "proxy" } else { path }))),
+            false => Err("expected a recording, OUT.rrd, or the address of a viewer, such as 127.0.0.1:9876 or \
                       rerun+http://127.0.0.1:9876/proxy"
                 .to_owned()),
         }
