@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::Vector3;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift::online::{Detection, Frame, ObjectMap, PoseUpdate};
 use quadlift::scene;
@@ -43,11 +42,6 @@ pub struct CheckedFrame {
 }
 
 impl CheckedFrame {
-    /// Path of the image, relative to the input.
-    pub fn image(&self) -> Option<&str> {
-        self.record.image.as_deref()
-    }
-
     /// The detections, in their order.
     pub fn detections(&self) -> Vec<Detection<'_>> {
         (self.detections.iter().zip(&self.boxes))
@@ -93,12 +87,6 @@ impl StreamedScene {
     /// The world unit.
     pub fn length_unit(&self) -> Option<&str> {
         self.about.length_unit.as_deref()
-    }
-
-    /// The unit world direction against gravity.
-    pub fn up(&self) -> Option<[f64; 3]> {
-        let up = Vector3::from(self.about.up?).try_normalize(0.0)?;
-        Some(up.into())
     }
 
     /// Takes in what a line says of the scene. Cameras of the same id must be the same.

@@ -9,6 +9,7 @@ use std::thread::{Builder, sleep};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use nalgebra::Vector3;
 use quadlift::online::{FrameUpdate, ObjectMap};
 use quadlift_io::stream::CheckedFrame;
 use quadlift_report::{LiveEvent, LiveMap, LiveRecord};
@@ -88,7 +89,7 @@ pub struct Live<'a> {
     map: LiveMap,
     /// The folder that paths of images are relative to.
     folder: PathBuf,
-    /// The direction against gravity that was logged.
+    /// The direction against gravity, until it is logged.
     up: Option<[f64; 3]>,
     /// `None` once Rerun is gone.
     records: Option<SyncSender<String>>,
@@ -142,32 +143,34 @@ impl<'a> Live<'a> {
         Ok(Self { map: LiveMap::default(), folder, up: None, records: Some(records), answers, child, out })
     }
 
-    /// Logs a frame that was observed.
-    pub fn frame(&mut self, map: &ObjectMap, checked: &CheckedFrame, update: &FrameUpdate, up: Option<[f64; 3]>) {
+    /// The direction against gravity, from the next record on.
+    pub fn up(&mut self, up: [f64; 3]) {
+        self.up = Vector3::from(up).try_normalize(0.0).map(Into::into);
+    }
+
+    /// Logs a frame that was observed, and its image.
+    pub fn frame(&mut self, map: &ObjectMap, (checked, image): (&CheckedFrame, Option<&str>), update: &FrameUpdate) {
         let mut record = self.map.frame(map, &checked.frame, &checked.detections(), update);
         // Boxes are those of a pinhole camera, and so are images without a lens.
-        if let (Some(frame), Some(image), None) = (&mut record.frame, checked.image(), &checked.frame.lens) {
+        if let (Some(frame), Some(image), None) = (&mut record.frame, image, &checked.frame.lens) {
             frame.image = self.folder.join(image).to_str().map(str::to_owned);
         }
-        self.log(record, up);
+        self.log(record);
     }
 
     /// Logs new poses, or the end.
-    pub fn others(&mut self, map: &ObjectMap, update: &FrameUpdate, up: Option<[f64; 3]>) {
+    pub fn others(&mut self, map: &ObjectMap, update: &FrameUpdate) {
         let record = self.map.others(map, update);
-        self.log(record, up);
+        self.log(record);
     }
 
     /// Logs an error in the input.
     pub fn error(&mut self, map: &ObjectMap, text: String) {
-        self.log(LiveRecord::of_event(map, LiveEvent::error(text)), self.up);
+        self.log(LiveRecord::of_event(map, LiveEvent::error(text)));
     }
 
-    fn log(&mut self, mut record: LiveRecord, up: Option<[f64; 3]>) {
-        if self.up != up {
-            self.up = up;
-            record.up = up;
-        }
+    fn log(&mut self, record: LiveRecord) {
+        let record = LiveRecord { up: self.up.take(), ..record };
         let Some(records) = &self.records else { return };
         let Ok(mut line) = serde_json::to_string(&record) else { return };
         line.push('\n');

@@ -136,7 +136,12 @@ impl<'a> Session<'a> {
 
     fn about(&mut self, number: Option<u64>, about: &AboutRecord) -> anyhow::Result<()> {
         match self.stream.scene.take_in(about) {
-            Ok(()) => Ok(()),
+            Ok(()) => {
+                if let (Some(live), Some(up)) = (&mut self.live, about.up) {
+                    live.up(up);
+                }
+                Ok(())
+            }
             Err(error) => self.error(number, LineError::of_entry(&error)),
         }
     }
@@ -158,6 +163,7 @@ impl<'a> Session<'a> {
             }
             error.in_frame(&id)
         };
+        let image = frame.record.image.clone();
         let checked = self.stream.scene.check(frame, &self.stream.map);
         let mut checked = match checked {
             Ok(checked) => checked,
@@ -169,7 +175,7 @@ impl<'a> Session<'a> {
             Err(problem) => return self.error(number, error(LineError::new(problem))),
         };
         if let Some(live) = &mut self.live {
-            live.frame(&self.stream.map, &checked, &update, self.stream.scene.up());
+            live.frame(&self.stream.map, (&checked, image.as_deref()), &update);
         }
         self.stream.scene.keep(checked, &self.stream.map);
         self.stream.poses_since = 0;
@@ -193,7 +199,7 @@ impl<'a> Session<'a> {
                 let update = self.stream.map.update_poses(&updates);
                 self.stream.poses_since += 1;
                 if let Some(live) = &mut self.live {
-                    live.others(&self.stream.map, &update, self.stream.scene.up());
+                    live.others(&self.stream.map, &update);
                 }
                 self.print(&OutputLine::of_poses(updates.len(), &update))
             }
@@ -234,7 +240,7 @@ impl<'a> Session<'a> {
         let mut settled = self.stream.map.clone();
         let update = settled.settle();
         if let Some(mut live) = self.live.take() {
-            live.others(&settled, &update, self.stream.scene.up());
+            live.others(&settled, &update);
             live.finish();
         }
         let printed = match update.events.is_empty() {
