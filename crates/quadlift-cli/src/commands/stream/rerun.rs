@@ -4,7 +4,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::{Builder, sleep};
 use std::time::{Duration, Instant};
 
@@ -49,6 +49,9 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// How long Python may take to import Rerun's SDK and to open the target.
 const PATIENCE_AT_START: Duration = Duration::from_secs(120);
+
+/// Why there are no answers.
+const ENDED: &str = "the Python process has ended";
 
 /// Where records go.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -193,14 +196,18 @@ impl<'a> Live<'a> {
         match self.answers.recv_timeout(PATIENCE) {
             Ok(answer) if answer == "done" => drop(self.child.wait()),
             Ok(answer) => self.end(&answer),
-            Err(_) => self.end("it does not end"),
+            Err(RecvTimeoutError::Timeout) => self.end("it does not end"),
+            Err(RecvTimeoutError::Disconnected) => self.end(ENDED),
         }
     }
 
     fn give_up(&mut self) {
         self.records = None;
-        let answer = self.answers.recv_timeout(Duration::from_secs(1));
-        self.end(answer.as_deref().unwrap_or("it takes no more records"));
+        match self.answers.recv_timeout(Duration::from_secs(1)) {
+            Ok(answer) => self.end(&answer),
+            Err(RecvTimeoutError::Timeout) => self.end("it takes no more records"),
+            Err(RecvTimeoutError::Disconnected) => self.end(ENDED),
+        }
     }
 
     fn end(&mut self, reason: &str) {

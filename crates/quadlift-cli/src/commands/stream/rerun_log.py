@@ -47,6 +47,9 @@ REJECTED = [0xE0, 0x10, 0x10]
 PATIENCE = 10.0
 CHECK_EVERY = 1.0
 
+# The oldest version of the SDK that `serve` is tested with.
+OLDEST = (0, 32)
+
 # The port of the local viewer.
 PORT = 9876
 
@@ -205,6 +208,8 @@ def serve(lines: IO[bytes], status: IO[str]) -> None:
     try:
         import rerun as rr
 
+        if tuple(map(int, rr.__version__.split(".")[:2])) < OLDEST:
+            raise ImportError(f"found rerun-sdk {rr.__version__}; expected {OLDEST[0]}.{OLDEST[1]} or later")
         # Leaving `with stream` would wait for the viewer without end.
         stream = rr.RecordingStream("quadlift", make_thread_default=True)
         _open(rr, stream, target)
