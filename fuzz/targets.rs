@@ -7,6 +7,7 @@ use std::path::Path;
 use quadlift::LocalizeOptions;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::{BodyKind, Method, Status};
+use quadlift_io::mcap::{McapOptions, parse_mcap};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
 use quadlift_io::read::detections::coco::parse_coco;
 use quadlift_io::read::detections::csv::{TableOptions, parse_csv};
@@ -321,6 +322,21 @@ pub fn polygons(data: &[u8]) -> bool {
     }
     let _ = (polygons.moments(), polygons.hull());
     true
+}
+
+/// A log as a scene, with and without what is damaged.
+pub fn mcap(data: &[u8]) -> bool {
+    let parse = |keep_going| {
+        let options = McapOptions { keep_going, ..McapOptions::default() };
+        parse_mcap(Path::new("log.mcap"), data.to_vec(), options)
+    };
+    let (strict, lenient) = (parse(false), parse(true));
+    if let Ok(strict) = &strict {
+        // Where nothing is wrong, nothing is left out.
+        assert_eq!(Ok(strict), lenient.as_ref());
+    }
+    check(lenient.map(|found| found.import));
+    check(strict.map(|found| found.import))
 }
 
 /// Observes the frames of JSON Lines: an error has a message in one line, what is kept is a valid scene.

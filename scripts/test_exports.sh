@@ -10,3 +10,4 @@ python="$target/exports-venv/bin/python"
 "$python" -m pip install --quiet --disable-pip-version-check -r scripts/check_exports_requirements.txt
 cargo build -p quadlift-io -p quadlift-cli --features quadlift-cli/parquet --locked
 "$python" scripts/check_exports.py "$target/debug/quadlift" --parquet
+"$python" scripts/check_mcap.py "$target/debug/quadlift"

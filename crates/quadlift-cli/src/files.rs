@@ -31,6 +31,9 @@ fn other_format(path: &Path) -> Option<String> {
     let shown = path.display();
     match detect_cameras(path) {
         Ok((CameraFormat::Scene, _)) => return None,
+        Ok((CameraFormat::Mcap, _)) => {
+            return Some(format!("it is a log in MCAP: `quadlift import mcap {shown} -o scene.json` converts it"));
+        }
         // Any JSON object may be a list of projections.
         Ok((CameraFormat::Projections, _)) | Err(_) => {}
         Ok((format, _)) => {
@@ -150,7 +153,11 @@ pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut paths: Vec<PathBuf> = Vec::with_capacity(inputs.paths.len());
     for input in &inputs.paths {
         let name = input.file_name().ok_or_else(|| anyhow!("{} has no file name", input.display()))?;
-        let path = output.join(name);
+        // The result of a log is no log.
+        let path = match output.join(name) {
+            path if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap")) => path.with_extension("json"),
+            path => path,
+        };
         if paths.contains(&path) {
             return usage(format!(
                 "two scenes have the file name {}: one result would overwrite the other",

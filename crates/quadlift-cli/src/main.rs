@@ -13,6 +13,7 @@ mod evaluation;
 mod files;
 mod help;
 mod localization;
+mod logs;
 mod next;
 mod output;
 mod outputs;

@@ -1,6 +1,8 @@
 //! Detects the format of a file or folder of another program from the names in it and its first line.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::de::IgnoredAny;
@@ -28,6 +30,8 @@ pub enum CameraFormat {
     Bop,
     /// A list of projections.
     Projections,
+    /// A log in MCAP, of ROS 2 or Foxglove.
+    Mcap,
 }
 
 /// A format of detections.
@@ -63,6 +67,7 @@ impl CameraFormat {
             Self::KittiRaw => "kitti-raw",
             Self::Bop => "bop",
             Self::Projections => "projections",
+            Self::Mcap => "mcap",
         }
     }
 }
@@ -111,10 +116,18 @@ pub fn detect_cameras(path: &Path) -> Result<(CameraFormat, PathBuf), ReadError>
             path,
             "unknown camera format: looked for a scene file, a COLMAP model (cameras.bin or cameras.txt), \
              transforms.json, a TUM trajectory (lines of 8 numbers), KITTI (folders calib and oxts), KITTI raw \
-             (oxts/data), BOP (scene_camera.json) and projections (12 to 16 columns, or JSON); `quadlift import \
-             FORMAT` reads a given format",
+             (oxts/data), BOP (scene_camera.json), logs in MCAP and projections (12 to 16 columns, or JSON); \
+             `quadlift import FORMAT` reads a given format",
         )),
     }
+}
+
+/// Whether a file begins as logs in MCAP do.
+pub fn is_mcap(path: &Path) -> bool {
+    const START: &[u8] = b"\x89MCAP";
+    let mut start = Vec::new();
+    let read = |file: File| file.take(START.len() as u64).read_to_end(&mut start);
+    path.is_file() && File::open(path).and_then(read).is_ok() && start == START
 }
 
 fn cameras_in_folder(folder: &Path) -> Option<CameraFormat> {
@@ -139,6 +152,9 @@ fn cameras_in_file(path: &Path) -> Result<Option<CameraFormat>, ReadError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     if ["cameras.bin", "cameras.txt", "images.bin", "images.txt"].contains(&&*name) {
         return Ok(Some(CameraFormat::Colmap));
+    }
+    if is_mcap(path) {
+        return Ok(Some(CameraFormat::Mcap));
     }
     let bytes = read_bytes(path)?;
     let text = as_utf8(path, &bytes)?;
@@ -316,7 +332,9 @@ mod tests {
         make("p.csv", "# mine\n1,2,3,4,5,6,7,8,9,10,11,12\n");
         make("t.txt", "# time\n\n1.5 0 0 0 0 0 0 1\n");
         make("s.json", r#"{"format": "quadlift.scene", "version": 1}"#);
+        std::fs::write(folder.path().join("l.bag"), b"\x89MCAP0\r\n").unwrap();
         for (name, format) in [
+            ("l.bag", CameraFormat::Mcap),
             ("c", CameraFormat::Colmap),
             ("n", CameraFormat::Nerfstudio),
             ("b", CameraFormat::Bop),

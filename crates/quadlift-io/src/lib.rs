@@ -21,6 +21,8 @@ pub mod file_names;
 pub mod guard;
 pub mod images;
 mod input;
+#[cfg(feature = "mcap")]
+pub mod mcap;
 mod numbers;
 pub mod priors;
 pub mod problems;

@@ -135,6 +135,11 @@ fn stream() {
 }
 
 #[test]
+fn mcap() {
+    run("mcap", targets::mcap);
+}
+
+#[test]
 fn rle() {
     run("rle", targets::rle);
 }

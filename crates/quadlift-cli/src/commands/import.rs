@@ -32,6 +32,7 @@ Examples:
   quadlift import kitti-raw 2011_09_26/2011_09_26_drive_0005_sync -o scene.json
   quadlift import bop lm/test/000005 --world-object 5 -o scene.json
   quadlift import projections projections.csv --image-size 640x480 -o scene.json
+  quadlift import mcap log.mcap -o scene.json
   quadlift import parquet tables/ -o scene.json
 
 Exit codes: 0 success; 1 a file could not be read or written; 2 wrong usage."
@@ -56,7 +57,7 @@ pub struct Common {
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let (format, source, common) = args.format.parts();
     check_file(&common.output)?;
-    let Import { mut scene, image_folder, mut notes } = args.format.read()?;
+    let Import { mut scene, image_folder, mut notes } = args.format.read(out)?;
     let is_scene = args.format.is_scene();
     if scene.frames.is_empty() && !is_scene {
         bail!("{}: no frames found; expected cameras with poses", source.display());

@@ -5,18 +5,23 @@ mod calibration;
 mod direct;
 mod one_scene;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use quadlift_io::SceneFile;
 use quadlift_io::correct::RecordCorrection;
+use quadlift_io::detect::is_mcap;
+use quadlift_io::mcap::read_mcap;
 use serde_json::json;
 
 use crate::corrections::CorrectedScene;
-use crate::error::{InconsistentError, Outcome, in_words};
+use crate::error::{InconsistentError, Outcome, in_words, usage};
 use crate::files::{check_file, check_result_name, expand, outputs};
+use crate::logs::tell_problems;
 use crate::next::{Next, Word};
-use crate::output::Output;
+use crate::output::{Output, one_line};
 use crate::report::{check_report, report_paths};
+use crate::words::count;
 
 pub use args::{Args, with_requirements};
 use calibration::read_calibration;
@@ -36,10 +41,12 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         output.map_or(Ok(()), check_file)?;
         let others: Vec<&Path> = [cameras, detections].into_iter().chain(output).collect();
         check_report(args.report.as_ref(), &others)?;
+        let log = (&args.log, &args.keep_going);
         // The base folder of image paths.
         let place = output.or(report);
         let scene = || {
-            let (file, frame_offset) = args.direct.read([cameras, detections], place, args.source.as_deref(), out)?;
+            let (file, frame_offset) =
+                args.direct.read([cameras, detections], place, args.source.as_deref(), log, out)?;
             // The size of the images and the numbers of the frames are dealt with where detections are added.
             let mut scene = CorrectedScene::of(file, &args.corrections.list(None, None), detections)?;
             scene.frame_offset = frame_offset;
@@ -57,6 +64,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         return Ok(outcome);
     }
     let inputs = expand(&args.scenes)?;
+    check_log_options(args, &inputs.paths)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
     let reports =
         args.report.as_ref().map(|report| report_paths(&inputs, report, args.output.as_deref())).transpose()?;
@@ -72,7 +80,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let (image_size, frame_offset) = args.direct.pixels_and_frames();
         let corrections = args.corrections.list(image_size, frame_offset);
         let scene = || {
-            let mut scene = CorrectedScene::read(input, &corrections)?;
+            let mut scene = match is_mcap(input) {
+                true => CorrectedScene::of(read_log(args, input, out)?, &corrections, input)?,
+                false => CorrectedScene::read(input, &corrections)?,
+            };
             args.direct.min_score().map_or(Ok(()), |least| scene.leave_out_below(least, input))?;
             Ok(scene)
         };
@@ -95,10 +106,38 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     if let ([scene], Outcome::Fine) = (&inputs.paths[..], outcome) {
         let [output, report] = [&outputs, &reports].map(|paths| paths.as_ref().map(|paths| paths[0].as_path()));
-        next_steps(Some(scene), [output, report]).tell(out)?;
+        let scene = Some(scene.as_path()).filter(|scene| !is_mcap(scene));
+        next_steps(scene, [output, report]).tell(out)?;
     }
     out.document(&json!({ "scenes": documents }))?;
     Ok(outcome)
+}
+
+/// Refuses options of logs where no scene is one.
+fn check_log_options(args: &Args, paths: &[PathBuf]) -> anyhow::Result<()> {
+    if paths.iter().any(|path| is_mcap(path)) {
+        return Ok(());
+    }
+    if let Some(option) = args.direct.first_given() {
+        return usage(format!("{option} is an option of --cameras and of logs in MCAP; neither is given"));
+    }
+    match args.log.first_given().or(args.keep_going.keep_going.then_some("--keep-going")) {
+        Some(option) => usage(format!("{option} is an option of logs in MCAP; none is given")),
+        None => Ok(()),
+    }
+}
+
+/// The scene in a log; what was read is reported.
+fn read_log(args: &Args, path: &Path, out: &Output) -> anyhow::Result<SceneFile> {
+    let (time_tolerance, pixels) = args.direct.log_options();
+    let found = read_mcap(path, args.log.options(time_tolerance, pixels, args.keep_going.keep_going))?;
+    let scene = &found.import.scene;
+    let (frames, detections) = (count(scene.frames.len(), "frame"), count(scene.detections.len(), "detection"));
+    let mut text = format!("{}: mcap, {frames}, {detections}\n", path.display());
+    found.import.notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
+    out.report(&format!("{text}\n"))?;
+    tell_problems(&found, out);
+    Ok(found.import.scene)
 }
 
 /// Suggested next commands for the result.

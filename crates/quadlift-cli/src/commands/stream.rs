@@ -12,15 +12,19 @@ use clap::builder::RangedU64ValueParser;
 use quadlift::LocalizeOptions;
 use quadlift::online::OnlineOptions;
 use quadlift::solve::{MapOptions, Method, PoseNoise};
+use quadlift_io::detect::is_mcap;
 use quadlift_io::guard::{allow_overwriting, check_not_read};
+use quadlift_io::mcap::McapOptions;
 use quadlift_io::stream::{StoredPriors, lasting_options};
 use serde_json::{Map, Value};
 
 use crate::args::{self, BodyChoice, DetailName};
 use crate::association::IdsName;
+use crate::commands::import::formats::Pixels;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, check_result_name};
 use crate::localization::{PriorSource, Settings};
+use crate::logs::LogArgs;
 use crate::next::Next;
 use crate::output::Output;
 use crate::report::check_report;
@@ -46,6 +50,7 @@ A line of the output:
 
 Examples:
   quadlift stream scene.json --map objects.json
+  quadlift stream log.mcap --map objects.json > events.jsonl
   tracker | quadlift stream --map objects.json --every 100 --state map.state --resume > events.jsonl
 
 Ctrl-C, SIGTERM and a closed output end the stream: map, state and report are written. A second signal ends the program at
@@ -54,7 +59,7 @@ once.
 Exit codes: 0 the stream has ended; 1 a file cannot be read or written, or --strict and a line is wrong; 2 wrong usage."
 )]
 pub struct Args {
-    /// Frames: - for JSON Lines on the standard input (default), a file of such lines, or a scene file (.json)
+    /// Frames: - for JSON Lines on the standard input (default), a file of such lines, a scene file (.json), or a log in MCAP
     #[arg(value_name = "INPUT")]
     input: Option<PathBuf>,
 
@@ -141,6 +146,17 @@ pub struct Args {
     /// Number of threads for the map file [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
+
+    #[command(flatten)]
+    log: LogArgs,
+
+    /// Logs in MCAP: maximum time between an image and the nearest transform before the first or after the last one, in
+    /// seconds [default: 0.02]
+    #[arg(long, value_name = "SECONDS", value_parser = args::positive, help_heading = "Logs in MCAP")]
+    time_tolerance: Option<f64>,
+
+    #[command(flatten)]
+    pixels: Pixels,
 }
 
 impl Args {
@@ -173,6 +189,19 @@ impl Args {
         Settings::new(LocalizeOptions { method: Method::Map(map), ..Default::default() }, priors)
     }
 
+    /// How a log is read. Refuses options of logs if the input is none.
+    fn log_options(&self) -> anyhow::Result<McapOptions> {
+        let given = [("--time-tolerance", self.time_tolerance.is_some()), ("--pixel-centers", self.pixels.is_given())];
+        let given = given.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name);
+        if let Some(option) = self.log.first_given().or(given)
+            && !self.input().is_some_and(is_mcap)
+        {
+            return usage(format!("{option} is an option of logs in MCAP; the input is none"));
+        }
+        let tolerance = self.time_tolerance.unwrap_or(McapOptions::default().time_tolerance);
+        Ok(self.log.options(tolerance, &self.pixels, true))
+    }
+
     /// The options of the map.
     fn map_options(&self, settings: &Settings) -> anyhow::Result<OnlineOptions> {
         let options = OnlineOptions {
@@ -194,7 +223,9 @@ impl Args {
     /// The options that the map depends on, by their names: a state goes on with the same.
     fn lasting_options(&self, map_options: &OnlineOptions) -> Map<String, Value> {
         let priors = self.priors.as_ref().map(|path| StoredPriors::Name(path.display().to_string()));
-        lasting_options(map_options, priors.as_ref(), self.pose_noise, self.source.as_deref())
+        let mut options = lasting_options(map_options, priors.as_ref(), self.pose_noise, self.source.as_deref());
+        options.extend(self.log.lasting());
+        options
     }
 
     /// Checks the names of what is written, before anything is read.
@@ -231,7 +262,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let map_options = args.map_options(&settings)?;
     let lasting = args.lasting_options(&map_options);
     let mut session = Session::new(map_options, args, &lasting, out)?;
-    let mut source = Source::open(args.input(), args.source.as_deref())?;
+    let mut source = Source::open(args.input(), args.source.as_deref(), args.log_options()?, out)?;
     // Reading the state does not keep it from being written.
     args.state.as_deref().map(allow_overwriting);
     let outputs = [args.map.as_ref(), args.state.as_ref(), args.report.as_ref(), args.recording()];

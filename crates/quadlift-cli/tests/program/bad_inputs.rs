@@ -711,6 +711,36 @@ fn exports() -> Vec<Case> {
     ]
 }
 
+/// Logs in MCAP. Those of other programs with damaged parts are in `scripts/check_mcap.py`.
+fn logs() -> Vec<Case> {
+    let file = |title, name: &'static str, content: &'static [u8], arguments| Case {
+        make: Box::new(move |folder: &Folder| folder.write(name, content)),
+        ..called(title, 1, arguments)
+    };
+    let log = |title, code, arguments| Case {
+        make: Box::new(|folder: &Folder| {
+            folder.succeed("synth -o scene.json --objects 2 --views 6");
+            folder.succeed("export mcap scene.json -o log.mcap");
+        }),
+        ..called(title, code, arguments)
+    };
+    const IMPORT: &str = "import mcap log.mcap -o out.json";
+    vec![
+        file("a bag of ROS 1", "drive.bag", b"#ROSBAG V2.0\n", "import mcap drive.bag -o out.json"),
+        file("a bag in SQLite", "drive.db3", b"SQLite format 3\0", "import mcap drive.db3 -o out.json"),
+        file("a log that is none", "log.mcap", b"frame,x0,y0,x1,y1\n", IMPORT),
+        file("a log of a later version", "log.mcap", b"\x89MCAP1\r\n", IMPORT),
+        file("a log that is cut off", "log.mcap", b"\x89MCAP0\r\n\x01\x14\0\0\0\0\0\0\0\x04\0", IMPORT),
+        log("a log in place of a scene", 1, "info log.mcap"),
+        log("a log without the world's frame", 1, "import mcap log.mcap -o out.json --world-frame odom"),
+        log("a log without the camera's frame", 1, "localize log.mcap -o out.json --camera-frame gripper"),
+        log("a log without a topic", 1, "localize log.mcap -o out.json --topics /boxes"),
+        log("an option of logs for a scene", 2, "localize scene.json -o out.json --world-frame map"),
+        log("the same in a stream", 2, "stream scene.json --topics /boxes"),
+        log("a log that would be overwritten", 2, "import mcap log.mcap -o log.mcap"),
+    ]
+}
+
 /// What the program says: errors, and the notes on objects without a body.
 fn message(run: &Run) -> String {
     let notes = run.stdout.lines().filter_map(|line| line.strip_prefix("note: "));
@@ -780,6 +810,7 @@ fn document() -> String {
         ("Exports", exports()),
         ("Reports and pictures", looks()),
         ("Streams", streams()),
+        ("Logs in MCAP", logs()),
     ];
     let mut text = INTRODUCTION.to_owned();
     for (heading, cases) in sections {

@@ -14,6 +14,7 @@ mod documentation;
 mod export;
 mod import;
 mod import_detections;
+mod logs;
 mod method;
 #[cfg(unix)]
 mod outputs;

@@ -65,7 +65,7 @@ impl PixelCenters {
     }
 
     /// Assumptions, as text.
-    pub(super) fn note(self) -> String {
+    pub(crate) fn note(self) -> String {
         match self {
             Self::Integer => "pixel centres at integers: 0.5 was added to the principal points".to_owned(),
             Self::Half => "pixel centres at halves: the principal points are as in the file".to_owned(),

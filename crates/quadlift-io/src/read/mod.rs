@@ -24,3 +24,5 @@ mod xml;
 mod real_data_tests;
 
 pub use import::{Import, PixelCenters};
+#[cfg(feature = "mcap")]
+pub(crate) use poses::from_rows;

@@ -11,6 +11,8 @@ pub mod csv;
 mod frusta;
 pub mod glb;
 pub mod kitti;
+#[cfg(feature = "mcap")]
+pub mod mcap;
 mod mesh;
 pub mod ply;
 pub mod ros;
@@ -18,7 +20,7 @@ mod units;
 mod views;
 
 #[cfg(test)]
-mod test_scene;
+pub(crate) mod test_scene;
 
 use std::collections::{BTreeMap, HashSet};
 

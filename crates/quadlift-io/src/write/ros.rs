@@ -56,7 +56,7 @@ fn xyz(v: &Vector3<f64>) -> Value {
 }
 
 /// Covariance of position (metres) and turns about the world's axes (radians).
-fn pose_covariance(covariance: &Covariance, placement: &Placement, metres: f64) -> Matrix6 {
+pub(super) fn pose_covariance(covariance: &Covariance, placement: &Placement, metres: f64) -> Matrix6 {
     let r = placement.rotation.matrix();
     // The turn in the object's frame as a linear function of the six coordinates after the centre.
     let turn = match covariance.coordinates {

@@ -8,6 +8,7 @@ use quadlift_io::write::bop::bop_results;
 use quadlift_io::write::coco::coco;
 use quadlift_io::write::glb::glb;
 use quadlift_io::write::kitti::{KittiLabelOptions, kitti_labels};
+use quadlift_io::write::mcap::mcap;
 use quadlift_io::write::ply::ply;
 use quadlift_io::write::ros::ros;
 use quadlift_io::write::{BodyChoice, CheckedScene, Document};
@@ -89,6 +90,16 @@ pub enum BodyFormat {
         #[command(flatten)]
         frames: Frames,
     },
+    /// MCAP: a log of ROS 2 with 3D detections, markers, cameras and 2D detections
+    Mcap {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        /// Name of the world frame in the headers
+        #[arg(long, value_name = "NAME", default_value = "map")]
+        frame_id: String,
+    },
     /// JSON in the structure of ROS 2's vision_msgs/Detection3DArray
     Ros {
         #[command(flatten)]
@@ -139,6 +150,7 @@ impl BodyFormat {
             | Self::Kitti { common, .. }
             | Self::Bop { common, .. }
             | Self::Coco { common, .. }
+            | Self::Mcap { common, .. }
             | Self::Ros { common, .. } => common,
         }
     }
@@ -149,6 +161,7 @@ impl BodyFormat {
             | Self::Glb { bodies, .. }
             | Self::Kitti { bodies, .. }
             | Self::Coco { bodies, .. }
+            | Self::Mcap { bodies, .. }
             | Self::Ros { bodies, .. } => bodies.choice(),
             // A pose has no size.
             Self::Bop { .. } => BodyChoice::Tangent,
@@ -165,6 +178,7 @@ impl BodyFormat {
             }
             Self::Bop { frames, scene_id, .. } => bop_results(scene, *scene_id, frames.only_detected),
             Self::Coco { frames, .. } => coco(scene, frames.only_detected),
+            Self::Mcap { frame_id, .. } => mcap(scene, frame_id),
             Self::Ros { frame_id, .. } => ros(scene, frame_id),
         })
     }

@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+use quadlift_io::mcap::{McapOptions, read_mcap};
 use quadlift_io::read::bop::{BopOptions, read_bop};
 use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
@@ -14,6 +15,9 @@ use quadlift_io::read::{Import, PixelCenters};
 
 use super::Common;
 use crate::args;
+use crate::files::make_folder;
+use crate::logs::{KeepGoing, LogArgs, LogPoses, tell_problems};
+use crate::output::Output;
 
 /// A format and where to read it.
 #[derive(clap::Subcommand)]
@@ -123,6 +127,25 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
+    /// A log in MCAP, of ROS 2 or Foxglove: cameras, transforms and 2D detections
+    Mcap {
+        /// The log
+        #[arg(value_name = "LOG.mcap")]
+        path: PathBuf,
+        #[command(flatten)]
+        log: LogArgs,
+        #[command(flatten)]
+        keep_going: KeepGoing,
+        #[command(flatten)]
+        poses: LogPoses,
+        /// Write the compressed images of the log into this folder, for `quadlift segment` and reports
+        #[arg(long, value_name = "DIR")]
+        write_images: Option<PathBuf>,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
     /// Tables of `quadlift export parquet`, converted back to a scene
     Parquet {
         /// Folder of the tables
@@ -144,9 +167,9 @@ pub struct Size {
 /// The origin of pixel coordinates.
 #[derive(clap::Args)]
 pub struct Pixels {
-    /// Position of the centre of the first pixel: 0 (integer) or 0.5 (half)
-    #[arg(long, value_enum, value_name = "WHERE", default_value_t = Centers::Half)]
-    pixel_centers: Centers,
+    /// Position of the centre of the first pixel: 0 (integer) or 0.5 (half) [default: half]
+    #[arg(long, value_enum, value_name = "WHERE")]
+    pixel_centers: Option<Centers>,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -158,9 +181,14 @@ enum Centers {
 impl Pixels {
     pub fn centers(&self) -> PixelCenters {
         match self.pixel_centers {
-            Centers::Integer => PixelCenters::Integer,
-            Centers::Half => PixelCenters::Half,
+            Some(Centers::Integer) => PixelCenters::Integer,
+            Some(Centers::Half) | None => PixelCenters::Half,
         }
+    }
+
+    /// Whether the option is given.
+    pub fn is_given(&self) -> bool {
+        self.pixel_centers.is_some()
     }
 }
 
@@ -183,6 +211,7 @@ impl Format {
             Self::KittiRaw { path, common, .. } => ("KITTI raw", path, common),
             Self::Bop { path, common, .. } => ("BOP", path, common),
             Self::Projections { path, common, .. } => ("projections", path, common),
+            Self::Mcap { path, common, .. } => ("a log in MCAP", path, common),
             Self::Parquet { path, common, .. } => ("Parquet", path, common),
         }
     }
@@ -192,7 +221,8 @@ impl Format {
         matches!(self, Self::Parquet { .. })
     }
 
-    pub fn read(&self) -> anyhow::Result<Import> {
+    /// Reads it; what is left out is printed.
+    pub fn read(&self, out: &Output) -> anyhow::Result<Import> {
         Ok(match self {
             Self::Colmap { path, points, .. } => read_colmap(path, *points)?,
             Self::Nerfstudio { path, pixels, .. } => read_nerfstudio(path, pixels.centers())?,
@@ -233,6 +263,15 @@ impl Format {
                 read_bop(path, &options)?
             }
             Self::Projections { path, size, pixels, .. } => read_projections(path, size.image_size, pixels.centers())?,
+            Self::Mcap { path, log, keep_going, poses, write_images, pixels, .. } => {
+                if let Some(folder) = write_images {
+                    make_folder(folder)?;
+                }
+                let options = log.options(poses.time_tolerance, pixels, keep_going.keep_going);
+                let found = read_mcap(path, McapOptions { image_folder: write_images.clone(), ..options })?;
+                tell_problems(&found, out);
+                found.import
+            }
             #[cfg(feature = "parquet")]
             Self::Parquet { path, .. } => {
                 // The reader turns panics of the crate parquet on damaged files into errors: say it once, not twice.

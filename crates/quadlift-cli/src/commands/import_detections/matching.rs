@@ -17,9 +17,9 @@ pub struct Matching {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame_offset: Option<i64>,
 
-    /// Maximum time difference between an image and a frame, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = args::positive)]
-    time_tolerance: f64,
+    /// Maximum time difference between an image and a frame, in seconds [default: 0.02]
+    #[arg(long, value_name = "SECONDS", value_parser = args::positive)]
+    pub time_tolerance: Option<f64>,
 
     /// Skip detections with a lower score
     #[arg(long, value_name = "S", value_parser = args::finite)]
@@ -52,7 +52,7 @@ impl Matching {
                 By::Time => MatchBy::Time,
             },
             frame_offset: self.frame_offset,
-            time_tolerance: self.time_tolerance,
+            time_tolerance: self.time_tolerance.unwrap_or(AddOptions::default().time_tolerance),
             image_size: self.image_size,
             source,
             min_score: self.min_score,

@@ -14,6 +14,7 @@ use crate::association::{IdsName, When};
 use crate::corrections::{CheckArgs, Corrections};
 use crate::error::usage;
 use crate::localization::{PriorSource, Settings};
+use crate::logs::{KeepGoing, LogArgs};
 
 /// Estimate 3D objects from the detections of a scene
 ///
@@ -29,10 +30,13 @@ and each result has the file name of its scene. If a scene fails, it is reported
 --cameras and --detections read files of other programs and detect their formats; the main options of `quadlift import`
 and `quadlift import-detections` are available here too.
 
+A log in MCAP (ROS 2, Foxglove) is read as `quadlift import mcap` reads it.
+
 Examples:
   quadlift localize scene.json -o estimate.json --report estimate.html
   quadlift localize --cameras sparse/0 --detections runs/detect/predict -o objects.json
   quadlift localize street.json -o cars.json --source yolo --body cuboid --priors builtin
+  quadlift localize log.mcap -o objects.json
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
 
@@ -40,7 +44,7 @@ Exit codes: 0 success; 1 a scene failed, or none of its objects could be localis
 inconsistent (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
 pub struct Args {
-    /// Scene files, folders that hold them, or patterns in quotes
+    /// Scene files, folders that hold them, patterns in quotes, or logs in MCAP
     #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     pub(super) scenes: Vec<PathBuf>,
 
@@ -151,6 +155,12 @@ pub struct Args {
 
     #[command(flatten)]
     pub(super) direct: DirectArgs,
+
+    #[command(flatten)]
+    pub(super) log: LogArgs,
+
+    #[command(flatten)]
+    pub(super) keep_going: KeepGoing,
 }
 
 /// The command, in which options that have no effect on scene files need `--cameras`.

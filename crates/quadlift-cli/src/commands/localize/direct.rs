@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
+use quadlift_io::mcap::{McapOptions, read_mcap};
 use quadlift_io::read::bop::{BopOptions, read_bop};
 use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::detections::csv::TableOptions;
@@ -20,6 +21,7 @@ use crate::commands::import::formats::{Part, Pixels};
 use crate::commands::import::paths::{prefix_images, relative_to_file};
 use crate::commands::import_detections::{Matching, Names, in_words, notes};
 use crate::error::usage;
+use crate::logs::{KeepGoing, LogArgs, tell_problems};
 use crate::output::{Output, one_line};
 use crate::words::count;
 
@@ -69,18 +71,8 @@ pub struct DirectArgs {
 }
 
 /// Ids of the options that say how files of other programs are read, without effect on scene files.
-pub const ONLY_DIRECT: [&str; 10] = [
-    "names",
-    "annotations",
-    "frame_column",
-    "by",
-    "time_tolerance",
-    "pixel_centers",
-    "sequence",
-    "frames",
-    "intrinsics",
-    "world_object",
-];
+pub const ONLY_DIRECT: [&str; 8] =
+    ["names", "annotations", "frame_column", "by", "sequence", "frames", "intrinsics", "world_object"];
 
 impl DirectArgs {
     /// The minimum score of detections.
@@ -92,6 +84,18 @@ impl DirectArgs {
     /// belong to frame 0.
     pub fn pixels_and_frames(&self) -> (Option<[f64; 2]>, Option<i64>) {
         (self.matching.image_size, self.matching.frame_offset)
+    }
+
+    /// How near in time transforms must be in a log, and its pixels.
+    pub fn log_options(&self) -> (f64, &Pixels) {
+        (self.matching.time_tolerance.unwrap_or(McapOptions::default().time_tolerance), &self.pixels)
+    }
+
+    /// The first of the options that is given and has an effect on files of other programs and on logs alone.
+    pub fn first_given(&self) -> Option<&'static str> {
+        let given =
+            [("--time-tolerance", self.matching.time_tolerance.is_some()), ("--pixel-centers", self.pixels.is_given())];
+        given.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name)
     }
 
     /// Paths of cameras and detections, if given.
@@ -106,11 +110,12 @@ impl DirectArgs {
         [cameras, detections]: [&Path; 2],
         output: Option<&Path>,
         source: Option<&str>,
+        log: (&LogArgs, &KeepGoing),
         out: &Output,
     ) -> anyhow::Result<(SceneFile, i64)> {
         let (camera_format, camera_path) = detect_cameras(cameras)?;
         let detection_format = detect_detections(detections)?;
-        let (mut file, camera_notes) = self.read_cameras(camera_format, &camera_path, detections, output)?;
+        let (mut file, camera_notes) = self.read_cameras(camera_format, &camera_path, detections, output, log, out)?;
         let names = self.names.read()?;
         let table = TableOptions { frame_column: self.frame_column.as_deref(), names: names.as_ref() };
         let found = read_detections(detection_format, detections, self.annotations.as_deref(), &table)?;
@@ -147,6 +152,8 @@ impl DirectArgs {
         path: &Path,
         detections: &Path,
         output: Option<&Path>,
+        (log, keep_going): (&LogArgs, &KeepGoing),
+        out: &Output,
     ) -> anyhow::Result<(SceneFile, Vec<String>)> {
         let image_size = self.matching.image_size;
         let Import { mut scene, image_folder, notes } = match format {
@@ -199,6 +206,13 @@ impl DirectArgs {
                 read_bop(path, &BopOptions { world_object: self.world_object, models_info: None, image_size })?
             }
             CameraFormat::Projections => read_projections(path, image_size, self.pixels.centers())?,
+            CameraFormat::Mcap => {
+                let (time_tolerance, pixels) = self.log_options();
+                let options = log.options(time_tolerance, pixels, keep_going.keep_going);
+                let found = read_mcap(path, McapOptions { without_detections: true, ..options })?;
+                tell_problems(&found, out);
+                found.import
+            }
         };
         if let Some((folder, output)) = image_folder.zip(output) {
             let prefix = relative_to_file(&folder, output)

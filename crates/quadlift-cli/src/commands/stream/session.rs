@@ -96,6 +96,7 @@ impl<'a> Session<'a> {
             let (number, line) = match source.next()? {
                 Item::End => return Ok(()),
                 Item::Frame(frame) => (None, Ok(Line { frames: vec![*frame], ..Line::default() })),
+                Item::Problem(problem) => (None, Err(LineError::new(problem))),
                 Item::Line(NextLine::Text(number, text)) => (Some(number), parse_line(&text)),
                 Item::Line(NextLine::TooLong(number)) => {
                     let problem = format!("the line is longer than {MAX_LINE} bytes");

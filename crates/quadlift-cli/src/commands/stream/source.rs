@@ -1,5 +1,6 @@
-//! Where frames come from: lines, which another thread reads, or the frames of a scene.
+//! Where frames come from: lines, which another thread reads, the frames of a scene, or those of a log.
 
+use std::fs::File;
 use std::io::{self, BufReader, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,11 +9,14 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::{Context, bail};
 use quadlift::scene::SourceError;
+use quadlift_io::detect::is_mcap;
+use quadlift_io::mcap::{Frames, McapLog, McapOptions, Next, Problem};
 use quadlift_io::stream::{AboutRecord, FrameLine, Input, LineReader, NextLine, open, scene_to_frames};
 
 use crate::files::read_scene;
-use crate::output::Output;
+use crate::output::{Output, one_line};
 use crate::signals;
+use crate::words::some_of;
 
 /// Lines that wait to be observed, at most: the program that writes them waits, too.
 const WAITING: usize = 4;
@@ -21,8 +25,10 @@ const WAITING: usize = 4;
 pub enum Item {
     /// A line of the input.
     Line(NextLine),
-    /// A frame of a scene.
+    /// A frame of a scene or of a log.
     Frame(Box<FrameLine>),
+    /// A part of a log that cannot be used.
+    Problem(Problem),
     /// Nothing: the input ends here, or a signal has ended it.
     End,
 }
@@ -45,12 +51,25 @@ pub struct Source {
 enum Kind {
     Lines { from: PathBuf, receiver: Receiver<Message> },
     Scene { about: Option<AboutRecord>, frames: std::vec::IntoIter<FrameLine> },
+    Log { about: Option<AboutRecord>, path: PathBuf, frames: Box<Frames<BufReader<File>>> },
 }
 
 impl Source {
-    /// Opens the input; `None` is the standard input. Names that end with `.json` are scene files.
-    pub fn open(path: Option<&Path>, source: Option<&str>) -> anyhow::Result<Self> {
+    /// Opens the input; `None` is the standard input. Names that end with `.json` are scene files, logs are known by their
+    /// first bytes.
+    pub fn open(
+        path: Option<&Path>,
+        source: Option<&str>,
+        log_options: McapOptions,
+        out: &Output,
+    ) -> anyhow::Result<Self> {
         let is_stopped = Arc::new(AtomicBool::new(false));
+        if let Some(path) = path.filter(|path| is_mcap(path)) {
+            let kind = open_log(path, source, log_options, out)?;
+            let stop = is_stopped.clone();
+            signals::call_instead_of_ending(move || stop.store(true, Ordering::Relaxed));
+            return Ok(Self { kind, is_stopped });
+        }
         if let Some(path) = path.filter(|path| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"))) {
             let (file, scene) = read_scene(path)?;
             let source = match scene.source_index(source) {
@@ -88,11 +107,11 @@ impl Source {
         }
     }
 
-    /// Name, unit, direction and cameras of a scene file, the first time.
+    /// Name, unit, direction and cameras of a scene file or a log, the first time.
     pub fn about(&mut self) -> Option<AboutRecord> {
         match &mut self.kind {
             Kind::Lines { .. } => None,
-            Kind::Scene { about, .. } => about.take(),
+            Kind::Scene { about, .. } | Kind::Log { about, .. } => about.take(),
         }
     }
 
@@ -103,6 +122,14 @@ impl Source {
         }
         match &mut self.kind {
             Kind::Scene { frames, .. } => Ok(frames.next().map_or(Item::End, |frame| Item::Frame(Box::new(frame)))),
+            Kind::Log { path, frames, .. } => {
+                let next = frames.next_frame().with_context(|| format!("cannot read {}", path.display()))?;
+                Ok(match next {
+                    Some(Next::Frame(frame)) => Item::Frame(frame),
+                    Some(Next::Problem(problem)) => Item::Problem(problem),
+                    None => Item::End,
+                })
+            }
             Kind::Lines { from, receiver } => match receiver.recv() {
                 Ok(Message::Line(line)) => Ok(Item::Line(line)),
                 Ok(Message::Failed(error)) => Err(error).with_context(|| format!("cannot read {}", from.display())),
@@ -110,6 +137,32 @@ impl Source {
             },
         }
     }
+}
+
+/// Opens a log; what is used of it is reported.
+fn open_log(path: &Path, source: Option<&str>, mut options: McapOptions, out: &Output) -> anyhow::Result<Kind> {
+    // What cannot be used is an event.
+    options.keep_going = true;
+    options.topics.extend(source.map(str::to_owned));
+    let log = McapLog::open(path, options)?;
+    let sources: Vec<&str> = log.sources().collect();
+    match sources.as_slice() {
+        [] => bail!(
+            "{}: there are no 2D detections (vision_msgs/Detection2DArray or foxglove.ImageAnnotations)",
+            path.display()
+        ),
+        [_] => {}
+        several => bail!(
+            "{}: there are several topics of detections ({}): choose one with --topics",
+            path.display(),
+            some_of(several)
+        ),
+    }
+    let mut text = format!("{}: mcap\n", path.display());
+    log.notes().iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
+    out.report(&text)?;
+    let about = Some(log.about());
+    Ok(Kind::Log { about, path: path.to_owned(), frames: Box::new(log.frames()?) })
 }
 
 /// Sends the lines of an input until it ends or nobody wants them.
