@@ -350,6 +350,25 @@ def check_import(quadlift, folder, drive, expected):
     difference = largest_difference(bodies(out), expected)
     assert difference < 1e-9, difference
     print(f"import, odometry: largest difference {difference:.1e}")
+    # The same with poses that do not name their frame: they are those of the root of the camera's tree.
+    log = write_with_mcap(folder / "pose.mcap", drive, exact, change=lambda listed: with_odometry(listed, stamped=True))
+    said = run(quadlift, "localize", log, "-o", out, *SIGMAS)
+    assert 'the poses of /pose are those of the frame "base_link"' in said, said
+    assert largest_difference(bodies(out), expected) < 1e-9
+    # Two cameras in turn, a third one that is not calibrated, and images.
+    log = write_with_mcap(folder / "cameras.mcap", drive, exact, change=with_two_cameras)
+    said = run(quadlift, "localize", log, "-o", out, *SIGMAS)
+    assert "/thermal/camera_info: K is zero: the camera is not calibrated" in said, said
+    assert largest_difference(bodies(out), expected) < 1e-9
+    run(quadlift, "import", "mcap", log, "-o", folder / "scene.json", "--write-images", folder / "images")
+    scene = json.loads((folder / "scene.json").read_text())
+    assert [c["id"] for c in scene["cameras"]] == ["a", "b"], scene["cameras"]
+    for frame, stamp in zip(scene["frames"], drive.stamps, strict=True):
+        assert frame["id"] == f"{frame['camera']}/{stamp // 10**9}.{stamp % 10**9:09}", frame
+        assert (folder / frame["image"]).read_bytes() == JPEG + frame["camera"].encode(), frame
+    said = run(quadlift, "import", "mcap", log, "-o", folder / "scene.json", "--topics", "/a/boxes")
+    assert len(json.loads((folder / "scene.json").read_text())["frames"]) == len(drive.stamps) // 2, said
+    print(f"import, two cameras: {len(scene['frames'])} frames with images")
     # A stream sees the same frames.
     lines = run(quadlift, "stream", logs["mcap, lz4"], "--map", out).splitlines()
     frames = [json.loads(line) for line in lines if line.startswith("{")]
@@ -359,8 +378,39 @@ def check_import(quadlift, folder, drive, expected):
     print(f"stream: {len(seen)} frames, {len(bodies(out))} objects in the map")
 
 
-def with_odometry(listed):
-    """Odometry in place of the moving transforms."""
+JPEG = b"\xff\xd8\xff\xe0 no picture of "
+
+
+def with_two_cameras(listed):
+    """Every other frame is of another camera in the same place; their images, and a camera that is not calibrated."""
+    changed, last = [], None
+    for time, topic, name, value in listed:
+        if topic == "/tf_static":
+            [fixed] = value["transforms"]
+            value = {"transforms": [{**fixed, "child_frame_id": f"{c}_optical"} for c in "ab"]}
+        elif topic != "/tf":
+            stamp = value["header"]["stamp"]
+            index = (stamp["sec"] * 10**9 + stamp["nanosec"] - START) // PERIOD
+            camera = "ab"[index % 2]
+            frame = {"stamp": stamp, "frame_id": f"{camera}_optical"}
+            value = {**value, "header": frame}
+            if topic == "/detector/boxes":
+                # Some detectors leave the frame out; the topic tells it.
+                value["header"] = {**frame, "frame_id": ""} if camera == "a" else frame
+                value["detections"] = [{**d, "header": value["header"]} for d in value["detections"]]
+                image = {"header": frame, "format": "jpeg", "data": JPEG + camera.encode()}
+                changed.append((time, f"/{camera}/image/compressed", "sensor_msgs/msg/CompressedImage", image))
+            elif last != index:
+                last = index
+                none = {**value, "header": {"stamp": stamp, "frame_id": "thermal"}, "k": [0.0] * 9}
+                changed.append((time, "/thermal/camera_info", name, none))
+            topic = f"/{camera}/{'boxes' if topic == '/detector/boxes' else 'camera_info'}"
+        changed.append((time, topic, name, value))
+    return changed
+
+
+def with_odometry(listed, stamped=False):
+    """Odometry, or poses, in place of the moving transforms."""
     changed = []
     for time, topic, name, value in listed:
         if topic != "/tf":
@@ -373,6 +423,9 @@ def with_odometry(listed):
             matrices.append(pose(rotation_of([r[k] for k in "xyzw"]), [p[k] for k in "xyz"]))
         moved = transform(time, "map", "base_link", matrices[0] @ matrices[1])
         inner = {"position": moved["transform"]["translation"], "orientation": moved["transform"]["rotation"]}
+        if stamped:
+            changed.append((time, "/pose", "geometry_msgs/msg/PoseStamped", {"header": moved["header"], "pose": inner}))
+            continue
         zero = {"linear": xyz([0, 0, 0]), "angular": xyz([0, 0, 0])}
         message = {
             "header": moved["header"],

@@ -100,12 +100,11 @@ impl<R: Read + Seek> Frames<R> {
             // A second parent was told by the first reading.
             let _ = tree.insert(transform.clone(), true);
         }
-        let sources = overview.topics.values().filter(|(kind, _)| matches!(kind, Kind::Detections | Kind::Annotations));
         let nanoseconds = |seconds: f64| (seconds * 1e9).round() as i64;
         let limits =
             Limits { tolerance: nanoseconds(options.time_tolerance), longest_gap: nanoseconds(options.longest_gap) };
         Ok(Ok(Self {
-            has_several_sources: sources.count() > 1,
+            has_several_sources: !overview.rivals().is_empty(),
             next: overview.problems.iter().cloned().map(Next::Problem).collect(),
             reader,
             decoders: Decoders::default(),
@@ -242,7 +241,7 @@ impl<R: Read + Seek> Frames<R> {
                 };
                 let Some(found) = found else { return Ok(()) };
                 found.problems.into_iter().for_each(|text| self.problem(message, text));
-                let (camera, is_named) = self.camera(topic, &found.frame)?;
+                let (camera, is_named) = self.overview.camera(topic, &found.frame)?;
                 self.statistics.without_camera += usize::from(!is_named);
                 self.frame(message, found.stamp, camera, found.detections)?;
             }
@@ -277,33 +276,6 @@ impl<R: Read + Seek> Frames<R> {
             Seconds(to)
         );
         self.problem(message, text);
-    }
-
-    /// The camera of a message: by its frame, and where that is not enough by the name of the topic; and whether its frame tells.
-    fn camera(&self, topic: &str, frame: &str) -> Result<(usize, bool), String> {
-        let cameras = &self.overview.cameras;
-        let of_frame: Vec<usize> = (0..cameras.len()).filter(|&index| cameras[index].frame == frame).collect();
-        let calibrations = self.overview.topics.values().filter(|(kind, _)| *kind == Kind::Calibration).count();
-        let candidates = match of_frame.as_slice() {
-            [camera] => return Ok((*camera, true)),
-            // The only one of the log, so that no other can be meant.
-            [] if cameras.len() == 1 && (frame.is_empty() || calibrations == 1) => return Ok((0, false)),
-            [] => (0..cameras.len()).collect(),
-            _ => of_frame,
-        };
-        let common = |index: &usize| {
-            let name = cameras[*index].topic.split('/');
-            name.zip(topic.split('/')).take_while(|(a, b)| a == b).count()
-        };
-        let most = candidates.iter().map(common).max().unwrap_or_default();
-        let mut nearest = candidates.into_iter().filter(|index| common(index) == most);
-        match (nearest.next(), nearest.next()) {
-            // A name in common, not only the first slash.
-            (Some(camera), None) if most >= 2 => Ok((camera, false)),
-            _ => Err(format!(
-                "no calibrated camera has the frame \"{frame}\", and the name of the topic does not tell it either"
-            )),
-        }
     }
 
     /// Takes in detections.
@@ -412,7 +384,7 @@ impl<R: Read + Seek> Frames<R> {
             [0x89, b'P', b'N', b'G', ..] => "png",
             _ => return Err(format!("the image is neither JPEG nor PNG (its format is \"{}\")", image.format)),
         };
-        let (camera, _) = self.camera(&message.channel.topic, &image.frame)?;
+        let (camera, _) = self.overview.camera(&message.channel.topic, &image.frame)?;
         let id = frame_id(&self.overview.cameras, camera, image.stamp);
         let name: String = FileNames::new([id.as_str()]).iter().map(|name| format!("{name}.{extension}")).collect();
         let path = folder.join(&name);

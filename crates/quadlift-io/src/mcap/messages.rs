@@ -450,3 +450,7 @@ pub fn compressed_image(message: &Value) -> Result<CompressedImage<'_>, String> 
     let bytes = bytes.ok_or("data: expected bytes (images in JSON are not supported)")?;
     Ok(CompressedImage { stamp, frame, format: root.field(&["format"])?.text()?.to_lowercase(), bytes })
 }
+
+#[cfg(test)]
+#[path = "message_tests.rs"]
+mod tests;

@@ -189,13 +189,12 @@ impl<S: Source> McapLog<S> {
 
     /// Whether there are topics of 2D detections.
     pub fn has_detections(&self) -> bool {
-        self.sources().next().is_some()
+        self.overview.topics.values().any(|(kind, _)| matches!(kind, Kind::Detections | Kind::Annotations))
     }
 
-    /// The topics of 2D detections that are used.
-    pub fn sources(&self) -> impl Iterator<Item = &str> {
-        let topics = self.overview.topics.iter();
-        topics.filter(|(_, (kind, _))| matches!(kind, Kind::Detections | Kind::Annotations)).map(|(topic, _)| &**topic)
+    /// Topics of 2D detections of the same camera, of which one must be chosen; empty if no camera has several.
+    pub fn rival_topics(&self) -> Vec<&str> {
+        self.overview.rivals()
     }
 
     /// Unit, direction and cameras of the scene.

@@ -28,6 +28,8 @@ pub struct Overview {
     pub unused: BTreeMap<String, (Kind, u64)>,
     /// The cameras, by their topics.
     pub cameras: Vec<LogCamera>,
+    /// Topics of detections that are used, with the frame that their first message names.
+    pub detection_frames: BTreeMap<String, String>,
     /// The frame in which objects are located.
     pub world_frame: String,
     /// Transforms that hold at every time.
@@ -40,6 +42,46 @@ pub struct Overview {
     pub notes: Vec<String>,
     /// What is not told by the second reading.
     pub problems: Vec<Problem>,
+}
+
+impl Overview {
+    /// The camera of a message: by its frame, and where that is not enough by the name of the topic; and whether its frame tells.
+    pub fn camera(&self, topic: &str, frame: &str) -> Result<(usize, bool), String> {
+        let cameras = &self.cameras;
+        let of_frame: Vec<usize> = (0..cameras.len()).filter(|&index| cameras[index].frame == frame).collect();
+        let calibrations = self.topics.values().filter(|(kind, _)| *kind == Kind::Calibration).count();
+        let candidates = match of_frame.as_slice() {
+            [camera] => return Ok((*camera, true)),
+            // The only one of the log, so that no other can be meant.
+            [] if cameras.len() == 1 && (frame.is_empty() || calibrations == 1) => return Ok((0, false)),
+            [] => (0..cameras.len()).collect(),
+            _ => of_frame,
+        };
+        let common = |index: &usize| {
+            let name = cameras[*index].topic.split('/');
+            name.zip(topic.split('/')).take_while(|(a, b)| a == b).count()
+        };
+        let most = candidates.iter().map(common).max().unwrap_or_default();
+        let mut nearest = candidates.into_iter().filter(|index| common(index) == most);
+        match (nearest.next(), nearest.next()) {
+            // A name in common, not only the first slash.
+            (Some(camera), None) if most >= 2 => Ok((camera, false)),
+            _ => Err(format!(
+                "no calibrated camera has the frame \"{frame}\", and the name of the topic does not tell it either"
+            )),
+        }
+    }
+
+    /// Topics of detections that are of the same camera: several sources, of which one must be chosen.
+    pub fn rivals(&self) -> Vec<&str> {
+        let mut of_camera: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
+        for (topic, frame) in &self.detection_frames {
+            if let Ok((camera, _)) = self.camera(topic, frame) {
+                of_camera.entry(camera).or_default().push(topic);
+            }
+        }
+        of_camera.into_values().find(|topics| topics.len() > 1).unwrap_or_default()
+    }
 }
 
 /// A camera of a log.
@@ -93,6 +135,8 @@ struct Scan {
     /// Frames that move relative to their parents.
     moving: BTreeSet<String>,
     pose_sources: BTreeMap<String, Transform>,
+    /// Topics of detections with the frame of their first message.
+    detection_frames: BTreeMap<String, String>,
     /// What is wrong with the calibrations of a topic, the first one.
     left_out: BTreeMap<String, Problem>,
     notes: BTreeSet<String>,
@@ -104,7 +148,7 @@ struct Scan {
 pub fn scan<R: Read + Seek>(input: R, options: &McapOptions) -> Result<Overview, ScanError> {
     let is_wanted = |channel: &super::container::Channel| {
         let kind = channel.schema.as_ref().and_then(|schema| kind_of(&schema.name));
-        matches!(kind, Some(Kind::Calibration | Kind::Transforms | Kind::Odometry | Kind::Pose))
+        kind.is_some_and(|kind| !matches!(kind, Kind::CompressedImage | Kind::Bodies))
     };
     let mut reader = LogReader::new(input, Box::new(is_wanted))?.map_err(ScanError::Unusable)?;
     let mut scan = Scan::default();
@@ -161,6 +205,9 @@ impl Scan {
         options: &McapOptions,
     ) -> Result<(), String> {
         let topic = &message.channel.topic;
+        if self.detection_frames.contains_key(topic) {
+            return Ok(());
+        }
         // Told for the channel.
         let (Ok(decoder), _) = decoders.of(&message.channel) else { return Ok(()) };
         let decoded = decoder.decode(&message.data);
@@ -199,7 +246,14 @@ impl Scan {
                 }
                 Ok(())
             }
-            _ => Ok(()),
+            // Annotations name no frame. What is wrong is told by the second reading.
+            Kind::Detections | Kind::Annotations => {
+                let found = decoded.and_then(|value| messages::detections(&value));
+                let frame = found.map(|found| found.frame).unwrap_or_default();
+                self.detection_frames.insert(topic.clone(), frame);
+                Ok(())
+            }
+            Kind::CompressedImage | Kind::Bodies => Ok(()),
         }
     }
 
@@ -279,6 +333,8 @@ impl Scan {
                 (None, _) => {}
             }
         }
+        let mut detection_frames = std::mem::take(&mut self.detection_frames);
+        detection_frames.retain(|topic, _| topics.contains_key(topic));
         let Self {
             cameras, mut tree, mut fixed, constant, mut moving, pose_sources, left_out, problems, is_ros, ..
         } = self;
@@ -304,7 +360,18 @@ impl Scan {
         let world_frame = world_frame(&cameras, &tree, options).map_err(ScanError::Unusable)?;
         let fixed = fixed.into_values().collect();
         let pose_topic = pose_topic.map(|(topic, pose)| (topic, pose.child));
-        Ok(Overview { topics, unused, cameras, world_frame, fixed, pose_topic, is_ros, notes, problems })
+        Ok(Overview {
+            topics,
+            unused,
+            cameras,
+            detection_frames,
+            world_frame,
+            fixed,
+            pose_topic,
+            is_ros,
+            notes,
+            problems,
+        })
     }
 }
 

@@ -145,18 +145,16 @@ fn open_log(path: &Path, source: Option<&str>, mut options: McapOptions, out: &O
     options.keep_going = true;
     options.topics.extend(source.map(str::to_owned));
     let log = McapLog::open(path, options)?;
-    let sources: Vec<&str> = log.sources().collect();
-    match sources.as_slice() {
-        [] => bail!(
+    if !log.has_detections() {
+        bail!(
             "{}: there are no 2D detections (vision_msgs/Detection2DArray or foxglove.ImageAnnotations)",
             path.display()
-        ),
-        [_] => {}
-        several => bail!(
-            "{}: there are several topics of detections ({}): choose one with --topics",
-            path.display(),
-            some_of(several)
-        ),
+        );
+    }
+    let rivals = log.rival_topics();
+    if !rivals.is_empty() {
+        let topics = some_of(&rivals);
+        bail!("{}: one camera has several topics of detections ({topics}): choose one with --topics", path.display());
     }
     let mut text = format!("{}: mcap\n", path.display());
     log.notes().iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
