@@ -22,6 +22,7 @@ use quadlift_io::read::detections::{AddOptions, DetectionFiles, LabelFile, Match
 use quadlift_io::read::kitti::{KittiFiles, KittiOptions, parse_kitti};
 use quadlift_io::read::kitti_raw::parse_tracklets;
 use quadlift_io::read::nerfstudio::parse_nerfstudio;
+use quadlift_io::read::opensfm::parse_opensfm;
 use quadlift_io::read::projections::parse_projections;
 use quadlift_io::read::tum::{TumOptions, parse_tum};
 use quadlift_io::read::{Import, PixelCenters, colmap};
@@ -122,6 +123,12 @@ pub fn nerfstudio(data: &[u8]) -> bool {
     let exists = |name: &str| name.ends_with(".jpg");
     let size_of = |name: &str| name.starts_with('s').then_some([640.0, 480.0]);
     check(parse_nerfstudio(Path::new("transforms.json"), data, PixelCenters::Integer, &exists, &size_of))
+}
+
+pub fn opensfm(data: &[u8]) -> bool {
+    let [reconstruction, reference] = files(data, ["reconstruction.json", "reference_lla.json"]);
+    let beside = (!reference.1.is_empty()).then_some(reference);
+    check(parse_opensfm(reconstruction.0, reconstruction.1, beside, 2))
 }
 
 pub fn tum(data: &[u8]) -> bool {

@@ -20,6 +20,8 @@ pub enum CameraFormat {
     Colmap,
     /// nerfstudio's or instant-ngp's `transforms.json`.
     Nerfstudio,
+    /// OpenSfM's or OpenDroneMap's `reconstruction.json`.
+    OpenSfm,
     /// A TUM trajectory.
     Tum,
     /// KITTI's tracking benchmark.
@@ -62,6 +64,7 @@ impl CameraFormat {
             Self::Scene => "scene file",
             Self::Colmap => "colmap",
             Self::Nerfstudio => "nerfstudio",
+            Self::OpenSfm => "opensfm",
             Self::Tum => "tum",
             Self::Kitti => "kitti",
             Self::KittiRaw => "kitti-raw",
@@ -115,9 +118,9 @@ pub fn detect_cameras(path: &Path) -> Result<(CameraFormat, PathBuf), ReadError>
         None => Err(ReadError::new(
             path,
             "unknown camera format: looked for a scene file, a COLMAP model (cameras.bin or cameras.txt), \
-             transforms.json, a TUM trajectory (lines of 8 numbers), KITTI (folders calib and oxts), KITTI raw \
-             (oxts/data), BOP (scene_camera.json), logs in MCAP and projections (12 to 16 columns, or JSON); \
-             `quadlift import FORMAT` reads a given format",
+             transforms.json, OpenSfM (reconstruction.json), a TUM trajectory (lines of 8 numbers), KITTI (folders \
+             calib and oxts), KITTI raw (oxts/data), BOP (scene_camera.json), logs in MCAP and projections (12 to \
+             16 columns, or JSON); `quadlift import FORMAT` reads a given format",
         )),
     }
 }
@@ -137,6 +140,8 @@ fn cameras_in_folder(folder: &Path) -> Option<CameraFormat> {
         Some(CameraFormat::Colmap)
     } else if has("transforms.json") {
         Some(CameraFormat::Nerfstudio)
+    } else if crate::read::opensfm::file_in(folder).is_some() {
+        Some(CameraFormat::OpenSfm)
     } else if has("scene_camera.json") {
         Some(CameraFormat::Bop)
     } else if has("oxts/data") {
@@ -162,6 +167,7 @@ fn cameras_in_file(path: &Path) -> Result<Option<CameraFormat>, ReadError> {
         Start::Object(keys) if keys.contains_key("format") => Some(CameraFormat::Scene),
         Start::Object(_) if name == "scene_camera.json" => Some(CameraFormat::Bop),
         Start::Object(_) if text.contains("\"transform_matrix\"") => Some(CameraFormat::Nerfstudio),
+        Start::List(keys) if keys.contains_key("shots") => Some(CameraFormat::OpenSfm),
         Start::Object(_) | Start::List(_) => Some(CameraFormat::Projections),
         Start::Line(fields) if fields.commas && fields.words.len() >= 12 => Some(CameraFormat::Projections),
         Start::Line(fields) if !fields.commas && fields.words.len() == 8 && fields.all_numbers() => {
@@ -329,6 +335,9 @@ mod tests {
         make("k/calib/0000.txt", "x");
         make("t.json", r#"{"frames": [{"transform_matrix": [], "file_path": "a"}]}"#);
         make("p.json", r#"{"a": [1, 2]}"#);
+        make("o/reconstruction.json", "x");
+        make("d/opensfm/reconstruction.json", "x");
+        make("o.json", r#"[{"cameras": {}, "shots": {"a.jpg": {}}}]"#);
         make("p.csv", "# mine\n1,2,3,4,5,6,7,8,9,10,11,12\n");
         make("t.txt", "# time\n\n1.5 0 0 0 0 0 0 1\n");
         make("s.json", r#"{"format": "quadlift.scene", "version": 1}"#);
@@ -336,6 +345,9 @@ mod tests {
         for (name, format) in [
             ("l.bag", CameraFormat::Mcap),
             ("c", CameraFormat::Colmap),
+            ("o", CameraFormat::OpenSfm),
+            ("d", CameraFormat::OpenSfm),
+            ("o.json", CameraFormat::OpenSfm),
             ("n", CameraFormat::Nerfstudio),
             ("b", CameraFormat::Bop),
             ("r", CameraFormat::KittiRaw),

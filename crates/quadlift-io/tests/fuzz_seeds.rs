@@ -60,6 +60,11 @@ fn nerfstudio() {
 }
 
 #[test]
+fn opensfm() {
+    run("opensfm", targets::opensfm);
+}
+
+#[test]
 fn tum() {
     run("tum", targets::tum);
 }

@@ -426,6 +426,12 @@ fn detections() -> Vec<Case> {
             "<annotation>\n<object><name>cup</name><bndbox><xmin>5</xmin></bndbox></object></annotation>\n",
         ),
         file(
+            "a shot of OpenSfM with an unknown camera",
+            "import opensfm a.json -o out.json",
+            "a.json",
+            r#"[{"cameras": {}, "shots": {"a.jpg": {"rotation": [0, 0, 0], "translation": [0, 0, 0], "camera": "c"}}}]"#,
+        ),
+        file(
             "a KITTI label that is cut off",
             "import-detections kitti a.txt scene.json -o out.json",
             "a.txt",

@@ -60,6 +60,11 @@ pub fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadErro
     Ok(import)
 }
 
+/// At most so many of the points of another program, given with their ids, rounded as those of COLMAP.
+pub(super) fn evenly_spread(all: Vec<(u64, [f64; 3])>, most: usize) -> Vec<[f64; 3]> {
+    points::chosen(all.into_iter().map(|(id, position)| points::Point::new(id, position)).collect(), most)
+}
+
 /// The model in the bytes of `cameras.txt`, `images.txt` and `points3D.txt`, which may be empty; the paths serve for messages.
 ///
 /// # Errors

@@ -19,6 +19,8 @@ use crate::numbers;
 pub const FORMAT: &str = "quadlift.scene";
 /// The value of `version` that this program reads and writes.
 pub const VERSION: u64 = 1;
+/// The field with the place on Earth of the world's origin, as OpenSfM writes it.
+pub const REFERENCE: &str = "reference_lla";
 
 /// A scene file as written: inputs (cameras, frames, detections, true objects) and outputs (estimated objects).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -81,7 +83,8 @@ impl Default for SceneFile {
 }
 
 impl SceneFile {
-    /// The result of a localisation of this scene: its names, cameras, frames and points with the estimated objects.
+    /// The result of a localisation of this scene: its names, cameras, frames and points with the estimated objects, and where
+    /// on Earth the world is (`reference_lla`).
     ///
     /// Objects of the input (ground truth), detections and notes are not copied. Image paths stay relative to the
     /// folder of the input.
@@ -96,6 +99,12 @@ impl SceneFile {
             frames: self.frames.clone(),
             points: self.points.clone(),
             objects,
+            extra: self
+                .extra
+                .iter()
+                .filter(|(key, _)| *key == REFERENCE)
+                .map(|(k, v)| (k.clone(), v.clone()))
+                .collect(),
             ..Self::default()
         }
     }

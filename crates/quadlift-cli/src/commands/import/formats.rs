@@ -9,6 +9,7 @@ use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
 use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
 use quadlift_io::read::nerfstudio::read_nerfstudio;
+use quadlift_io::read::opensfm::read_opensfm;
 use quadlift_io::read::projections::read_projections;
 use quadlift_io::read::tum::{TumOptions, read_tum};
 use quadlift_io::read::{Import, PixelCenters};
@@ -40,6 +41,18 @@ pub enum Format {
         path: PathBuf,
         #[command(flatten)]
         pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// OpenSfM's or OpenDroneMap's reconstruction.json
+    #[command(name = "opensfm")]
+    OpenSfm {
+        /// The file, or its folder
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        /// Maximum number of points to keep, evenly spread; 0 keeps none
+        #[arg(long, value_name = "N", default_value_t = DEFAULT_POINTS)]
+        points: usize,
         #[command(flatten)]
         common: Common,
     },
@@ -206,6 +219,7 @@ impl Format {
         match self {
             Self::Colmap { path, common, .. } => ("COLMAP", path, common),
             Self::Nerfstudio { path, common, .. } => ("nerfstudio", path, common),
+            Self::OpenSfm { path, common, .. } => ("OpenSfM", path, common),
             Self::Tum { path, common, .. } => ("a TUM trajectory", path, common),
             Self::Kitti { path, common, .. } => ("KITTI tracking", path, common),
             Self::KittiRaw { path, common, .. } => ("KITTI raw", path, common),
@@ -226,6 +240,7 @@ impl Format {
         Ok(match self {
             Self::Colmap { path, points, .. } => read_colmap(path, *points)?,
             Self::Nerfstudio { path, pixels, .. } => read_nerfstudio(path, pixels.centers())?,
+            Self::OpenSfm { path, points, .. } => read_opensfm(path, *points)?,
             Self::Tum { path, intrinsics, image_list, time_tolerance, size, pixels, .. } => {
                 let options = TumOptions {
                     intrinsics,

@@ -12,6 +12,7 @@ use quadlift_io::read::detections::{add_detections, read_detections};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
 use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
 use quadlift_io::read::nerfstudio::read_nerfstudio;
+use quadlift_io::read::opensfm::read_opensfm;
 use quadlift_io::read::projections::read_projections;
 use quadlift_io::read::tum::{TumOptions, read_tum};
 use quadlift_io::read::{Import, PixelCenters};
@@ -166,6 +167,7 @@ impl DirectArgs {
             }
             CameraFormat::Colmap => read_colmap(path, DEFAULT_POINTS)?,
             CameraFormat::Nerfstudio => read_nerfstudio(path, self.pixels.centers())?,
+            CameraFormat::OpenSfm => read_opensfm(path, DEFAULT_POINTS)?,
             CameraFormat::Tum => {
                 let Some(intrinsics) = &self.intrinsics else {
                     return usage("a TUM trajectory has no intrinsics: set their file with --intrinsics FILE");

@@ -29,6 +29,11 @@ pub(super) struct Point {
 }
 
 impl Point {
+    /// A point of which nothing else is known.
+    pub(super) fn new(id: u64, position: [f64; 3]) -> Self {
+        Self { id, position, error: -1.0, track: 0 }
+    }
+
     /// Whether it is better known than another one: seen more often, then with the smaller error. Ids break ties.
     fn is_better(&self, other: &Self) -> bool {
         let error = |point: &Self| if point.error >= 0.0 { point.error } else { f64::INFINITY };
