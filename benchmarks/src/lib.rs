@@ -1,1 +1,43 @@
-//! The benchmarks are in `benches/`; a package needs a library or a program.
+//! The benchmarks are in `benches/`; here is what two of them share.
+
+use quadlift::online::{Detection, Frame, FrameUpdate, ObjectMap};
+use quadlift::synthetic::{
+    Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
+};
+
+/// A drive along a street: 20 % of the objects missed, 15 % false boxes, 5 % noise of edges.
+pub fn street(objects: usize, views: usize, ids: SyntheticIds) -> SyntheticScene {
+    let options = SyntheticOptions {
+        objects,
+        views,
+        trajectory: Trajectory::Street,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.05)],
+        detector: Detector { misses: 0.2, false_boxes: 0.15, ..Default::default() },
+        ids,
+        ..Default::default()
+    };
+    generate(&options).expect("the options are valid")
+}
+
+/// The frames of a scene with their detections, in the order of time.
+pub fn frames(synthetic: &SyntheticScene) -> Vec<(Frame, Vec<Detection<'_>>)> {
+    let scene = &synthetic.scene;
+    let mut frames: Vec<(Frame, Vec<Detection>)> =
+        scene.frames.iter().enumerate().map(|(k, frame)| (Frame::of_scene(frame, k as f64), Vec::new())).collect();
+    for detection in &scene.detections {
+        let Some(bounding_box) = detection.bounding_box else { continue };
+        frames[detection.frame_index as usize].1.push(Detection {
+            category: detection.category_index.map(|c| scene.categories[c as usize].as_str()),
+            score: detection.score,
+            id: detection.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+            ..Detection::from_box(bounding_box)
+        });
+    }
+    frames
+}
+
+/// Observes a frame.
+pub fn observe(map: &mut ObjectMap, (frame, detections): &(Frame, Vec<Detection>)) -> FrameUpdate {
+    map.observe(frame, detections).expect("the frame is valid")
+}

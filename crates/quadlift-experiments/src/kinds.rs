@@ -172,7 +172,7 @@ fn median_of_boxes(scene: &Scene, object: u32) -> Option<Body> {
     Some(Body::Cuboid(Cuboid { center, half_extents, rotation: Rotation3::identity() }))
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }

@@ -122,17 +122,18 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
     })
 }
 
-/// Localises the objects of a map from its kept views, like `quadlift stream --map`.
+/// Localises the objects of a map like `quadlift stream --map`: from the means of the views (`averaged`), for a file of the kept ones.
 pub fn localized_map(
     loaded: Arc<Loaded>,
+    averaged: &Scene,
     memory: MapMemory,
     choices: &Choices,
     ticker: &Ticker,
 ) -> Result<PyLocalized, String> {
     let start = Instant::now();
-    let localization = match loaded.scene.detections.is_empty() {
+    let localization = match averaged.detections.is_empty() {
         true => Localization::default(),
-        false => localize_observed(&loaded.scene, &choices.options, ticker).map_err(|error| error.to_string())?,
+        false => localize_observed(averaged, &choices.options, ticker).map_err(|error| error.to_string())?,
     };
     Ok(PyLocalized {
         loaded,

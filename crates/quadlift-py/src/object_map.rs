@@ -327,11 +327,15 @@ impl PyObjectMap {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyLocalized> {
-        let (file, memory) =
-            self.with(py, |StreamState { map, scene, .. }| Ok((scene.to_file(map), MapMemory::of(map))))?;
+        let (file, averaged, memory) = self.with(py, |StreamState { map, scene, .. }| {
+            Ok((scene.to_file(map), scene.to_averaged_file(map), MapMemory::of(map)))
+        })?;
         let loaded = Arc::new(Loaded::new(file, PathBuf::new())?);
+        let averaged = Loaded::new(averaged, PathBuf::new())?;
         let choices = keywords.for_scene(&loaded.scene)?;
-        in_background(py, threads, progress, move |ticker| localized_map(loaded, memory, &choices, ticker))
+        in_background(py, threads, progress, move |ticker| {
+            localized_map(loaded, &averaged.scene, memory, &choices, ticker)
+        })
     }
 
     /// The options by the names of the program, as JSON.

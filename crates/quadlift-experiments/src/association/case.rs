@@ -14,7 +14,7 @@ use crate::scores::mean;
 const LEAST_IOU: f64 = 0.25;
 
 /// Minimum number of detections of a true object.
-const FEWEST_VIEWS: usize = 3;
+pub(crate) const FEWEST_VIEWS: usize = 3;
 
 /// A scene as input of association, with its ground truth. It contains only the selected detections.
 #[derive(Debug, Clone)]

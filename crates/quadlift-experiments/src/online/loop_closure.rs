@@ -98,7 +98,7 @@ fn close_loop(options: &SyntheticOptions, turn: f64, shift: f64) -> Result<[f64;
         scene.frames.iter().map(|f| PoseUpdate { frame: f.id.clone(), projection: f.projection }).collect();
     map.update_poses(&poses);
     let (f1, after) = kept_scores(&map, &synthetic);
-    let (exact_o3d, o3d) = (o3d(&exact.to_scene(), &bodies)?, o3d(&map.to_scene(), &bodies)?);
+    let (exact_o3d, o3d) = (o3d(&exact.to_averaged_scene(), &bodies)?, o3d(&map.to_averaged_scene(), &bodies)?);
     Ok([exact_f1, exact_o3d, exact_duplicates as f64, before as f64, f1, o3d, after as f64])
 }
 

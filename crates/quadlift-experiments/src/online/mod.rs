@@ -3,6 +3,7 @@
 mod beside_batch;
 mod lifecycle;
 mod loop_closure;
+mod over_time;
 mod replay;
 
 use std::path::Path;

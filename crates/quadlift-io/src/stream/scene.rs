@@ -214,7 +214,15 @@ impl StreamedScene {
     /// The kept views of the map's objects as a scene file: cameras, frames and detections with their objects. Estimates are
     /// added by [`SceneFile::localized`].
     pub fn to_file(&self, map: &ObjectMap) -> SceneFile {
-        let scene = map.to_scene();
+        self.file_of(&map.to_scene())
+    }
+
+    /// The same with the boxes from which the objects are estimated ([`ObjectMap::to_averaged_scene`]).
+    pub fn to_averaged_file(&self, map: &ObjectMap) -> SceneFile {
+        self.file_of(&map.to_averaged_scene())
+    }
+
+    fn file_of(&self, scene: &scene::Scene) -> SceneFile {
         let frames: Vec<FrameRecord> = scene.frames.iter().map(|frame| self.record_of(frame)).collect();
         let used: BTreeSet<&str> = frames.iter().filter_map(|frame| frame.camera.as_deref()).collect();
         let all = self.cameras.values().chain(self.unnamed.values());

@@ -133,7 +133,7 @@ impl ObjectMap {
             self.tally.count(input_id, slot, count);
         }
         self.slot_of_id.insert(tracked.id, slot);
-        self.slots[slot as usize] = Some(tracked);
+        self.slots[slot as usize] = Some(Box::new(tracked));
         self.index(slot);
         slot
     }

@@ -30,20 +30,21 @@ impl Keyframe {
 /// Frames by keys that grow with time.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Keyframes {
-    by_key: BTreeMap<u32, Keyframe>,
+    /// Boxed: half of the places of the tree's nodes are empty, because keys only grow.
+    by_key: BTreeMap<u32, Box<Keyframe>>,
 }
 
 impl Keyframes {
     pub fn insert(&mut self, key: u32, keyframe: Keyframe) {
-        self.by_key.insert(key, keyframe);
+        self.by_key.insert(key, Box::new(keyframe));
     }
 
     pub fn get(&self, key: u32) -> Option<&Keyframe> {
-        self.by_key.get(&key)
+        self.by_key.get(&key).map(AsRef::as_ref)
     }
 
     pub fn get_mut(&mut self, key: u32) -> Option<&mut Keyframe> {
-        self.by_key.get_mut(&key)
+        self.by_key.get_mut(&key).map(AsMut::as_mut)
     }
 
     pub fn camera(&self, key: u32) -> Option<&Camera> {
@@ -51,7 +52,7 @@ impl Keyframes {
     }
 
     pub fn iter(&self) -> impl Iterator<Item = (u32, &Keyframe)> {
-        self.by_key.iter().map(|(&key, keyframe)| (key, keyframe))
+        self.by_key.iter().map(|(&key, keyframe)| (key, keyframe.as_ref()))
     }
 
     pub fn len(&self) -> usize {

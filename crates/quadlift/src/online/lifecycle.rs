@@ -225,7 +225,7 @@ impl ObjectMap {
         for &(id, _) in &tracked.input_ids {
             self.tally.forget(id, slot);
         }
-        Some(tracked)
+        Some(*tracked)
     }
 
     /// Removes objects if there are more than [`super::OnlineOptions::max_objects`]; never the newest one.

@@ -80,7 +80,7 @@ pub struct ObjectMap {
     /// The last frames, whose boxes may still be reassigned.
     pub(super) recent: VecDeque<RecentFrame>,
     /// Objects by slot; slots are reused.
-    pub(super) slots: Vec<Option<Tracked>>,
+    pub(super) slots: Vec<Option<Box<Tracked>>>,
     pub(super) free_slots: Vec<u32>,
     pub(super) slot_of_id: BTreeMap<ObjectId, u32>,
     /// Merged objects and what they were merged into.
@@ -212,11 +212,11 @@ impl ObjectMap {
     }
 
     pub(super) fn slot(&self, slot: u32) -> Option<&Tracked> {
-        self.slots.get(slot as usize).and_then(Option::as_ref)
+        self.slots.get(slot as usize).and_then(Option::as_deref)
     }
 
     pub(super) fn slot_mut(&mut self, slot: u32) -> Option<&mut Tracked> {
-        self.slots.get_mut(slot as usize).and_then(Option::as_mut)
+        self.slots.get_mut(slot as usize).and_then(Option::as_deref_mut)
     }
 
     fn describe(&self, tracked: &Tracked) -> Option<MapObject> {

@@ -188,10 +188,16 @@ impl ObjectMap {
 
     /// Forgets views of an object until it has at most [`super::OnlineOptions::max_views`].
     pub(super) fn forget_views(&mut self, slot: u32) {
-        let (most, keyframes) = (self.options.max_views, &mut self.keyframes);
-        let Some(tracked) = self.slots.get_mut(slot as usize).and_then(Option::as_mut) else { return };
+        let (most, keyframes, statistics) = (self.options.max_views, &mut self.keyframes, &self.running.statistics);
+        let Some(tracked) = self.slots.get_mut(slot as usize).and_then(Option::as_deref_mut) else { return };
         while tracked.views.len() > most {
-            let place = least_telling(&tracked.views, keyframes, &tracked.object.center);
+            let (place, like_it) = least_telling(&tracked.views, keyframes, &tracked.object.center);
+            let of = |place: usize| keyframes.get(tracked.views[place].keyframe);
+            if let (Some(others), Some(own)) = (of(place), of(like_it)) {
+                let mut standing = tracked.views[like_it].clone();
+                standing.absorb(&own.camera, &tracked.views[place], others, &tracked.object, statistics);
+                tracked.views[like_it] = standing;
+            }
             let forgotten = tracked.take_view(place);
             tracked.object.forgotten += 1;
             keyframes.release(forgotten.keyframe);

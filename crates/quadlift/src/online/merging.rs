@@ -162,7 +162,7 @@ impl ObjectMap {
                 *object = Some(old.id);
             }
         }
-        self.slots[older as usize] = Some(union);
+        self.slots[older as usize] = Some(Box::new(union));
         self.forget_views(older);
         self.index(older);
         update.events.push(Event::Merged { object: old.id, alias: young.id });

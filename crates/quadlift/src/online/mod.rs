@@ -20,6 +20,7 @@
 
 mod births;
 mod current;
+mod exchange;
 mod input;
 mod keyframes;
 mod learning;
@@ -35,6 +36,7 @@ mod recent;
 mod running;
 mod scene;
 mod state;
+mod summary;
 #[cfg(test)]
 mod tests;
 mod tracked;

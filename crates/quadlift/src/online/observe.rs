@@ -29,6 +29,34 @@ impl ObjectMap {
     /// [`ObserveError`] says why the frame was refused; the map is unchanged.
     pub fn observe(&mut self, frame: &Frame, detections: &[Detection]) -> Result<FrameUpdate, ObserveError> {
         self.check(frame, detections)?;
+        Ok(self.take(frame, detections))
+    }
+
+    /// Observes the frames of several cameras of one instant, one after the other; returns what each of them changed.
+    ///
+    /// All frames are checked first. Ids of frames are different for each camera.
+    ///
+    /// # Errors
+    /// [`ObserveError`] says which frame was refused; then none of them was observed.
+    pub fn observe_together(&mut self, views: &[(Frame, &[Detection])]) -> Result<Vec<FrameUpdate>, ObserveError> {
+        let mut new = BTreeSet::new();
+        for (place, (frame, detections)) in views.iter().enumerate() {
+            self.check(frame, detections)?;
+            if views[..place].iter().any(|(other, _)| other.id == frame.id) {
+                return Err(ObserveError::DuplicateFrame(frame.id.clone()));
+            }
+            if frame.time != views[0].0.time {
+                let (id, time, first) = (frame.id.clone(), frame.time, views[0].0.time);
+                return Err(ObserveError::NotTogether { id, time, first });
+            }
+            new.extend(self.new_categories(detections));
+            self.check_categories(frame, new.len())?;
+        }
+        Ok(views.iter().map(|(frame, detections)| self.take(frame, detections)).collect())
+    }
+
+    /// Observes a checked frame.
+    fn take(&mut self, frame: &Frame, detections: &[Detection]) -> FrameUpdate {
         let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
         let mut current = self.take_in(frame, detections);
         let slots = self.visibility.near(&current.observations.cameras[0].center);
@@ -59,7 +87,7 @@ impl ObjectMap {
             self.keyframes.release(current.key);
         }
         self.last = Some((frame.time, frame.id.clone()));
-        Ok(update)
+        update
     }
 
     fn check(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
@@ -88,17 +116,26 @@ impl ObjectMap {
         if detections.len() > MAX_DETECTIONS {
             return Err(ObserveError::TooManyDetections { id: id(), count: detections.len() });
         }
-        let is_new = |name: &str| self.categories.find(Some(name)).is_none();
-        let new: BTreeSet<&str> = detections.iter().filter_map(|d| d.category).filter(|name| is_new(name)).collect();
-        // One more for detections without a category.
-        let count = self.categories.names().len() + new.len() + 1;
-        if count > MAX_CATEGORIES {
-            return Err(ObserveError::TooManyCategories { id: id(), count });
-        }
+        self.check_categories(frame, self.new_categories(detections).len())?;
         match detections.iter().position(|d| d.score.is_some_and(|score| !score.is_finite())) {
             Some(detection) => Err(ObserveError::Score { id: id(), detection }),
             None => Ok(()),
         }
+    }
+
+    /// Categories that the map does not have.
+    fn new_categories<'a>(&self, detections: &[Detection<'a>]) -> BTreeSet<&'a str> {
+        let is_new = |name: &&str| self.categories.find(Some(name)).is_none();
+        detections.iter().filter_map(|d| d.category).filter(is_new).collect()
+    }
+
+    fn check_categories(&self, frame: &Frame, new: usize) -> Result<(), ObserveError> {
+        // One more for detections without a category.
+        let count = self.categories.names().len() + new + 1;
+        if count > MAX_CATEGORIES {
+            return Err(ObserveError::TooManyCategories { id: frame.id.clone(), count });
+        }
+        Ok(())
     }
 
     /// Counts the frame and prepares its boxes.
@@ -171,6 +208,7 @@ impl ObjectMap {
             detection: index as u16,
             edges: measured.edges().map(|edge| edge as f32),
             in_image: frame.lens.map(|_| Box::new(in_image.edges().map(|edge| edge as f32))),
+            absorbed: None,
             cut: to_bits(edges_at_border(&in_image, frame.image_size, BORDER_TOLERANCE_PX)),
             hidden: 0,
             category,

@@ -4,8 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use super::exchange::REACH;
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
+use super::summary::Motions;
 use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
 use super::views::{KeptView, RecentBox, RecentFrame};
@@ -53,6 +55,8 @@ impl ObjectMap {
             let Keyframe { references, .. } = *keyframe;
             *keyframe = Keyframe { references, ..Keyframe::new(frame, &self.origin, keyframe.camera.size) };
         }
+        let of_frames = before.iter().filter_map(|(&key, old)| Some((key, motion(old, self.keyframes.camera(key)?)?)));
+        let motions = Motions { of_frames: of_frames.collect() };
         let slots: Vec<u32> = self.slot_of_id.values().copied().collect();
         let mut touched = BTreeSet::new();
         for slot in slots {
@@ -61,7 +65,13 @@ impl ObjectMap {
                 continue;
             }
             touched.insert(slot);
-            let Some(fitted) = self.moved(tracked, &before) else { continue };
+            let mut tracked = tracked.clone();
+            for view in &mut tracked.views {
+                if let Some(old) = before.get(&view.keyframe) {
+                    view.follow(&tracked.object, old, &motions);
+                }
+            }
+            let Some(fitted) = self.moved(&tracked, &before) else { continue };
             if let Some(tracked) = self.slot_mut(slot) {
                 *tracked = fitted;
             }
@@ -74,6 +84,7 @@ impl ObjectMap {
             }
             self.tried_pairs.clear();
             self.merge_near(&touched, &mut update);
+            self.exchange(&touched, &mut update);
             self.assign_kept(&mut update);
         }
         update
@@ -179,6 +190,22 @@ impl ObjectMap {
 
     /// Merges near objects that are one, nearest first; at least one of a pair has moved.
     fn merge_near(&mut self, touched: &BTreeSet<u32>, update: &mut FrameUpdate) {
+        for (first, second) in self.near_pairs(touched, NEAR) {
+            self.try_as_one(first, second, update);
+        }
+    }
+
+    /// Exchanges views between near objects, nearest first; at least one of a pair has moved.
+    fn exchange(&mut self, touched: &BTreeSet<u32>, update: &mut FrameUpdate) {
+        for (first, second) in self.near_pairs(touched, REACH) {
+            self.try_to_give(first, second, update);
+            self.try_to_give(second, first, update);
+        }
+    }
+
+    /// Slots of objects whose centres are nearer than `reach` times the sum of their radii, nearest first; at least one of a pair
+    /// is in `touched`.
+    fn near_pairs(&self, touched: &BTreeSet<u32>, reach: f64) -> Vec<(u32, u32)> {
         let slots: Vec<u32> = self.slot_of_id.values().copied().collect();
         let objects: Vec<(Vector3<f64>, f64)> = slots
             .iter()
@@ -189,19 +216,17 @@ impl ObjectMap {
         let mut pairs = Vec::new();
         for (place, slot) in slots.iter().enumerate().filter(|(_, slot)| touched.contains(slot)) {
             let (center, radius) = objects[place];
-            for other in tree.within(&center, NEAR * (radius + largest)) {
+            for other in tree.within(&center, reach * (radius + largest)) {
                 let (other_center, other_radius) = objects[other as usize];
                 let apart = (other_center - center).norm() / (radius + other_radius);
                 let is_twice = touched.contains(&slots[other as usize]) && (other as usize) < place;
-                if other as usize != place && !is_twice && apart < NEAR {
+                if other as usize != place && !is_twice && apart < reach {
                     pairs.push((apart, *slot, slots[other as usize]));
                 }
             }
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        for (_, first, second) in pairs {
-            self.try_as_one(first, second, update);
-        }
+        pairs.into_iter().map(|(_, first, second)| (first, second)).collect()
     }
 
     /// Merges two objects that are known to be one. Returns the id that stays, the older one, or `None` if that is impossible.

@@ -152,7 +152,7 @@ impl ObjectMap {
     }
 
     /// Adds a view of an earlier frame to an object.
-    fn add_late(&mut self, slot: u32, view: KeptView, input_id: Option<u32>) -> Option<ObjectId> {
+    pub(super) fn add_late(&mut self, slot: u32, view: KeptView, input_id: Option<u32>) -> Option<ObjectId> {
         let key = view.keyframe;
         let tracked = self.slot_mut(slot)?;
         let id = tracked.id;

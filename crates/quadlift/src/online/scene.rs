@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::map::ObjectMap;
 use super::tracked::Presence;
+use super::views::KeptView;
 use crate::geometry::BoundingBox;
 use crate::localize::{Localization, LocalizeError, LocalizeOptions, localize};
 use crate::scene::{Detection, Scene, SceneParts};
@@ -11,6 +12,16 @@ use crate::scene::{Detection, Scene, SceneParts};
 impl ObjectMap {
     /// The kept views as a scene. Its object ids are those of the map, in their order; tentative objects are left out.
     pub fn to_scene(&self) -> Scene {
+        self.scene_of(&|_, edges| edges)
+    }
+
+    /// The scene from which [`ObjectMap::localize`] estimates: that of [`ObjectMap::to_scene`], where each box is the mean of those
+    /// of the forgotten views that it stands for and its own.
+    pub fn to_averaged_scene(&self) -> Scene {
+        self.scene_of(&|view, edges| view.averaged(edges))
+    }
+
+    fn scene_of(&self, edges_of: &dyn Fn(&KeptView, [f64; 4]) -> [f64; 4]) -> Scene {
         let mut parts = SceneParts { name: "object map".to_owned(), ..Default::default() };
         let objects: Vec<_> = self.tracked().filter(|t| t.presence != Presence::Tentative).collect();
         let mut frames: BTreeMap<u32, u32> = BTreeMap::new();
@@ -31,6 +42,10 @@ impl ObjectMap {
                 parts.categories.push(name.clone());
             }
         }
+        let bounds = |view: &KeptView, edges: [f32; 4]| {
+            let own = edges.map(f64::from);
+            BoundingBox::new(edges_of(view, own)).or_else(|_| BoundingBox::new(own)).ok()
+        };
         for (index, tracked) in objects.iter().enumerate() {
             parts.object_ids.push(tracked.id.to_string());
             for view in &tracked.views {
@@ -39,8 +54,9 @@ impl ObjectMap {
                     object_index: Some(index as u32),
                     category_index: category_index[usize::from(view.category)],
                     score: view.score.map(f64::from),
-                    bounding_box: BoundingBox::new(view.edges.map(f64::from)).ok(),
-                    box_in_image: view.in_image.as_ref().and_then(|e| BoundingBox::new(e.map(f64::from)).ok()),
+                    bounding_box: bounds(view, view.edges),
+                    // A mean error is as large in both images, up to the local scale of the lens.
+                    box_in_image: view.in_image.as_ref().and_then(|edges| bounds(view, **edges)),
                     ..Default::default()
                 });
             }
@@ -49,11 +65,12 @@ impl ObjectMap {
         Scene(parts)
     }
 
-    /// Estimates of all objects of the map from their kept views, with covariances, in the order of their ids.
+    /// Estimates of all objects of the map with covariances, in the order of their ids, from their kept views and the means
+    /// of those that they stand for.
     ///
     /// # Errors
     /// As [`localize()`].
     pub fn localize(&self, options: &LocalizeOptions) -> Result<Localization, LocalizeError> {
-        localize(&self.to_scene(), options)
+        localize(&self.to_averaged_scene(), options)
     }
 }

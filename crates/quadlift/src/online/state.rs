@@ -123,7 +123,7 @@ impl ObjectMap {
             running: self.running.clone(),
             keyframes: self.keyframes.iter().map(|(key, keyframe)| (key, KeyframeState::of(keyframe))).collect(),
             recent: self.recent.iter().cloned().collect(),
-            slots: self.slots.iter().map(|slot| slot.as_ref().map(TrackedState::of)).collect(),
+            slots: self.slots.iter().map(|slot| slot.as_deref().map(TrackedState::of)).collect(),
             free_slots: self.free_slots.clone(),
             aliases: self.aliases.iter().map(|(&alias, &id)| (alias, id)).collect(),
             indexed_range: self.indexed_range,
@@ -156,7 +156,7 @@ impl ObjectMap {
         }
         map.keyframes = keyframes;
         map.recent = state.recent.into();
-        map.slots = state.slots.into_iter().map(|slot| slot.map(TrackedState::into_tracked)).collect();
+        map.slots = state.slots.into_iter().map(|slot| slot.map(TrackedState::into_tracked).map(Box::new)).collect();
         map.free_slots = state.free_slots;
         map.aliases = state.aliases.into_iter().collect();
         map.indexed_range = state.indexed_range;
@@ -192,6 +192,7 @@ impl MapState {
                 && x0 < x1
                 && y0 < y1
                 && view.edges.iter().all(|e| e.is_finite())
+                && view.absorbed.as_ref().is_none_or(|a| a.is_valid())
         };
         for frame in &self.recent {
             hold(is_known(frame.key), "a recent frame is missing")?;

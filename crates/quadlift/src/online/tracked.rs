@@ -45,6 +45,9 @@ pub(super) struct Tracked {
     pub last_keyframe: u32,
 }
 
+/// Number of views for which places are reserved at a time.
+const GROWTH: usize = 8;
+
 /// Maximum number of input ids that are remembered per object.
 const MAX_INPUT_IDS: usize = 32;
 
@@ -102,6 +105,10 @@ impl Tracked {
         self.count(&view, input_id);
         self.last_keyframe = self.last_keyframe.max(view.keyframe);
         let place = self.views.partition_point(|v| v.keyframe < view.keyframe);
+        if self.views.len() == self.views.capacity() {
+            // Doubling would leave up to half of the places empty for good.
+            self.views.reserve_exact(GROWTH);
+        }
         self.views.insert(place, view);
         self.renumber();
     }
@@ -125,9 +132,11 @@ impl Tracked {
         self.views.binary_search_by_key(&keyframe, |v| v.keyframe).is_ok()
     }
 
-    fn renumber(&mut self) {
+    /// Numbers the boxes of the fit by the views.
+    pub fn renumber(&mut self) {
         let count = self.views.len() as u32;
         self.object.boxes.clear();
+        self.object.boxes.reserve_exact(self.views.capacity());
         self.object.boxes.extend(0..count);
     }
 }

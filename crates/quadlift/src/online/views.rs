@@ -3,6 +3,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::keyframes::Keyframes;
+use super::summary::Absorbed;
 use super::update::ObjectId;
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 
@@ -16,6 +17,9 @@ pub(super) struct KeptView {
     pub edges: [f32; 4],
     /// Where a lens bends the image: the edges in the image itself.
     pub in_image: Option<Box<[f32; 4]>>,
+    /// The forgotten views that it stands for.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub absorbed: Option<Box<Absorbed>>,
     /// Score of the detector.
     pub score: Option<f32>,
     /// See [`BoxObservation::log_clutter`].
@@ -82,9 +86,9 @@ impl KeptView {
     }
 }
 
-/// Index of the least informative view: of the two with the most similar directions and distances, the one with fewer useful
-/// edges, else the farther one.
-pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &Vector3<f64>) -> usize {
+/// Indices of the least informative view and of the one most like it: of the two with the most similar directions and distances,
+/// the one with fewer useful edges goes, else the farther one.
+pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &Vector3<f64>) -> (usize, usize) {
     // Points on rays from the object to the cameras, at the logarithms of the distances.
     let places: Vec<(Vector3<f64>, f64)> = views
         .iter()
@@ -108,5 +112,5 @@ pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &
     }
     let (a, b) = nearest;
     let rank = |k: usize| (views[k].telling_edges(), std::cmp::Reverse((places[k].1 * 1e6) as i64));
-    if rank(a) < rank(b) { a } else { b }
+    if rank(a) < rank(b) { (a, b) } else { (b, a) }
 }

@@ -72,7 +72,8 @@ impl MapFiles<'_> {
         out: &Output,
     ) -> anyhow::Result<()> {
         let file = streamed.to_file(map);
-        let scene = file.to_scene().map_err(|error| error.in_file(self.input))?;
+        let averaged = streamed.to_averaged_file(map);
+        let scene = averaged.to_scene().map_err(|error| error.in_file(self.input))?;
         let localization = if scene.detections.is_empty() {
             Localization::default()
         } else {
