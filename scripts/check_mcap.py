@@ -2,7 +2,7 @@
 
     python scripts/check_mcap.py path/to/quadlift
 
-Needs check_exports_requirements.txt. The logs are those of a synthetic drive: a camera calibration, a tree of three moving and
+Needs check_exports_requirements.txt. With --seeds it only writes the seeds of the fuzz target. The logs are those of a synthetic drive: a camera calibration, a tree of three moving and
 fixed transforms, and 2D detections. quadlift must find in them the objects of the scene file.
 """
 
@@ -20,6 +20,7 @@ from mcap.writer import Writer as RawWriter
 from mcap_protobuf.writer import Writer as ProtobufWriter
 from mcap_ros2.reader import read_ros2_messages
 from mcap_ros2.writer import Writer as Ros2Writer
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import Reader as BagReader
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
@@ -279,6 +280,57 @@ def write_with_mcap(path, drive, transform_stamps, compression=CompressionType.L
     return path
 
 
+# The transforms' definition in IDL.
+TRANSFORMS_IDL = '''#include "geometry_msgs/msg/TransformStamped.idl"
+module tf2_msgs { module msg { struct TFMessage { sequence<geometry_msgs::msg::TransformStamped> transforms; }; }; };
+================================================================================
+IDL: geometry_msgs/msg/TransformStamped
+module geometry_msgs { module msg {
+@verbatim (language="comment", text="A transform.")
+struct TransformStamped { std_msgs::msg::Header header; string child_frame_id; geometry_msgs::msg::Transform transform; };
+struct Transform { geometry_msgs::msg::Vector3 translation; geometry_msgs::msg::Quaternion rotation; };
+struct Vector3 { double x; double y; double z; };
+struct Quaternion { @default (value=0.0) double x; double y; double z; double w; }; }; };
+================================================================================
+IDL: std_msgs/msg/Header
+module std_msgs { module msg { struct Header { builtin_interfaces::msg::Time stamp; string frame_id; }; }; };
+'''
+
+
+def write_plain(path, listed, in_chunks, idl=False):
+    """Writes without compression and checksums, which a fuzzer could not change."""
+    store = typestore(VISION_4)
+    with path.open("wb") as file:
+        writer = RawWriter(file, use_chunking=in_chunks, enable_crcs=False, compression=CompressionType.NONE)
+        writer.start()
+        channels = {}
+        for time, topic, name, value in listed:
+            if topic not in channels:
+                definition = "ros2msg", store.generate_msgdef(name, ros_version=2)[0]
+                if idl and topic.startswith("/tf"):
+                    definition = "ros2idl", TRANSFORMS_IDL
+                schema = writer.register_schema(name, definition[0], definition[1].encode())
+                channels[topic] = writer.register_channel(topic, "cdr", schema)
+            data = bytes(store.serialize_cdr(from_dict(store, name, value), name))
+            writer.add_message(channels[topic], log_time=max(time, START), publish_time=max(time, START), data=data)
+        writer.finish()
+
+
+def write_seeds(folder, scene):
+    """Small logs for the fuzzer: the first three frames with detections, two boxes each."""
+    seen = [f for f in scene["frames"] if any(d["frame"] == f["id"] for d in scene["detections"])][:3]
+    boxes = [d for f in seen for d in [d for d in scene["detections"] if d["frame"] == f["id"]][:2]]
+    drive = Drive({**scene, "frames": seen, "detections": boxes})
+    stamps = sorted({*drive.stamps, START + 30_000_000, drive.stamps[-1] + 10_000_000})
+    write_with_mcap(folder / "ros2_lz4.mcap", drive, stamps)
+    write_with_mcap(folder / "ros2_zstd.mcap", drive, stamps, CompressionType.ZSTD)
+    write_json(folder / "foxglove_json.mcap", drive, stamps)
+    write_protobuf(folder / "foxglove_protobuf.mcap", drive, stamps)
+    write_plain(folder / "ros2_messages.mcap", messages(drive, stamps), in_chunks=False)
+    write_plain(folder / "ros2_chunks.mcap", with_odometry(messages(drive, stamps)), in_chunks=True)
+    write_plain(folder / "ros2_idl.mcap", messages(drive, stamps), in_chunks=False, idl=True)
+
+
 def bodies(path):
     objects = json.loads(Path(path).read_text())["objects"]
     return {o["id"]: o for o in objects}
@@ -407,6 +459,56 @@ def with_two_cameras(listed):
             topic = f"/{camera}/{'boxes' if topic == '/detector/boxes' else 'camera_info'}"
         changed.append((time, topic, name, value))
     return changed
+
+
+# vision_msgs of ROS 1.
+VISION_1 = {
+    "BoundingBox2D": "geometry_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n",
+    "ObjectHypothesisWithPose": "int64 id\nfloat64 score\ngeometry_msgs/PoseWithCovariance pose\n",
+    "Detection2D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\nBoundingBox2D bbox\nsensor_msgs/Image source_img\n",
+    "Detection2DArray": VISION_4["Detection2DArray"],
+}
+
+
+def check_ros1(quadlift, folder, drive):
+    """A bag of ROS 1, converted as docs/formats/mcap.md says."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", "tf2_msgs/msg/TFMessage")
+    for name, text in VISION_1.items():
+        types.update(get_types_from_msg(text, f"vision_msgs/msg/{name}"))
+    store.register(types)
+
+    def old(value):
+        """With a number of the header, and matrices with capital letters; classes are numbers."""
+        if isinstance(value, dict):
+            value = {key.upper() if key in ("d", "k", "r", "p") else key: old(item) for key, item in value.items()}
+            if value.keys() == {"stamp", "frame_id"}:
+                value["seq"] = 0
+            if "hypothesis" in value or "score" in value and "id" in value:
+                value["id"] = 3
+            return value
+        return [old(item) for item in value] if isinstance(value, list) else value
+
+    bag = folder / "drive.bag"
+    with Ros1Writer(bag) as writer:
+        connections = {}
+        for time, topic, name, value in messages(drive, sorted({*drive.stamps, *jittered(drive.stamps)}), 2):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, name, typestore=store)
+            message = from_dict(store, name, old(value))
+            writer.write(connections[topic], max(time, START), store.serialize_ros1(message, name))
+    said = run(quadlift, "import", "mcap", bag, "-o", folder / "scene.json", code=1)
+    assert "rosbags-convert" in said, said
+    convert = Path(sys.executable).parent / "rosbags-convert"
+    run(convert, "--src", bag, "--dst", folder / "drive", "--dst-storage", "mcap")
+    run(quadlift, "import", "mcap", folder / "drive" / "drive.mcap", "-o", folder / "scene.json")
+    scene = json.loads((folder / "scene.json").read_text())
+    found = sorted(d["box"] for d in scene["detections"])
+    assert np.allclose(found, sorted(d["box"] for d in drive.scene["detections"]), rtol=1e-12)
+    assert {d["category"] for d in scene["detections"]} == {"3"} and len(scene["frames"]) == len(drive.stamps)
+    for a, b in zip(scene["frames"], drive.scene["frames"], strict=True):
+        assert np.allclose(a["cam_from_world"], b["cam_from_world"], atol=1e-12)
+    print(f"import, ROS 1 by rosbags-convert: {len(scene['frames'])} frames, {len(found)} detections")
 
 
 def with_odometry(listed, stamped=False):
@@ -716,8 +818,12 @@ def main():
         estimate = folder / "estimate.json"
         run(quadlift, "localize", scene_path, "-o", estimate, *SIGMAS)
         drive, expected = Drive(scene), bodies(estimate)
+        if "--seeds" in sys.argv:
+            write_seeds(Path(__file__).parent.parent / "fuzz/seeds/mcap", scene)
+            return
         assert len(expected) >= 8
         check_import(quadlift, folder, drive, expected)
+        check_ros1(quadlift, folder, drive)
         check_damage(quadlift, folder, drive)
         check_export(quadlift, folder, scene, estimate)
         # 1000 for the figure of docs/performance.md.

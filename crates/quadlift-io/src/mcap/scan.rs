@@ -227,7 +227,7 @@ impl Scan {
                     (Err(_), false) => return Ok(()),
                 };
                 let schema = message.channel.schema.as_ref();
-                let is_ros = schema.is_some_and(|schema| schema.name.starts_with("tf2_msgs"));
+                let is_ros = schema.is_some_and(|schema| schema.name.starts_with("tf"));
                 self.is_ros |= is_ros;
                 for transform in found {
                     match transform {
