@@ -1,5 +1,5 @@
-//! The first reading of a log: which topics there are, the cameras, and how the frames hang together. Images and detections are
-//! passed over.
+//! The first reading of a log: which topics there are, the cameras, and how the frames hang together. Images are passed over, and
+//! detections after the first of each topic.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read, Seek};
