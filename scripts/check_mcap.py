@@ -395,6 +395,12 @@ def check_import(quadlift, folder, drive, expected):
     ]
     print(f"import, interpolated at 50 Hz: poses differ by {max(errors):.1e}, objects by {difference:.1e}")
     assert 1e-9 < difference < 1e-2, difference
+    # Images before the first transform and after the last one are skipped.
+    late = [stamp for stamp in exact if drive.stamps[2] <= stamp <= drive.stamps[-4]]
+    log = write_with_mcap(folder / "late.mcap", drive, late)
+    said = run(quadlift, "import", "mcap", log, "-o", folder / "scene.json")
+    assert "5 images without a pose are skipped" in said and "0.2 s before the first transform odom -> base_link" in said, said
+    assert len(json.loads((folder / "scene.json").read_text())["frames"]) == len(drive.stamps) - 5
     # Poses of odometry instead of the moving transforms.
     log = write_with_mcap(folder / "odometry.mcap", drive, exact, change=with_odometry)
     said = run(quadlift, "localize", log, "-o", out, *SIGMAS)

@@ -57,6 +57,8 @@ pub enum Next {
     Frame(Box<FrameLine>),
     /// Something that cannot be used.
     Problem(Problem),
+    /// An image that has no pose because it is before the first transform of a link, or after the last one.
+    Outside(Problem),
 }
 
 /// How the poses of the frames were found.
@@ -344,7 +346,7 @@ impl<R: Read + Seek> Frames<R> {
             Err(error) => {
                 let text = format!("the image has no pose: {}", error.problem);
                 let problem = Problem { place: Some(waiting.place), topic: Some(waiting.topic), text };
-                self.next.push_back(Next::Problem(problem));
+                self.next.push_back(if error.is_outside { Next::Outside(problem) } else { Next::Problem(problem) });
                 return true;
             }
         };

@@ -34,7 +34,9 @@ pub fn kind_of(schema: &str) -> Option<Kind> {
     let name = schema.replace("/msg/", "/").replace("foxglove_msgs/", "foxglove.");
     Some(match &*name {
         "sensor_msgs/CameraInfo" | "foxglove.CameraCalibration" => Kind::Calibration,
-        "tf2_msgs/TFMessage" | "tf/tfMessage" | "foxglove.FrameTransform" | "foxglove.FrameTransforms" => Kind::Transforms,
+        "tf2_msgs/TFMessage" | "tf/tfMessage" | "foxglove.FrameTransform" | "foxglove.FrameTransforms" => {
+            Kind::Transforms
+        }
         "nav_msgs/Odometry" => Kind::Odometry,
         "geometry_msgs/PoseStamped" | "geometry_msgs/PoseWithCovarianceStamped" | "foxglove.PoseInFrame" => Kind::Pose,
         "vision_msgs/Detection2DArray" => Kind::Detections,

@@ -284,6 +284,7 @@ fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<McapImport, ReadE
         SceneFile { length_unit: about.length_unit, up: about.up, cameras: about.cameras, ..SceneFile::default() };
     let mut frames = log.frames()?;
     let (mut problems, mut problem_count) = (Vec::new(), 0);
+    let (mut outside, mut first_outside) = (0, None);
     let mut known = std::collections::HashSet::new();
     let mut problem = |problem: Problem| {
         if !keep_going {
@@ -298,6 +299,11 @@ fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<McapImport, ReadE
     while let Some(next) = frames.next_frame().map_err(|error| read_error(path, &error))? {
         match next {
             Next::Problem(found) => problem(found)?,
+            // At both ends of a log this is usual.
+            Next::Outside(found) => {
+                outside += 1;
+                first_outside.get_or_insert(found);
+            }
             Next::Frame(frame) if !known.insert(frame.record.id.clone()) => {
                 let text = format!("the frame {} comes twice; the second one is left out", frame.record.id);
                 problem(Problem { place: None, topic: None, text })?;
@@ -320,6 +326,13 @@ fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<McapImport, ReadE
         notes.push(format!("{} written, {named} of frames", count(images.len(), "image")));
     }
     notes.extend(frames.notes());
+    if let Some(first) = first_outside {
+        if scene.frames.is_empty() {
+            let text = format!("none of {} has a pose; the first one: {first}", count(outside, "image"));
+            return Err(ReadError::new(path, text));
+        }
+        notes.push(format!("{} without a pose are skipped; the first one: {first}", count(outside, "image")));
+    }
     if problem_count > 0 {
         notes.push(format!("{} left out", count(problem_count, "problem")));
     }

@@ -52,6 +52,8 @@ pub struct NoPose {
     pub problem: String,
     /// Whether later transforms may change that.
     pub may_come: bool,
+    /// Whether the time is before the first transform of a link or after its last one, as at both ends of many logs.
+    pub is_outside: bool,
 }
 
 /// A pose, and how it was found.
@@ -236,6 +238,8 @@ impl Tree {
         let unconnected = || NoPose {
             problem: format!("no transforms lead from the frame \"{source}\" to \"{target}\""),
             may_come: !is_final,
+            // Both are connected in the whole log, or they would not have been chosen.
+            is_outside: true,
         };
         let (mut from_source, mut from_target) = (self.way_up(source), self.way_up(target));
         if self.root(source) != self.root(target) {
@@ -291,20 +295,20 @@ impl Link {
                     Seconds(time),
                     duration(limits.longest_gap)
                 );
-                Err(NoPose { problem, may_come: false })
+                Err(NoPose { problem, may_come: false, is_outside: false })
             }
             (None, None) => {
                 let problem = format!("there is no transform {link} near the time {}", Seconds(time));
-                Err(NoPose { problem, may_come: !is_final })
+                Err(NoPose { problem, may_come: !is_final, is_outside: true })
             }
             (before, after) => {
                 let is_late = after.is_none();
                 let Some(&(known, transform)) = before.or(after) else {
-                    return Err(NoPose { problem: String::new(), may_come: false });
+                    return Err(NoPose { problem: String::new(), may_come: false, is_outside: true });
                 };
                 let distance = (time - known).abs();
                 if is_late && !is_final {
-                    return Err(NoPose { problem: String::new(), may_come: true });
+                    return Err(NoPose { problem: String::new(), may_come: true, is_outside: true });
                 }
                 if distance <= limits.tolerance {
                     return Ok((transform, How::Nearest(distance)));
@@ -316,7 +320,7 @@ impl Link {
                     if is_late { "after the last" } else { "before the first" },
                     duration(limits.tolerance)
                 );
-                Err(NoPose { problem, may_come: false })
+                Err(NoPose { problem, may_come: false, is_outside: true })
             }
         }
     }

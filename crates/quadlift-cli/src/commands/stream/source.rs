@@ -126,7 +126,7 @@ impl Source {
                 let next = frames.next_frame().with_context(|| format!("cannot read {}", path.display()))?;
                 Ok(match next {
                     Some(Next::Frame(frame)) => Item::Frame(frame),
-                    Some(Next::Problem(problem)) => Item::Problem(problem),
+                    Some(Next::Problem(problem) | Next::Outside(problem)) => Item::Problem(problem),
                     None => Item::End,
                 })
             }
