@@ -135,6 +135,38 @@ def check_ros(path, estimate):
     print(f"ROS: {len(message['detections'])} detections")
 
 
+def check_geojson(path, objects, origin):
+    import geopandas
+    import pyproj
+
+    table = geopandas.read_file(path)
+    assert table.crs == "EPSG:4326" and len(table) == 2 * len(objects)
+    latitude, longitude, height = origin
+    to_tangent = pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
+        f"+step +proj=topocentric +ellps=WGS84 +lat_0={latitude} +lon_0={longitude} +h_0={height}"
+    )
+    points = table[table["kind"] == "object"].to_dict("records")
+    ellipses = table[table["kind"] == "error_ellipse"].to_dict("records")
+    for point, ellipse, o in zip(points, ellipses, objects, strict=True):
+        assert point["id"] == ellipse["id"] == o["id"]
+        covariance = np.array(o["covariance"]["matrix"])[:3, :3]
+        found = np.array(to_tangent.transform(point["geometry"].x, point["geometry"].y, point["geometry"].z))
+        # Coordinates are rounded to a tenth of a millimetre.
+        assert np.abs(found - o["ellipsoid"]["center"]).max() < 2e-4, (found, o["ellipsoid"]["center"])
+        assert np.allclose([point[f"sd_{axis}"] for axis in ("east", "north", "up")], np.sqrt(np.diag(covariance)), atol=1e-6)
+        box = bounds(o["ellipsoid"])
+        assert abs(point["height"] - (box[1] - box[0])[2]) < 1e-4
+        assert ellipse["geometry"].is_valid and ellipse["geometry"].exterior.is_ccw
+        ring = np.array([to_tangent.transform(*corner) for corner in ellipse["geometry"].exterior.coords])[:, :2]
+        offset = ring - found[:2]
+        distances = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(covariance[:2, :2]), offset)
+        # 5.991 is the 95 % quantile of chi-square with two degrees of freedom. A tenth of a millimetre matters in small ellipses.
+        slack = 4e-4 / np.sqrt(np.linalg.eigvalsh(covariance[:2, :2]).min())
+        assert np.abs(np.sqrt(distances) - np.sqrt(5.991)).max() < slack + 1e-3, distances
+    print(f"GeoJSON: {len(points)} points, {len(ellipses)} ellipses")
+
+
 def check_parquet(quadlift, folder, estimate):
     import pandas
 
@@ -198,6 +230,10 @@ def main():
         check_kitti(export("kitti"), scene, estimate)
         check_bop(export("bop"), scene, estimate)
         check_ros(export("ros"), estimate)
+        origin = (-33.9, 151.2, 10.5)
+        geojson = folder / "upright.geojson"
+        run(quadlift, "export", "geojson", upright, "-o", geojson, "--origin", ",".join(map(str, origin)))
+        check_geojson(geojson, objects, origin)
         with export("csv").open() as file:
             rows = list(csv.DictReader(file))
         for row, o in zip(rows, objects, strict=True):

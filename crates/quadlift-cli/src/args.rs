@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use quadlift::UnknownName;
 use quadlift::solve::{BodyKind, PoseNoise, Sigmas};
 use quadlift_io::scene_file::Detail;
+use quadlift_io::write::geodesy::Place;
 
 /// Reads a kind of body.
 pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
@@ -107,6 +108,16 @@ pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
         &[x, y, z] => Ok([x, y, z]),
         _ => Err("expected three numbers X,Y,Z".to_owned()),
     }
+}
+
+/// Reads a place on Earth, such as 48.2,16.37,170: latitude, longitude and altitude.
+pub fn place(text: &str) -> Result<Place, String> {
+    let numbers = three_numbers(text).ok();
+    let place = numbers.map(|[latitude, longitude, altitude]| Place { latitude, longitude, altitude });
+    let is_valid = |place: &Place| place.latitude.abs() <= 90.0 && place.longitude.abs() <= 180.0;
+    place
+        .filter(is_valid)
+        .ok_or_else(|| "expected LAT,LON,ALT in degrees and metres, such as 48.2,16.37,170".to_owned())
 }
 
 /// Reads width and height, such as 640x480.

@@ -34,6 +34,7 @@ Examples:
   quadlift export kitti objects.json -o 0001.txt --calib training/calib/0001.txt
   quadlift export bop objects.json -o results.csv --scene-id 5
   quadlift export coco objects.json -o annotations.json
+  quadlift export geojson objects.json -o objects.geojson --origin 48.2,16.37,170
   quadlift export mcap objects.json -o objects.mcap
   quadlift export ros objects.json -o detections.json --frame-id map
   quadlift export rerun scene.json objects.json -o recording/

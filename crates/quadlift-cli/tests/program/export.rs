@@ -199,3 +199,40 @@ fn a_result_comes_back_from_parquet() {
     assert_eq!((run.code, run.stderr.lines().count()), (1, 1), "{}", run.stderr);
     assert!(run.stderr.contains("cannot read the table"), "{}", run.stderr);
 }
+
+#[test]
+fn objects_have_places_on_earth() {
+    let folder = result();
+    let mut scene = folder.json("scene.json");
+    scene["length_unit"] = json!("m");
+    scene["up"] = json!([0, 0, 1]);
+    folder.write_json("metres.json", &scene);
+    scene["reference_lla"] = json!({"latitude": -33.9, "longitude": 151.2, "altitude": 10.5});
+    folder.write_json("placed.json", &scene);
+    for name in ["metres", "placed"] {
+        folder.succeed(&format!("localize {name}.json -o {name}.result.json --body cuboid"));
+    }
+    // The result keeps the place.
+    insta::assert_snapshot!(folder.succeed("export geojson placed.result.json -o placed.geojson"), @r"
+    wrote placed.geojson: 3 objects, 3 ellipses
+    - north is the horizontal part of the world's (0, 1, 0)
+    - the origin is the reference_lla of the scene
+    ");
+    folder.succeed("export geojson metres.result.json -o metres.geojson --origin -33.9,151.2,10.5");
+    let (placed, metres) = (folder.json("placed.geojson"), folder.json("metres.geojson"));
+    assert_eq!(placed, metres);
+    let features = placed["features"].as_array().unwrap();
+    assert_eq!((placed["type"].as_str(), features.len()), (Some("FeatureCollection"), 6));
+    // Another north turns the points about the origin.
+    folder.succeed("export geojson placed.result.json -o turned.geojson --north 0,-1,0");
+    let offset = |value: &Value, index: usize, k: usize, origin: f64| {
+        value["features"][index]["geometry"]["coordinates"][k].as_f64().unwrap() - origin
+    };
+    let turned = folder.json("turned.geojson");
+    for index in [0, 2, 4] {
+        for (k, origin) in [(0, 151.2), (1, -33.9)] {
+            let (one, other) = (offset(&placed, index, k, origin), offset(&turned, index, k, origin));
+            assert!((one + other).abs() < 1e-3 * one.abs() + 1e-8, "{one} {other}");
+        }
+    }
+}

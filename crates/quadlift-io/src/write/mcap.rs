@@ -9,14 +9,13 @@ use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
 use quadlift::geometry::{CameraModel, quaternion_from_rotation};
 
 use super::ros::pose_covariance;
+use super::scores::Scores;
+use super::stamps::{SECOND, stamps};
 use super::{CheckedScene, Document, Object, Placement, Shape, colors};
 use crate::mcap::{CdrWriter, LogWriter, definition};
 use crate::read::from_rows;
 use crate::scene_file::{CameraRecord, DetectionRecord};
 use crate::wording::count;
-
-/// Nanoseconds of a second.
-const SECOND: i64 = 1_000_000_000;
 
 /// Types and shapes of `visualization_msgs/Marker`.
 const CUBE: i32 = 1;
@@ -96,67 +95,6 @@ pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {
         ("message", messages.len()),
     ];
     Document { content: writer.finish(), counts, notes }
-}
-
-/// The times of the frames in nanoseconds.
-fn stamps(scene: &CheckedScene, notes: &mut Vec<String>) -> Vec<i64> {
-    let frames = &scene.file.frames;
-    // ROS counts seconds in 32 bits.
-    let is_valid = |time: f64| (-2e9..2e9).contains(&time);
-    if !frames.iter().all(|frame| frame.time.is_some_and(is_valid)) {
-        if !frames.is_empty() {
-            notes.push("not every frame has a time: they are a second apart, from 0 on".to_owned());
-        }
-        return (0..).step_by(SECOND as usize).take(frames.len()).collect();
-    }
-    let stamp = |frame: &crate::scene_file::FrameRecord| {
-        let time = frame.time.unwrap_or_default();
-        // Doubles hold the times of this century to a quarter of a microsecond; ids of imported logs have all digits.
-        let exact = frame.id.rsplit('/').next().and_then(|id| {
-            let (seconds, nanoseconds) = id.split_once('.').filter(|(_, rest)| rest.len() == 9)?;
-            let seconds: i64 = seconds.parse().ok().filter(|seconds| (0..i64::from(i32::MAX)).contains(seconds))?;
-            let nanoseconds: u32 = nanoseconds.parse().ok()?;
-            Some(seconds * SECOND + i64::from(nanoseconds))
-        });
-        let rounded = (time.floor() as i64) * SECOND + ((time - time.floor()) * 1e9).round() as i64;
-        exact.filter(|exact| (exact - rounded).abs() < 1000).unwrap_or(rounded)
-    };
-    frames.iter().map(stamp).collect()
-}
-
-/// Scores of objects.
-struct Scores<'a> {
-    of_object: HashMap<&'a str, f64>,
-    of_view: HashMap<(&'a str, &'a str), f64>,
-}
-
-impl<'a> Scores<'a> {
-    /// The probability that an object of an object map exists; otherwise the mean score of its detections.
-    fn of(scene: &CheckedScene<'a>, notes: &mut Vec<String>) -> Self {
-        let (mut sums, mut of_view): (HashMap<&str, (f64, f64)>, HashMap<_, _>) = Default::default();
-        for detection in &scene.file.detections {
-            if let (Some(object), Some(score)) = (detection.object.as_deref(), detection.score) {
-                let (sum, n) = sums.entry(object).or_default();
-                (*sum, *n) = (*sum + score, *n + 1.0);
-                of_view.insert((&*detection.frame, object), score);
-            }
-        }
-        let mut of_object: HashMap<&str, f64> = sums.into_iter().map(|(id, (sum, n))| (id, sum / n)).collect();
-        for object in &scene.file.objects {
-            let existence = object.extra.get("memory").and_then(|memory| memory.get("existence")?.as_f64());
-            of_object.extend(existence.map(|existence| (object.id.as_str(), existence)));
-        }
-        let without = scene.objects.iter().filter(|object| !of_object.contains_key(object.id.as_str())).count();
-        if without > 0 {
-            notes.push(format!("{} without detections with scores in this file: score 1", count(without, "object")));
-        }
-        Self { of_object, of_view }
-    }
-
-    fn get(&self, object: &str, frame: Option<&str>) -> f64 {
-        let of_view = frame.and_then(|frame| self.of_view.get(&(frame, object)));
-        *of_view.or(self.of_object.get(object)).unwrap_or(&1.0)
-    }
 }
 
 /// A camera in the log.

@@ -9,6 +9,8 @@ pub mod coco;
 mod colors;
 pub mod csv;
 mod frusta;
+pub mod geodesy;
+pub mod geojson;
 pub mod glb;
 pub mod kitti;
 #[cfg(feature = "mcap")]
@@ -16,6 +18,8 @@ pub mod mcap;
 mod mesh;
 pub mod ply;
 pub mod ros;
+mod scores;
+mod stamps;
 mod units;
 mod views;
 

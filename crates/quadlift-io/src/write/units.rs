@@ -14,6 +14,12 @@ const METRES: [(&[&str], f64); 7] = [
 ];
 
 impl CheckedScene<'_> {
+    /// Metres in the world unit, if it is known.
+    pub(super) fn known_metres(&self) -> Option<f64> {
+        let unit = self.scene.length_unit.as_deref()?;
+        METRES.iter().find(|(names, _)| names.contains(&unit)).map(|(_, metres)| *metres)
+    }
+
     /// Metres in the world unit, and what was converted or assumed.
     pub(super) fn metres(&self) -> (f64, Option<String>) {
         let Some(unit) = &self.scene.length_unit else {

@@ -6,6 +6,8 @@ use quadlift_io::ReadError;
 use quadlift_io::read::kitti::read_cam_from_rect;
 use quadlift_io::write::bop::bop_results;
 use quadlift_io::write::coco::coco;
+use quadlift_io::write::geodesy::Place;
+use quadlift_io::write::geojson::{GeoJsonOptions, geojson};
 use quadlift_io::write::glb::glb;
 use quadlift_io::write::kitti::{KittiLabelOptions, kitti_labels};
 use quadlift_io::write::mcap::mcap;
@@ -90,6 +92,20 @@ pub enum BodyFormat {
         #[command(flatten)]
         frames: Frames,
     },
+    /// GeoJSON: objects as points on Earth with their error ellipses
+    #[command(name = "geojson")]
+    GeoJson {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        /// Place of the world's origin: degrees (WGS84), and metres above the ellipsoid (default: the scene's reference_lla)
+        #[arg(long, value_name = "LAT,LON,ALT", value_parser = args::place, allow_hyphen_values = true)]
+        origin: Option<Place>,
+        /// World direction whose horizontal part is north
+        #[arg(long, value_name = "X,Y,Z", default_value = "0,1,0", value_parser = args::three_numbers, allow_hyphen_values = true)]
+        north: [f64; 3],
+    },
     /// MCAP: a log of ROS 2 with 3D detections, markers, cameras and 2D detections
     Mcap {
         #[command(flatten)]
@@ -150,6 +166,7 @@ impl BodyFormat {
             | Self::Kitti { common, .. }
             | Self::Bop { common, .. }
             | Self::Coco { common, .. }
+            | Self::GeoJson { common, .. }
             | Self::Mcap { common, .. }
             | Self::Ros { common, .. } => common,
         }
@@ -161,6 +178,7 @@ impl BodyFormat {
             | Self::Glb { bodies, .. }
             | Self::Kitti { bodies, .. }
             | Self::Coco { bodies, .. }
+            | Self::GeoJson { bodies, .. }
             | Self::Mcap { bodies, .. }
             | Self::Ros { bodies, .. } => bodies.choice(),
             // A pose has no size.
@@ -178,6 +196,10 @@ impl BodyFormat {
             }
             Self::Bop { frames, scene_id, .. } => bop_results(scene, *scene_id, frames.only_detected),
             Self::Coco { frames, .. } => coco(scene, frames.only_detected),
+            Self::GeoJson { common, origin, north, .. } => {
+                let options = GeoJsonOptions { origin: *origin, north: *north };
+                geojson(scene, &options).map_err(|error| error.in_file(&common.scene))?
+            }
             Self::Mcap { frame_id, .. } => mcap(scene, frame_id),
             Self::Ros { frame_id, .. } => ros(scene, frame_id),
         })
