@@ -123,6 +123,19 @@ def check_bop(path, scene, estimate):
     print(f"BOP: {len(rows)} poses")
 
 
+def check_boxer(path, scene, estimate):
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows[0]) == 15 and len(rows) == len(scene["frames"]) * len(estimate["objects"])
+    for row, (frame, o) in zip(rows, ((f, o) for f in range(len(scene["frames"])) for o in estimate["objects"])):
+        assert row["time_ns"] == str(frame * 10**9), row
+        assert [float(row[f"t{axis}_world_object"]) for axis in "xyz"] == o["ellipsoid"]["center"]
+        turn = rotation([float(row[f"q{axis}_world_object"]) for axis in "wxyz"])
+        assert np.allclose(turn, rotation(o["ellipsoid"]["rotation"]), atol=1e-9)
+        assert np.allclose([float(row[f"scale_{axis}"]) for axis in "xyz"], 2 * np.array(o["ellipsoid"]["semi_axes"]))
+    print(f"Boxer: {len(rows)} boxes")
+
+
 def check_ros(path, estimate):
     message = json.loads(path.read_text())
     for detection, o in zip(message["detections"], estimate["objects"], strict=True):
@@ -229,6 +242,7 @@ def main():
         check_coco(export("coco"), scene, estimate)
         check_kitti(export("kitti"), scene, estimate)
         check_bop(export("bop"), scene, estimate)
+        check_boxer(export("boxer"), scene, estimate)
         check_ros(export("ros"), estimate)
         origin = (-33.9, 151.2, 10.5)
         geojson = folder / "upright.geojson"

@@ -33,6 +33,7 @@ Examples:
   quadlift export parquet objects.json -o objects/
   quadlift export kitti objects.json -o 0001.txt --calib training/calib/0001.txt
   quadlift export bop objects.json -o results.csv --scene-id 5
+  quadlift export boxer objects.json -o boxer_3dbbs.csv --only-detected
   quadlift export coco objects.json -o annotations.json
   quadlift export geojson objects.json -o objects.geojson --origin 48.2,16.37,170
   quadlift export mcap objects.json -o objects.mcap

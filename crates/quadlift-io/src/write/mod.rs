@@ -5,6 +5,7 @@
 //! a body of radius one (glTF). Every file says which one it writes.
 
 pub mod bop;
+pub mod boxer;
 pub mod coco;
 mod colors;
 pub mod csv;

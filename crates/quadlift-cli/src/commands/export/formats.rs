@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use quadlift_io::ReadError;
 use quadlift_io::read::kitti::read_cam_from_rect;
 use quadlift_io::write::bop::bop_results;
+use quadlift_io::write::boxer::boxer;
 use quadlift_io::write::coco::coco;
 use quadlift_io::write::geodesy::Place;
 use quadlift_io::write::geojson::{GeoJsonOptions, geojson};
@@ -82,6 +83,15 @@ pub enum BodyFormat {
         /// Value of the column scene_id
         #[arg(long, value_name = "N", default_value_t = 0)]
         scene_id: u64,
+    },
+    /// CSV of oriented 3D boxes per frame, as Boxer writes them
+    Boxer {
+        #[command(flatten)]
+        common: Common,
+        #[command(flatten)]
+        bodies: Bodies,
+        #[command(flatten)]
+        frames: Frames,
     },
     /// COCO annotations: the boxes of the bodies in each frame
     Coco {
@@ -165,6 +175,7 @@ impl BodyFormat {
             | Self::Glb { common, .. }
             | Self::Kitti { common, .. }
             | Self::Bop { common, .. }
+            | Self::Boxer { common, .. }
             | Self::Coco { common, .. }
             | Self::GeoJson { common, .. }
             | Self::Mcap { common, .. }
@@ -177,6 +188,7 @@ impl BodyFormat {
             Self::Ply { bodies, .. }
             | Self::Glb { bodies, .. }
             | Self::Kitti { bodies, .. }
+            | Self::Boxer { bodies, .. }
             | Self::Coco { bodies, .. }
             | Self::GeoJson { bodies, .. }
             | Self::Mcap { bodies, .. }
@@ -195,6 +207,7 @@ impl BodyFormat {
                 kitti_labels(scene, &KittiLabelOptions { only_detected: frames.only_detected, cam_from_rect })
             }
             Self::Bop { frames, scene_id, .. } => bop_results(scene, *scene_id, frames.only_detected),
+            Self::Boxer { frames, .. } => boxer(scene, frames.only_detected),
             Self::Coco { frames, .. } => coco(scene, frames.only_detected),
             Self::GeoJson { common, origin, north, .. } => {
                 let options = GeoJsonOptions { origin: *origin, north: *north };
