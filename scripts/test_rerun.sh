@@ -29,3 +29,4 @@ fi
 export QUADLIFT
 "$python" examples/test_to_rerun.py
 "$python" examples/test_stream_rerun.py
+"$python" examples/test_object_map_rerun.py

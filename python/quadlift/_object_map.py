@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _arrays, _checks, _core, _found, _options
+from . import _arrays, _checks, _core, _found, _options, _rerun
 from ._core import QuadliftError
 from ._scene import Estimates, Scene
 
@@ -134,6 +134,10 @@ class MapObjects:
 
     def __repr__(self) -> str:
         return f"<quadlift.MapObjects: {len(self)} objects>"
+
+    def __iter__(self) -> Iterator[MapObject]:
+        """The objects."""
+        return (self[row] for row in range(len(self)))
 
     def __getitem__(self, row: int) -> MapObject:
         """The object of a row."""
@@ -462,6 +466,29 @@ class ObjectMap:
     def to_scene(self) -> Scene:
         """The objects with the frames and detections that the map keeps: the file of ``quadlift stream --map``."""
         return self.objects.to_scene()
+
+    # Rerun
+
+    def log_rerun(self, image: Any = None) -> None:
+        """Logs the last frame, and what has changed since the last call, to the current recording of Rerun.
+
+        Needs Rerun's SDK and a recording: ``rerun.init("video", spawn=True)`` opens the viewer, ``rerun.save`` writes a
+        file. Shown are the camera, the boxes in the colours of their objects, the confirmed objects and the events;
+        objects that are gone vanish. The entities are those of ``quadlift stream --rerun``; the timelines ``frame`` and
+        ``time`` stay at the frame, for what else there is to log of it.
+
+        Parameters
+        ----------
+        image : array_like of uint8, shape (H, W) or (H, W, 3), optional
+            The image of the frame: grey, or red, green, blue; or its path, or what ``rerun.log`` takes. The default is
+            the file that `observe` was given as `image`, if it is a PNG or JPEG file.
+
+        Raises
+        ------
+        QuadliftError
+            If Rerun has no recording, or if the image is none.
+        """
+        _rerun.log_map(self._core, image)
 
     # Files
 

@@ -13,8 +13,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import _core, _rerun_log
 from ._core import QuadliftError
+
+JPEG_QUALITY = 90
+"""Of images that are given as pixels: a video would fill the viewer's memory otherwise."""
 
 
 def log_recording(folder: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> None:
@@ -69,7 +74,7 @@ def log_recorded(
             found = scene.jpeg(frames[index])
         except QuadliftError as error:
             # Attributed to the line that calls `to_rerun`.
-            warnings.warn(str(error), stacklevel=5)
+            warnings.warn(str(error), stacklevel=6)
             return None
         if found is None:
             return None
@@ -77,6 +82,31 @@ def log_recorded(
         return rr.EncodedImage(contents=found[0], media_type="image/jpeg")
 
     _log(rr, recording, image, path, scene.name)
+
+
+def log_map(core: _core.ObjectMap, image: Any) -> None:
+    """Logs what has changed in an object map, and the image of its last frame."""
+    rr = rerun_sdk()
+    if rr.get_data_recording() is None:
+        raise QuadliftError("there is no recording; call rerun.init first")
+    shown = None if image is None else _image(rr, image)
+    _rerun_log.log_live(rr, json.loads(core.live()))
+    if shown is not None:
+        rr.log("world/camera/image", shown)
+
+
+def _image(rr: Any, image: Any) -> Any:
+    """An image as Rerun has it: of pixels, a file, or what is one already."""
+    if hasattr(image, "as_component_batches"):
+        return image
+    if isinstance(image, str | os.PathLike):
+        return rr.EncodedImage(path=image)
+    pixels = np.asarray(image)
+    if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3) or (pixels.ndim == 3 and pixels.shape[2] != 3):
+        raise QuadliftError(
+            f"image has the shape {pixels.shape} and the dtype {pixels.dtype}; expected (H, W) or (H, W, 3), uint8"
+        )
+    return rr.Image(pixels).compress(jpeg_quality=JPEG_QUALITY)
 
 
 def rerun_sdk() -> Any:

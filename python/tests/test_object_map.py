@@ -461,6 +461,7 @@ def test_contents(lines: list[Line], tmp_path: Path) -> None:
     scene.report(tmp_path / "map.html")
     memory = made.memory()
     table = memory.to_pandas()
+    assert [found.id for found in memory] == memory.ids.tolist()
     assert table["object"].tolist() == memory.ids.tolist() == estimates.object_ids.tolist()
     assert len(made.memory(tentative=True)) >= count
     close = np.linalg.norm(memory.centers - estimates.centers, axis=1)

@@ -6,6 +6,7 @@ mod detections;
 mod error;
 mod evaluation;
 mod frames;
+mod live;
 mod loaded;
 mod localized;
 mod object_map;

@@ -8,7 +8,7 @@ use numpy::{PyArray1, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use quadlift::geometry::{CamFromWorld, Projection, quaternion_from_rotation};
-use quadlift::online::{MapObject, ObjectId, ObjectMap, OnlineOptions, Presence};
+use quadlift::online::{FrameUpdate, MapObject, ObjectId, ObjectMap, OnlineOptions, Presence};
 use quadlift::solve::PoseNoise;
 use quadlift_io::EntryError;
 use quadlift_io::scene_file::FrameRecord;
@@ -21,6 +21,7 @@ use serde_json::{Map, Value};
 
 use crate::detections::BoxArrays;
 use crate::error::refuse;
+use crate::live::Live;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized_map};
 use crate::options::{IDS, LocalizeKeywords, choice, read_priors};
@@ -36,7 +37,19 @@ pub struct PyObjectMap {
     options: Map<String, Value>,
     /// Standard deviations of the poses of frames without their own.
     pose_noise: Option<PoseNoise>,
-    stream: Mutex<StreamState>,
+    state: Mutex<State>,
+}
+
+/// What changes.
+struct State {
+    stream: StreamState,
+    live: Live,
+}
+
+impl From<StreamState> for State {
+    fn from(stream: StreamState) -> Self {
+        Self { stream, live: Live::default() }
+    }
 }
 
 /// The keywords of an object map, as Python hands them over. Names are those of the program.
@@ -139,13 +152,13 @@ fn known(map: &ObjectMap, text: &str) -> Result<MapObject, String> {
 impl PyObjectMap {
     fn of_stored(stored: StoredStream) -> Self {
         let StoredStream { state, options, pose_noise } = stored;
-        Self { options, pose_noise, stream: Mutex::new(state) }
+        Self { options, pose_noise, state: Mutex::new(state.into()) }
     }
 
     /// The map, where no other thread is at work on it.
-    fn lock(&self) -> Result<MutexGuard<'_, StreamState>, String> {
+    fn lock(&self) -> Result<MutexGuard<'_, State>, String> {
         // A thread that had the map has failed on the way.
-        self.stream.lock().map_err(|_| "an internal error has damaged this map; load it again".to_owned())
+        self.state.lock().map_err(|_| "an internal error has damaged this map; load it again".to_owned())
     }
 
     /// Works on the map without Python's lock.
@@ -154,6 +167,11 @@ impl PyObjectMap {
         py: Python,
         work: impl FnOnce(&mut StreamState) -> Result<T, String> + Send,
     ) -> PyResult<T> {
+        self.with_live(py, |state| work(&mut state.stream))
+    }
+
+    /// The same with what is shown.
+    fn with_live<T: Send>(&self, py: Python, work: impl FnOnce(&mut State) -> Result<T, String> + Send) -> PyResult<T> {
         py.detach(|| work(&mut *self.lock()?)).map_err(refuse)
     }
 
@@ -192,8 +210,8 @@ impl PyObjectMap {
         let MapKeywords { name, up, length_unit, .. } = keywords;
         let about = AboutRecord { name, length_unit, up, cameras: Vec::new() };
         scene.take_in(&about).map_err(|error| refuse(format!("{}: {}", error.entry, error.problem)))?;
-        let stream = Mutex::new(StreamState { map, scene, poses_since: 0 });
-        Ok(Self { options: lasting, pose_noise, stream })
+        let state = Mutex::new(StreamState { map, scene, poses_since: 0 }.into());
+        Ok(Self { options: lasting, pose_noise, state })
     }
 
     /// Reads a state.
@@ -224,18 +242,19 @@ impl PyObjectMap {
     }
 
     fn copy(&self, py: Python) -> PyResult<Self> {
-        let stream = Mutex::new(self.with(py, |stream| Ok(stream.clone()))?);
-        Ok(Self { options: self.options.clone(), pose_noise: self.pose_noise, stream })
+        let state = Mutex::new(self.with(py, |stream| Ok(stream.clone()))?.into());
+        Ok(Self { options: self.options.clone(), pose_noise: self.pose_noise, state })
     }
 
     /// Observes a frame; its line of the output of `quadlift stream`.
     fn observe(&self, py: Python, frame: MapFrame, detections: BoxArrays) -> PyResult<String> {
         let id = frame.id.clone();
         let line = frame.into_line(&detections).map_err(|problem| refuse(format!("frame \"{id}\": {problem}")))?;
-        self.with(py, |StreamState { map, scene, poses_since }| {
+        self.with_live(py, |State { stream: StreamState { map, scene, poses_since }, live }| {
             let mut checked = scene.check(line, map).map_err(|error| in_frame(&id, &error))?;
             checked.frame.pose_noise = checked.frame.pose_noise.or(self.pose_noise);
             let update = map.observe(&checked.frame, &checked.detections()).map_err(|error| error.to_string())?;
+            live.frame(map, &checked, &update);
             scene.keep(checked, map);
             *poses_since = 0;
             Ok(OutputLine::of_frame(&id, &update).to_text())
@@ -260,30 +279,33 @@ impl PyObjectMap {
             projection: rows(&projections, k),
         };
         let poses: Vec<PoseRecord> = frame_ids.iter().enumerate().map(record).collect();
-        self.with(py, |StreamState { map, scene, poses_since }| {
+        self.with_live(py, |State { stream: StreamState { map, scene, poses_since }, live }| {
             let updates = scene.take_in_poses(&poses).map_err(|error| in_poses(&frame_ids, &error))?;
             let update = map.update_poses(&updates);
             *poses_since += 1;
+            live.others(map, &update);
             Ok(OutputLine::of_poses(updates.len(), &update).to_text())
         })
     }
 
     /// Assigns the last frames once more; the line of the output of `quadlift stream`.
     fn settle(&self, py: Python) -> PyResult<String> {
-        self.with(py, |stream| {
-            let update = stream.map.settle();
-            Ok(OutputLine::of_end(stream.map.frames(), &update).to_text())
+        self.with_live(py, |State { stream: StreamState { map, .. }, live }| {
+            let update = map.settle();
+            live.others(map, &update);
+            Ok(OutputLine::of_end(map.frames(), &update).to_text())
         })
     }
 
     /// Merges two objects; the id that stays.
     fn merge(&self, py: Python, first: &str, second: &str) -> PyResult<String> {
-        self.with(py, |StreamState { map, .. }| {
+        self.with_live(py, |State { stream: StreamState { map, .. }, live }| {
             let (a, b) = (known(map, first)?.id, known(map, second)?.id);
             if a == b {
                 return Err(format!("\"{first}\" and \"{second}\" are the same object already"));
             }
             let merged = map.merge(a, b).map(|id| id.to_string());
+            live.others(map, &FrameUpdate::default());
             merged
                 .ok_or_else(|| format!("\"{first}\" and \"{second}\" cannot be merged: no body fits the views of both"))
         })
@@ -291,9 +313,10 @@ impl PyObjectMap {
 
     /// Removes an object.
     fn remove(&self, py: Python, id: &str) -> PyResult<()> {
-        self.with(py, |StreamState { map, .. }| {
+        self.with_live(py, |State { stream: StreamState { map, .. }, live }| {
             let id = known(map, id)?.id;
             map.remove(id);
+            live.others(map, &FrameUpdate::default());
             Ok(())
         })
     }
@@ -317,6 +340,12 @@ impl PyObjectMap {
             }
         })?;
         memory_arrays(py, &objects)
+    }
+
+    /// What has changed for a viewer since the last call, as JSON.
+    fn live(&self, py: Python) -> PyResult<String> {
+        let record = self.with_live(py, |State { stream, live }| Ok(live.take(&stream.map, stream.scene.up())))?;
+        serde_json::to_string(&record).map_err(refuse)
     }
 
     /// Localises the objects.

@@ -109,9 +109,15 @@ pub struct LiveMap {
     /// Where the comparison in turn goes on.
     compared: Option<ObjectId>,
     is_begun: bool,
+    in_images: bool,
 }
 
 impl LiveMap {
+    /// With boxes as they were measured, for images with lens distortion; otherwise they are those of the pinhole camera.
+    pub fn in_images() -> Self {
+        Self { in_images: true, ..Self::default() }
+    }
+
     /// What a frame has changed, after [`ObjectMap::observe`]. The time depends on what the frame shows, not on the size of the
     /// map, except for the first call, which lists all objects.
     pub fn frame(
@@ -125,7 +131,10 @@ impl LiveMap {
             true => self.objects_of(map, update),
             false => self.all(map),
         };
-        LiveRecord { frame: Some(frame_record(frame, detections, update)), ..self.record(map, update, &objects) }
+        LiveRecord {
+            frame: Some(frame_record(frame, detections, update, self.in_images)),
+            ..self.record(map, update, &objects)
+        }
     }
 
     /// What new poses or the end of a stream have changed; compares all objects.
@@ -202,14 +211,14 @@ fn category(object: &MapObject) -> Option<String> {
     object.categories.first().and_then(|(category, _)| category.clone())
 }
 
-fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate) -> RecordingFrame {
+fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate, in_image: bool) -> RecordingFrame {
     let boxes: Vec<RecordingBox> = detections
         .iter()
         .zip(&update.objects)
         .filter_map(|(detection, object)| {
-            let pinhole = match &frame.lens {
-                Some(lens) => lens.undistort_box(&detection.bounding_box)?,
-                None => detection.bounding_box,
+            let shown = match &frame.lens {
+                Some(lens) if !in_image => lens.undistort_box(&detection.bounding_box)?,
+                _ => detection.bounding_box,
             };
             let owner = Owner {
                 object: object.map(|id| id.to_string()),
@@ -217,7 +226,7 @@ fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate) -
                 inlier: None,
                 color: object.map_or(UNKNOWN, |id| of_object(index(id))),
             };
-            Some(RecordingBox { edges: pinhole.edges(), owner })
+            Some(RecordingBox { edges: shown.edges(), owner })
         })
         .collect();
     let camera = recording_camera(&frame.projection);
@@ -242,7 +251,7 @@ fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate) -
 mod tests {
     use super::*;
     use nalgebra::Matrix3x4;
-    use quadlift::geometry::{BoundingBox, Projection};
+    use quadlift::geometry::{BoundingBox, Camera, CameraModel, Projection};
     use quadlift::online::OnlineOptions;
 
     /// A camera moves along two rows of cups, which are so far apart that few of them are seen at once.
@@ -317,7 +326,19 @@ mod tests {
         assert_eq!(detections.len(), 1);
         for (object, color) in [(None, UNKNOWN), (Some(ObjectId(12)), of_object(1))] {
             let update = FrameUpdate { objects: vec![object], events: Vec::new() };
-            assert_eq!(frame_record(&frame, &detections, &update).boxes[0].owner.color, color);
+            assert_eq!(frame_record(&frame, &detections, &update, false).boxes[0].owner.color, color);
         }
+    }
+
+    #[test]
+    fn boxes_are_those_of_the_pinhole_camera_or_of_the_image() {
+        let (mut frame, boxes) = frame(0);
+        let lens = Camera::new(CameraModel::SimpleRadial, &[500.0, 320.0, 240.0, -0.1]).unwrap();
+        frame.lens = Some(lens);
+        let update = FrameUpdate { objects: vec![None], events: Vec::new() };
+        let shown = |in_image| frame_record(&frame, &[Detection::from_box(boxes[0])], &update, in_image).boxes[0].edges;
+        assert_eq!(shown(true), boxes[0].edges());
+        assert_eq!(shown(false), lens.undistort_box(&boxes[0]).unwrap().edges());
+        assert_ne!(shown(false), shown(true));
     }
 }

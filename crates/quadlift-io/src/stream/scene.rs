@@ -42,6 +42,11 @@ pub struct CheckedFrame {
 }
 
 impl CheckedFrame {
+    /// Path of the image, if it is known.
+    pub fn image(&self) -> Option<&str> {
+        self.record.image.as_deref()
+    }
+
     /// The detections, in their order.
     pub fn detections(&self) -> Vec<Detection<'_>> {
         (self.detections.iter().zip(&self.boxes))
@@ -87,6 +92,11 @@ impl StreamedScene {
     /// The world unit.
     pub fn length_unit(&self) -> Option<&str> {
         self.about.length_unit.as_deref()
+    }
+
+    /// The world direction against gravity, of any length.
+    pub fn up(&self) -> Option<[f64; 3]> {
+        self.about.up
     }
 
     /// Takes in what a line says of the scene. Cameras of the same id must be the same.
