@@ -225,10 +225,11 @@ def split_of_map(options: Options, of_map: dict[str, Any]) -> tuple[dict[str, An
     keywords, threads, progress = split(options, "ObjectMap.localize")
     keywords["associate"] = "never"
     if keywords["method"] == "map":
-        priors = of_map["priors"]
+        # Options that are not given may be left out.
+        priors = of_map.get("priors")
         text = priors["text"] if isinstance(priors, dict) else None
         keywords["priors"], keywords["priors_text"] = (priors, None) if text is None else (None, text)
-        keywords["pose_noise"] = of_map["pose-noise"]
+        keywords["pose_noise"] = of_map.get("pose-noise")
     return keywords, threads, progress
 
 

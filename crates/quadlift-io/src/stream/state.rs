@@ -71,7 +71,8 @@ pub fn write_state(
     let record = StateRecord {
         format: STATE_FORMAT.to_owned(),
         version: STATE_VERSION,
-        options: options.clone(),
+        // Those that are not given are left out: programs that have other options write the same.
+        options: options.iter().filter(|(_, value)| !value.is_null()).map(|(k, v)| (k.clone(), v.clone())).collect(),
         poses_since: state.poses_since,
         about,
         unnamed_cameras,
