@@ -5,7 +5,7 @@ use quadlift::geometry::Ellipsoid;
 use quadlift::metrics::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 use quadlift::scene::{Scene, SceneError};
 use quadlift::solve::{BodyKind, MapOptions};
-use quadlift::{LocalizeOptions, localize};
+use quadlift::{Localization, LocalizeOptions, localize};
 
 use crate::error::Error;
 use crate::scores::mean;
@@ -158,11 +158,16 @@ impl Case {
 /// Localises the objects that the detections name: the mean volume IoU of the true objects, 0 for those that are
 /// not there.
 pub(crate) fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
-    let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
-    let localization = localize(scene, &LocalizeOptions::from(map))?;
+    let localization = localize_ellipsoids(scene)?;
     let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
     let score = score_found(&estimates, bodies, 0.0);
     Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
+}
+
+/// Localises the objects that the detections name, as ellipsoids.
+pub(crate) fn localize_ellipsoids(scene: &Scene) -> Result<Localization, Error> {
+    let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    Ok(localize(scene, &LocalizeOptions::from(map))?)
 }
 
 #[cfg(test)]

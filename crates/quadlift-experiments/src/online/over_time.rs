@@ -4,11 +4,9 @@ use quadlift::geometry::{Body, Ellipsoid};
 use quadlift::metrics::{pair_by_overlap, pairwise_clustering_scores, squared_errors};
 use quadlift::online::ObjectMap;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, MapOptions};
-use quadlift::{LocalizeOptions, localize};
 
 use super::replay::Labels;
-use crate::association::case::{Case, FEWEST_VIEWS};
+use crate::association::case::{Case, FEWEST_VIEWS, localize_ellipsoids};
 use crate::error::Error;
 
 /// Minimum volume IoU of an object whose NEES counts: others are of something else.
@@ -49,8 +47,7 @@ pub(super) fn scores(case: &Case, map: &ObjectMap, labels: &Labels, frames: usiz
 /// # Errors
 /// [`Error::Localize`].
 pub(super) fn judge(scene: &Scene, bodies: &[Option<Ellipsoid>]) -> Result<(f64, Vec<f64>), Error> {
-    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
-    let localization = localize(scene, &LocalizeOptions::from(options))?;
+    let localization = localize_ellipsoids(scene)?;
     let found: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
     let pairs = pair_by_overlap(&found, bodies, 0.0);
     let total = pairs.iter().map(|pair| pair.iou3d).fold(0.0, |sum, iou| sum + iou);

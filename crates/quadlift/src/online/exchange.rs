@@ -4,7 +4,6 @@ use super::map::ObjectMap;
 use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate};
 use super::views::KeptView;
-use crate::association::score::evidence::evidence;
 use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
 
@@ -56,10 +55,7 @@ impl ObjectMap {
     fn views_that_fit(&self, giver: &Tracked, taker: &Tracked) -> Vec<KeptView> {
         let (observations, statistics) = self.gather(&giver.views);
         let ratios = LogLikelihoodRatios::new(&observations, &statistics);
-        let gain = |object: &Tracked, index: usize| {
-            let prediction = object.object.predict(&observations.cameras[index])?;
-            ratios.gain(&object.object, &prediction, index).map(|ratio| ratio.value)
-        };
+        let gain = |tracked: &Tracked, index| ratios.predicted_gain(&tracked.object, index).map(|ratio| ratio.value);
         let fits = |index: &usize| {
             let own = gain(giver, *index).unwrap_or(0.0);
             gain(taker, *index).is_some_and(|other| other > (own - NEARLY).max(0.0))
@@ -73,7 +69,6 @@ impl ObjectMap {
         let mut fitted = tracked.clone();
         fitted.replace_fit(self.fit_views(tracked, &[Start::body(&tracked.object)])?);
         fitted.object.visible = fitted.object.visible.max(fitted.object.views());
-        let (observations, statistics) = self.gather(&fitted.views);
-        Some(evidence(&self.rate, &observations, &statistics, &fitted.object))
+        Some(self.evidence_of(&fitted))
     }
 }

@@ -65,13 +65,7 @@ impl ObjectMap {
                 continue;
             }
             touched.insert(slot);
-            let mut tracked = tracked.clone();
-            for view in &mut tracked.views {
-                if let Some(old) = before.get(&view.keyframe) {
-                    view.follow(&tracked.object, old, &motions);
-                }
-            }
-            let Some(fitted) = self.moved(&tracked, &before) else { continue };
+            let Some(fitted) = self.moved(tracked.clone(), &before, &motions) else { continue };
             if let Some(tracked) = self.slot_mut(slot) {
                 *tracked = fitted;
             }
@@ -121,22 +115,22 @@ impl ObjectMap {
         self.recent_again(update);
     }
 
-    /// An object refitted to its moved views, starting where they carry it.
-    fn moved(&self, tracked: &Tracked, before: &BTreeMap<u32, Camera>) -> Option<Tracked> {
+    /// An object refitted to its moved views, starting where they carry it; `before` has the cameras before.
+    fn moved(&self, mut tracked: Tracked, before: &BTreeMap<u32, Camera>, motions: &Motions) -> Option<Tracked> {
+        for view in &mut tracked.views {
+            if let Some(old) = before.get(&view.keyframe) {
+                view.follow(&tracked.object, old, motions);
+            }
+        }
         let mut starts = vec![Start::body(&tracked.object)];
         for view in [tracked.views.first(), tracked.views.get(tracked.views.len() / 2), tracked.views.last()] {
-            let view = view?;
-            let (Some(old), Some(new)) = (before.get(&view.keyframe), self.keyframes.camera(view.keyframe)) else {
-                continue;
-            };
-            let Some((turn, shift)) = motion(old, new) else { continue };
+            let Some((turn, shift)) = motions.of_frames.get(&view?.keyframe) else { continue };
             let center = turn * tracked.object.center + shift;
             starts.push(Start { center, root: turn * tracked.object.root });
         }
-        let fitted = self.fit_views(tracked, &starts)?;
-        let mut moved = tracked.clone();
-        moved.replace_fit(fitted);
-        Some(moved)
+        let fitted = self.fit_views(&tracked, &starts)?;
+        tracked.replace_fit(fitted);
+        Some(tracked)
     }
 
     /// Splits the views off an object that clutter explains better, and makes an object of them if they agree; returns its
@@ -145,10 +139,7 @@ impl ObjectMap {
         let tracked = self.slot(slot)?;
         let (mut observations, statistics) = self.gather(&tracked.views);
         let ratios = LogLikelihoodRatios::new(&observations, &statistics);
-        let fits = |index: usize| {
-            let prediction = tracked.object.predict(&observations.cameras[index]);
-            prediction.and_then(|p| ratios.gain(&tracked.object, &p, index)).is_some_and(|ratio| ratio.value > 0.0)
-        };
+        let fits = |index| ratios.predicted_gain(&tracked.object, index).is_some_and(|ratio| ratio.value > 0.0);
         let others: Vec<usize> = (0..tracked.views.len()).filter(|&index| !fits(index)).collect();
         if others.is_empty() || others.len() == tracked.views.len() {
             return None;

@@ -23,11 +23,9 @@ const MOST_DEVIATIONS: f64 = 3.0;
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Absorbed {
-    /// Number of boxes in the mean, including its own; at least 2.
-    pub views: u32,
     /// The mean of the boxes less its own edges, pixels of its camera.
     pub offset: [f32; 4],
-    /// The others, by the times at which they were seen.
+    /// The others, by the times at which they were seen; at least one.
     pub visits: Vec<Visit>,
 }
 
@@ -58,9 +56,13 @@ impl Absorbed {
     /// Whether all numbers are in their ranges.
     pub fn is_valid(&self) -> bool {
         let is_visit = |visit: &Visit| (0.0..=f64::from(u32::MAX)).contains(&visit.mean_key) && visit.views >= 1;
-        let views: u64 = 1 + self.visits.iter().map(|visit| u64::from(visit.views)).sum::<u64>();
-        let are_visits = self.visits.len() <= MOST_VISITS && self.visits.iter().all(is_visit);
-        are_visits && self.views >= 2 && views == u64::from(self.views) && self.offset.iter().all(|x| x.is_finite())
+        let are_visits = (1..=MOST_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
+        are_visits && self.offset.iter().all(|x| x.is_finite())
+    }
+
+    /// Number of boxes in the mean, including its own.
+    fn views(&self) -> u32 {
+        self.visits.iter().fold(1, |sum, visit| sum.saturating_add(visit.views))
     }
 }
 
@@ -89,7 +91,7 @@ impl Motions {
 impl KeptView {
     /// Number of boxes that it stands for.
     pub fn stands_for(&self) -> u32 {
-        self.absorbed.as_ref().map_or(1, |absorbed| absorbed.views)
+        self.absorbed.as_ref().map_or(1, |absorbed| absorbed.views())
     }
 
     /// Edges of a box less the mean errors of the views it stands for.
@@ -141,11 +143,10 @@ impl KeptView {
             let change = if measured[e] { share * (scale * theirs[e] - mine[e]) } else { 0.0 };
             (before + change) as f32
         });
-        let views = self.stands_for().saturating_add(other.stands_for());
         let mut visits = self.visits().to_vec();
         let of_other = Visit { mean_key: f64::from(other.keyframe), views: 1 };
         other.visits().iter().chain([&of_other]).for_each(|visit| add_visit(&mut visits, *visit));
-        self.absorbed = Some(Box::new(Absorbed { views, offset, visits }));
+        self.absorbed = Some(Box::new(Absorbed { offset, visits }));
     }
 
     fn visits(&self) -> &[Visit] {
@@ -158,6 +159,7 @@ impl KeptView {
         let Some(absorbed) = &mut self.absorbed else { return };
         let Some((turn, shift)) = motions.at(keyframe) else { return };
         let (Some(turn_back), Some(before)) = (turn.try_inverse(), object.predict(old)) else { return };
+        let views = f64::from(absorbed.views());
         for visit in &absorbed.visits {
             let Some(others) = motions.at(visit.mean_key) else { continue };
             // The body where the forgotten frames saw it, relative to where this frame saw it.
@@ -165,7 +167,7 @@ impl KeptView {
             let center = turn * object.center + turn_back * (others.1 - shift);
             let seen_by_others = Object { center, root: turn * object.root, ..object.clone() };
             let Some(after) = seen_by_others.predict(old) else { continue };
-            let share = f64::from(visit.views) / f64::from(absorbed.views);
+            let share = f64::from(visit.views) / views;
             for e in 0..4 {
                 absorbed.offset[e] += (share * (after.edges[e] - before.edges[e])) as f32;
             }

@@ -39,6 +39,13 @@ impl<'a> LogLikelihoodRatios<'a> {
         Self { observations, statistics, constants: std::array::from_fn(t_constant) }
     }
 
+    /// The gain of a box (by index) for an object that is predicted in the box's frame ([`Self::gain`]); `None` also where it is not
+    /// wholly in front of the camera.
+    pub fn predicted_gain(&self, object: &Object, index: usize) -> Option<LogLikelihoodRatio> {
+        let camera = &self.observations.cameras[self.observations.boxes[index].frame];
+        self.gain(object, &object.predict(camera)?, index)
+    }
+
     /// The gain of a box (by index) for an object whose outline in the box's frame is predicted; `None` if they do not
     /// overlap or too few edges are informative.
     pub fn gain(&self, object: &Object, prediction: &Prediction, index: usize) -> Option<LogLikelihoodRatio> {
