@@ -112,11 +112,15 @@ fn small_scene() -> SceneFile {
 }
 
 pub fn colmap_text(data: &[u8]) -> bool {
-    check(colmap::parse_text(files(data, ["cameras.txt", "images.txt", "points3D.txt"]), 2))
+    let names = ["cameras.txt", "images.txt", "points3D.txt", "rigs.txt", "frames.txt"];
+    let [cameras, images, points, rigs, frames] = files(data, names);
+    check(colmap::parse_text([cameras, images, points], (!rigs.1.is_empty()).then_some([rigs, frames]), 2))
 }
 
 pub fn colmap_binary(data: &[u8]) -> bool {
-    check(colmap::parse_binary(files(data, ["cameras.bin", "images.bin", "points3D.bin"]), 2))
+    let names = ["cameras.bin", "images.bin", "points3D.bin", "rigs.bin", "frames.bin"];
+    let [cameras, images, points, rigs, frames] = files(data, names);
+    check(colmap::parse_binary([cameras, images, points], (!rigs.1.is_empty()).then_some([rigs, frames]), 2))
 }
 
 pub fn nerfstudio(data: &[u8]) -> bool {

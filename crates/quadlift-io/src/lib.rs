@@ -21,6 +21,7 @@ pub mod file_names;
 pub mod guard;
 pub mod images;
 mod input;
+mod instants;
 #[cfg(feature = "mcap")]
 pub mod mcap;
 mod numbers;

@@ -425,6 +425,17 @@ fn detections() -> Vec<Case> {
             "a.xml",
             "<annotation>\n<object><name>cup</name><bndbox><xmin>5</xmin></bndbox></object></annotation>\n",
         ),
+        Case {
+            title: "a COLMAP image whose camera is not that of its rig",
+            arguments: "import colmap . -o out.json",
+            code: 1,
+            make: Box::new(|folder| {
+                folder.write("cameras.txt", "1 PINHOLE 640 480 500 500 320 240\n2 PINHOLE 640 480 500 500 320 240\n");
+                folder.write("images.txt", "1 1 0 0 0 0 0 2 2 a.png\n\n");
+                folder.write("rigs.txt", "1 2 CAMERA 1 CAMERA 2 1 1 0 0 0 0 0 0\n");
+                folder.write("frames.txt", "1 1 1 0 0 0 0 0 2 1 CAMERA 1 1\n");
+            }),
+        },
         file(
             "a shot of OpenSfM with an unknown camera",
             "import opensfm a.json -o out.json",

@@ -37,6 +37,10 @@ impl<'a> Bytes<'a> {
         Ok(array)
     }
 
+    pub fn u8(&mut self, what: &str) -> Result<u8, ReadError> {
+        self.array(what).map(u8::from_le_bytes)
+    }
+
     pub fn u32(&mut self, what: &str) -> Result<u32, ReadError> {
         self.array(what).map(u32::from_le_bytes)
     }

@@ -1,9 +1,10 @@
-//! COLMAP models: `cameras`, `images` and optionally `points3D`, as text or binary. Rigs and frames are not needed.
+//! COLMAP models: `cameras`, `images` and, if they exist, `rigs`, `frames` and `points3D`, as text or binary.
 //!
 //! COLMAP's conventions are those of the scene file: OpenCV axes, world to camera, pixels from the corner, all camera
 //! models with their names. Format: `src/colmap/scene/reconstruction_io` of COLMAP.
 
 mod points;
+mod rigs;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,7 @@ use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 use crate::wording::count;
 
 pub use points::DEFAULT_POINTS;
+use rigs::{ImageId, Rigs};
 
 /// Possible locations of a model in the given folder.
 const PLACES: [&str; 4] = ["", "sparse/0", "sparse", "0"];
@@ -33,7 +35,7 @@ pub type File<'a> = (&'a Path, &'a [u8]);
 
 /// Reads the model in a folder (or in its `sparse/0`); the binary form is preferred when both exist. Frames have the
 /// names of the images as their ids, and are sorted by them. Of the sparse points at most `most_points` are kept, evenly
-/// spread; with 0 their file is not read, and it may be missing.
+/// spread; with 0 their file is not read, and it may be missing. Images of one frame of a rig have its id as `rig_frame`.
 ///
 /// # Errors
 /// [`ReadError`] with line or byte, what was found and what was expected.
@@ -53,9 +55,19 @@ pub fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadErro
     let (cameras, images) = (read_bytes(&cameras_path)?, read_bytes(&images_path)?);
     let has_points = most_points > 0 && points_path.is_file();
     let points = if has_points { read_bytes(&points_path)? } else { Vec::new() };
+    let rig_paths = ["rigs", "frames"].map(|name| model.join(format!("{name}.{extension}")));
+    let mut rigs = Vec::new();
+    for path in rig_paths.iter().filter(|path| path.is_file()) {
+        rigs.push((path.as_path(), read_bytes(path)?));
+    }
+    let rig_files: Vec<File> = rigs.iter().map(|(path, bytes)| (*path, bytes.as_slice())).collect();
     let parse = if extension == "bin" { parse_binary } else { parse_text };
     let files = [(&*cameras_path, &*cameras), (&images_path, &images), (&points_path, &points)];
-    let mut import = parse(files, most_points)?;
+    let mut import = parse(files, <[File; 2]>::try_from(rig_files).ok(), most_points)?;
+    if let [(path, _)] = rigs.as_slice() {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        import.notes.push(format!("{name} was not used: rigs.{extension} and frames.{extension} are needed together"));
+    }
     import.image_folder = IMAGE_FOLDERS.map(|place| model.join(place)).into_iter().find(|place| place.is_dir());
     Ok(import)
 }
@@ -65,12 +77,17 @@ pub(super) fn evenly_spread(all: Vec<(u64, [f64; 3])>, most: usize) -> Vec<[f64;
     points::chosen(all.into_iter().map(|(id, position)| points::Point::new(id, position)).collect(), most)
 }
 
-/// The model in the bytes of `cameras.txt`, `images.txt` and `points3D.txt`, which may be empty; the paths serve for messages.
+/// The model in the bytes of `cameras.txt`, `images.txt` and `points3D.txt`, which may be empty, and of `rigs.txt` and
+/// `frames.txt` if there are rigs; the paths serve for messages.
 ///
 /// # Errors
 /// As [`read_colmap`].
-pub fn parse_text([cameras, images, points]: [File; 3], most_points: usize) -> Result<Import, ReadError> {
-    let mut model = Model::default();
+pub fn parse_text(
+    [cameras, images, points]: [File; 3],
+    rigs: Option<[File; 2]>,
+    most_points: usize,
+) -> Result<Import, ReadError> {
+    let mut model = Model { rigs: rigs.map(rigs::parse_text).transpose()?, ..Model::default() };
     // Without cameras the file is empty but for its comments.
     for line in lines(cameras.0, as_utf8(cameras.0, cameras.1)?).filter(|line| !line.is_blank_or_comment()) {
         let mut fields = line.fields();
@@ -81,12 +98,12 @@ pub fn parse_text([cameras, images, points]: [File; 3], most_points: usize) -> R
     let mut image_lines = lines(images.0, as_utf8(images.0, images.1)?).peekable();
     while let Some(line) = image_lines.find(|line| !line.is_blank_or_comment()) {
         let mut fields = line.fields();
-        fields.whole::<u32>("an image id, a whole number")?;
+        let id = fields.whole("an image id, a whole number")?;
         let quaternion = fields.numbers("a quaternion QW QX QY QZ")?;
         let translation = fields.numbers("a translation TX TY TZ")?;
         let camera = fields.whole("a camera id, a whole number")?;
-        let name = fields.rest();
-        model.add_image(name, camera, quaternion, translation).map_err(|problem| line.error(problem))?;
+        let image = ImageId { id, camera, name: fields.rest().to_owned() };
+        model.add_image(image, quaternion, translation).map_err(|problem| line.error(problem))?;
         // The second line of each image lists its points; it is empty if there are none, and some programs omit such
         // lines.
         while let Some(line) = image_lines.peek() {
@@ -129,12 +146,17 @@ fn is_points(line: &Line) -> Result<bool, ReadError> {
     )))
 }
 
-/// The model in the bytes of `cameras.bin`, `images.bin` and `points3D.bin`, which may be empty; the paths serve for messages.
+/// The model in the bytes of `cameras.bin`, `images.bin` and `points3D.bin`, which may be empty, and of `rigs.bin` and
+/// `frames.bin` if there are rigs; the paths serve for messages.
 ///
 /// # Errors
 /// As [`read_colmap`].
-pub fn parse_binary([cameras, images, points]: [File; 3], most_points: usize) -> Result<Import, ReadError> {
-    let mut model = Model::default();
+pub fn parse_binary(
+    [cameras, images, points]: [File; 3],
+    rigs: Option<[File; 2]>,
+    most_points: usize,
+) -> Result<Import, ReadError> {
+    let mut model = Model { rigs: rigs.map(rigs::parse_binary).transpose()?, ..Model::default() };
     let mut bytes = Bytes::new(cameras.0, cameras.1);
     // The counts of the files are not trusted: nothing is allocated for them.
     for _ in 0..bytes.u64("the number of cameras")? {
@@ -153,12 +175,12 @@ pub fn parse_binary([cameras, images, points]: [File; 3], most_points: usize) ->
     bytes.end()?;
     let mut bytes = Bytes::new(images.0, images.1);
     for _ in 0..bytes.u64("the number of images")? {
-        bytes.u32("an image id")?;
+        let id = bytes.u32("an image id")?;
         let quaternion = bytes.f64s("a quaternion w, x, y, z")?;
         let translation = bytes.f64s("a translation")?;
         let camera = bytes.u32("a camera id")?;
-        let name = bytes.text("the name of an image")?;
-        model.add_image(name, camera, quaternion, translation).map_err(|problem| bytes.error(problem))?;
+        let image = ImageId { id, camera, name: bytes.text("the name of an image")?.to_owned() };
+        model.add_image(image, quaternion, translation).map_err(|problem| bytes.error(problem))?;
         let points = bytes.u64("the number of points")?;
         bytes.skip(points, 24, "points")?;
     }
@@ -191,6 +213,8 @@ pub(super) fn camera_fields(fields: &mut Fields) -> Result<(CameraModel, [f64; 2
 struct Model {
     cameras: BTreeMap<u32, CameraRecord>,
     frames: BTreeMap<String, FrameRecord>,
+    images: Vec<ImageId>,
+    rigs: Option<Rigs>,
 }
 
 impl Model {
@@ -214,37 +238,35 @@ impl Model {
         }
     }
 
-    fn add_image(
-        &mut self,
-        name: &str,
-        camera: u32,
-        quaternion: [f64; 4],
-        translation: [f64; 3],
-    ) -> Result<(), String> {
+    fn add_image(&mut self, image: ImageId, quaternion: [f64; 4], translation: [f64; 3]) -> Result<(), String> {
+        let (name, camera) = (&image.name, image.camera);
         if name.is_empty() {
             return Err("the image has no name".to_owned());
         }
         if !self.cameras.contains_key(&camera) {
             return Err(format!("image \"{name}\" has the camera {camera}, which is not in the file of the cameras"));
         }
-        let Some(rotation) = rotation_of(quaternion) else {
+        let rotation = rotation_of(quaternion);
+        // The pose of an image without one comes from its rig.
+        if rotation.is_none() && self.rigs.is_none() {
             return Err(format!("image \"{name}\" has the quaternion {quaternion:?}, which is not a rotation"));
-        };
+        }
         let record = FrameRecord {
-            id: name.to_owned(),
+            id: name.clone(),
             camera: Some(camera.to_string()),
-            cam_from_world: Some(rows(&matrix4(&rotation, &Vector3::from(translation)))),
-            image: Some(name.to_owned()),
+            cam_from_world: rotation.map(|rotation| rows(&matrix4(&rotation, &Vector3::from(translation)))),
+            image: Some(name.clone()),
             ..FrameRecord::default()
         };
-        match self.frames.insert(name.to_owned(), record) {
-            None => Ok(()),
-            Some(_) => Err(format!("the image name \"{name}\" is used twice")),
+        if self.frames.insert(name.clone(), record).is_some() {
+            return Err(format!("the image name \"{name}\" is used twice"));
         }
+        self.images.push(image);
+        Ok(())
     }
 
     fn import(
-        self,
+        mut self,
         path: &Path,
         form: &str,
         points: Vec<points::Point>,
@@ -254,6 +276,10 @@ impl Model {
             format!("COLMAP model in {form} form: axes, poses and pixel coordinates need no conversion"),
             "the length unit is unknown".to_owned(),
         ];
+        if let Some(rigs) = self.rigs.take() {
+            let of_rigs = rigs.apply(&self.images, &mut self.frames);
+            notes.extend(of_rigs.map_err(|problem| ReadError::new(path, problem))?);
+        }
         let all = points.len();
         let points = points::chosen(points, most_points);
         match points.len() {

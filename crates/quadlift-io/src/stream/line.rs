@@ -9,6 +9,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{EntryError, ReadError, escape};
+use crate::instants::instants;
 use crate::numbers;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_json_line};
 
@@ -269,16 +270,17 @@ impl Members {
 }
 
 /// The frames of a scene with the detections of one source (all where it is `None`), in the order of their times; frames of
-/// the same time stay in the order of the file. Where not every frame has a time, it is the index of the frame. `scene` is
-/// that of the file.
+/// the same time stay in the order of the file. Where not every frame has a time, it is the index of the frame, or of its rig's
+/// frame. `scene` is that of the file.
 pub fn scene_to_frames(file: SceneFile, scene: &Scene, source: Option<u32>) -> (AboutRecord, Vec<FrameLine>) {
     let SceneFile { name, length_unit, up, cameras, frames, detections, .. } = file;
     let has_times = frames.iter().all(|frame| frame.time.is_some_and(f64::is_finite));
+    let instants = instants(&frames);
     let mut lines: Vec<FrameLine> = frames
         .into_iter()
-        .enumerate()
-        .map(|(index, record)| {
-            let time = record.time.filter(|_| has_times).or(Some(index as f64));
+        .zip(instants)
+        .map(|(record, instant)| {
+            let time = record.time.filter(|_| has_times).or(Some(instant as f64));
             FrameLine { record: FrameRecord { time, ..record }, ..Default::default() }
         })
         .collect();

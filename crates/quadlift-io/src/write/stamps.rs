@@ -1,6 +1,7 @@
 //! Times of frames in whole nanoseconds.
 
 use super::CheckedScene;
+use crate::instants::instants;
 use crate::scene_file::FrameRecord;
 
 /// Nanoseconds of a second.
@@ -15,7 +16,7 @@ pub(super) fn stamps(scene: &CheckedScene, notes: &mut Vec<String>) -> Vec<i64> 
         if !frames.is_empty() {
             notes.push("not every frame has a time: they are a second apart, from 0 on".to_owned());
         }
-        return (0..).step_by(SECOND as usize).take(frames.len()).collect();
+        return instants(frames).into_iter().map(|instant| instant as i64 * SECOND).collect();
     }
     let stamp = |frame: &FrameRecord| {
         let time = frame.time.unwrap_or_default();

@@ -89,7 +89,7 @@ fn lines_of_images_without_points_may_be_missing() {
     let read = |images: &str| {
         let files =
             [(Path::new("cameras.txt"), &cameras[..]), (Path::new("images.txt"), images.as_bytes()), no_points()];
-        parse_text(files, 0).map(|import| import.scene.frames.len())
+        parse_text(files, None, 0).map(|import| import.scene.frames.len())
     };
     let points = "1.5 2.5 -1 3.5 4.5 7\n";
     let whole = "100 200 -1 100 200 8 100 200 9 100 200 3\n";
@@ -110,7 +110,7 @@ fn lines_of_images_without_points_may_be_missing() {
 fn message(cameras: &str, images: &str) -> String {
     let files =
         [(Path::new("cameras.txt"), cameras.as_bytes()), (Path::new("images.txt"), images.as_bytes()), no_points()];
-    parse_text(files, 0).unwrap_err().to_string()
+    parse_text(files, None, 0).unwrap_err().to_string()
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn what_is_wrong_in_text_is_named_with_its_line() {
     let cameras = "# c\n1 PINHOLE 640 480 500 500 320 240\n";
     let image = "1 1 0 0 0 0 0 2 1 a.png\n\n";
     let files = [(Path::new("c"), cameras.as_bytes()), (Path::new("i"), image.as_bytes()), no_points()];
-    let fine = parse_text(files, 0).unwrap();
+    let fine = parse_text(files, None, 0).unwrap();
     assert_eq!(fine.scene.frames[0].cam_from_world.unwrap()[2], [0.0, 0.0, 1.0, 2.0]);
     insta::assert_snapshot!(message("1 PINHOL 640 480", image), @r#"cameras.txt:1: found the camera model "PINHOL"; known are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE, SIMPLE_DIVISION, DIVISION, SIMPLE_FISHEYE, FISHEYE, EUCM, EQUIRECTANGULAR"#);
     insta::assert_snapshot!(message("1 PINHOLE 640 480 500 500 320", image), @"cameras.txt:1: the line ends after 7 fields; expected cy of a PINHOLE camera");
@@ -136,7 +136,8 @@ fn what_is_wrong_in_bytes_is_named_with_its_place() {
     let read = |name: &str| std::fs::read(fixture("binary").join(name)).unwrap();
     let (cameras, images) = (read("cameras.bin"), read("images.bin"));
     let paths = (Path::new("cameras.bin"), Path::new("images.bin"));
-    let parse = |cameras: &[u8], images: &[u8]| parse_binary([(paths.0, cameras), (paths.1, images), no_points()], 0);
+    let parse =
+        |cameras: &[u8], images: &[u8]| parse_binary([(paths.0, cameras), (paths.1, images), no_points()], None, 0);
     let message = |cameras: &[u8], images: &[u8]| parse(cameras, images).unwrap_err().to_string();
     insta::assert_snapshot!(message(&cameras[..4], &images), @"cameras.bin: byte 0: the file ends 4 bytes after this; expected the number of cameras, 8 bytes");
     insta::assert_snapshot!(message(&cameras[..100], &images), @"cameras.bin: byte 96: the file ends 4 bytes after this; expected cx, 8 bytes");
@@ -201,7 +202,7 @@ fn points_of_a_model_are_kept_and_told() {
     }
     let files = ["cameras.bin", "images.bin"].map(|name| std::fs::read(fixture("binary").join(name)).unwrap());
     let path = Path::new("a.bin");
-    let binary = parse_binary([(path, &files[0]), (path, &files[1]), (path, &bytes)], DEFAULT_POINTS).unwrap();
+    let binary = parse_binary([(path, &files[0]), (path, &files[1]), (path, &bytes)], None, DEFAULT_POINTS).unwrap();
     assert_eq!(binary.scene.points, all.scene.points);
     // Wrong points are an error, unless none are asked for.
     std::fs::write(folder.path().join("points3D.txt"), "1 2 3\n").unwrap();
