@@ -8,6 +8,7 @@ use quadlift::LocalizeOptions;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::{BodyKind, Method, Status};
 use quadlift_io::mcap::{McapOptions, parse_mcap};
+use quadlift_io::read::arkit::{ArkitOptions, CaptureImages, FrameFile, parse_polycam, parse_record3d, parse_scanner};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
 use quadlift_io::read::detections::coco::parse_coco;
 use quadlift_io::read::detections::csv::{TableOptions, parse_csv};
@@ -133,6 +134,20 @@ pub fn opensfm(data: &[u8]) -> bool {
     let [reconstruction, reference] = files(data, ["reconstruction.json", "reference_lla.json"]);
     let beside = (!reference.1.is_empty()).then_some(reference);
     check(parse_opensfm(reconstruction.0, reconstruction.1, beside, 2))
+}
+
+/// The frames of Polycam and of 3D Scanner App, and the metadata of Record3D; those that are missing are empty.
+pub fn arkit(data: &[u8]) -> bool {
+    let named = |stem: &str| (stem != "1").then(|| format!("{stem}.jpg"));
+    let images = CaptureImages { named: &named, size_of: &|_| None };
+    let options = ArkitOptions { image_size: None, pixel_centers: PixelCenters::Integer };
+    let [polycam, scanner, record3d] = files(data, ["0.json", "frame_0.json", "metadata"]);
+    let frame = |(path, bytes), stem| FrameFile { stem, path, bytes };
+    let folder = Path::new("capture");
+    let polycam = polycam.1.is_empty() || check(parse_polycam(folder, &[frame(polycam, "0")], &images, &options));
+    let scanner = scanner.1.is_empty() || check(parse_scanner(folder, &[frame(scanner, "frame_0")], &images, &options));
+    let record3d = record3d.1.is_empty() || check(parse_record3d(record3d.0, record3d.1, &images, &options));
+    polycam && scanner && record3d
 }
 
 pub fn tum(data: &[u8]) -> bool {

@@ -22,6 +22,8 @@ pub enum CameraFormat {
     Nerfstudio,
     /// OpenSfM's or OpenDroneMap's `reconstruction.json`.
     OpenSfm,
+    /// A capture of Polycam, Record3D or 3D Scanner App.
+    Arkit,
     /// A TUM trajectory.
     Tum,
     /// KITTI's tracking benchmark.
@@ -65,6 +67,7 @@ impl CameraFormat {
             Self::Colmap => "colmap",
             Self::Nerfstudio => "nerfstudio",
             Self::OpenSfm => "opensfm",
+            Self::Arkit => "arkit",
             Self::Tum => "tum",
             Self::Kitti => "kitti",
             Self::KittiRaw => "kitti-raw",
@@ -118,7 +121,7 @@ pub fn detect_cameras(path: &Path) -> Result<(CameraFormat, PathBuf), ReadError>
         None => Err(ReadError::new(
             path,
             "unknown camera format: looked for a scene file, a COLMAP model (cameras.bin or cameras.txt), \
-             transforms.json, OpenSfM (reconstruction.json), a TUM trajectory (lines of 8 numbers), KITTI (folders \
+             transforms.json, OpenSfM (reconstruction.json), captures of Polycam, Record3D or 3D Scanner App, a TUM trajectory (lines of 8 numbers), KITTI (folders \
              calib and oxts), KITTI raw (oxts/data), BOP (scene_camera.json), logs in MCAP and projections (12 to \
              16 columns, or JSON); `quadlift import FORMAT` reads a given format",
         )),
@@ -144,6 +147,8 @@ fn cameras_in_folder(folder: &Path) -> Option<CameraFormat> {
         Some(CameraFormat::OpenSfm)
     } else if has("scene_camera.json") {
         Some(CameraFormat::Bop)
+    } else if crate::read::arkit::is_capture(folder) {
+        Some(CameraFormat::Arkit)
     } else if has("oxts/data") {
         Some(CameraFormat::KittiRaw)
     } else if has("oxts") && has("calib") {
@@ -167,6 +172,7 @@ fn cameras_in_file(path: &Path) -> Result<Option<CameraFormat>, ReadError> {
         Start::Object(keys) if keys.contains_key("format") => Some(CameraFormat::Scene),
         Start::Object(_) if name == "scene_camera.json" => Some(CameraFormat::Bop),
         Start::Object(_) if text.contains("\"transform_matrix\"") => Some(CameraFormat::Nerfstudio),
+        Start::Object(keys) if keys.contains_key("poses") && keys.contains_key("K") => Some(CameraFormat::Arkit),
         Start::List(keys) if keys.contains_key("shots") => Some(CameraFormat::OpenSfm),
         Start::Object(_) | Start::List(_) => Some(CameraFormat::Projections),
         Start::Line(fields) if fields.commas && fields.words.len() >= 12 => Some(CameraFormat::Projections),
@@ -338,6 +344,9 @@ mod tests {
         make("o/reconstruction.json", "x");
         make("d/opensfm/reconstruction.json", "x");
         make("o.json", r#"[{"cameras": {}, "shots": {"a.jpg": {}}}]"#);
+        make("a/keyframes/cameras/1.json", r#"{"t_00": 1}"#);
+        make("g/frame_00000.json", r#"{"cameraPoseARFrame": []}"#);
+        make("m/metadata", r#"{"K": [], "poses": []}"#);
         make("p.csv", "# mine\n1,2,3,4,5,6,7,8,9,10,11,12\n");
         make("t.txt", "# time\n\n1.5 0 0 0 0 0 0 1\n");
         make("s.json", r#"{"format": "quadlift.scene", "version": 1}"#);
@@ -349,6 +358,10 @@ mod tests {
             ("d", CameraFormat::OpenSfm),
             ("o.json", CameraFormat::OpenSfm),
             ("n", CameraFormat::Nerfstudio),
+            ("a", CameraFormat::Arkit),
+            ("g", CameraFormat::Arkit),
+            ("m", CameraFormat::Arkit),
+            ("m/metadata", CameraFormat::Arkit),
             ("b", CameraFormat::Bop),
             ("r", CameraFormat::KittiRaw),
             ("k", CameraFormat::Kitti),

@@ -65,6 +65,11 @@ fn opensfm() {
 }
 
 #[test]
+fn arkit() {
+    run("arkit", targets::arkit);
+}
+
+#[test]
 fn tum() {
     run("tum", targets::tum);
 }

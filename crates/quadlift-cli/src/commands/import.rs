@@ -28,6 +28,7 @@ Examples:
   quadlift import colmap model/ -o scene.json
   quadlift import nerfstudio transforms.json -o scene.json
   quadlift import opensfm reconstruction.json -o scene.json
+  quadlift import arkit capture/ -o scene.json
   quadlift import tum trajectory.txt --intrinsics camera.txt --image-size 640x480 -o scene.json
   quadlift import kitti training/ --sequence 0001 --frames 90-106 -o scene.json
   quadlift import kitti-raw 2011_09_26/2011_09_26_drive_0005_sync -o scene.json

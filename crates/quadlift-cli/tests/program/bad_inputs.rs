@@ -442,6 +442,18 @@ fn detections() -> Vec<Case> {
             "a.json",
             r#"[{"cameras": {}, "shots": {"a.jpg": {"rotation": [0, 0, 0], "translation": [0, 0, 0], "camera": "c"}}}]"#,
         ),
+        Case {
+            title: "a Polycam camera whose rotation is none",
+            arguments: "import arkit capture -o out.json",
+            code: 1,
+            make: Box::new(|folder| {
+                let path = folder.path("capture/keyframes/cameras");
+                std::fs::create_dir_all(&path).unwrap();
+                let text = r#"{"fx": 1, "fy": 1, "cx": 1, "cy": 1, "width": 2, "height": 2, "t_00": 1, "t_01": 1, "t_02": 0,
+                    "t_03": 0, "t_10": 0, "t_11": 1, "t_12": 0, "t_13": 0, "t_20": 0, "t_21": 0, "t_22": 1, "t_23": 0}"#;
+                std::fs::write(path.join("1.json"), text).unwrap();
+            }),
+        },
         file(
             "a KITTI label that is cut off",
             "import-detections kitti a.txt scene.json -o out.json",

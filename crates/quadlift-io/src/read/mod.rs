@@ -2,6 +2,7 @@
 //! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image), to which [`detections`] are
 //! added.
 
+pub mod arkit;
 pub mod bop;
 mod bytes;
 pub mod colmap;

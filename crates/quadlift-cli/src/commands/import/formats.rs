@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use quadlift_io::mcap::{McapOptions, read_mcap};
+use quadlift_io::read::arkit::{ArkitOptions, read_arkit};
 use quadlift_io::read::bop::{BopOptions, read_bop};
 use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
@@ -53,6 +54,18 @@ pub enum Format {
         /// Maximum number of points to keep, evenly spread; 0 keeps none
         #[arg(long, value_name = "N", default_value_t = DEFAULT_POINTS)]
         points: usize,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A capture of an iPhone or iPad (ARKit): Polycam, Record3D or 3D Scanner App
+    Arkit {
+        /// Folder of the capture
+        #[arg(value_name = "DIR")]
+        path: PathBuf,
+        #[command(flatten)]
+        size: Size,
+        #[command(flatten)]
+        pixels: Pixels,
         #[command(flatten)]
         common: Common,
     },
@@ -220,6 +233,7 @@ impl Format {
             Self::Colmap { path, common, .. } => ("COLMAP", path, common),
             Self::Nerfstudio { path, common, .. } => ("nerfstudio", path, common),
             Self::OpenSfm { path, common, .. } => ("OpenSfM", path, common),
+            Self::Arkit { path, common, .. } => ("an ARKit capture", path, common),
             Self::Tum { path, common, .. } => ("a TUM trajectory", path, common),
             Self::Kitti { path, common, .. } => ("KITTI tracking", path, common),
             Self::KittiRaw { path, common, .. } => ("KITTI raw", path, common),
@@ -241,6 +255,9 @@ impl Format {
             Self::Colmap { path, points, .. } => read_colmap(path, *points)?,
             Self::Nerfstudio { path, pixels, .. } => read_nerfstudio(path, pixels.centers())?,
             Self::OpenSfm { path, points, .. } => read_opensfm(path, *points)?,
+            Self::Arkit { path, size, pixels, .. } => {
+                read_arkit(path, &ArkitOptions { image_size: size.image_size, pixel_centers: pixels.centers() })?
+            }
             Self::Tum { path, intrinsics, image_list, time_tolerance, size, pixels, .. } => {
                 let options = TumOptions {
                     intrinsics,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use quadlift_io::detect::{CameraFormat, DetectionFormat, detect_cameras, detect_detections};
 use quadlift_io::mcap::{McapOptions, read_mcap};
+use quadlift_io::read::arkit::{ArkitOptions, read_arkit};
 use quadlift_io::read::bop::{BopOptions, read_bop};
 use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::detections::csv::TableOptions;
@@ -168,6 +169,9 @@ impl DirectArgs {
             CameraFormat::Colmap => read_colmap(path, DEFAULT_POINTS)?,
             CameraFormat::Nerfstudio => read_nerfstudio(path, self.pixels.centers())?,
             CameraFormat::OpenSfm => read_opensfm(path, DEFAULT_POINTS)?,
+            CameraFormat::Arkit => {
+                read_arkit(path, &ArkitOptions { image_size, pixel_centers: self.pixels.centers() })?
+            }
             CameraFormat::Tum => {
                 let Some(intrinsics) = &self.intrinsics else {
                     return usage("a TUM trajectory has no intrinsics: set their file with --intrinsics FILE");
