@@ -23,6 +23,7 @@ use quadlift_io::read::detections::{AddOptions, DetectionFiles, LabelFile, Match
 use quadlift_io::read::kitti::{KittiFiles, KittiOptions, parse_kitti};
 use quadlift_io::read::kitti_raw::parse_tracklets;
 use quadlift_io::read::nerfstudio::parse_nerfstudio;
+use quadlift_io::read::nuscenes::{NuscenesOptions, parse_nuscenes};
 use quadlift_io::read::opensfm::parse_opensfm;
 use quadlift_io::read::projections::parse_projections;
 use quadlift_io::read::tum::{TumOptions, parse_tum};
@@ -148,6 +149,14 @@ pub fn arkit(data: &[u8]) -> bool {
     let scanner = scanner.1.is_empty() || check(parse_scanner(folder, &[frame(scanner, "frame_0")], &images, &options));
     let record3d = record3d.1.is_empty() || check(parse_record3d(record3d.0, record3d.1, &images, &options));
     polycam && scanner && record3d
+}
+
+/// The tables, one after the other.
+pub fn nuscenes(data: &[u8]) -> bool {
+    let names =
+        ["scene.json", "sample.json", "sensor.json", "calibrated_sensor.json", "sample_data.json", "ego_pose.json"];
+    let options = NuscenesOptions { sweeps: true, ..NuscenesOptions::default() };
+    check(parse_nuscenes(files(data, names), &options))
 }
 
 pub fn tum(data: &[u8]) -> bool {

@@ -30,6 +30,8 @@ pub enum CameraFormat {
     Kitti,
     /// A drive of KITTI's raw data.
     KittiRaw,
+    /// Tables of nuScenes.
+    Nuscenes,
     /// A scene of a BOP data set.
     Bop,
     /// A list of projections.
@@ -71,6 +73,7 @@ impl CameraFormat {
             Self::Tum => "tum",
             Self::Kitti => "kitti",
             Self::KittiRaw => "kitti-raw",
+            Self::Nuscenes => "nuscenes",
             Self::Bop => "bop",
             Self::Projections => "projections",
             Self::Mcap => "mcap",
@@ -122,7 +125,7 @@ pub fn detect_cameras(path: &Path) -> Result<(CameraFormat, PathBuf), ReadError>
             path,
             "unknown camera format: looked for a scene file, a COLMAP model (cameras.bin or cameras.txt), \
              transforms.json, OpenSfM (reconstruction.json), captures of Polycam, Record3D or 3D Scanner App, a TUM trajectory (lines of 8 numbers), KITTI (folders \
-             calib and oxts), KITTI raw (oxts/data), BOP (scene_camera.json), logs in MCAP and projections (12 to \
+             calib and oxts), KITTI raw (oxts/data), nuScenes (sample_data.json), BOP (scene_camera.json), logs in MCAP and projections (12 to \
              16 columns, or JSON); `quadlift import FORMAT` reads a given format",
         )),
     }
@@ -147,6 +150,8 @@ fn cameras_in_folder(folder: &Path) -> Option<CameraFormat> {
         Some(CameraFormat::OpenSfm)
     } else if has("scene_camera.json") {
         Some(CameraFormat::Bop)
+    } else if crate::read::nuscenes::tables_in(folder).is_some() {
+        Some(CameraFormat::Nuscenes)
     } else if crate::read::arkit::is_capture(folder) {
         Some(CameraFormat::Arkit)
     } else if has("oxts/data") {
@@ -347,6 +352,9 @@ mod tests {
         make("a/keyframes/cameras/1.json", r#"{"t_00": 1}"#);
         make("g/frame_00000.json", r#"{"cameraPoseARFrame": []}"#);
         make("m/metadata", r#"{"K": [], "poses": []}"#);
+        for table in ["scene", "sample", "sensor", "calibrated_sensor", "sample_data", "ego_pose"] {
+            make(&format!("v/v1.0-mini/{table}.json"), "[]");
+        }
         make("p.csv", "# mine\n1,2,3,4,5,6,7,8,9,10,11,12\n");
         make("t.txt", "# time\n\n1.5 0 0 0 0 0 0 1\n");
         make("s.json", r#"{"format": "quadlift.scene", "version": 1}"#);
@@ -358,6 +366,8 @@ mod tests {
             ("d", CameraFormat::OpenSfm),
             ("o.json", CameraFormat::OpenSfm),
             ("n", CameraFormat::Nerfstudio),
+            ("v", CameraFormat::Nuscenes),
+            ("v/v1.0-mini", CameraFormat::Nuscenes),
             ("a", CameraFormat::Arkit),
             ("g", CameraFormat::Arkit),
             ("m", CameraFormat::Arkit),

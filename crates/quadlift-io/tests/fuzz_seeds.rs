@@ -70,6 +70,11 @@ fn arkit() {
 }
 
 #[test]
+fn nuscenes() {
+    run("nuscenes", targets::nuscenes);
+}
+
+#[test]
 fn tum() {
     run("tum", targets::tum);
 }

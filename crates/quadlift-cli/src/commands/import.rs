@@ -32,6 +32,7 @@ Examples:
   quadlift import tum trajectory.txt --intrinsics camera.txt --image-size 640x480 -o scene.json
   quadlift import kitti training/ --sequence 0001 --frames 90-106 -o scene.json
   quadlift import kitti-raw 2011_09_26/2011_09_26_drive_0005_sync -o scene.json
+  quadlift import nuscenes data/nuscenes --scene scene-0061 -o scene.json
   quadlift import bop lm/test/000005 --world-object 5 -o scene.json
   quadlift import projections projections.csv --image-size 640x480 -o scene.json
   quadlift import mcap log.mcap -o scene.json

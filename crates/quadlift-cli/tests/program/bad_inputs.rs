@@ -454,6 +454,17 @@ fn detections() -> Vec<Case> {
                 std::fs::write(path.join("1.json"), text).unwrap();
             }),
         },
+        Case {
+            title: "a scene of nuScenes that does not exist",
+            arguments: "import nuscenes . --scene scene-0062 -o out.json",
+            code: 1,
+            make: Box::new(|folder| {
+                for table in ["scene", "sample", "sensor", "calibrated_sensor", "sample_data", "ego_pose"] {
+                    let rows = if table == "scene" { r#"[{"token": "s", "name": "scene-0061"}]"# } else { "[]" };
+                    folder.write(&format!("{table}.json"), rows);
+                }
+            }),
+        },
         file(
             "a KITTI label that is cut off",
             "import-detections kitti a.txt scene.json -o out.json",

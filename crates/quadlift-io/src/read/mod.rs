@@ -14,6 +14,7 @@ mod kitti_geometry;
 pub(crate) mod kitti_labels;
 pub mod kitti_raw;
 pub mod nerfstudio;
+pub mod nuscenes;
 pub mod opensfm;
 mod poses;
 pub mod projections;

@@ -10,6 +10,7 @@ use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
 use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
 use quadlift_io::read::nerfstudio::read_nerfstudio;
+use quadlift_io::read::nuscenes::{NuscenesOptions, read_nuscenes};
 use quadlift_io::read::opensfm::read_opensfm;
 use quadlift_io::read::projections::read_projections;
 use quadlift_io::read::tum::{TumOptions, read_tum};
@@ -120,6 +121,25 @@ pub enum Format {
         calibration: Option<PathBuf>,
         #[command(flatten)]
         part: Part,
+        #[command(flatten)]
+        pixels: Pixels,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// A scene of nuScenes, from its tables
+    Nuscenes {
+        /// Folder of the data set, or of its tables (v1.0-mini)
+        #[arg(value_name = "DIR")]
+        path: PathBuf,
+        /// Name of the scene, such as scene-0061 (required if there are several)
+        #[arg(long, value_name = "NAME")]
+        scene: Option<String>,
+        /// Cameras, such as CAM_FRONT,CAM_BACK (default: all)
+        #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+        channels: Vec<String>,
+        /// Read the images between the key frames too
+        #[arg(long)]
+        sweeps: bool,
         #[command(flatten)]
         pixels: Pixels,
         #[command(flatten)]
@@ -237,6 +257,7 @@ impl Format {
             Self::Tum { path, common, .. } => ("a TUM trajectory", path, common),
             Self::Kitti { path, common, .. } => ("KITTI tracking", path, common),
             Self::KittiRaw { path, common, .. } => ("KITTI raw", path, common),
+            Self::Nuscenes { path, common, .. } => ("nuScenes", path, common),
             Self::Bop { path, common, .. } => ("BOP", path, common),
             Self::Projections { path, common, .. } => ("projections", path, common),
             Self::Mcap { path, common, .. } => ("a log in MCAP", path, common),
@@ -285,6 +306,15 @@ impl Format {
                     pixel_centers: pixels.centers(),
                 };
                 read_kitti_raw(path, &options)?
+            }
+            Self::Nuscenes { path, scene, channels, sweeps, pixels, .. } => {
+                let options = NuscenesOptions {
+                    scene: scene.clone(),
+                    channels: channels.clone(),
+                    sweeps: *sweeps,
+                    pixel_centers: pixels.centers(),
+                };
+                read_nuscenes(path, &options)?
             }
             Self::Bop { path, world_object, models, size, .. } => {
                 let options = BopOptions {

@@ -13,6 +13,7 @@ use quadlift_io::read::detections::{add_detections, read_detections};
 use quadlift_io::read::kitti::{KittiOptions, read_kitti};
 use quadlift_io::read::kitti_raw::{KittiRawOptions, read_kitti_raw};
 use quadlift_io::read::nerfstudio::read_nerfstudio;
+use quadlift_io::read::nuscenes::{NuscenesOptions, read_nuscenes};
 use quadlift_io::read::opensfm::read_opensfm;
 use quadlift_io::read::projections::read_projections;
 use quadlift_io::read::tum::{TumOptions, read_tum};
@@ -56,7 +57,7 @@ pub struct DirectArgs {
     #[command(flatten)]
     pixels: Pixels,
 
-    /// KITTI: name of the sequence, such as 0001 (default: that of the detections)
+    /// KITTI: name of the sequence, such as 0001 (default: that of the detections); nuScenes: name of the scene
     #[arg(long, value_name = "NAME")]
     sequence: Option<String>,
 
@@ -207,6 +208,11 @@ impl DirectArgs {
                     pixel_centers: self.pixels.centers(),
                 };
                 read_kitti_raw(path, &options)?
+            }
+            CameraFormat::Nuscenes => {
+                let scene = self.sequence.clone();
+                let pixel_centers = self.pixels.centers();
+                read_nuscenes(path, &NuscenesOptions { scene, pixel_centers, ..NuscenesOptions::default() })?
             }
             CameraFormat::Bop => {
                 read_bop(path, &BopOptions { world_object: self.world_object, models_info: None, image_size })?
