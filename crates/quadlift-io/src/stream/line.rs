@@ -308,6 +308,23 @@ mod tests {
     }
 
     #[test]
+    fn frames_of_a_rig_without_times_are_of_one_instant() {
+        let pose = serde_json::json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]);
+        let frame = |id: &str, rig_frame: u32| serde_json::json!({"id": id, "camera": "c", "cam_from_world": pose, "rig_frame": rig_frame});
+        let text = serde_json::json!({
+            "format": "quadlift.scene", "version": 1,
+            "cameras": [{"id": "c", "model": "PINHOLE", "params": [1, 1, 0, 0]}],
+            "frames": [frame("left/0", 4), frame("left/1", 9), frame("right/0", 4), frame("right/1", 9)],
+        });
+        let file = crate::scene_file::parse_scene_file("a.json".as_ref(), text.to_string().as_bytes()).unwrap();
+        let scene = file.to_scene().unwrap();
+        let (_, lines) = scene_to_frames(file, &scene, None);
+        let found: Vec<(&str, f64)> =
+            lines.iter().map(|line| (line.record.id.as_str(), line.record.time.unwrap())).collect();
+        assert_eq!(found, [("left/0", 0.0), ("right/0", 0.0), ("left/1", 1.0), ("right/1", 1.0)]);
+    }
+
+    #[test]
     fn a_camera_is_named_or_given() {
         let text = br#"{"frame": "a", "time": 0, "camera": {"model": "PINHOLE", "params": [1, 1, 0, 0]}}"#;
         let frame = &parse_line(text).unwrap().frames[0];
