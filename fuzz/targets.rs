@@ -12,7 +12,9 @@ use quadlift_io::read::arkit::{ArkitOptions, CaptureImages, FrameFile, parse_pol
 use quadlift_io::read::bop::{BopFiles, parse_bop};
 use quadlift_io::read::detections::coco::parse_coco;
 use quadlift_io::read::detections::csv::{TableOptions, parse_csv};
+use quadlift_io::read::detections::cvat::parse_cvat;
 use quadlift_io::read::detections::kitti::parse_kitti_labels;
+use quadlift_io::read::detections::label_studio::parse_label_studio;
 use quadlift_io::read::detections::labelme::parse_labelme;
 use quadlift_io::read::detections::mot::{MotOptions, parse_mot};
 use quadlift_io::read::detections::names::parse_names;
@@ -257,6 +259,14 @@ pub fn voc(data: &[u8]) -> bool {
     let mut files = label_files(data, "xml");
     files.retain(|file| !file.bytes.is_empty());
     check_detections(parse_voc(Path::new("labels"), &files))
+}
+
+pub fn cvat(data: &[u8]) -> bool {
+    check_detections(parse_cvat(Path::new("annotations.xml"), data))
+}
+
+pub fn label_studio(data: &[u8]) -> bool {
+    check_detections(parse_label_studio(Path::new("export.json"), data))
 }
 
 /// A scene file: what is read is written and read back as it was, and its scene, objects and masks are valid or refused in

@@ -59,6 +59,10 @@ pub enum DetectionFormat {
     LabelMe,
     /// Pascal VOC.
     Voc,
+    /// CVAT.
+    Cvat,
+    /// Label Studio.
+    LabelStudio,
 }
 
 impl CameraFormat {
@@ -93,6 +97,8 @@ impl DetectionFormat {
             Self::Supervision => "supervision",
             Self::LabelMe => "labelme",
             Self::Voc => "voc",
+            Self::Cvat => "cvat",
+            Self::LabelStudio => "label-studio",
         }
     }
 
@@ -107,6 +113,8 @@ impl DetectionFormat {
             Self::Supervision => "supervision",
             Self::LabelMe => "LabelMe",
             Self::Voc => "Pascal VOC",
+            Self::Cvat => "CVAT",
+            Self::LabelStudio => "Label Studio",
         }
     }
 }
@@ -200,8 +208,8 @@ pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
             "unknown detection format: looked for COCO (annotations, or a list with \"image_id\"), MOTChallenge (7 to \
              10 numbers between commas, or gt/gt.txt), YOLO (a folder of .txt with a class and numbers from 0 to 1), \
              KITTI (15 to 18 fields), CSV (names of columns, or 5 or 6 numbers), supervision (a column x_min), \
-             LabelMe (\"shapes\") and Pascal VOC (<annotation>); `quadlift import-detections FORMAT` reads a given \
-             format",
+             LabelMe (\"shapes\"), Pascal VOC (<annotation>), CVAT (<annotations>) and Label Studio (tasks with \
+             \"data\"); `quadlift import-detections FORMAT` reads a given format",
         )
     })
 }
@@ -210,14 +218,17 @@ fn detections_in_folder(folder: &Path) -> Result<Option<DetectionFormat>, ReadEr
     if folder.join("gt/gt.txt").is_file() || folder.join("det/det.txt").is_file() {
         return Ok(Some(DetectionFormat::Mot));
     }
+    if crate::read::detections::coco::files_of_roboflow(folder)?.is_some() {
+        return Ok(Some(DetectionFormat::Coco));
+    }
     // The first file with content decides.
     for (extension, formats) in [
         ("txt", [DetectionFormat::Yolo, DetectionFormat::Kitti].as_slice()),
         ("json", &[DetectionFormat::LabelMe]),
-        ("xml", &[DetectionFormat::Voc]),
+        ("xml", &[DetectionFormat::Voc, DetectionFormat::Cvat]),
     ] {
         for (name, path) in paths_below(folder, extension)? {
-            if name.ends_with("classes.txt") || std::fs::metadata(&path).is_ok_and(|data| data.len() < 2) {
+            if is_beside_labels(&name) || std::fs::metadata(&path).is_ok_and(|data| data.len() < 2) {
                 continue;
             }
             match detections_in_file(&path)? {
@@ -229,6 +240,11 @@ fn detections_in_folder(folder: &Path) -> Result<Option<DetectionFormat>, ReadEr
     Ok(None)
 }
 
+/// Whether a text file is no label file: names of classes, Roboflow's description of a data set.
+fn is_beside_labels(name: &str) -> bool {
+    name.ends_with("classes.txt") || crate::read::detections::yolo::is_description(Path::new(name))
+}
+
 fn detections_in_file(path: &Path) -> Result<Option<DetectionFormat>, ReadError> {
     let bytes = read_bytes(path)?;
     let fields = match Start::of(as_utf8(path, &bytes)?) {
@@ -237,11 +253,16 @@ fn detections_in_file(path: &Path) -> Result<Option<DetectionFormat>, ReadError>
             return Ok(match () {
                 () if has("shapes") => Some(DetectionFormat::LabelMe),
                 () if has("x_min") => Some(DetectionFormat::Supervision),
+                // The full form, and JSON-MIN.
+                () if has("data") && (has("annotations") || has("predictions")) => Some(DetectionFormat::LabelStudio),
+                () if has("annotation_id") && has("annotator") => Some(DetectionFormat::LabelStudio),
                 () if has("annotations") || has("image_id") => Some(DetectionFormat::Coco),
                 () => None,
             });
         }
-        Start::Xml(name) => return Ok((name == "annotation").then_some(DetectionFormat::Voc)),
+        Start::Xml("annotation") => return Ok(Some(DetectionFormat::Voc)),
+        Start::Xml("annotations") => return Ok(Some(DetectionFormat::Cvat)),
+        Start::Xml(_) => return Ok(None),
         Start::Line(fields) => fields,
     };
     let (count, numbers) = (fields.words.len(), fields.numbers());
@@ -397,6 +418,12 @@ mod tests {
         let cases = [
             ("a.json", r#"{"images": [], "annotations": []}"#, Some(DetectionFormat::Coco)),
             ("b.json", r#"[{"image_id": 1, "bbox": [1, 2, 3, 4]}, {"x"#, Some(DetectionFormat::Coco)),
+            ("f.json", r#"[{"id": 1, "annotations": [], "data": {"image": "a"}}]"#, Some(DetectionFormat::LabelStudio)),
+            (
+                "g.json",
+                r#"[{"image": "a", "id": 1, "annotator": 1, "annotation_id": 2}]"#,
+                Some(DetectionFormat::LabelStudio),
+            ),
             ("c.json", r#"[{"x_min": 1, "tracker_id": 4}]"#, Some(DetectionFormat::Supervision)),
             ("d.json", r#"{"version": "5", "shapes": []}"#, Some(DetectionFormat::LabelMe)),
             ("e.json", r#"{"format": "quadlift.scene"}"#, None),
@@ -416,7 +443,8 @@ mod tests {
                 "<?xml version=\"1.0\"?>\n<!-- a < b -->\n<annotation verified=\"yes\">",
                 Some(DetectionFormat::Voc),
             ),
-            ("b.xml", "<annotations><version>1.1</version>", None),
+            ("b.xml", "<annotations><version>1.1</version>", Some(DetectionFormat::Cvat)),
+            ("c.xml", "<annotated/>", None),
         ];
         for (name, text, format) in cases {
             let path = folder.path().join(name);
@@ -433,10 +461,19 @@ mod tests {
         make("yolo/labels/classes.txt", "cup\n");
         make("yolo/labels/b.txt", "0 0.5 0.5 0.1 0.1\n");
         assert_eq!(detect_detections(&folder.path().join("yolo")), Ok(DetectionFormat::Yolo));
+        make("roboflow/README.dataset.txt", "# cups\n");
+        make("roboflow/README.roboflow.txt", "cups - v1\n\nThis dataset was exported via roboflow.com\n");
+        make("roboflow/train/labels/a_jpg.rf.0123456789abcdef.txt", "0 0.5 0.5 0.1 0.1\n");
+        assert_eq!(detect_detections(&folder.path().join("roboflow")), Ok(DetectionFormat::Yolo));
+        make("coco/README.dataset.txt", "# cups\n");
+        make("coco/valid/_annotations.coco.json", "{}");
+        assert_eq!(detect_detections(&folder.path().join("coco")), Ok(DetectionFormat::Coco));
         let labelme = make("labelme/a.json", r#"{"shapes": []}"#);
         assert_eq!(detect_detections(&labelme), Ok(DetectionFormat::LabelMe));
         let voc = make("voc/Annotations/a.xml", "<annotation/>");
         assert_eq!(detect_detections(&voc), Ok(DetectionFormat::Voc));
+        let cvat = make("cvat/annotations.xml", "<annotations/>");
+        assert_eq!(detect_detections(&cvat), Ok(DetectionFormat::Cvat));
         make("mot/det/det.txt", "");
         assert_eq!(detect_detections(&folder.path().join("mot")), Ok(DetectionFormat::Mot));
         let error = detect_detections(&make("other/a.txt", "hello\n")).unwrap_err();

@@ -140,6 +140,16 @@ fn voc() {
 }
 
 #[test]
+fn cvat() {
+    run("cvat", targets::cvat);
+}
+
+#[test]
+fn label_studio() {
+    run("label_studio", targets::label_studio);
+}
+
+#[test]
 fn scene() {
     run("scene", targets::scene);
 }

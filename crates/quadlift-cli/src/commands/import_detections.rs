@@ -37,6 +37,8 @@ Examples:
   quadlift import-detections supervision sink.json scene.json -o detected.json --frame-column frame_number
   quadlift import-detections labelme annotations/ scene.json -o detected.json
   quadlift import-detections voc Annotations/ scene.json -o detected.json
+  quadlift import-detections cvat annotations.xml scene.json -o detected.json
+  quadlift import-detections label-studio export.json scene.json -o detected.json
 
 Exit codes: 0 the scene was written; 1 a file could not be read or written, or no image is a frame of the scene; 2 wrong
 usage."

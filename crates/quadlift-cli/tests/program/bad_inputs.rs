@@ -466,6 +466,24 @@ fn detections() -> Vec<Case> {
             }),
         },
         file(
+            "a CVAT box without a corner",
+            "import-detections cvat a.xml scene.json -o out.json",
+            "a.xml",
+            "<annotations>\n<image name=\"a\" width=\"4\" height=\"4\"><box label=\"cup\" xtl=\"5\"/></image></annotations>\n",
+        ),
+        file(
+            "a CVAT file that defines entities",
+            "import-detections cvat a.xml scene.json -o out.json",
+            "a.xml",
+            "<!DOCTYPE annotations [<!ENTITY a \"aaaa\">]>\n<annotations>&a;</annotations>\n",
+        ),
+        file(
+            "a task of Label Studio without an image",
+            "import-detections label-studio a.json scene.json -o out.json",
+            "a.json",
+            r#"[{"data": {"text": "hello"}, "annotations": []}]"#,
+        ),
+        file(
             "a KITTI label that is cut off",
             "import-detections kitti a.txt scene.json -o out.json",
             "a.txt",

@@ -16,7 +16,7 @@ use super::kitti_geometry::{Oxts, calibration, camera_rows, rect_from_world};
 use super::poses::{inverse, matrix4};
 use super::static_objects::LabelledObjects;
 use super::text::lines;
-use super::xml::{Element, Xml};
+use super::xml::{DocumentType, Element, Xml};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
@@ -185,7 +185,8 @@ impl Tracklet {
 /// # Errors
 /// [`ReadError`] with line and column, what was found and what was expected.
 pub fn parse_tracklets(path: &Path, bytes: &[u8]) -> Result<Vec<Tracklet>, ReadError> {
-    let xml = Xml::parse(path, bytes, "tracklets")?;
+    // The files name their type in a DOCTYPE.
+    let xml = Xml::parse(path, bytes, "tracklets", DocumentType::Allowed)?;
     xml.child(&xml.root, "tracklets")?.children("item").map(|item| tracklet(&xml, item)).collect()
 }
 

@@ -5,6 +5,15 @@ use std::path::Path;
 use crate::error::ReadError;
 use crate::input::as_utf8;
 
+/// Whether a file may have a document type (DOCTYPE), which may define entities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum DocumentType {
+    /// It may; the parser limits how deep and how often entities are expanded.
+    Allowed,
+    /// It is an error.
+    Refused,
+}
+
 /// An XML file.
 pub(super) struct Xml<'a> {
     path: &'a Path,
@@ -20,6 +29,8 @@ pub(super) struct Element {
     text: Box<str>,
     /// Where it begins, in bytes.
     start: usize,
+    /// Names, without their namespaces, and values.
+    attributes: Box<[(Box<str>, Box<str>)]>,
     elements: Vec<Element>,
 }
 
@@ -33,20 +44,39 @@ impl Element {
     pub fn children(&self, name: &str) -> impl Iterator<Item = &Self> {
         self.elements.iter().filter(move |child| &*child.name == name)
     }
+
+    /// All elements in it.
+    pub fn all_children(&self) -> &[Self] {
+        &self.elements
+    }
+
+    /// The value of an attribute, if present, without the white space around it.
+    pub fn attribute(&self, name: &str) -> Option<&str> {
+        self.attributes.iter().find(|(key, _)| &**key == name).map(|(_, value)| value.trim())
+    }
 }
 
 impl<'a> Xml<'a> {
     /// Reads a file; `expected` describes its content for messages.
     #[cfg(feature = "xml")]
-    pub fn parse(path: &'a Path, bytes: &'a [u8], expected: &str) -> Result<Self, ReadError> {
+    pub fn parse(
+        path: &'a Path,
+        bytes: &'a [u8],
+        expected: &str,
+        document_type: DocumentType,
+    ) -> Result<Self, ReadError> {
         let text = as_utf8(path, bytes)?;
         check_attributes(text).map_err(|line| {
             ReadError::new(path, format!("an element has more than {MOST_ATTRIBUTES} attributes; expected {expected}"))
                 .at(line, 0)
         })?;
-        // KITTI's files name their type in a DOCTYPE.
-        let options = roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: 50_000_000, ..Default::default() };
+        let allow_dtd = document_type == DocumentType::Allowed;
+        let options = roxmltree::ParsingOptions { allow_dtd, nodes_limit: 50_000_000, ..Default::default() };
         let document = roxmltree::Document::parse_with_options(text, options).map_err(|error| {
+            if matches!(error, roxmltree::Error::DtdDetected) {
+                let problem = "the file has a document type (<!DOCTYPE>), which may define entities";
+                return ReadError::new(path, format!("{problem}; expected {expected}"));
+            }
             let place = error.pos();
             ReadError::new(path, format!("this is not valid XML: {error}")).at(place.row as usize, place.col as usize)
         })?;
@@ -70,8 +100,13 @@ impl<'a> Xml<'a> {
 
     /// Says that XML is not read.
     #[cfg(not(feature = "xml"))]
-    pub fn parse(path: &'a Path, bytes: &'a [u8], expected: &str) -> Result<Self, ReadError> {
-        let _ = (as_utf8(path, bytes)?, expected);
+    pub fn parse(
+        path: &'a Path,
+        bytes: &'a [u8],
+        expected: &str,
+        document_type: DocumentType,
+    ) -> Result<Self, ReadError> {
+        let _ = (as_utf8(path, bytes)?, expected, document_type);
         Err(ReadError::left_out(path, "XML files", "xml"))
     }
 
@@ -101,6 +136,35 @@ impl<'a> Xml<'a> {
         let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
         number.ok_or_else(|| self.error(child, format!("<{name}> is \"{text}\"; expected a number")))
     }
+
+    /// An attribute that must be there.
+    pub fn attribute<'e>(&self, element: &'e Element, name: &str) -> Result<&'e str, ReadError> {
+        let found = element.attribute(name);
+        found.ok_or_else(|| self.error(element, format!("there is no attribute \"{name}\" in <{}>", element.name)))
+    }
+
+    /// An attribute that must be a number.
+    pub fn attribute_number(&self, element: &Element, name: &str) -> Result<f64, ReadError> {
+        self.parsed(element, name, "a number", |text| text.parse().ok().filter(|x: &f64| x.is_finite()))
+    }
+
+    /// An attribute that must be a whole number from 0.
+    pub fn attribute_whole(&self, element: &Element, name: &str) -> Result<u32, ReadError> {
+        self.parsed(element, name, "a whole number from 0", |text| text.parse().ok())
+    }
+
+    fn parsed<T>(
+        &self,
+        element: &Element,
+        name: &str,
+        expected: &str,
+        parse: impl Fn(&str) -> Option<T>,
+    ) -> Result<T, ReadError> {
+        let text = self.attribute(element, name)?;
+        let shown: String = text.chars().take(40).collect();
+        parse(text)
+            .ok_or_else(|| self.error(element, format!("the attribute {name} is \"{shown}\"; expected {expected}")))
+    }
 }
 
 #[cfg(feature = "xml")]
@@ -111,6 +175,7 @@ impl Element {
             name: node.tag_name().name().into(),
             text: node.text().unwrap_or_default().trim().into(),
             start: node.range().start,
+            attributes: node.attributes().map(|each| (each.name().into(), each.value().into())).collect(),
             elements: Vec::new(),
         }
     }

@@ -8,7 +8,9 @@ use quadlift_io::read::PixelCenters;
 use quadlift_io::read::detections::DetectionFiles;
 use quadlift_io::read::detections::coco::read_coco;
 use quadlift_io::read::detections::csv::{TableOptions, read_csv};
+use quadlift_io::read::detections::cvat::read_cvat;
 use quadlift_io::read::detections::kitti::read_kitti_labels;
+use quadlift_io::read::detections::label_studio::read_label_studio;
 use quadlift_io::read::detections::labelme::read_labelme;
 use quadlift_io::read::detections::mot::{MotKind, MotOptions, read_mot};
 use quadlift_io::read::detections::names::{ClassNames, read_names};
@@ -111,6 +113,22 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
+    /// CVAT's XML: boxes, polygons, masks and ellipses of images, or tracks of a video
+    Cvat {
+        /// The file, or the folder of an export with annotations.xml
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Label Studio's JSON or JSON-MIN: shapes of images, or tracks of a video
+    LabelStudio {
+        /// The export
+        #[arg(value_name = "FILE.json")]
+        path: PathBuf,
+        #[command(flatten)]
+        common: Common,
+    },
 }
 
 /// The names of the classes.
@@ -177,6 +195,8 @@ impl Format {
             Self::Supervision { path, common, .. } => (DetectionFormat::Supervision, path, common),
             Self::Labelme { path, common, .. } => (DetectionFormat::LabelMe, path, common),
             Self::Voc { path, common, .. } => (DetectionFormat::Voc, path, common),
+            Self::Cvat { path, common, .. } => (DetectionFormat::Cvat, path, common),
+            Self::LabelStudio { path, common, .. } => (DetectionFormat::LabelStudio, path, common),
         }
     }
 
@@ -230,6 +250,8 @@ impl Format {
             }
             Self::Labelme { path, .. } => read_labelme(path),
             Self::Voc { path, .. } => read_voc(path),
+            Self::Cvat { path, .. } => read_cvat(path),
+            Self::LabelStudio { path, .. } => read_label_studio(path),
         }
     }
 }

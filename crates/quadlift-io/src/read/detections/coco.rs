@@ -4,27 +4,55 @@
 //! "Data format" and "Results format" of cocodataset.org; runs as in pycocotools' `maskApi.c`.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use quadlift_segment::{Polygons, Rle};
 
 use super::files::{ByImage, Detected, DetectionFiles, File, ImageKey, Numbering, Outline, edges_of_size};
 use crate::error::ReadError;
-use crate::input::read_bytes;
+use crate::input::{paths_below, read_bytes};
 use crate::read::json::{Node, parse_json};
 use crate::scene_file::{RleCounts, RleRecord};
 
-/// Reads a data set or a list of results. Results name images and categories by numbers only; `annotations` is the data
+/// Name of Roboflow's annotations, in the folder of each part of a data set: `train`, `valid`, `test`.
+const ROBOFLOW: &str = "_annotations.coco.json";
+
+/// The annotations in a folder of Roboflow and in those in it, if there are any.
+pub(crate) fn files_of_roboflow(folder: &Path) -> Result<Option<Vec<PathBuf>>, ReadError> {
+    let all = paths_below(folder, "json")?.into_iter().map(|(_, path)| path);
+    let files: Vec<PathBuf> = all.filter(|path| path.ends_with(ROBOFLOW)).collect();
+    Ok((!files.is_empty()).then_some(files))
+}
+
+/// Reads a data set or a list of results; of a folder the annotations of Roboflow in it. Results name images and categories by numbers only; `annotations` is the data
 /// set that has their names.
 ///
 /// # Errors
 /// [`ReadError`] with the entry, what was found and what was expected.
 pub fn read_coco(path: &Path, annotations: Option<&Path>) -> Result<DetectionFiles, ReadError> {
+    if path.is_dir() {
+        return read_roboflow(path);
+    }
     let bytes = read_bytes(path)?;
     match annotations {
         None => parse_coco((path, &bytes), None),
         Some(data_set) => parse_coco((path, &bytes), Some((data_set, &read_bytes(data_set)?))),
     }
+}
+
+/// The parts of a data set of Roboflow, one after another.
+fn read_roboflow(folder: &Path) -> Result<DetectionFiles, ReadError> {
+    let Some(files) = files_of_roboflow(folder)? else {
+        return Err(ReadError::new(folder, format!("there is no {ROBOFLOW} in the folder; expected it, or a file")));
+    };
+    let mut all = DetectionFiles { path: folder.to_owned(), numbering: Numbering::OfNames, ..Default::default() };
+    for path in &files {
+        let part = parse_coco((path, &read_bytes(path)?), None)?;
+        all.images.extend(part.images);
+        all.notes.extend(part.notes);
+    }
+    all.notes.dedup();
+    Ok(all)
 }
 
 /// The detections in the bytes of such files; the paths serve for messages.

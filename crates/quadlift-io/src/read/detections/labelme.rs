@@ -6,9 +6,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::files::{
-    Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, extent, label_files,
-};
+use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
+use super::shapes::add_part;
 use crate::error::ReadError;
 use crate::read::json::{Node, parse_json};
 
@@ -95,27 +94,5 @@ fn points_of(kind: &str) -> &'static str {
         "polygon" => "3 or more of a polygon",
         "circle" => "2 of a circle, the centre and one on it",
         _ => "2 of a box, opposite corners",
-    }
-}
-
-/// Adds a part to an object: polygons are gathered, boxes joined; other shapes are reduced to their box, which is
-/// kept.
-fn add_part(object: &mut Detected, part: Detected) {
-    if let (Outline::Polygons(all), Outline::Polygons(more)) = (&mut object.outline, &part.outline) {
-        all.extend(more.iter().cloned());
-        return;
-    }
-    if let (Some(a), Some(b)) = (box_of(object), box_of(&part)) {
-        object.bounding_box = Some([a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]);
-        object.outline = Outline::Unknown;
-    }
-}
-
-/// The box of a shape.
-fn box_of(detected: &Detected) -> Option<[f64; 4]> {
-    match &detected.outline {
-        Outline::Circle([x, y, radius]) => Some([x - radius, y - radius, x + radius, y + radius]),
-        Outline::Polygons(polygons) => Some(extent(polygons.iter().flatten().copied())),
-        _ => detected.bounding_box,
     }
 }

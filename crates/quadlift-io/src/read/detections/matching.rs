@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::files::{DetectedImage, ImageKey, Numbering};
+use super::original_names::original_name;
 use crate::scene_file::{FrameRecord, SceneFile};
 
 /// How the images of a file are matched to the frames of a scene.
@@ -133,22 +134,43 @@ fn by_name(scene: &SceneFile, images: &[DetectedImage], by: MatchBy) -> Matching
             }
         }
     }
-    let mut taken = HashSet::new();
-    let frame_of = |image: &DetectedImage| {
-        let wanted = parts(image.key.name.as_deref()?, by);
+    let frame_of = |name: &str| {
+        let wanted = parts(name, by);
         let candidates = frames.get(wanted.first()?)?;
         let agreement = |found: &[&str]| wanted.iter().zip(found).take_while(|(a, b)| a == b).count();
         let most = candidates.iter().map(|(_, found)| agreement(found)).max()?;
         let mut best = candidates.iter().filter(|(_, found)| agreement(found) == most).map(|(index, _)| *index);
         let frame = best.next()?;
-        (best.all(|other| other == frame) && taken.insert(frame)).then_some(frame)
+        best.all(|other| other == frame).then_some(frame)
     };
-    Matching { by, frame_of_image: images.iter().map(frame_of).collect(), frame_offset: None, note: None }
+    let (mut taken, mut versions) = (HashSet::new(), 0);
+    let mut frame_of_image = Vec::with_capacity(images.len());
+    for image in images {
+        let name = image.key.name.as_deref();
+        let mut frame = name.and_then(frame_of);
+        // Annotation tools rename images.
+        let mut renamed = false;
+        if let (None, Some(original)) = (frame, name.and_then(original_name)) {
+            frame = frame_of(&original);
+            renamed = true;
+        }
+        let is_first = frame.is_some_and(|frame| taken.insert(frame));
+        versions += usize::from(renamed && frame.is_some() && !is_first);
+        frame_of_image.push(frame.filter(|_| is_first));
+    }
+    let note = (versions > 0).then(|| {
+        format!(
+            "{versions} images are further versions of a frame's image and have no frame: the first version of each was \
+             used; export the data set without augmentation"
+        )
+    });
+    Matching { by, frame_of_image, frame_offset: None, note }
 }
 
 /// The number at the end of a name, such as 12 in "left/frame_0012.png".
 fn number_in(name: &str) -> Option<i64> {
-    let stem = parts(name, MatchBy::Stem).first().copied()?;
+    let original = original_name(name);
+    let stem = parts(original.as_deref().unwrap_or(name), MatchBy::Stem).first().copied()?;
     if stem.contains('.') && stem.parse::<f64>().is_ok() {
         // A time.
         return None;

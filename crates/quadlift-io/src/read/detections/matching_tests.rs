@@ -47,6 +47,29 @@ fn names_match_with_any_folders_and_stems_without_extensions() {
 }
 
 #[test]
+fn names_that_annotation_tools_gave_match_the_original_ones() {
+    let hash = "0123456789abcdef0123456789abcd42";
+    let scene = ids(&["images/frame_1.jpg", "images/frame_2.jpg", "left/a.png"]);
+    let renamed = |name: &str, extension: &str| format!("train/labels/{name}_jpg.rf.{hash}.{extension}");
+    for extension in ["jpg", "txt", "xml"] {
+        let [one, two] = [renamed("frame_1", extension), renamed("frame_2", extension)];
+        let matching = match_frames(&scene, &named(&[&two, &one, "0a1b2c3d-a.png"]), &AUTO).unwrap();
+        assert_eq!((matching.by, matching.frame_of_image), (MatchBy::Name, vec![Some(1), Some(0), Some(2)]));
+        assert_eq!(matching.note, None);
+    }
+    // Images that have the name of the file itself come first, as they do where the exported images were used.
+    let exported = ids(&["a.png", "0a1b2c3d-a.png"]);
+    assert_eq!(matched(&exported, &named(&["0a1b2c3d-a.png", "a.png"]), &AUTO), [Some(1), Some(0)]);
+    // Versions of one image, as augmentation makes them.
+    let versions = [renamed("frame_1", "jpg"), renamed("frame_1", "jpg").replace("01", "10")];
+    let matching = match_frames(&scene, &named(&[&versions[0], &versions[1]]), &AUTO).unwrap();
+    assert_eq!(matching.frame_of_image, [Some(0), None]);
+    insta::assert_snapshot!(matching.note.unwrap(), @"1 images are further versions of a frame's image and have no frame: the first version of each was used; export the data set without augmentation");
+    // The digits at the end of a hash are no number.
+    assert_eq!(number_in(&renamed("frame_12", "jpg")), Some(12));
+}
+
+#[test]
 fn numbers_are_those_of_the_names_or_places() {
     let kitti = ids(&["000090", "000091", "000092"]);
     let of_names = MatchOptions { numbering: Numbering::OfNames, ..AUTO };

@@ -7,11 +7,16 @@
 mod add;
 pub mod coco;
 pub mod csv;
+pub mod cvat;
 mod files;
 pub mod kitti;
+pub mod label_studio;
+mod label_studio_brush;
 pub mod labelme;
 pub mod mot;
 pub mod names;
+mod original_names;
+mod shapes;
 pub mod supervision;
 mod table;
 pub mod voc;
@@ -58,5 +63,7 @@ pub fn read_detections(
         DetectionFormat::Supervision => supervision::read_supervision(path, options),
         DetectionFormat::LabelMe => labelme::read_labelme(path),
         DetectionFormat::Voc => voc::read_voc(path),
+        DetectionFormat::Cvat => cvat::read_cvat(path),
+        DetectionFormat::LabelStudio => label_studio::read_label_studio(path),
     }
 }

@@ -45,7 +45,7 @@ fn scene(ids: &[&str]) -> SceneFile {
 }
 
 /// The detections as records of a scene with these frames, which is valid with them.
-fn added(files: DetectionFiles, ids: &[&str]) -> Vec<DetectionRecord> {
+pub(super) fn added(files: DetectionFiles, ids: &[&str]) -> Vec<DetectionRecord> {
     let mut scene = scene(ids);
     add_detections(&mut scene, files, &AddOptions::default()).unwrap_or_else(|error| panic!("{error}"));
     scene.to_scene().unwrap();
@@ -404,6 +404,69 @@ fn boxes_of_pascal_voc() {
     insta::assert_snapshot!(message("<annotation><object>"), @"a.xml:1:1: this is not valid XML: the root node was opened but never closed");
     let deep = format!("<annotation>{}{}</annotation>", "<a>".repeat(200), "</a>".repeat(200));
     insta::assert_snapshot!(message(&deep), @"a.xml:1:310: elements are nested more than 100 levels deep");
+}
+
+#[test]
+fn exports_of_roboflow() {
+    let folder = tempfile::tempdir().unwrap();
+    let make = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    let name = |stem: &str| format!("{stem}_png.rf.0123456789abcdef0123456789abcdef");
+    let (first, second) = (name("a-1"), name("a-2"));
+    let check = |files: DetectionFiles| {
+        let records = added(files, &["images/a-1.png", "images/a-2.png"]);
+        let found: Vec<_> =
+            records.iter().map(|record| (&*record.frame, record.category.as_deref(), record.bounding_box)).collect();
+        let edges = Some([16.0, 12.0, 32.0, 36.0]);
+        assert_eq!(found, [("images/a-1.png", Some("cup"), edges), ("images/a-2.png", Some("cup"), edges)]);
+    };
+    // YOLO: texts about the data set beside the folders, names of classes in YAML.
+    for (file, text) in [
+        ("README.dataset.txt", "# cups > 2026-01-01\nhttps://universe.roboflow.com/me/cups\n\nLicense: CC BY 4.0\n"),
+        ("README.roboflow.txt", "\ncups - v1\n=====\n\nThe dataset includes 2 images.\n"),
+        ("data.yaml", "train: ../train/images\nnc: 1\nnames: ['cup']\n\nroboflow:\n  workspace: me\n  version: 1\n"),
+        (&format!("train/labels/{first}.txt"), "0 0.375 0.5 0.25 0.5\n"),
+        (&format!("valid/labels/{second}.txt"), "0 0.375 0.5 0.25 0.5"),
+    ] {
+        make(&format!("yolo/{file}"), text);
+    }
+    check(read_yolo(&folder.path().join("yolo"), &YoloOptions::default()).unwrap());
+    // COCO: a file for each part of the data set, ids from 0 in each, the category 0 is above the others.
+    let coco = |image: &str| {
+        format!(
+            r#"{{"info": {{"description": "Exported from roboflow.com"}}, "categories": [
+            {{"id": 0, "name": "cups", "supercategory": "none"}}, {{"id": 1, "name": "cup", "supercategory": "cups"}}],
+            "images": [{{"id": 0, "license": 1, "file_name": "{image}.jpg", "height": 48, "width": 64,
+            "extra": {{"name": "a.png"}}}}],
+            "annotations": [{{"id": 0, "image_id": 0, "category_id": 1, "bbox": [16, 12, 16, 24], "area": 384,
+            "segmentation": [], "iscrowd": 0}}]}}"#
+        )
+    };
+    make("coco/README.dataset.txt", "# cups\n");
+    make("coco/train/_annotations.coco.json", &coco(&first));
+    make("coco/valid/_annotations.coco.json", &coco(&second));
+    check(read_coco(&folder.path().join("coco"), None).unwrap());
+    let empty = folder.path().join("yolo");
+    assert!(read_coco(&empty, None).unwrap_err().problem.starts_with("there is no _annotations.coco.json"));
+    // Pascal VOC.
+    for image in [&first, &second] {
+        let text = format!(
+            "<annotation><folder></folder><filename>{image}.jpg</filename><path>{image}.jpg</path><source><database>\
+             roboflow.com</database></source><size><width>64</width><height>48</height><depth>3</depth></size><object>\
+             <name>cup</name><bndbox><xmin>16</xmin><xmax>32</xmax><ymin>12</ymin><ymax>36</ymax></bndbox></object>\
+             </annotation>"
+        );
+        make(&format!("voc/train/{image}.xml"), &text);
+    }
+    check(crate::read::detections::voc::read_voc(&folder.path().join("voc")).unwrap());
+    // TensorFlow's table.
+    let rows = [&first, &second].map(|image| format!("{image}.jpg,64,48,cup,16,12,32,36\n")).concat();
+    make("_annotations.csv", &format!("filename,width,height,class,xmin,ymin,xmax,ymax\n{rows}"));
+    let table = std::fs::read(folder.path().join("_annotations.csv")).unwrap();
+    check(parse_csv(Path::new("_annotations.csv"), &table, &TableOptions::default()).unwrap());
 }
 
 #[test]

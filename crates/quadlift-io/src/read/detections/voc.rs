@@ -11,7 +11,7 @@ use super::files::{
     Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, checked_edges, label_files,
 };
 use crate::error::ReadError;
-use crate::read::xml::{Element, Xml};
+use crate::read::xml::{DocumentType, Element, Xml};
 
 /// Reads a file, or those of a folder and the folders in it.
 ///
@@ -42,7 +42,7 @@ pub fn parse_voc(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, Rea
 
 /// The objects of an image. Files that count pixels from 1, and objects without a box, are counted.
 fn image(file: &LabelFile, from_one: &mut usize, without_box: &mut usize) -> Result<DetectedImage, ReadError> {
-    let xml = Xml::parse(&file.path, &file.bytes, "an annotation of Pascal VOC")?;
+    let xml = Xml::parse(&file.path, &file.bytes, "an annotation of Pascal VOC", DocumentType::Allowed)?;
     let root = &xml.root;
     if &*root.name != "annotation" {
         return Err(xml.error(root, format!("the file holds <{}>; expected <annotation>", root.name)));

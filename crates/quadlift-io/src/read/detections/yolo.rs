@@ -17,7 +17,15 @@ use crate::input::as_utf8;
 use crate::read::text::lines;
 
 /// Files with class names, beside the labels or in one of two parent folders.
-const NAMES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "obj.names"];
+const NAMES: [&str; 5] = ["data.yaml", "dataset.yaml", "classes.txt", "obj.names", "_darknet.labels"];
+
+/// Texts about the data set that Roboflow puts beside the labels.
+const DESCRIPTIONS: [&str; 2] = ["README.dataset.txt", "README.roboflow.txt"];
+
+/// Whether a text file describes the data set of Roboflow.
+pub(crate) fn is_description(path: &Path) -> bool {
+    DESCRIPTIONS.iter().any(|name| path.ends_with(name))
+}
 
 /// Coordinates may lie this far outside of the image, as a share of its size.
 const OUTSIDE: f64 = 0.5;
@@ -41,7 +49,7 @@ pub fn read_yolo(path: &Path, options: &YoloOptions) -> Result<DetectionFiles, R
     let labels = path.join("labels");
     let path = if labels.is_dir() { &labels } else { path };
     let mut files = label_files(path, "txt")?;
-    files.retain(|file| !NAMES.iter().any(|name| file.path.ends_with(name)));
+    files.retain(|file| !NAMES.iter().any(|name| file.path.ends_with(name)) && !is_description(&file.path));
     let found = match options.names {
         Some(_) => None,
         None => {
