@@ -69,6 +69,12 @@ def check_glb(path, objects, turn):
         expected = bounds(o["ellipsoid"], turn)
         close_to(np.array([points.min(axis=0), points.max(axis=0)]), expected, expected[1] - expected[0])
         assert mesh.visual.material.alphaMode == "BLEND"
+    # trimesh keeps no `extras` of nodes: the JSON of the file has them.
+    content = path.read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    nodes = {node["name"]: node for node in json.loads(content[20 : 20 + length])["nodes"]}
+    for o in objects:
+        assert nodes[o["id"]]["extras"] == {"id": o["id"], "category": o.get("category")}, nodes[o["id"]]
     print(f"glTF: {len(scene.geometry)} meshes, bounds {scene.bounds.tolist()}")
 
 

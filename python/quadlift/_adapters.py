@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _checks, _core, _found
+from . import _checks, _core, _fiftyone, _found
 from ._core import QuadliftError
 from ._scene_data import SceneData
 
@@ -174,6 +174,49 @@ class FromOtherPackages(SceneData):
         table = _Table(cameras)
         for frame, result in _by_frame(results, frames, known):
             table.add(frame, _found.of_ultralytics(result, f'the result of frame "{known[frame]}"'))
+        return cameras.with_detections(**table.arrays(), source=source)
+
+
+    @classmethod
+    def from_fiftyone(
+        cls,
+        samples: Iterable[Any],
+        cameras: Self,
+        *,
+        field: str = "predictions",
+        frames: Sequence[str] | None = None,
+        source: str = "fiftyone",
+    ) -> Self:
+        """Cameras with the 2D detections of FiftyOne samples.
+
+        Boxes of FiftyOne are shares of the image: its size is that of the sample's metadata, otherwise of the camera.
+        Labels become categories, confidences scores, and indices object ids (``t7`` for 7). Masks are not read.
+
+        Parameters
+        ----------
+        samples : iterable of fiftyone.Sample
+            A dataset, a view or a list of samples; matched to frame ids by the names of their files.
+        cameras : Scene
+            The frames.
+        field : str
+            The field of the samples with `fiftyone.Detections`.
+        frames : sequence of str, optional
+            Frame ids of the samples, instead of matching names.
+        source : str
+            Name of the detector.
+        """
+        _checks.scene("cameras", cameras)
+        _checks.text("field", field)
+        samples, known = list(samples), cameras.frame_ids
+        for k, sample in enumerate(samples):
+            if not hasattr(sample, "filepath"):
+                raise QuadliftError(f"samples[{k}] is a {type(sample).__name__}; expected a fiftyone.Sample")
+        if frames is None:
+            frames = _frames_of_paths([str(sample.filepath) for sample in samples], known)
+        sizes = _fiftyone.image_sizes(cameras.to_dict())
+        table = _Table(cameras)
+        for frame, sample in _by_frame(samples, frames, known):
+            table.add(frame, _fiftyone.of_sample(sample, field, sizes.get(known[frame])))
         return cameras.with_detections(**table.arrays(), source=source)
 
 

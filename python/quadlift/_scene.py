@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from . import _checks, _core, _estimates, _notebook, _options, _rerun
+import numpy as np
+
+from . import _checks, _core, _estimates, _fiftyone, _notebook, _options, _rerun
 from ._adapters import FromOtherPackages
 from ._estimates import EstimateArrays
 
@@ -22,8 +24,8 @@ if TYPE_CHECKING:
 class Scene(FromOtherPackages):
     """Posed frames with detections and objects (ground truth or estimates). Immutable.
 
-    Make one with `read`, `from_arrays`, `from_colmap`, `from_coco`, `from_detections`, `from_supervision` or
-    `from_ultralytics`. Invalid arguments and files raise `QuadliftError`, which names the argument or file, what was
+    Make one with `read`, `from_arrays`, `from_colmap`, `from_coco`, `from_detections`, `from_supervision`,
+    `from_ultralytics` or `from_fiftyone`. Invalid arguments and files raise `QuadliftError`, which names the argument or file, what was
     found and what was expected.
     """
 
@@ -424,6 +426,35 @@ class Estimates(EstimateArrays):
             self._check_output(path, of_truth)
         recorded = self._localized.recording(given.name or "quadlift", of_truth)
         _rerun.log_recorded(recorded, given, path)
+
+    def to_fiftyone(self) -> Any:
+        """The objects as 3D detections of FiftyOne (https://docs.voxel51.com), for a 3D sample; needs its package.
+
+        Each object with a body is a `fiftyone.Detection` with `label` (the category, or ``"object"``), `location` (the
+        centre), `dimensions` (twice the half extents or semi-axes) and `rotation` (angles in radians about x, y and z,
+        applied in this order to the axes of the object), in world coordinates; further attributes are `object_id`,
+        `status`, `center_sd` and `views_used`.
+
+        Returns
+        -------
+        fiftyone.Detections
+        """
+        with_body = np.flatnonzero(np.isfinite(self.centers).all(axis=1) & np.isfinite(self.semi_axes).all(axis=1))
+        half = np.where(np.isfinite(self.body_axes), self.body_axes, self.semi_axes)
+        angles = _fiftyone.euler_angles(self.rotations[with_body])
+        return _fiftyone.detections(
+            {
+                "label": self.categories[row] or "object",
+                "location": self.centers[row].tolist(),
+                "dimensions": (2.0 * half[row]).tolist(),
+                "rotation": angle.tolist(),
+                "object_id": str(self.object_ids[row]),
+                "status": str(self.status[row]),
+                "center_sd": float(self.center_sd[row]) if np.isfinite(self.center_sd[row]) else None,
+                "views_used": int(self.views_used[row]),
+            }
+            for row, angle in zip(with_body, angles, strict=True)
+        )
 
     def _check_output(self, path: Path, truth: _core.Scene | None) -> None:
         """Raises an error if an input would be overwritten."""

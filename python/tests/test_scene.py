@@ -15,6 +15,7 @@ import pytest
 
 import quadlift
 from conftest import ROOT, Arrays, made_scene
+from quadlift._fiftyone import euler_angles
 
 COLMAP = ROOT / "docs/data/tutorial-colmap-yolo"
 
@@ -106,6 +107,89 @@ def test_supervision(made: Arrays, cameras: quadlift.Scene) -> None:
         quadlift.Scene.from_supervision({cameras.frame_ids[0]: turned}, cameras)
     with pytest.raises(quadlift.QuadliftError, match='unknown frame "x"'):
         quadlift.Scene.from_supervision({"x": plain}, cameras)
+
+
+def test_fiftyone(made: Arrays, cameras: quadlift.Scene) -> None:
+    """With stand-ins for `fiftyone.Sample` and its labels: the package brings a database."""
+
+    class Sample(SimpleNamespace):
+        def __getitem__(self, field: str) -> Any:
+            return getattr(self, field)
+
+    def sample(frame: int, **more: Any) -> Sample:
+        rows = made.frame == frame
+        shares = made.boxes[rows] / [640, 480, 640, 480]
+        shares[:, 2:] -= shares[:, :2]
+        labels = [
+            SimpleNamespace(label="cup", bounding_box=share.tolist(), confidence=0.5, index=int(number))
+            for share, number in zip(shares, made.object[rows], strict=True)
+        ]
+        fields = {"filepath": f"/data/{frame:03}.jpg", "metadata": None, "yolo": SimpleNamespace(detections=labels)}
+        return Sample(**{**fields, **more})
+
+    samples = [sample(k) for k in reversed(range(6))]
+    scene = quadlift.Scene.from_fiftyone(iter(samples), cameras, field="yolo")
+    estimates = scene.localize()
+    expected = quadlift.localize(**made.arguments())
+    order = np.argsort(estimates.object_ids)
+    np.testing.assert_allclose(estimates.centers[order], expected.centers, atol=1e-9)
+    assert estimates.categories == ["cup"] * 4
+    assert scene.to_dict()["detections"][0]["score"] == 0.5
+    # What a sample lacks.
+    empty = quadlift.Scene.from_fiftyone([sample(0, yolo=None)], cameras, field="yolo")
+    assert len(empty) == 0
+    half = sample(0, metadata=SimpleNamespace(width=320, height=240))
+    boxes = quadlift.Scene.from_fiftyone([half], cameras, field="yolo").to_dict()["detections"]
+    np.testing.assert_allclose([d["box"] for d in boxes], made.boxes[made.frame == 0] / 2)
+    with pytest.raises(quadlift.QuadliftError, match='has no field "predictions"'):
+        quadlift.Scene.from_fiftyone([sample(0)], cameras)
+    with pytest.raises(quadlift.QuadliftError, match="expected a fiftyone.Sample"):
+        quadlift.Scene.from_fiftyone([1], cameras)
+    solid = SimpleNamespace(label="cup", bounding_box=[], confidence=None, index=None)
+    with pytest.raises(quadlift.QuadliftError, match=r'yolo.detections\[0\] has no "bounding_box"'):
+        quadlift.Scene.from_fiftyone(
+            [sample(0, yolo=SimpleNamespace(detections=[solid]))], cameras, field="yolo"
+        )
+
+
+def test_objects_for_fiftyone(made: Arrays, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = SimpleNamespace(
+        Detection=lambda **fields: SimpleNamespace(**fields), Detections=lambda detections: detections
+    )
+    monkeypatch.setitem(sys.modules, "fiftyone", package)
+    estimates = quadlift.localize(**made.arguments())
+    found = estimates.to_fiftyone()
+    assert [one.object_id for one in found] == ["0", "1", "2", "3"]
+    for row, one in enumerate(found):
+        assert (one.label, one.status, one.views_used) == ("object", "ok", 6)
+        np.testing.assert_array_equal(one.location, estimates.centers[row])
+        np.testing.assert_array_equal(one.dimensions, 2 * estimates.semi_axes[row])
+        x, y, z = (rotation_about(axis, angle) for axis, angle in enumerate(one.rotation))
+        np.testing.assert_allclose(x @ y @ z, estimates.rotations[row], atol=1e-12)
+    monkeypatch.setitem(sys.modules, "fiftyone", None)
+    with pytest.raises(ImportError, match="pip install fiftyone"):
+        estimates.to_fiftyone()
+
+
+def test_angles_about_the_axes() -> None:
+    angles = np.array([[0.1, -0.7, 2.0], [3.0, 1.5, -3.0], [0.4, np.pi / 2, 0.3], [0.4, -np.pi / 2, 0.3]])
+
+    def matrices(angles: Any) -> Any:
+        return np.array([rotation_about(0, x) @ rotation_about(1, y) @ rotation_about(2, z) for x, y, z in angles])
+
+    found = euler_angles(matrices(angles))
+    np.testing.assert_allclose(found[:2], angles[:2], atol=1e-12)
+    np.testing.assert_allclose(matrices(found), matrices(angles), atol=1e-7)
+
+
+def rotation_about(axis: int, angle: float) -> Any:
+    """The rotation about x, y or z."""
+    turned = np.zeros((3, 3))
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    turned[axis, axis] = 1.0
+    turned[a, a] = turned[b, b] = np.cos(angle)
+    turned[a, b], turned[b, a] = -np.sin(angle), np.sin(angle)
+    return turned
 
 
 def test_ultralytics(made: Arrays, cameras: quadlift.Scene) -> None:

@@ -36,6 +36,7 @@ pub mod tables;
 mod temporary;
 #[cfg(test)]
 mod test_data;
+pub mod video;
 pub mod wording;
 pub mod write;
 

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::SceneImages;
+use quadlift_io::video::VideoFrames;
 use quadlift_report::{Content, frame_jpeg, recording};
 
 use crate::error::refuse;
@@ -46,6 +47,6 @@ pub fn jpeg(loaded: &Loaded, frame_index: usize) -> PyResult<Option<(Vec<u8>, [u
     // This one alone: a recording asks for one after another.
     let mut paths = vec![None; frame_index];
     paths.push(Some(loaded.path.parent().unwrap_or(Path::new("")).join(image)));
-    let images = SceneImages { scene_file: loaded.path.clone(), images: paths, masks: Vec::new(), boxes: Vec::new() };
+    let images = SceneImages { scene_file: loaded.path.clone(), images: paths, masks: Vec::new(), boxes: Vec::new(), videos: VideoFrames::default() };
     frame_jpeg(&loaded.scene, &images, frame_index, u32::MAX, QUALITY).map(Some).map_err(refuse)
 }

@@ -42,6 +42,7 @@ pub fn thumbnails(scene: &Scene, images: &SceneImages, frames: &[usize], budget:
     let mut result = Thumbnails { urls: vec![None; frames.len()], sizes: vec![None; frames.len()], notes: Vec::new() };
     let chosen: Vec<usize> = evenly_spread(with_image.len(), MOST_IMAGES).map(|k| with_image[k]).collect();
     let long_side = long_side(chosen.len());
+    images.videos.want(chosen.iter().map(|&k| frames[k]));
     let read: Vec<Result<(String, [u32; 2]), ReadError>> =
         chosen.par_iter().map(|&k| data_url(scene, images, frames[k], long_side)).collect();
     let mut errors = Vec::new();

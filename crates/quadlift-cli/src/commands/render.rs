@@ -66,6 +66,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         bail!("there is no frame \"{}\"; there are {}: {} ...", args.frame, scene.frames.len(), some.join(", "));
     };
     let images = &gathered.images;
+    images.videos.want([index]);
     let image = match images.images.get(index) {
         Some(Some(_)) => Some(frame_image(scene, images, index, u32::MAX)?.image),
         _ => None,

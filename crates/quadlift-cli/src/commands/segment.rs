@@ -7,7 +7,9 @@ use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::SceneImages;
+use quadlift_io::scene_file::way_to_file;
 use quadlift_io::segmentation::{Group, Method, Segmentation, Settings, add_to_scene};
+use quadlift_io::video::set_video;
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
@@ -46,13 +48,14 @@ Examples:
   quadlift segment scene.json -o segmented.json --contact-sheets sheets
   quadlift segment scene.json -o segmented.json --source yolo --out-masks masks
   quadlift segment scene.json -o segmented.json --method masks
+  quadlift segment scene.json -o segmented.json --images drive.mp4
   quadlift localize segmented.json -o objects.json
 
 Exit codes: 0 success; 1 at least one detection could not be segmented, or none; 2 wrong usage; 3 the scene is
 inconsistent (its masks are written anyway)."
 )]
 pub struct Args {
-    /// The scene file; its frames must name their images
+    /// The scene file; its frames must name their images, or --images a video
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
 
@@ -67,6 +70,10 @@ pub struct Args {
     /// Segment only the detections of this source; required if the scene has several
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
+
+    /// Take the images from this video: of each frame the one with the number in its name, or in its place (needs ffmpeg)
+    #[arg(long, value_name = "VIDEO")]
+    images: Option<PathBuf>,
 
     /// Write the masks to this folder as label images (PNG), one per frame, instead of into OUT.json
     #[arg(long, value_name = "DIR")]
@@ -114,6 +121,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     [Some(&args.output), args.report.as_ref()].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
     let check = Check::with_identities(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
     let CorrectedScene { mut file, scene, notes, .. } = corrected;
+    let mut of_video = None;
+    if let Some(video) = &args.images {
+        let folder = args.scene.parent().unwrap_or(Path::new(""));
+        of_video = set_video(&mut file, &way_to_file(folder, video)?);
+    }
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;
     check_folders(args, &images)?;
     let settings = Settings {
@@ -152,7 +164,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         .chain(source)
         .chain(["-o objects.json --report objects.html".into()]);
     let next = Next::default().command(words, "localise the objects from boxes and ellipses");
-    out.report(&(report(args, &segmentation, &notes) + &next.text()))?;
+    let of_video = of_video.map_or_else(String::new, |note| format!("note: {}\n", one_line(&note)));
+    out.report(&(report(args, &segmentation, &notes) + &of_video + &next.text()))?;
     out.document(&json!({
         "scene": title,
         "output": args.output.display().to_string(),

@@ -15,6 +15,7 @@ use quadlift_segment::{LabelImage, Mask, Polygons, Rle};
 use super::records::{FrameRecord, MaskRecord, RleCounts, SceneFile};
 use crate::error::{EntryError, ReadError};
 use crate::images::{check_pixels, read_image_of_size, read_label_image_of_size};
+use crate::video::{VideoFrames, file_of_image, frame_of_video};
 
 /// Most pixels of the masks that are held at once.
 const MOST_MASK_PIXELS: u64 = 1 << 31;
@@ -55,6 +56,8 @@ pub struct SceneImages {
     pub masks: Vec<Option<MaskSource>>,
     /// For each detection of the scene, its box in the image as it is: those of the scene are undistorted.
     pub boxes: Vec<Option<BoundingBox>>,
+    /// Images that are frames of videos ([`crate::video`]).
+    pub videos: VideoFrames,
 }
 
 impl SceneFile {
@@ -75,7 +78,7 @@ impl SceneFile {
         let folder = path.parent().unwrap_or(Path::new(""));
         let images = self.frames.iter().filter_map(|frame| frame.image.as_ref());
         let masks = self.detections.iter().filter_map(|detection| detection.mask.as_ref()?.path.as_ref());
-        images.chain(masks).map(move |path| folder.join(path))
+        images.chain(masks).map(move |path| folder.join(file_of_image(Path::new(path))))
     }
 
     /// The images and masks of the scene; `path` is the scene file, to which their paths are relative. No other file is
@@ -98,6 +101,7 @@ impl SceneFile {
             boxes: self.detections.iter().map(|d| BoundingBox::new(d.bounding_box?).ok()).collect(),
             images: self.frames.iter().map(|frame| frame.image.as_ref().map(|image| folder.join(image))).collect(),
             masks: self.detections.iter().map(|d| &d.mask).enumerate().map(mask).collect::<Result<_, _>>()?,
+            videos: VideoFrames::default(),
         })
     }
 }
@@ -149,7 +153,7 @@ impl SceneImages {
             _ => None,
         });
         let mut last: Option<&Path> = None;
-        for path in self.images.iter().flatten().chain(masks) {
+        for path in self.images.iter().flatten().chain(masks).map(|path| file_of_image(path)) {
             let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
             // Most files lie in the folder of the one before.
             if last.replace(parent) != Some(parent) && parent.canonicalize().is_ok_and(|parent| parent == folder) {
@@ -159,7 +163,7 @@ impl SceneImages {
         None
     }
 
-    /// Reads the image of a frame of the scene.
+    /// Reads the image of a frame of the scene; one that is a frame of a video with ffmpeg ([`crate::video`]).
     ///
     /// # Errors
     /// [`ReadError`] if the frame has no image, if the file cannot be read ([`crate::read_image`]), or if its size differs from
@@ -170,7 +174,15 @@ impl SceneImages {
             let problem = format!("the frame \"{id}\" has no \"image\"");
             return Err(ReadError::new(&self.scene_file, problem).in_entry(format!("frames[{frame_index}]")));
         };
-        read_image_of_size(path, &|size| check_size(scene, frame_index, size))
+        let check = |size| check_size(scene, frame_index, size);
+        match frame_of_video(path) {
+            Some(place) => {
+                let file = self.videos.image(frame_index, place, &self.images)?;
+                // The file is a temporary one.
+                read_image_of_size(&file, &check).map_err(|error| ReadError::new(path, error.problem))
+            }
+            None => read_image_of_size(path, &check),
+        }
     }
 
     /// Reads the masks of detections of the scene, by their indices; `None` for one that has no mask. A label image that

@@ -17,6 +17,7 @@ use quadlift_segment::{
 
 use crate::problems::{Problem, Problems};
 use crate::scene_file::{MaskSource, SceneImages};
+use crate::video::file_of_image;
 
 pub use result::add_to_scene;
 
@@ -211,13 +212,14 @@ pub fn segment_scene(
     if !reads_masks || settings.with_crops {
         let mut named = images.images.iter().flatten();
         let first = named.clone().next().ok_or(SegmentSceneError::NoImage)?;
-        if !named.any(|path| path.exists()) {
+        if !named.any(|path| file_of_image(path).exists()) {
             let count = images.images.iter().flatten().count();
             return Err(SegmentSceneError::MissingImages { count, first: first.clone() });
         }
     }
     let frames = by_frame(scene, &detections);
     segmentation.groups = by_object(scene, &frames);
+    images.videos.want(frames.keys().copied());
     for (done, (&frame, detections)) in frames.iter().enumerate() {
         if progress(Step::Images, done, frames.len()).is_break() {
             return Err(SegmentError::Cancelled.into());

@@ -111,7 +111,7 @@ fn object_node(object: &Object, placement: &Placement, mesh: usize) -> Value {
         "translation": translation,
         "rotation": quaternion(&placement.rotation),
         "scale": scale,
-        "extras": { "category": object.category },
+        "extras": { "id": object.id, "category": object.category },
     })
 }
 

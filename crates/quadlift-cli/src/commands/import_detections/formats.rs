@@ -26,8 +26,8 @@ use crate::commands::import::formats::Pixels;
 pub enum Format {
     /// COCO: annotations or a list of results, with boxes, polygons and masks
     Coco {
-        /// The file
-        #[arg(value_name = "FILE.json")]
+        /// The file, or the folder of a Roboflow export
+        #[arg(value_name = "PATH")]
         path: PathBuf,
         /// The data set that names images and categories of a list of results
         #[arg(long, value_name = "FILE.json")]

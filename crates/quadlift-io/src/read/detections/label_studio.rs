@@ -10,6 +10,7 @@ use std::path::Path;
 
 use super::files::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, Outline, edges_of_size};
 use super::label_studio_brush::mask_of_brush;
+use super::label_studio_links::{image_name, is_video};
 use super::shapes::{PixelBudget, turned_box};
 use crate::error::ReadError;
 use crate::input::read_bytes;
@@ -17,15 +18,6 @@ use crate::read::json::{Node, parse_json};
 
 /// Most boxes between keyframes in a file: two keyframes of a few bytes may be any number of frames apart.
 const MOST_BETWEEN_KEYFRAMES: u64 = 1 << 20;
-
-/// Endings of names of images.
-const IMAGES: [&str; 8] = ["jpg", "jpeg", "png", "bmp", "webp", "tif", "tiff", "gif"];
-
-/// Endings of names of videos.
-const VIDEOS: [&str; 6] = ["mp4", "webm", "mov", "avi", "mkv", "m4v"];
-
-/// Keys of names of images, which are preferred to others.
-const IMAGE_KEYS: [&str; 4] = ["image", "img", "video", "image_url"];
 
 /// Keys of the labels of a shape.
 const LABELS: [&str; 6] =
@@ -183,8 +175,8 @@ impl Reader {
             }
         }
         // A video without tracks has no frames to speak of.
-        let is_video = self.videos.contains_key(&name) || shapes.is_empty() && has_ending(&name, &VIDEOS);
-        if !is_video {
+        let has_frames = self.videos.contains_key(&name) || shapes.is_empty() && is_video(&name);
+        if !has_frames {
             let image = self.found.image(ImageKey { name: Some(name), size: image_size, ..ImageKey::default() });
             image.detections.extend(shapes);
         }
@@ -374,56 +366,6 @@ fn label(result: &Node) -> Result<Option<String>, ReadError> {
         }
     }
     Ok(None)
-}
-
-/// The name of the image or video among the texts of a task.
-fn image_name(data: &Node) -> Result<String, ReadError> {
-    let texts = data.object()?.iter().filter_map(|(key, value)| Some((key.as_str(), value.as_str()?)));
-    let named: Vec<(&str, String)> = texts.map(|(key, text)| (key, name_of_link(text))).collect();
-    let is_media = |name: &str| has_ending(name, &IMAGES) || has_ending(name, &VIDEOS);
-    let preferred = IMAGE_KEYS.iter().find_map(|wanted| named.iter().find(|(key, _)| key == wanted));
-    let found = preferred.or_else(|| named.iter().find(|(_, name)| is_media(name)));
-    match found {
-        Some((_, name)) if !name.is_empty() => Ok(name.clone()),
-        _ => Err(data.error("there is no name of an image or video; expected one in \"image\" or \"video\"")),
-    }
-}
-
-/// Whether a name has one of these extensions.
-fn has_ending(name: &str, endings: &[&str]) -> bool {
-    name.rsplit_once('.').is_some_and(|(_, found)| endings.iter().any(|ending| found.eq_ignore_ascii_case(ending)))
-}
-
-/// The path of a file in a link: `https://host/a/b.jpg?token=1`, `/data/local-files/?d=a/b.jpg`, `s3://bucket/a/b.jpg`.
-fn name_of_link(link: &str) -> String {
-    let path = match link.split_once("?d=") {
-        Some((_, path)) => path,
-        None => match link.split_once("://") {
-            Some((_, rest)) => rest.split(['?', '#']).next().unwrap_or_default(),
-            None => link,
-        },
-    };
-    let is_link = link.contains("://") || link.contains("?d=");
-    if is_link { percent_decoded(path) } else { path.to_owned() }
-}
-
-/// Text with `%20` and the like as the characters that they stand for.
-fn percent_decoded(text: &str) -> String {
-    let digit = |byte: Option<&u8>| byte.and_then(|byte| char::from(*byte).to_digit(16));
-    let (bytes, mut decoded, mut at) = (text.as_bytes(), Vec::new(), 0);
-    while let Some(&byte) = bytes.get(at) {
-        match (byte, digit(bytes.get(at + 1)), digit(bytes.get(at + 2))) {
-            (b'%', Some(high), Some(low)) => {
-                decoded.push((16 * high + low) as u8);
-                at += 3;
-            }
-            _ => {
-                decoded.push(byte);
-                at += 1;
-            }
-        }
-    }
-    String::from_utf8_lossy(&decoded).into_owned()
 }
 
 #[cfg(test)]

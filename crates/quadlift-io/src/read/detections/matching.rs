@@ -180,7 +180,7 @@ fn number_in(name: &str) -> Option<i64> {
 }
 
 /// The numbers in the names of the frames, where each has its own.
-fn numbers_of_frames(frames: &[FrameRecord]) -> Option<BTreeMap<i64, usize>> {
+pub(crate) fn numbers_of_frames(frames: &[FrameRecord]) -> Option<BTreeMap<i64, usize>> {
     let number = |frame: &FrameRecord| frame.image.as_deref().and_then(number_in).or_else(|| number_in(&frame.id));
     let numbers: BTreeMap<i64, usize> =
         frames.iter().enumerate().map(|(index, frame)| Some((number(frame)?, index))).collect::<Option<_>>()?;

@@ -12,6 +12,7 @@ mod files;
 pub mod kitti;
 pub mod label_studio;
 mod label_studio_brush;
+mod label_studio_links;
 pub mod labelme;
 pub mod mot;
 pub mod names;
@@ -33,6 +34,7 @@ use std::path::Path;
 pub use add::{AddOptions, AddedDetections, add_detections};
 pub use files::{Detected, DetectedImage, DetectionFiles, File, ImageKey, LabelFile, Numbering, Outline};
 pub use matching::MatchBy;
+pub(crate) use matching::numbers_of_frames;
 
 use self::csv::TableOptions;
 use self::mot::MotOptions;
