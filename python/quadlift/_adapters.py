@@ -176,7 +176,6 @@ class FromOtherPackages(SceneData):
             table.add(frame, _found.of_ultralytics(result, f'the result of frame "{known[frame]}"'))
         return cameras.with_detections(**table.arrays(), source=source)
 
-
     @classmethod
     def from_fiftyone(
         cls,

@@ -41,7 +41,7 @@ def of_sample(sample: Any, field: str, size: tuple[float, float] | None) -> _fou
     if not hasattr(labels, "detections"):
         raise QuadliftError(f'the field "{field}" of {name} is a {type(labels).__name__}; expected Detections')
     detections = list(labels.detections or [])
-    metadata = getattr(sample, "metadata", None)
+    metadata: Any = getattr(sample, "metadata", None)
     if getattr(metadata, "width", None) and getattr(metadata, "height", None):
         size = (float(metadata.width), float(metadata.height))
     if size is None and detections:
@@ -61,7 +61,7 @@ def of_sample(sample: Any, field: str, size: tuple[float, float] | None) -> _fou
 
 
 def euler_angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles (N, 3) in radians about x, y and z of rotations (N, 3, 3): ``R = Rx @ Ry @ Rz``, as FiftyOne draws boxes."""
+    """Angles (N, 3) in radians about x, y and z of rotations (N, 3, 3): ``R = Rx @ Ry @ Rz``, as FiftyOne has them."""
     sine = np.clip(rotations[:, 0, 2], -1.0, 1.0)
     y = np.arcsin(sine)
     x = np.arctan2(-rotations[:, 1, 2], rotations[:, 2, 2])

@@ -25,8 +25,8 @@ class Scene(FromOtherPackages):
     """Posed frames with detections and objects (ground truth or estimates). Immutable.
 
     Make one with `read`, `from_arrays`, `from_colmap`, `from_coco`, `from_detections`, `from_supervision`,
-    `from_ultralytics` or `from_fiftyone`. Invalid arguments and files raise `QuadliftError`, which names the argument or file, what was
-    found and what was expected.
+    `from_ultralytics` or `from_fiftyone`. Invalid arguments and files raise `QuadliftError`, which names the argument
+    or file, what was found and what was expected.
     """
 
     # Operations

@@ -143,13 +143,11 @@ def test_fiftyone(made: Arrays, cameras: quadlift.Scene) -> None:
     np.testing.assert_allclose([d["box"] for d in boxes], made.boxes[made.frame == 0] / 2)
     with pytest.raises(quadlift.QuadliftError, match='has no field "predictions"'):
         quadlift.Scene.from_fiftyone([sample(0)], cameras)
-    with pytest.raises(quadlift.QuadliftError, match="expected a fiftyone.Sample"):
+    with pytest.raises(quadlift.QuadliftError, match=r"expected a fiftyone\.Sample"):
         quadlift.Scene.from_fiftyone([1], cameras)
     solid = SimpleNamespace(label="cup", bounding_box=[], confidence=None, index=None)
     with pytest.raises(quadlift.QuadliftError, match=r'yolo.detections\[0\] has no "bounding_box"'):
-        quadlift.Scene.from_fiftyone(
-            [sample(0, yolo=SimpleNamespace(detections=[solid]))], cameras, field="yolo"
-        )
+        quadlift.Scene.from_fiftyone([sample(0, yolo=SimpleNamespace(detections=[solid]))], cameras, field="yolo")
 
 
 def test_objects_for_fiftyone(made: Arrays, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,6 +55,54 @@ fn the_whole_way_from_images_to_objects() {
 }
 
 #[test]
+fn images_from_a_video() {
+    let folder = Folder::new();
+    folder.succeed("synth --render -o r/scene.json --objects 2 --views 6 --kinds ellipsoid --image-size 240x180");
+    folder.succeed("segment r/scene.json -o images.json");
+    let scene = folder.json("r/scene.json");
+    let frames = scene["frames"].as_array().unwrap();
+    // Without ffmpeg the message says what to install.
+    folder.write("r/drive.mkv", "no video");
+    let output = folder.command().env("PATH", "").args(["segment", "r/scene.json", "-o", "out.json"]);
+    let output = output.args(["--images", "r/drive.mkv"]).output().unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        errors.contains("read with ffmpeg, which is not installed: install ffmpeg (apt install ffmpeg"),
+        "{errors}"
+    );
+    std::fs::remove_file(folder.path("r/drive.mkv")).unwrap();
+    for (number, frame) in frames.iter().enumerate() {
+        let image = folder.path(&format!("r/{}", frame["image"].as_str().unwrap()));
+        std::fs::copy(image, folder.path(&format!("r/{number}.png"))).unwrap();
+    }
+    let made = std::process::Command::new("ffmpeg")
+        .args(["-nostdin", "-v", "error", "-i", "%d.png", "-c:v", "ffv1", "drive.mkv"])
+        .current_dir(folder.path("r"))
+        .output();
+    let Ok(made) = made else {
+        eprintln!("skipped: ffmpeg is not installed");
+        return;
+    };
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let text = folder.succeed("segment r/scene.json -o video.json --images r/drive.mkv --report video.html");
+    assert!(text.contains("note: images were taken from the video by"), "{text}");
+    let result = folder.json("video.json");
+    assert_eq!(result["frames"][2]["image"], "r/drive.mkv#frame=2");
+    assert!(folder.read("video.html").contains("data:image/jpeg"));
+    // The frames are compressed again: outlines differ by a few pixels.
+    for (found, expected) in detections(&folder, "video.json").iter().zip(&detections(&folder, "images.json")) {
+        let (a, b) = (ellipse(found), ellipse(expected));
+        for k in 0..4 {
+            assert!((a[k] - b[k]).abs() < 0.1 * b[2], "{a:?} {b:?}");
+        }
+    }
+    // The result names the video: reports and pictures read it.
+    folder.succeed("localize video.json -o objects.json --report objects.html");
+    folder.succeed(&format!("render video.json --frame {} -o frame.png", frames[1]["id"].as_str().unwrap()));
+}
+
+#[test]
 fn the_rest_of_the_scene_is_kept() {
     let folder = Folder::new();
     folder.succeed(RENDER);
