@@ -261,9 +261,15 @@ fn nearest(starts: &[f64], seconds: f64) -> Result<u64, String> {
     }
 }
 
+/// With the value `off`, frames of videos are not read: decoders of videos are programs of their own.
+const SWITCH: &str = "QUADLIFT_FFMPEG";
+
 /// A program of ffmpeg that reads a video: local files only, images of the largest size that is read.
 fn tool(program: &str, video: &Path) -> Result<Command, ReadError> {
     let failed = |error: io::Error| ReadError::new(video, format!("cannot read the file: {error}"));
+    if std::env::var_os(SWITCH).is_some_and(|value| value == "off") {
+        return Err(ReadError::new(video, format!("frames of videos are not read, because {SWITCH} is \"off\"")));
+    }
     // The name may begin as an option or an address does.
     let mut file = std::ffi::OsString::from("file:");
     file.push(video.canonicalize().map_err(failed)?);

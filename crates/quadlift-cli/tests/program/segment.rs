@@ -71,6 +71,10 @@ fn images_from_a_video() {
         errors.contains("read with ffmpeg, which is not installed: install ffmpeg (apt install ffmpeg"),
         "{errors}"
     );
+    let mut off = folder.command();
+    off.env("QUADLIFT_FFMPEG", "off").args(["segment", "r/scene.json", "-o", "out.json", "--images", "r/drive.mkv"]);
+    let errors = String::from_utf8(off.output().unwrap().stderr).unwrap();
+    assert!(errors.contains("frames of videos are not read, because QUADLIFT_FFMPEG is \"off\""), "{errors}");
     std::fs::remove_file(folder.path("r/drive.mkv")).unwrap();
     for (number, frame) in frames.iter().enumerate() {
         let image = folder.path(&format!("r/{}", frame["image"].as_str().unwrap()));
