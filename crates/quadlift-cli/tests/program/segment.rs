@@ -63,17 +63,16 @@ fn images_from_a_video() {
     let frames = scene["frames"].as_array().unwrap();
     // Without ffmpeg the message says what to install.
     folder.write("r/drive.mkv", "no video");
-    let output = folder.command().env("PATH", "").args(["segment", "r/scene.json", "-o", "out.json"]);
-    let output = output.args(["--images", "r/drive.mkv"]).output().unwrap();
+    let words = ["segment", "r/scene.json", "-o", "out.json", "--images", "r/drive.mkv"];
+    let output = folder.command().env("PATH", "").args(words).output().unwrap();
     let errors = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert!(
         errors.contains("read with ffmpeg, which is not installed: install ffmpeg (apt install ffmpeg"),
         "{errors}"
     );
-    let mut off = folder.command();
-    off.env("QUADLIFT_FFMPEG", "off").args(["segment", "r/scene.json", "-o", "out.json", "--images", "r/drive.mkv"]);
-    let errors = String::from_utf8(off.output().unwrap().stderr).unwrap();
+    let off = folder.command().env("QUADLIFT_FFMPEG", "off").args(words).output().unwrap();
+    let errors = String::from_utf8(off.stderr).unwrap();
     assert!(errors.contains("frames of videos are not read, because QUADLIFT_FFMPEG is \"off\""), "{errors}");
     std::fs::remove_file(folder.path("r/drive.mkv")).unwrap();
     for (number, frame) in frames.iter().enumerate() {
