@@ -47,6 +47,12 @@ pub fn jpeg(loaded: &Loaded, frame_index: usize) -> PyResult<Option<(Vec<u8>, [u
     // This one alone: a recording asks for one after another.
     let mut paths = vec![None; frame_index];
     paths.push(Some(loaded.path.parent().unwrap_or(Path::new("")).join(image)));
-    let images = SceneImages { scene_file: loaded.path.clone(), images: paths, masks: Vec::new(), boxes: Vec::new(), videos: VideoFrames::default() };
+    let images = SceneImages {
+        scene_file: loaded.path.clone(),
+        images: paths,
+        masks: Vec::new(),
+        boxes: Vec::new(),
+        videos: VideoFrames::default(),
+    };
     frame_jpeg(&loaded.scene, &images, frame_index, u32::MAX, QUALITY).map(Some).map_err(refuse)
 }

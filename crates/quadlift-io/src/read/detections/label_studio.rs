@@ -77,6 +77,9 @@ struct Reader {
 /// Width and height of an image, if a result has them.
 type Size = Option<[f64; 2]>;
 
+/// Box and outline, in shares of the image.
+type Shape = (Option<[f64; 4]>, Outline);
+
 impl Reader {
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
@@ -188,7 +191,7 @@ impl Reader {
     }
 
     /// Box and outline in shares of the image; `None` for what is no region, or cannot be read, which is counted.
-    fn shape(&mut self, value: &Node, size: Size) -> Result<Option<(Option<[f64; 4]>, Outline)>, ReadError> {
+    fn shape(&mut self, value: &Node, size: Size) -> Result<Option<Shape>, ReadError> {
         let has = |key: &str| value.optional(key).map(|found| found.is_some());
         if has("points")? {
             let points = value.member("points")?.items()?;
@@ -229,7 +232,7 @@ impl Reader {
     }
 
     /// A box, which may be rotated.
-    fn rectangle(&mut self, value: &Node, size: Size) -> Result<Option<(Option<[f64; 4]>, Outline)>, ReadError> {
+    fn rectangle(&mut self, value: &Node, size: Size) -> Result<Option<Shape>, ReadError> {
         let number = |key: &str| value.member(key)?.number();
         let percent = [number("x")?, number("y")?, number("width")?, number("height")?];
         let edges = edges_of_size(percent).map_err(|problem| value.error(problem))?;
