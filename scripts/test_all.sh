@@ -10,6 +10,7 @@ source scripts/sections.sh
 section "Rust tests" scripts/test.sh
 section "Parquet" scripts/test_parquet.sh
 section "exports" scripts/test_exports.sh
+section "ROS 2" scripts/test_ros2.sh
 section "Python" scripts/test_python.sh
 section "wheels" scripts/test_wheels.sh
 section "Spark, Ray and Daft" scripts/test_scale_out.sh

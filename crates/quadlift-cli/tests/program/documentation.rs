@@ -187,6 +187,12 @@ fn versions_and_addresses_agree() {
     for line in manifest.lines().filter(|line| line.contains("path = \"crates/")) {
         assert!(line.contains(&format!("version = \"{version}\"")), "Cargo.toml: {line}");
     }
+    // Outside of the workspace.
+    let manifest = std::fs::read_to_string(workspace().join("crates/quadlift-ros2/Cargo.toml")).unwrap();
+    for line in manifest.lines().filter(|line| line.starts_with("version = ") || line.contains("path = \"../")) {
+        assert!(line.contains(&format!("version = \"{version}\"")), "crates/quadlift-ros2/Cargo.toml: {line}");
+    }
+    assert!(manifest.contains(&format!("repository = \"{}\"", env!("CARGO_PKG_REPOSITORY"))));
     let citation = std::fs::read_to_string(workspace().join("CITATION.cff")).unwrap();
     assert!(citation.contains(&format!("\nversion: {version}\n")), "CITATION.cff has not the version {version}");
     let repository = env!("CARGO_PKG_REPOSITORY");

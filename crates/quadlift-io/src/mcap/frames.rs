@@ -12,7 +12,7 @@ use super::container::{Channel, Item, LogReader, Message, Problem};
 use super::decode::Decoders;
 use super::messages::{self, Kind, kind_of};
 use super::scan::{LogCamera, Overview, is_static};
-use super::tree::{How, Limits, SECOND, Seconds, Tree, duration};
+use super::tree::{How, Limits, Pose, SECOND, Seconds, Tree, duration};
 use crate::file_names::FileNames;
 use crate::scene_file::{DetectionRecord, FrameRecord};
 use crate::stream::FrameLine;
@@ -25,7 +25,7 @@ const REORDER: u64 = SECOND as u64;
 /// Time of the log after which no more transforms are waited for.
 const LONGEST_WAIT: u64 = 10 * SECOND as u64;
 /// A clock that goes back by more than this has jumped.
-const JUMP_BACK: i64 = SECOND;
+pub(super) const JUMP_BACK: i64 = SECOND;
 /// A clock that goes forward by more than this has jumped.
 const JUMP_FORWARD: i64 = 3600 * SECOND;
 
@@ -362,18 +362,8 @@ impl<R: Read + Seek> Frames<R> {
             }
         }
         let id = frame_id(&self.overview.cameras, camera, stamp);
-        let calibration = calibration_at(log_camera, stamp);
-        let cam_from_world = calibration.cam_from_frame * pose.target_from_source;
-        let of_frame = |detection| DetectionRecord { frame: id.as_str().into(), ..detection };
-        let record = FrameRecord {
-            camera: Some(calibration.camera.id.clone()),
-            cam_from_world: Some(rows(&cam_from_world)),
-            time: Some(stamp.div_euclid(SECOND) as f64 + stamp.rem_euclid(SECOND) as f64 / 1e9),
-            ..FrameRecord::default()
-        };
-        let detections = waiting.detections.into_iter().map(of_frame).collect();
-        let record = FrameRecord { id, ..record };
-        self.next.push_back(Next::Frame(Box::new(FrameLine { record, detections, ..FrameLine::default() })));
+        let frame = posed_frame(id, log_camera, stamp, &pose, waiting.detections);
+        self.next.push_back(Next::Frame(Box::new(frame)));
         true
     }
 
@@ -410,10 +400,25 @@ fn frame_id(cameras: &[LogCamera], camera: usize, stamp: i64) -> String {
     }
 }
 
-/// The calibration that holds at a time: the last one before it, or the first one.
-fn calibration_at(camera: &LogCamera, stamp: i64) -> &super::scan::LogCalibration {
-    let before = camera.calibrations.iter().rev().find(|calibration| calibration.from <= stamp);
-    before.unwrap_or(&camera.calibrations[0])
+/// A frame with its pose in the frame of the world.
+pub(super) fn posed_frame(
+    id: String,
+    camera: &LogCamera,
+    stamp: i64,
+    pose: &Pose,
+    detections: Vec<DetectionRecord>,
+) -> FrameLine {
+    let calibration = camera.calibration_at(stamp);
+    let cam_from_world = calibration.cam_from_frame * pose.target_from_source;
+    let of_frame = |detection| DetectionRecord { frame: id.as_str().into(), ..detection };
+    let detections = detections.into_iter().map(of_frame).collect();
+    let record = FrameRecord {
+        camera: Some(calibration.camera.id.clone()),
+        cam_from_world: Some(rows(&cam_from_world)),
+        time: Some(stamp.div_euclid(SECOND) as f64 + stamp.rem_euclid(SECOND) as f64 / 1e9),
+        ..FrameRecord::default()
+    };
+    FrameLine { record: FrameRecord { id, ..record }, detections, ..FrameLine::default() }
 }
 
 /// A pose as files have it.

@@ -8,8 +8,10 @@ mod container;
 mod decode;
 mod definitions;
 mod frames;
+mod live;
 mod messages;
 mod protobuf;
+mod recorded;
 mod scan;
 mod schema;
 mod tree;
@@ -24,10 +26,12 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
-pub(crate) use cdr::Writer as CdrWriter;
+pub use cdr::Writer as CdrWriter;
 pub use container::{Place, Problem};
-pub(crate) use definitions::definition;
+pub use definitions::definition;
 pub use frames::{Frames, Next};
+pub use live::{LiveFrames, LiveOptions};
+pub use recorded::{RecordedMessage, message_to_json, recorded_messages};
 pub(crate) use writer::LogWriter;
 
 use self::messages::Kind;

@@ -45,31 +45,10 @@ pub struct Overview {
 }
 
 impl Overview {
-    /// The camera of a message: by its frame, and where that is not enough by the name of the topic; and whether its frame tells.
+    /// The camera of a message ([`camera_of`]).
     pub fn camera(&self, topic: &str, frame: &str) -> Result<(usize, bool), String> {
-        let cameras = &self.cameras;
-        let of_frame: Vec<usize> = (0..cameras.len()).filter(|&index| cameras[index].frame == frame).collect();
         let calibrations = self.topics.values().filter(|(kind, _)| *kind == Kind::Calibration).count();
-        let candidates = match of_frame.as_slice() {
-            [camera] => return Ok((*camera, true)),
-            // The only one of the log, so that no other can be meant.
-            [] if cameras.len() == 1 && (frame.is_empty() || calibrations == 1) => return Ok((0, false)),
-            [] => (0..cameras.len()).collect(),
-            _ => of_frame,
-        };
-        let common = |index: &usize| {
-            let name = cameras[*index].topic.split('/');
-            name.zip(topic.split('/')).take_while(|(a, b)| a == b).count()
-        };
-        let most = candidates.iter().map(common).max().unwrap_or_default();
-        let mut nearest = candidates.into_iter().filter(|index| common(index) == most);
-        match (nearest.next(), nearest.next()) {
-            // A name in common, not only the first slash.
-            (Some(camera), None) if most >= 2 => Ok((camera, false)),
-            _ => Err(format!(
-                "no calibrated camera has the frame \"{frame}\", and the name of the topic does not tell it either"
-            )),
-        }
+        camera_of(&self.cameras, calibrations, topic, frame)
     }
 
     /// Topics of detections that are of the same camera: several sources, of which one must be chosen.
@@ -84,6 +63,37 @@ impl Overview {
     }
 }
 
+/// The camera of a message: by its frame, and where that is not enough by the name of the topic; and whether its frame tells.
+/// `calibrations` is the number of topics of calibrations that are used.
+pub fn camera_of(
+    cameras: &[LogCamera],
+    calibrations: usize,
+    topic: &str,
+    frame: &str,
+) -> Result<(usize, bool), String> {
+    let of_frame: Vec<usize> = (0..cameras.len()).filter(|&index| cameras[index].frame == frame).collect();
+    let candidates = match of_frame.as_slice() {
+        [camera] => return Ok((*camera, true)),
+        // The only one of the log, so that no other can be meant.
+        [] if cameras.len() == 1 && (frame.is_empty() || calibrations == 1) => return Ok((0, false)),
+        [] => (0..cameras.len()).collect(),
+        _ => of_frame,
+    };
+    let common = |index: &usize| {
+        let name = cameras[*index].topic.split('/');
+        name.zip(topic.split('/')).take_while(|(a, b)| a == b).count()
+    };
+    let most = candidates.iter().map(common).max().unwrap_or_default();
+    let mut nearest = candidates.into_iter().filter(|index| common(index) == most);
+    match (nearest.next(), nearest.next()) {
+        // A name in common, not only the first slash.
+        (Some(camera), None) if most >= 2 => Ok((camera, false)),
+        _ => Err(format!(
+            "no calibrated camera has the frame \"{frame}\", and the name of the topic does not tell it either"
+        )),
+    }
+}
+
 /// A camera of a log.
 #[derive(Debug, Clone)]
 pub struct LogCamera {
@@ -95,6 +105,52 @@ pub struct LogCamera {
     pub frame: String,
     /// Different calibrations, with the times from which they hold.
     pub calibrations: Vec<LogCalibration>,
+}
+
+impl LogCamera {
+    /// The camera of a topic, by its first calibration, which is not taken in.
+    pub fn new(topic: &str, first: &messages::Calibration) -> Self {
+        Self { id: camera_id(topic), topic: topic.to_owned(), frame: first.frame.clone(), calibrations: Vec::new() }
+    }
+
+    /// Takes in a calibration; one that is like the last one changes nothing.
+    ///
+    /// # Errors
+    /// A text if it is of another frame, or if there are too many.
+    pub fn take_in(&mut self, found: messages::Calibration) -> Result<(), String> {
+        if self.frame != found.frame {
+            return Err(format!(
+                "the calibration is of the frame \"{}\", and those before it are of \"{}\"; it is left out",
+                found.frame, self.frame
+            ));
+        }
+        let last = self.calibrations.last();
+        if last.is_some_and(|last| last.cam_from_frame == found.cam_from_frame && is_same(&last.camera, &found.camera))
+        {
+            return Ok(());
+        }
+        if self.calibrations.len() >= MOST_CALIBRATIONS {
+            return Err(format!(
+                "there are more than {MOST_CALIBRATIONS} different calibrations; this one is left out"
+            ));
+        }
+        let id = match self.calibrations.len() {
+            0 => self.id.clone(),
+            n => format!("{}#{}", self.id, n + 1),
+        };
+        self.calibrations.push(LogCalibration {
+            from: found.stamp,
+            camera: CameraRecord { id, ..found.camera },
+            cam_from_frame: found.cam_from_frame,
+        });
+        Ok(())
+    }
+
+    /// The calibration that holds at a time: the last one before it, or the first one; there is one.
+    pub fn calibration_at(&self, stamp: i64) -> &LogCalibration {
+        let before = self.calibrations.iter().rev().find(|calibration| calibration.from <= stamp);
+        before.unwrap_or(&self.calibrations[0])
+    }
 }
 
 /// A calibration of a camera.
@@ -258,38 +314,8 @@ impl Scan {
     }
 
     fn calibration(&mut self, topic: &str, found: messages::Calibration) -> Result<(), String> {
-        let camera = self.cameras.entry(topic.to_owned()).or_insert_with(|| LogCamera {
-            id: camera_id(topic),
-            topic: topic.to_owned(),
-            frame: found.frame.clone(),
-            calibrations: Vec::new(),
-        });
-        if camera.frame != found.frame {
-            return Err(format!(
-                "the calibration is of the frame \"{}\", and those before it are of \"{}\"; it is left out",
-                found.frame, camera.frame
-            ));
-        }
-        let last = camera.calibrations.last();
-        if last.is_some_and(|last| last.cam_from_frame == found.cam_from_frame && is_same(&last.camera, &found.camera))
-        {
-            return Ok(());
-        }
-        if camera.calibrations.len() >= MOST_CALIBRATIONS {
-            return Err(format!(
-                "there are more than {MOST_CALIBRATIONS} different calibrations; this one is left out"
-            ));
-        }
-        let id = match camera.calibrations.len() {
-            0 => camera.id.clone(),
-            n => format!("{}#{}", camera.id, n + 1),
-        };
-        camera.calibrations.push(LogCalibration {
-            from: found.stamp,
-            camera: CameraRecord { id, ..found.camera },
-            cam_from_frame: found.cam_from_frame,
-        });
-        Ok(())
+        let camera = self.cameras.entry(topic.to_owned()).or_insert_with(|| LogCamera::new(topic, &found));
+        camera.take_in(found)
     }
 
     fn transform(&mut self, transform: Transform, is_static: bool, is_ros: bool) -> Result<(), String> {

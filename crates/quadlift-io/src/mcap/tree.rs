@@ -11,15 +11,23 @@ use super::messages::Transform;
 const MOST_FRAMES: usize = 10_000;
 /// Transforms that a link keeps, at most.
 const MOST_KEPT: usize = 100_000;
-/// How long a link keeps transforms, in nanoseconds.
+/// How long a link of a log keeps transforms, in nanoseconds.
 const KEPT: i64 = 30 * SECOND;
 /// A second in nanoseconds.
 pub const SECOND: i64 = 1_000_000_000;
 
 /// The tree of frames.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Tree {
     links: BTreeMap<String, Link>,
+    /// How long a link keeps transforms, in nanoseconds.
+    kept: i64,
+}
+
+impl Default for Tree {
+    fn default() -> Self {
+        Self::keeping(KEPT)
+    }
 }
 
 /// The link from a frame to its parent.
@@ -103,6 +111,11 @@ pub fn duration(nanoseconds: i64) -> String {
 }
 
 impl Tree {
+    /// An empty tree whose links keep the transforms of so many nanoseconds.
+    pub fn keeping(kept: i64) -> Self {
+        Self { links: BTreeMap::new(), kept }
+    }
+
     /// Takes in a transform. `is_fixed`: it holds at every time.
     ///
     /// # Errors
@@ -151,13 +164,13 @@ impl Tree {
         }
     }
 
-    /// Forgets what is half a minute older than the newest transform of its link and than this time.
+    /// Forgets what is older than the newest transform of its link, and than this time, by more than the time that is kept.
     pub fn forget_before(&mut self, time: i64) {
         for link in self.links.values_mut() {
             if let Transforms::Moving(list) = &mut link.transforms
                 && let Some(&(newest, _)) = list.back()
             {
-                let first = newest.min(time).saturating_sub(KEPT);
+                let first = newest.min(time).saturating_sub(self.kept);
                 // One before it stays, to interpolate from.
                 while list.get(1).is_some_and(|(time, _)| *time < first) {
                     list.pop_front();

@@ -133,7 +133,7 @@ impl StreamedScene {
     }
 
     /// The camera with an id.
-    fn camera(&self, id: &str) -> Option<&CameraRecord> {
+    pub fn camera(&self, id: &str) -> Option<&CameraRecord> {
         self.cameras.get(id).or_else(|| self.unnamed.get(id))
     }
 

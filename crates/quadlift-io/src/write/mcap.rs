@@ -22,6 +22,9 @@ const CUBE: i32 = 1;
 const SPHERE: i32 = 2;
 const CYLINDER: i32 = 3;
 const TEXT: i32 = 9;
+/// What is done with a marker.
+const ADD: i32 = 0;
+const DELETE_ALL: i32 = 3;
 
 /// The log of a scene; `frame_id` is the name of the world.
 pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {
@@ -81,7 +84,7 @@ pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {
         let objects = objects.iter().map(|&index| &scene.objects[index]);
         messages.push((stamps[*frame], in_frames, log.detections_3d(stamps[*frame], objects, id)));
     }
-    messages.push((first, markers, log.markers(first)));
+    messages.push((first, markers, log.markers(first, false, |_| true)));
     messages.push((last, all, log.detections_3d(last, scene.objects.iter(), None)));
     // Stable: messages of one time stay in this order, transforms before what needs them.
     messages.sort_by_key(|(time, ..)| *time);
@@ -95,6 +98,31 @@ pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {
         ("message", messages.len()),
     ];
     Document { content: writer.finish(), counts, notes }
+}
+
+/// What a robot publishes of its objects, in CDR, at one time. Messages are made one by one.
+pub struct MapMessages<'s, 'a> {
+    log: Log<'s, 'a>,
+    stamp: i64,
+}
+
+impl<'s, 'a> MapMessages<'s, 'a> {
+    /// The objects of a result at a time in nanoseconds; `frame_id` is the name of the world.
+    pub fn new(scene: &'s CheckedScene<'a>, frame_id: &'s str, stamp: i64) -> Self {
+        let (metres, _) = scene.metres();
+        Self { log: Log { scene, frame_id, metres, scores: Scores::known(scene) }, stamp }
+    }
+
+    /// Adds the fields of a `vision_msgs/Detection3DArray` with the objects whose ids are wanted.
+    pub fn add_detections(&self, message: &mut CdrWriter, is_wanted: impl Fn(&str) -> bool) {
+        let objects = self.log.scene.objects.iter().filter(|object| is_wanted(&object.id));
+        self.log.add_detections_3d(message, self.stamp, objects, None);
+    }
+
+    /// A `visualization_msgs/MarkerArray` with the objects whose ids are wanted, in place of all markers before.
+    pub fn markers(&self, is_wanted: impl Fn(&str) -> bool) -> Vec<u8> {
+        self.log.markers(self.stamp, true, is_wanted)
+    }
 }
 
 /// A camera in the log.
@@ -184,21 +212,31 @@ impl<'a> Log<'_, 'a> {
     }
 
     fn detections_3d<'o>(&self, stamp: i64, objects: impl Iterator<Item = &'o Object>, frame: Option<&str>) -> Vec<u8> {
-        let objects: Vec<&Object> = objects.collect();
         let mut message = CdrWriter::default();
-        header(&mut message, stamp, self.frame_id).u32(objects.len() as u32);
+        self.add_detections_3d(&mut message, stamp, objects, frame);
+        message.finish()
+    }
+
+    fn add_detections_3d<'o>(
+        &self,
+        message: &mut CdrWriter,
+        stamp: i64,
+        objects: impl Iterator<Item = &'o Object>,
+        frame: Option<&str>,
+    ) {
+        let objects: Vec<&Object> = objects.collect();
+        header(message, stamp, self.frame_id).u32(objects.len() as u32);
         for object in objects {
             let placement = Placement::from(&object.body);
             let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, self.metres));
-            header(&mut message, stamp, self.frame_id).u32(1);
+            header(message, stamp, self.frame_id).u32(1);
             message.text(object.category_name()).f64(self.scores.get(&object.id, frame));
-            self.pose(&mut message, &placement);
+            self.pose(message, &placement);
             // In ROS all zeros mean "unknown".
             message.f64s(covariance.unwrap_or_default().transpose().iter().copied());
-            self.pose(&mut message, &placement);
+            self.pose(message, &placement);
             message.f64s((placement.half_extents * (2.0 * self.metres)).iter().copied()).text(&object.id);
         }
-        message.finish()
     }
 
     fn pose(&self, message: &mut CdrWriter, placement: &Placement) {
@@ -206,12 +244,25 @@ impl<'a> Log<'_, 'a> {
         message.f64s(placement.center.coords.iter().map(|x| x * self.metres)).f64s([x, y, z, w]);
     }
 
-    /// A body and a label for each object.
-    fn markers(&self, stamp: i64) -> Vec<u8> {
+    /// A body and a label for each wanted object, after a marker that removes those before if they are replaced.
+    fn markers(&self, stamp: i64, replaces: bool, is_wanted: impl Fn(&str) -> bool) -> Vec<u8> {
         let categories = self.scene.category_indices();
+        let objects: Vec<&Object> = self.scene.objects.iter().filter(|object| is_wanted(&object.id)).collect();
         let mut message = CdrWriter::default();
-        message.u32(2 * self.scene.objects.len() as u32);
-        for (id, object) in (0..).zip(&self.scene.objects) {
+        message.u32(u32::from(replaces) + 2 * objects.len() as u32);
+        let rest = |message: &mut CdrWriter, text: &str| {
+            // Lifetime: for ever; not locked to its frame; no points, no colours, no texture.
+            message.i32(0).u32(0).u8(0).u32(0).u32(0).text("");
+            header(message, 0, "").text("").u32(0).u32(0).text(text).text("");
+            // No mesh file.
+            message.text("").u32(0).u8(0);
+        };
+        if replaces {
+            header(&mut message, stamp, self.frame_id).text("").i32(0).i32(CUBE).i32(DELETE_ALL);
+            message.f64s([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]).f64s([0.0; 3]).f32(0.0).f32(0.0).f32(0.0).f32(0.0);
+            rest(&mut message, "");
+        }
+        for (id, object) in (0..).zip(objects) {
             let placement = Placement::from(&object.body);
             let size = placement.half_extents * (2.0 * self.metres);
             let kind = match placement.shape {
@@ -224,15 +275,7 @@ impl<'a> Log<'_, 'a> {
             let [r, g, b] = colors::of_category(index).map(|byte| f32::from(byte) / 255.0);
             let marker = |message: &mut CdrWriter, ns: &str, kind: i32| {
                 header(message, stamp, self.frame_id).text(ns).i32(id).i32(kind);
-                // Added, or changed.
-                message.i32(0);
-            };
-            let rest = |message: &mut CdrWriter, text: &str| {
-                // Lifetime: for ever; not locked to its frame; no points, no colours, no texture.
-                message.i32(0).u32(0).u8(0).u32(0).u32(0).text("");
-                header(message, 0, "").text("").u32(0).u32(0).text(text).text("");
-                // No mesh file.
-                message.text("").u32(0).u8(0);
+                message.i32(ADD);
             };
             marker(&mut message, "objects", kind);
             self.pose(&mut message, &placement);

@@ -107,6 +107,11 @@ impl<'a> CheckedScene<'a> {
         self.objects.len()
     }
 
+    /// Ids of the objects with a body, and the centres of the bodies.
+    pub fn centers(&self) -> impl Iterator<Item = (&str, Point3<f64>)> {
+        self.objects.iter().map(|object| (object.id.as_str(), object.body.center()))
+    }
+
     /// Ids of the objects that have none: only the CSV table holds them.
     pub fn without_body(&self) -> &[String] {
         &self.without_body

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use quadlift::geometry::{BoundingBox, project_bounding_box};
 use quadlift::scene::Frame;
 
-use super::CheckedScene;
+use super::{CheckedScene, Object};
 
 /// An object in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +35,15 @@ impl CheckedScene<'_> {
             }
         }
         seen
+    }
+
+    /// Ids of the objects that are entirely in front of a camera and at least partly in its image.
+    pub fn objects_in_view(&self, frame: &Frame) -> Vec<&str> {
+        let is_in_view = |object: &&Object| {
+            let whole = project_bounding_box(&frame.projection, &object.body).ok();
+            whole.and_then(|whole| in_image(frame, &whole)).is_some()
+        };
+        self.objects.iter().filter(is_in_view).map(|object| object.id.as_str()).collect()
     }
 
     /// Ids of frames and objects that are detected in them.
@@ -84,6 +93,21 @@ mod tests {
             assert_eq!(seen.iter().filter(|s| s.frame_index == 0).count(), count - 3, "{center:?}");
             assert_eq!(first.map(|s| s.bounding_box.x0()), (count == 6).then_some(x0), "{center:?}");
         }
+    }
+
+    #[test]
+    fn objects_in_view_are_those_of_the_image() {
+        let mut file = test_scene::three_bodies();
+        file.objects[0].ellipsoid.as_mut().unwrap().center = [-9.0, 0.0, 0.0];
+        file.objects[0].center = None;
+        let scene = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
+        let of_frame = |k: usize| scene.objects_in_view(&scene.scene.frames[k]);
+        let expected = |k: usize| -> Vec<&str> {
+            let seen = scene.seen_objects(false).into_iter().filter(|s| s.frame_index == k);
+            seen.map(|s| scene.objects[s.object_index].id.as_str()).collect()
+        };
+        assert_eq!((of_frame(0), of_frame(1)), (expected(0), expected(1)));
+        assert_eq!(of_frame(0).len(), 2);
     }
 
     #[test]

@@ -1,0 +1,224 @@
+//! What the node does, from its parameters.
+
+use std::path::PathBuf;
+
+use quadlift::LocalizeOptions;
+use quadlift::association::IdUse;
+use quadlift::online::OnlineOptions;
+use quadlift::solve::{CategoryPriors, MapOptions, Method, PoseNoise};
+use quadlift_io::mcap::LiveOptions;
+use quadlift_io::priors::plausible_sizes;
+use quadlift_io::read::PixelCenters;
+use quadlift_io::scene_file::settings_record;
+use quadlift_io::stream::{StoredPriors, id_use_name, lasting_options};
+use quadlift_io::{builtin_priors, read_priors};
+use serde_json::{Map, Value};
+
+use crate::arguments::Arguments;
+use crate::parameters::Parameters;
+
+/// What the node does.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Topics of detections, with their absolute names.
+    pub detections_topics: Vec<String>,
+    /// Topics of calibrations.
+    pub camera_info_topics: Vec<String>,
+    /// Whether lost messages of detections are sent again.
+    pub reliable_detections: bool,
+    /// How messages become frames.
+    pub live: LiveOptions,
+    /// The map.
+    pub map: OnlineOptions,
+    /// How the objects of the map are estimated.
+    pub localize: LocalizeOptions,
+    /// The settings as they stand in a result.
+    pub settings: Value,
+    /// Options that a state goes on with, as `quadlift stream` writes them.
+    pub lasting: Map<String, Value>,
+    /// Noise of the poses.
+    pub pose_noise: Option<PoseNoise>,
+    /// What is written and read.
+    pub files: Files,
+    /// Whether the node goes on from its state.
+    pub resume: bool,
+    /// Time between estimates in seconds.
+    pub publish_period: f64,
+}
+
+/// Files of the map.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Files {
+    /// The state.
+    pub state: Option<PathBuf>,
+    /// The result.
+    pub map: Option<PathBuf>,
+}
+
+impl Files {
+    /// The files of these names; an empty name is none.
+    pub fn new(state: &str, map: &str) -> Self {
+        let path = |name: &str| (!name.is_empty()).then(|| PathBuf::from(name));
+        Self { state: path(state), map: path(map) }
+    }
+}
+
+impl Options {
+    /// The options of a command line. A file of priors is read.
+    ///
+    /// # Errors
+    /// A text that names the parameter.
+    pub fn new(arguments: &Arguments) -> Result<Self, String> {
+        let parameters = &arguments.parameters;
+        let topics = |name: &str| -> Result<Vec<String>, String> {
+            let topics: Vec<String> = parameters.texts(name).iter().map(|topic| arguments.resolve(topic)).collect();
+            if topics.is_empty() {
+                return Err(format!("the parameter {name} is empty; expected a topic"));
+            }
+            Ok(topics)
+        };
+        let (detections_topics, camera_info_topics) = (topics("detections_topics")?, topics("camera_info_topics")?);
+        let live = live_options(parameters, &detections_topics, &camera_info_topics)?;
+        let (priors, stored_priors) = priors(parameters.text("priors"))?;
+        let pose_noise = match parameters.doubles("pose_noise") {
+            [] => None,
+            &[rotation_sd, translation_sd] if rotation_sd > 0.0 && translation_sd > 0.0 => {
+                Some(PoseNoise { rotation_sd, translation_sd })
+            }
+            other => return Err(format!("the parameter pose_noise is {other:?}; expected two numbers above 0")),
+        };
+        let positive = |name: &str| Some(parameters.double(name)).filter(|x| *x != 0.0);
+        let map = OnlineOptions {
+            ids: ids(parameters.text("ids"))?,
+            min_views: parameters.size("min_views"),
+            min_score: positive("min_score"),
+            pixel_sd: positive("pixel_sd"),
+            priors: priors.clone(),
+            max_views: parameters.size("max_views"),
+            max_objects: parameters.size("max_objects"),
+            ..OnlineOptions::default()
+        };
+        map.validate().map_err(|error| error.to_string())?;
+        let body = match parameters.text("body") {
+            "auto" => None,
+            text => Some(text.parse().map_err(|error: quadlift::UnknownName| {
+                format!("the parameter body is \"{text}\"; expected one of auto, {}", error.expected.join(", "))
+            })?),
+        };
+        let estimates =
+            MapOptions { body, upright: parameters.is_set("upright"), pose_noise, priors, ..MapOptions::default() };
+        let localize = LocalizeOptions { method: Method::Map(estimates), ..LocalizeOptions::default() };
+        localize.validate().map_err(|error| error.to_string())?;
+        let name = (!parameters.text("priors").is_empty()).then(|| parameters.text("priors"));
+        let settings = settings_record(&localize, name);
+        Ok(Self {
+            reliable_detections: match parameters.text("detections_reliability") {
+                "reliable" => true,
+                "best_effort" => false,
+                other => {
+                    return Err(format!(
+                        "the parameter detections_reliability is \"{other}\"; expected reliable or best_effort"
+                    ));
+                }
+            },
+            lasting: lasting_options(&map, stored_priors.as_ref(), pose_noise, None),
+            live,
+            map,
+            localize: LocalizeOptions { plausible_sizes: plausible_sizes(Some("m")), ..localize },
+            settings,
+            pose_noise,
+            files: Files::new(parameters.text("state_file"), parameters.text("map_file")),
+            resume: parameters.is_set("resume"),
+            publish_period: publish_period(parameters.double("publish_period"))?,
+            detections_topics,
+            camera_info_topics,
+        })
+    }
+}
+
+/// Checks the time between estimates.
+///
+/// # Errors
+/// A text if it is out of its range.
+pub fn publish_period(seconds: f64) -> Result<f64, String> {
+    match seconds {
+        0.0..=86_400.0 => Ok(seconds),
+        _ => Err(format!("the parameter publish_period is {seconds}; expected seconds from 0 to 86400")),
+    }
+}
+
+fn live_options(parameters: &Parameters, detections: &[String], cameras: &[String]) -> Result<LiveOptions, String> {
+    Ok(LiveOptions {
+        world_frame: parameters.text("world_frame").trim_start_matches('/').to_owned(),
+        cameras: cameras.len(),
+        rectified: parameters.is_set("rectified"),
+        pixel_centers: match parameters.text("pixel_centers") {
+            "half" => PixelCenters::Half,
+            "integer" => PixelCenters::Integer,
+            other => return Err(format!("the parameter pixel_centers is \"{other}\"; expected half or integer")),
+        },
+        time_tolerance: parameters.double("time_tolerance"),
+        longest_gap: parameters.double("max_gap"),
+        longest_wait: parameters.double("transform_timeout"),
+        reorder: if detections.len() > 1 { parameters.double("reorder_time") } else { 0.0 },
+        kept: parameters.double("transform_buffer"),
+        most_waiting: parameters.size("queue_size"),
+    })
+}
+
+fn priors(name: &str) -> Result<(CategoryPriors, Option<StoredPriors>), String> {
+    let priors = match name {
+        "" => return Ok((CategoryPriors::default(), None)),
+        "builtin" => builtin_priors(),
+        path => read_priors(path.as_ref()).map_err(|error| error.to_string())?,
+    };
+    Ok((priors, Some(StoredPriors::Name(name.to_owned()))))
+}
+
+fn ids(name: &str) -> Result<IdUse, String> {
+    let all = [IdUse::Trust, IdUse::Evidence, IdUse::Ignore];
+    let found = all.into_iter().find(|known| id_use_name(*known) == name);
+    found.ok_or_else(|| format!("the parameter ids is \"{name}\"; expected trust, evidence or ignore"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arguments::Wish;
+
+    fn options(sets: &[&str]) -> Result<Options, String> {
+        let words = sets.iter().flat_map(|set| ["-p", set]);
+        let words = ["--ros-args"].into_iter().chain(words).map(str::to_owned);
+        match Arguments::read(words)? {
+            Wish::Run(arguments) => Options::new(&arguments),
+            Wish::Print(_) => Err(String::new()),
+        }
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_program() {
+        let found = options(&[]).unwrap();
+        assert_eq!(found.map, OnlineOptions::default());
+        assert_eq!(found.live, LiveOptions::default());
+        assert_eq!(found.detections_topics, ["/detections"]);
+        assert_eq!(found.files, Files::default());
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        for (set, expected) in [
+            ("ids:=never", "the parameter ids is \"never\""),
+            ("pixel_centers:=left", "pixel_centers"),
+            ("pose_noise:=[0.1]", "expected two numbers above 0"),
+            ("body:=ball", "expected one of auto"),
+            ("min_views:=1", "number of views"),
+            ("publish_period:=-1.0", "publish_period"),
+            ("detections_topics:=[]", "expected a topic"),
+            ("detections_reliability:=never", "expected reliable or best_effort"),
+            ("priors:=no.toml", "no.toml"),
+        ] {
+            let error = options(&[set]).unwrap_err();
+            assert!(error.contains(expected), "{set}: {error}");
+        }
+    }
+}

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# The ROS 2 node: format, lints, licences, the oldest compiler, tests. It is a package of its own (ARCHITECTURE.md). The node and a robot
+# talk in a network namespace; where none can be had, the tests say so and use recorded messages alone. If the program is there
+# (target/debug/quadlift), the node's maps are compared with its own.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+target="${CARGO_TARGET_DIR:-$PWD/target}"
+package=(--manifest-path crates/quadlift-ros2/Cargo.toml)
+export CARGO_INCREMENTAL=0
+if [ -x "$target/debug/quadlift" ]; then
+    export QUADLIFT_PROGRAM="$target/debug/quadlift"
+fi
+export CARGO_TARGET_DIR="$target/ros2"
+cargo fmt "${package[@]}" --check
+cargo clippy "${package[@]}" --all-targets --locked -- -D warnings
+RUSTDOCFLAGS="-D warnings" cargo doc "${package[@]}" --no-deps --locked
+if cargo deny --version 2>/dev/null; then
+    cargo deny "${package[@]}" --locked check --config deny.toml bans licenses sources
+fi
+cargo test "${package[@]}" --locked -- --nocapture
+version=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' crates/quadlift-ros2/Cargo.toml)
+if cargo "+$version" --version 2>/dev/null; then
+    cargo "+$version" check "${package[@]}" --locked --target-dir "$target/msrv-ros2"
+    rm -rf "$target/msrv-ros2"
+fi
