@@ -19,6 +19,7 @@ if cargo deny --version 2>/dev/null; then
     cargo deny "${package[@]}" --locked check --config deny.toml bans licenses sources
 fi
 cargo test "${package[@]}" --locked -- --nocapture
+python3 examples/ros2/test_ros2.py
 version=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' crates/quadlift-ros2/Cargo.toml)
 if cargo "+$version" --version 2>/dev/null; then
     cargo "+$version" check "${package[@]}" --locked --target-dir "$target/msrv-ros2"

@@ -274,7 +274,9 @@ impl LiveFrames {
         let definitions = &self.definitions[index];
         cdr::decode(definitions, data).or_else(|problem| {
             let mut other = data.to_vec();
-            other.get_mut(1).map(|byte| *byte ^= 1);
+            if let Some(byte) = other.get_mut(1) {
+                *byte ^= 1;
+            }
             cdr::decode(definitions, &other).map_err(|_| problem)
         })
     }
