@@ -12,7 +12,7 @@ use quadlift_io::read::PixelCenters;
 use quadlift_io::scene_file::settings_record;
 use quadlift_io::stream::{StoredPriors, id_use_name, lasting_options};
 use quadlift_io::{builtin_priors, read_priors};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use crate::arguments::Arguments;
 use crate::parameters::Parameters;
@@ -109,6 +109,10 @@ impl Options {
             MapOptions { body, upright: parameters.is_set("upright"), pose_noise, priors, ..MapOptions::default() };
         let localize = LocalizeOptions { method: Method::Map(estimates), ..LocalizeOptions::default() };
         localize.validate().map_err(|error| error.to_string())?;
+        let mut lasting = lasting_options(&map, stored_priors.as_ref(), pose_noise, None);
+        // As `quadlift stream` names them for logs; what is usual is left out.
+        lasting.insert("rectified".to_owned(), json!(live.rectified.then_some(true)));
+        lasting.insert("world-frame".to_owned(), json!(Some(&live.world_frame).filter(|frame| *frame != "map")));
         let name = (!parameters.text("priors").is_empty()).then(|| parameters.text("priors"));
         let settings = settings_record(&localize, name);
         Ok(Self {
@@ -121,7 +125,7 @@ impl Options {
                     ));
                 }
             },
-            lasting: lasting_options(&map, stored_priors.as_ref(), pose_noise, None),
+            lasting,
             live,
             map,
             localize: LocalizeOptions { plausible_sizes: plausible_sizes(Some("m")), ..localize },
