@@ -7,7 +7,7 @@ use std::path::Path;
 use quadlift::LocalizeOptions;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::{BodyKind, Method, Status};
-use quadlift_io::mcap::{McapOptions, parse_mcap};
+use quadlift_io::mcap::{LiveFrames, LiveOptions, McapOptions, Next, parse_mcap};
 use quadlift_io::read::arkit::{ArkitOptions, CaptureImages, FrameFile, parse_polycam, parse_record3d, parse_scanner};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
 use quadlift_io::read::detections::coco::parse_coco;
@@ -382,6 +382,55 @@ pub fn mcap(data: &[u8]) -> bool {
     }
     check(lenient.map(|found| found.import));
     check(strict.map(|found| found.import))
+}
+
+/// Messages of a robot: `t` transforms, `s` fixed ones, `c` a calibration, `d` detections, each before its bytes. Problems are told, and
+/// what the map keeps is a valid scene.
+pub fn live(data: &[u8]) -> bool {
+    let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
+    let mut scene = StreamedScene::default();
+    let mut live = LiveFrames::new(LiveOptions { most_waiting: 4, ..LiveOptions::default() }).unwrap();
+    let (mut rest, mut now, mut all_read) = (data, 0.0, true);
+    loop {
+        let end = rest.windows(SEPARATOR.len()).position(|window| window == SEPARATOR);
+        let (message, after) = end.map_or((rest, &[][..]), |end| (&rest[..end], &rest[end + SEPARATOR.len()..]));
+        match message.split_first() {
+            Some((b't', bytes)) => live.transforms("/tf", bytes, false),
+            Some((b's', bytes)) => live.transforms("/tf_static", bytes, true),
+            Some((b'c', bytes)) => live.calibration("/camera_info", bytes),
+            Some((_, bytes)) => live.detections("/detections", bytes, now),
+            None => {}
+        }
+        if end.is_none() {
+            live.make_all();
+        }
+        while let Some(next) = live.next_frame(now) {
+            match next {
+                Next::Frame(frame) => {
+                    let Ok(checked) = scene.check(*frame, &map) else {
+                        all_read = false;
+                        continue;
+                    };
+                    if map.observe(&checked.frame, &checked.detections()).is_ok() {
+                        scene.keep(checked, &map);
+                    } else {
+                        all_read = false;
+                    }
+                }
+                Next::Problem(problem) | Next::Outside(problem) => {
+                    assert!(!problem.text.is_empty());
+                    all_read = false;
+                }
+            }
+        }
+        if end.is_none() {
+            break;
+        }
+        (rest, now) = (after, now + 0.3);
+    }
+    map.settle();
+    scene.to_file(&map).to_scene().unwrap();
+    all_read && map.frames() > 0
 }
 
 /// Observes the frames of JSON Lines: an error has a message in one line, what is kept is a valid scene.

@@ -165,6 +165,11 @@ fn mcap() {
 }
 
 #[test]
+fn live() {
+    run("live", targets::live);
+}
+
+#[test]
 fn rle() {
     run("rle", targets::rle);
 }

@@ -168,3 +168,21 @@ fn options_out_of_range_are_named() {
     assert!(error(LiveOptions { longest_gap: -1.0, ..LiveOptions::default() }).starts_with("the longest gap is -1"));
     assert!(error(LiveOptions { world_frame: String::new(), ..LiveOptions::default() }).contains("world frame"));
 }
+
+/// The seed of the fuzz target `live`: messages of a short drive. `QUADLIFT_WRITE_SEEDS=1` writes it.
+#[test]
+fn the_seed_of_the_fuzz_target_is_that_of_this_file() {
+    let mut messages = vec![(b's', transform("base", "cam", 0, 0.1)), (b'c', info("cam"))];
+    for k in 0..4 {
+        messages.push((b'd', boxes("cam", START + k * SECOND / 4)));
+        messages.push((b't', transform("map", "base", START + k * SECOND / 4, 0.3 * k as f64)));
+    }
+    let messages: Vec<Vec<u8>> = messages.into_iter().map(|(kind, data)| [&[kind], data.as_slice()].concat()).collect();
+    let seed = messages.join(&b"=====\n"[..]);
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds/live/drive.bin");
+    if std::env::var_os("QUADLIFT_WRITE_SEEDS").is_some() {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, &seed).unwrap();
+    }
+    assert!(std::fs::read(&path).unwrap() == seed);
+}
