@@ -8,6 +8,7 @@ use pyo3::PyResult;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::guard::is_same_file;
+use quadlift_io::video::VideoFrames;
 
 use crate::detections::{DetectionArrays, Originals, refused};
 use crate::error::refuse;
@@ -21,6 +22,8 @@ pub struct Loaded {
     /// The scene was computed from that of the path and lacks parts of it, such as detections.
     is_result: bool,
     source: Source,
+    /// Images that are frames of videos, which are decoded once.
+    pub videos: VideoFrames,
 }
 
 /// Where the scene file comes from.
@@ -41,7 +44,7 @@ impl Loaded {
             true => refuse(format!("{}: {}", error.entry, error.problem)),
             false => refuse(error.in_file(&path)),
         })?;
-        Ok(Self { scene, path, is_result: false, source: Source::File(file) })
+        Ok(Self { scene, path, is_result: false, source: Source::File(file), videos: VideoFrames::default() })
     }
 
     /// The result of a localisation of the scene of a path.
@@ -85,7 +88,7 @@ impl Loaded {
         let originals = detections.add_to(&mut parts)?;
         let scene = Scene::from_parts(parts).map_err(|error| refused(error, base.scene.detections.len()))?;
         let source = Source::Added { base: Arc::clone(base), originals, file: OnceLock::new() };
-        Ok(Self { scene, path: base.path.clone(), is_result: base.is_result, source })
+        Ok(Self { scene, path: base.path.clone(), is_result: base.is_result, source, videos: base.videos.clone() })
     }
 
     /// The scene file.

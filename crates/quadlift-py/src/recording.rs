@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::SceneImages;
-use quadlift_io::video::VideoFrames;
+use quadlift_io::video::frame_of_video;
 use quadlift_report::{Content, frame_jpeg, recording};
 
 use crate::error::refuse;
@@ -44,15 +44,21 @@ pub fn jpeg(loaded: &Loaded, frame_index: usize) -> PyResult<Option<(Vec<u8>, [u
     let Some(image) = loaded.file().frames.get(frame_index).and_then(|frame| frame.image.as_ref()) else {
         return Ok(None);
     };
-    // This one alone: a recording asks for one after another.
-    let mut paths = vec![None; frame_index];
-    paths.push(Some(loaded.path.parent().unwrap_or(Path::new("")).join(image)));
+    let path = |image: &String| loaded.path.parent().unwrap_or(Path::new("")).join(image);
+    // A recording asks for one after another: for this one alone, but of a video for all, which are decoded together.
+    let paths = if frame_of_video(Path::new(image)).is_some() {
+        loaded.file().frames.iter().map(|frame| frame.image.as_ref().map(path)).collect()
+    } else {
+        let mut paths = vec![None; frame_index];
+        paths.push(Some(path(image)));
+        paths
+    };
     let images = SceneImages {
         scene_file: loaded.path.clone(),
         images: paths,
         masks: Vec::new(),
         boxes: Vec::new(),
-        videos: VideoFrames::default(),
+        videos: loaded.videos.clone(),
     };
     frame_jpeg(&loaded.scene, &images, frame_index, u32::MAX, QUALITY).map(Some).map_err(refuse)
 }
