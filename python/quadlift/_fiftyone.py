@@ -62,14 +62,11 @@ def of_sample(sample: Any, field: str, size: tuple[float, float] | None) -> _fou
 
 def euler_angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angles (N, 3) in radians about x, y and z of rotations (N, 3, 3): ``R = Rx @ Ry @ Rz``, as FiftyOne has them."""
-    sine = np.clip(rotations[:, 0, 2], -1.0, 1.0)
-    y = np.arcsin(sine)
     x = np.arctan2(-rotations[:, 1, 2], rotations[:, 2, 2])
-    z = np.arctan2(-rotations[:, 0, 1], rotations[:, 0, 0])
-    # With y a right angle only the sum or the difference of the others counts.
-    locked = np.abs(sine) > 1.0 - 1e-12
-    x = np.where(locked, np.arctan2(rotations[:, 2, 1], rotations[:, 1, 1]), x)
-    z = np.where(locked, 0.0, z)
+    y = np.arctan2(rotations[:, 0, 2], np.hypot(rotations[:, 1, 2], rotations[:, 2, 2]))
+    # With y near a right angle x is arbitrary: z is what remains after x is undone.
+    second = np.cos(x)[:, None] * rotations[:, 1] + np.sin(x)[:, None] * rotations[:, 2]
+    z = np.arctan2(second[:, 0], second[:, 1])
     return np.stack([x, y, z], axis=1)
 
 

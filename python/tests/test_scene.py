@@ -177,7 +177,7 @@ def test_angles_about_the_axes() -> None:
 
     found = euler_angles(matrices(angles))
     np.testing.assert_allclose(found[:2], angles[:2], atol=1e-12)
-    np.testing.assert_allclose(matrices(found), matrices(angles), atol=1e-7)
+    np.testing.assert_allclose(matrices(found), matrices(angles), atol=1e-12)
 
 
 def rotation_about(axis: int, angle: float) -> Any:
