@@ -7,7 +7,7 @@ use quadlift::Localization;
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
-use quadlift::solve::{Estimate, Method, Status};
+use quadlift::solve::{CueScale, Estimate, Method, ScaledQuantity, Status};
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
 
@@ -144,6 +144,28 @@ fn agreement(checked: &CrossValidation) -> Option<String> {
 pub fn noise_levels(localization: &Localization) -> Option<String> {
     let levels: Vec<String> = localization.noise_levels().map(|(name, x)| format!("{name} {x:.4}")).collect();
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
+}
+
+/// The scales of the sources of depths and 3D boxes, one line each; those of sizes only where they are far from one.
+pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<String> {
+    let line = |found: &CueScale| {
+        let source = found.source.and_then(|source| scene.cue_sources.get(source as usize));
+        let source = source.map_or(String::new(), |name| format!(" of {name}"));
+        let what = match found.quantity {
+            ScaledQuantity::BoxDistance => format!("distances of the 3D boxes{source}"),
+            ScaledQuantity::BoxSize { category, axis } => {
+                let category = category.map_or(String::new(), |category| format!(" ({})", scene.categories[category]));
+                format!("{} of the 3D boxes{source}{category}", ["lengths", "widths", "heights"][axis])
+            }
+            _ => format!("depths{source}"),
+        };
+        format!(
+            "{what} are {:.3} of the true ones (standard deviation {:.3})",
+            found.factor,
+            found.factor * found.log_sd
+        )
+    };
+    localization.cue_scales.iter().map(line).collect()
 }
 
 fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {

@@ -152,6 +152,11 @@ pub fn result_file(file: &SceneFile, scene: &Scene, localization: &Localization,
 }
 
 /// [`result_file`] without the estimates, which [`quadlift_io::scene_file::write_localized_file`] adds one by one.
-pub fn result_file_without_objects(file: &SceneFile, localization: &Localization, settings: &Settings) -> SceneFile {
-    file.localized_without_objects(localization, settings.to_json())
+pub fn result_file_without_objects(
+    file: &SceneFile,
+    scene: &Scene,
+    localization: &Localization,
+    settings: &Settings,
+) -> SceneFile {
+    file.localized_without_objects(scene, localization, settings.to_json())
 }

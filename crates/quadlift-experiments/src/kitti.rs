@@ -19,7 +19,7 @@ use crate::sequences::Columns;
 use crate::table::{Cell, Table};
 
 /// The sequences that make up the average: the only ones with boxes of a detector and with GPS/IMU poses.
-const AVERAGED: [&str; 4] = ["S05", "S09", "S22", "S36"];
+pub(crate) const AVERAGED: [&str; 4] = ["S05", "S09", "S22", "S36"];
 
 /// Sequences beside them, with aligned poses only. S35 has two frames: see the minimal experiment.
 const BESIDE: [&str; 2] = ["S23", "S35ext"];
@@ -38,7 +38,7 @@ const SHAPE: [Measure; 3] = [Measure::O3d, Measure::CuboidIou, Measure::ThetaErr
 const DISTANCE: [Measure; 2] = [Measure::CenterWithin(1.0), Measure::CenterWithin(2.0)];
 
 /// Height of KITTI's cameras above the road, metres (from the description of the data set).
-const CAMERA_HEIGHT: f64 = 1.65;
+pub(crate) const CAMERA_HEIGHT: f64 = 1.65;
 
 /// Errors of the poses of a car with GPS and IMU, for the row that estimates them (E9).
 const POSE_NOISE: PoseNoise = PoseNoise { rotation_sd: 0.003, translation_sd: 0.1 };
@@ -52,7 +52,7 @@ fn plain(body: BodyKind) -> MapOptions {
 }
 
 /// A kind of body, with what is known about cars.
-fn cars(body: BodyKind) -> MapOptions {
+pub(crate) fn cars(body: BodyKind) -> MapOptions {
     MapOptions { priors: builtin_priors(), camera_height: Some(CAMERA_HEIGHT), ..plain(body) }
 }
 
@@ -110,7 +110,7 @@ fn grid() -> Vec<MethodRow> {
 }
 
 /// The paper's protocol: no strong occlusion, nothing cut off.
-fn protocol(source: &str, seed: u64) -> impl Fn(&mut quadlift::LocalizeOptions) + Sync {
+pub(crate) fn protocol(source: &str, seed: u64) -> impl Fn(&mut quadlift::LocalizeOptions) + Sync {
     move |options| {
         options.source = Some(source.to_owned());
         options.max_occluded = Some(1.0);

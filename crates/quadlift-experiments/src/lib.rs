@@ -8,6 +8,7 @@
 mod accv;
 mod association;
 mod cross_validation;
+mod cues;
 pub mod data;
 pub mod diagnosis;
 mod error;
@@ -75,6 +76,8 @@ pub enum Experiment {
     FewViews,
     /// The object map frame by frame, beside batch; not in the paper, and not in [`Experiment::ALL`].
     Online,
+    /// Depths and 3D boxes of single images beside boxes; not in the paper, and not in [`Experiment::ALL`].
+    Cues,
     /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
     #[cfg(feature = "sensitivity")]
     Sensitivity,
@@ -127,6 +130,7 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::Kinds => kinds::run(seed, progress),
         Experiment::FewViews => few_views::run(seed, progress),
         Experiment::Online => online::run(data, seed, progress),
+        Experiment::Cues => cues::run(data, seed, progress),
         #[cfg(feature = "sensitivity")]
         Experiment::Sensitivity => sensitivity::run(data, seed, progress),
     }

@@ -108,6 +108,13 @@ tuned! {
     /// one seems to stand: of random ellipsoids in three views of an orbit the log odds are 0.8 on average without it, of
     /// standing ones in six views 1.8 and in many views 3.5 (synthetic scenes, seeds 11 and 12).
     ROUND_BODIES = 1.0;
+    // Cues.
+    /// Standard deviation of the logarithm of the scale of a source of depths or distances, before anything is known: networks
+    /// that estimate metric depth err by 5 to 15 % on scenes unlike their training data.
+    DEPTH_SCALE_SD = 0.1;
+    /// The same of the bias of a source's sizes: 3D detectors learn the mean size of a category elsewhere, and the edges of boxes
+    /// and bodies of different kinds differ by up to 1.4.
+    SIZE_BIAS_SD = 0.2;
     /// Standard deviation of the plane's slopes before anything is known.
     SLOPE_SD = 0.06;
     /// Standard deviation of the height of one camera above the ground, relative to that height.

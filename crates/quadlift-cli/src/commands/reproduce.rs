@@ -37,6 +37,7 @@ Experiments:
   few-views     the default with 2 to 20 views, compared with a given noise level and a closed form (needs no data)
   online        the object map frame by frame, compared with association of all frames (not part of all; without data: synthetic
                 scenes only)
+  cues          depths and 3D boxes of single images beside boxes (not part of all; without data: synthetic scenes only)
   sensitivity   tuned constants, halved and doubled (needs the feature `sensitivity`; not part of all)
   all           all of them
 
@@ -91,6 +92,7 @@ enum Name {
     Kinds,
     FewViews,
     Online,
+    Cues,
     #[cfg(feature = "sensitivity")]
     Sensitivity,
     All,
@@ -112,6 +114,7 @@ impl Name {
             Self::Kinds => vec![Experiment::Kinds],
             Self::FewViews => vec![Experiment::FewViews],
             Self::Online => vec![Experiment::Online],
+            Self::Cues => vec![Experiment::Cues],
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity => vec![Experiment::Sensitivity],
             Self::All => Experiment::ALL.to_vec(),
@@ -188,6 +191,7 @@ fn name(args: &Args) -> &'static str {
         Name::Kinds => "kinds",
         Name::FewViews => "few-views",
         Name::Online => "online",
+        Name::Cues => "cues",
         #[cfg(feature = "sensitivity")]
         Name::Sensitivity => "sensitivity",
         Name::All => "results",

@@ -125,6 +125,14 @@ fn entries() -> Vec<Case> {
         changed("an ellipse without positive axes", |scene| {
             scene["detections"][2]["ellipse"] = json!({"center": [5, 5], "semi_axes": [3, 0], "angle": 0});
         }),
+        changed("a depth behind the camera", |scene| scene["detections"][2]["depth"] = json!({"median": -3})),
+        changed("a 3D box in an unknown frame", |scene| {
+            scene["detections"][2]["box3d"] = json!({"center": [0, 0, 5], "frame": "lidar"});
+        }),
+        changed("a 3D box behind the camera", |scene| {
+            scene["detections"][2]["box3d"] = json!({"center": [0, 0, -5], "half_extents": [2, 1, 1]});
+        }),
+        changed("a 3D box without anything", |scene| scene["detections"][2]["box3d"] = json!({"source": "a"})),
         changed("an object twice in one frame", |scene| {
             let again = scene["detections"][2].clone();
             scene["detections"].as_array_mut().unwrap().push(again);

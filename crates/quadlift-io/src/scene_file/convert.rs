@@ -1,5 +1,6 @@
 //! Converts a scene file to the library's scene: resolves cameras, checks every number and id.
 
+use std::cell::OnceCell;
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3x4, Vector2};
@@ -53,9 +54,12 @@ impl SceneFile {
             };
             added.map_err(|error| EntryError::new(entry(""), error))?;
         }
+        let frames = OnceCell::new();
         for (index, detection) in self.detections.iter().enumerate() {
             let entry = |field: &str| format!("detections[{index}]{field}");
-            let input = detection_input(detection, entry)?;
+            let pose = || pose_of(frames.get_or_init(|| self.frames_by_id()).get(&*detection.frame)?);
+            let cues = detection.cues(&mut builder, pose, entry)?;
+            let input = DetectionInput { cues, ..detection_input(detection, entry)? };
             builder.add_detection(&input).map_err(|error| match error {
                 SceneError::UnknownFrame(id) => {
                     let hint = known_names(&id, self.frames.iter().map(|frame| frame.id.as_str()), "frames");
@@ -65,6 +69,11 @@ impl SceneFile {
             })?;
         }
         Ok(builder.build())
+    }
+
+    /// The frames by id.
+    fn frames_by_id(&self) -> HashMap<&str, &FrameRecord> {
+        self.frames.iter().map(|frame| (&*frame.id, frame)).collect()
     }
 
     /// The cameras by id.
@@ -119,6 +128,15 @@ impl SceneFile {
                 Err(EntryError::new(entry(""), problem))
             }
         }
+    }
+}
+
+/// The pose of a frame, whose numbers were checked before.
+fn pose_of(frame: &FrameRecord) -> Option<CamFromWorld> {
+    match (&frame.cam_from_world, &frame.projection) {
+        (Some(rows), _) => CamFromWorld::new(matrix(rows)).ok(),
+        (None, Some(rows)) => Projection::from_matrix(matrix(rows)).ok()?.camera_pose(),
+        (None, None) => None,
     }
 }
 
@@ -184,5 +202,6 @@ fn detection_input<'a>(
         partial: segmentation.is_some_and(SegmentationRecord::is_partial),
         occluded: record.occluded,
         truncated: record.truncated,
+        ..Default::default()
     })
 }

@@ -15,6 +15,10 @@ pub fn expected(field: &str) -> Option<&'static str> {
         "mask" => {
             "\"mask\": {\"path\": \"...\", \"value\": a whole number}, {\"rle\": {...}} or {\"polygons\": [[x, y, ...]]}"
         }
+        "depth" => "\"depth\": {\"median\": number, \"sd\": number, \"source\": \"...\"}",
+        "box3d" => {
+            "\"box3d\": {\"center\": [x, y, z], \"half_extents\": [l, w, h], \"rotation\": [w, x, y, z], \"frame\": \"camera\"}"
+        }
         "segmentation" => "\"segmentation\": {\"method\": \"...\", \"status\": \"...\"} as written by quadlift segment",
         "rle" => "\"rle\": {\"size\": [height, width], \"counts\": ...} as in COCO",
         "polygons" => "\"polygons\": [[x, y, x, y, ...], ...] in pixels",

@@ -7,6 +7,7 @@
 
 mod bodies;
 mod convert;
+mod cue_records;
 mod expected;
 mod images;
 mod object_records;
@@ -24,6 +25,7 @@ mod write;
 mod tests;
 
 pub use bodies::{ObjectBodies, coordinates_name};
+pub use cue_records::{Box3dRecord, Box3dSdRecord, DepthRecord, cue_records};
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
     AlternativeRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord, EllipsoidRecord,
@@ -38,8 +40,8 @@ pub use records::{
 };
 pub use results::{Detail, cross_validation_of_object, estimates_to_objects};
 pub use run::{
-    count_localised, cross_validation_record, fitted_body_name, noise_record, settings_record, skipped_record,
-    status_counts,
+    count_localised, cross_validation_record, cue_scales_record, fitted_body_name, noise_record, settings_record,
+    skipped_record, status_counts,
 };
 pub(crate) use suggest::known_names;
 pub use write::{write_localized_file, write_scene, write_scene_file};

@@ -12,6 +12,7 @@ use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
+use super::cue_records::{Box3dRecord, DepthRecord};
 use super::object_records::ObjectRecord;
 use crate::numbers;
 
@@ -194,6 +195,12 @@ pub struct DetectionRecord {
     /// Mask.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<Box<MaskRecord>>,
+    /// How far the visible surface is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<Box<DepthRecord>>,
+    /// A 3D box from this image alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub box3d: Option<Box<Box3dRecord>>,
     /// How ellipse and mask were found in the image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segmentation: Option<Box<SegmentationRecord>>,

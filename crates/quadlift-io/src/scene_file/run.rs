@@ -2,7 +2,7 @@
 
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Estimate, Method, Sigmas, Status};
+use quadlift::solve::{BodyKind, CueScale, Estimate, Method, ScaledQuantity, Sigmas, Status};
 use quadlift::{Localization, LocalizeOptions};
 use serde_json::{Map, Value, json};
 
@@ -52,6 +52,27 @@ pub fn count_localised(estimates: &[Estimate]) -> usize {
 /// The noise levels by name.
 pub fn noise_record(localization: &Localization) -> Map<String, Value> {
     localization.noise_levels().map(|(name, level)| (name.to_owned(), Value::from(level))).collect()
+}
+
+/// The scales of the sources of cues; empty without any.
+pub fn cue_scales_record(scene: &Scene, localization: &Localization) -> Value {
+    let record = |found: &CueScale| {
+        let source = found.source.and_then(|source| scene.cue_sources.get(source as usize));
+        let (quantity, category) = match found.quantity {
+            ScaledQuantity::BoxDistance => ("box3d_distance", None),
+            ScaledQuantity::BoxSize { category, axis } => {
+                (["box3d_length", "box3d_width", "box3d_height"][axis], category)
+            }
+            _ => ("depth", None),
+        };
+        let mut json =
+            json!({ "source": source, "quantity": quantity, "factor": found.factor, "log_sd": found.log_sd });
+        if let Some(category) = category {
+            json["category"] = scene.categories[category].as_str().into();
+        }
+        json
+    };
+    localization.cue_scales.iter().map(record).collect()
 }
 
 /// The cross-validation of a scene; null if no view could be predicted.
@@ -112,13 +133,13 @@ impl SceneFile {
     #[must_use]
     pub fn localized(&self, scene: &Scene, localization: &Localization, settings: Value) -> Self {
         let objects = estimates_to_objects(scene, localization).collect();
-        Self { objects, ..self.localized_without_objects(localization, settings) }
+        Self { objects, ..self.localized_without_objects(scene, localization, settings) }
     }
 
     /// [`Self::localized`] without the objects, for [`super::write_localized_file`].
     #[must_use]
-    pub fn localized_without_objects(&self, localization: &Localization, settings: Value) -> Self {
-        let about = json!({
+    pub fn localized_without_objects(&self, scene: &Scene, localization: &Localization, settings: Value) -> Self {
+        let mut about = json!({
             "program": "quadlift",
             "version": env!("CARGO_PKG_VERSION"),
             "settings": settings,
@@ -131,6 +152,9 @@ impl SceneFile {
             "cross_validation": cross_validation_record(localization),
             "diagnosis": diagnosis_record(&localization.diagnosis, &Context::of(self, 0)),
         });
+        if !localization.cue_scales.is_empty() {
+            about["cue_scales"] = cue_scales_record(scene, localization);
+        }
         self.with_results(Vec::new(), about)
     }
 }

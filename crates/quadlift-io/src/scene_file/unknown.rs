@@ -9,13 +9,15 @@ use serde::{Deserialize, Deserializer};
 pub const MOST_VALUES: usize = 10_000_000;
 
 /// Fields that hold records or lists of them, whose fields may be unknown in their turn.
-const RECORDS: [&str; 21] = [
+const RECORDS: [&str; 24] = [
     "alternatives",
+    "box3d",
     "cameras",
     "covariance",
     "cross_validation",
     "cuboid",
     "cylinder",
+    "depth",
     "detections",
     "ellipse",
     "ellipsoid",
@@ -28,6 +30,7 @@ const RECORDS: [&str; 21] = [
     "misfit",
     "objects",
     "rle",
+    "sd",
     "segmentation",
     "superellipsoid",
     "view_residuals_px",
@@ -35,10 +38,10 @@ const RECORDS: [&str; 21] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 62] = [
+const PLAIN: [&str; 65] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
-    "counts", "cut_by_border", "deviations", "edge_error", "format", "frame", "half_extents", "half_height",
-    "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "method", "model", "name",
+    "counts", "cut_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
+    "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
     "notes", "object", "occluded", "odd_view", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
     "reason", "rejected_because", "relative", "residual_px", "rotation", "score", "semi_axes", "size", "source",
     "status", "support_exponent", "time", "touches_others", "truncated", "up", "value", "version", "views",
@@ -225,6 +228,11 @@ mod tests {
                 "method": "sca", "status": "ok", "reason": "e", "confidence": 1, "cut_by_border": 0.1, "touches_others": 0.1
             },
             "occluded": 1, "truncated": 1, "visible_fraction": 0.5,
+            "depth": {"median": 1.5, "sd": 0.1, "source": "a"},
+            "box3d": {
+                "center": [0, 0, 1], "half_extents": [1, 1, 1], "rotation": [1, 0, 0, 0], "frame": "camera", "source": "b",
+                "sd": {"distance": 0.1, "direction": 0.1, "size": 0.1, "rotation": 0.1},
+            },
         });
         let frame = json!({
             "id": "a", "camera": "c", "cam_from_world": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]],

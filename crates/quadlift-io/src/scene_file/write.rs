@@ -229,7 +229,7 @@ mod tests {
         write_scene(&small().localized(&scene, &localization, serde_json::Value::Null), &mut at_once).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
-        let result = small().localized_without_objects(&localization, serde_json::Value::Null);
+        let result = small().localized_without_objects(&scene, &localization, serde_json::Value::Null);
         assert!(result.objects.is_empty());
         write_localized_file(&path, &result, &scene, &localization, Detail::Full).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), at_once);

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
-use super::{BodyModel, LARGEST_ASPECT};
+use super::{BodyModel, LARGEST_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::horizontal_basis;
 use crate::optimize::normal_equations::{NormalEquations, Row};
@@ -18,6 +18,9 @@ pub(crate) struct EllipsoidModel {
     /// `B^T`, rows `a_i v_i^T`.
     root_transposed: Matrix3<f64>,
 }
+
+/// Difference of log semi-axes below which the rotation between two axes means little.
+const ROUND: f64 = 0.1;
 
 /// Entry of the parameter vector for each entry (i, j), i >= j, of the symmetric step D.
 const STEP_INDEX: [[usize; 3]; 3] = [[3, 4, 5], [4, 6, 7], [5, 7, 8]];
@@ -53,6 +56,21 @@ impl EllipsoidModel {
             jacobian.set_column(k, &crate::geometry::vech3(&change));
         }
         jacobian
+    }
+
+    /// The entry of 1/2 log A between two directions, given along the body's axes, and its derivatives times a weight.
+    fn log_shape(&self, a: &Vector3<f64>, b: &Vector3<f64>, weight: f64) -> (f64, Row) {
+        let log = self.semi_axes.map(f64::ln);
+        let mut row = [0.0; 9];
+        let mut value = 0.0;
+        for i in 0..3 {
+            value += a[i] * b[i] * log[i];
+            row[STEP_INDEX[i][i]] = 0.5 * weight * a[i] * b[i];
+            for j in 0..i {
+                row[STEP_INDEX[i][j]] = 0.5 * weight * log_slope(log[i] - log[j]) * (a[i] * b[j] + a[j] * b[i]);
+            }
+        }
+        (value, row)
     }
 }
 
@@ -115,23 +133,53 @@ impl BodyModel for EllipsoidModel {
         })
     }
 
+    fn near_side(&self, ray: &Vector3<f64>) -> (f64, [f64; 6]) {
+        // Half the chord along the ray is (u^T u)^(-1/2) with u = B^-1 ray; the median over the outline is 1 / sqrt(2) of it,
+        // where an ellipsoid has half of its outline inside.
+        let u = (self.axes.transpose() * ray).component_div(&self.semi_axes);
+        let near = std::f64::consts::FRAC_1_SQRT_2 / u.norm();
+        let u = u.normalize();
+        let [a, b, c] = [u.x, u.y, u.z].map(|x| near * x);
+        (near, [0.5 * a * u.x, a * u.y, a * u.z, 0.5 * b * u.y, b * u.z, 0.5 * c * u.z])
+    }
+
+    fn compare(&self, measured: &MeasuredShape) -> ShapeDifference {
+        let Some(axes) = &measured.axes else {
+            let size = |log: Vector3<f64>| size_differences(self, &log, by_length(&self.semi_axes, &log));
+            return ShapeDifference { size: measured.log_half_extents.map(size), rotation: None };
+        };
+        let rows: [Vector3<f64>; 3] = std::array::from_fn(|k| self.axes.transpose() * axes.column(k));
+        let size = measured.log_half_extents.map(|log| {
+            std::array::from_fn(|k| {
+                let (value, row) = self.log_shape(&rows[k], &rows[k], -1.0);
+                (log[k] - value, row)
+            })
+        });
+        // Twice the angle by which the box would have to turn about axis i: its tangent is that of twice the entry of 1/2 log A
+        // over the difference of those on the diagonal. About half of the sine is taken, which is smooth where axes are equal and
+        // the angle means nothing.
+        let rotation = std::array::from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let (a, da) = self.log_shape(&rows[j], &rows[k], 1.0);
+            let ((first, dfirst), (second, dsecond)) =
+                (self.log_shape(&rows[j], &rows[j], 1.0), self.log_shape(&rows[k], &rows[k], 1.0));
+            let b = first - second;
+            let scale = 1.0 / (4.0 * a * a + b * b + ROUND * ROUND).sqrt();
+            let row = std::array::from_fn(|p| {
+                let shrinks = a * (4.0 * a * da[p] + b * (dfirst[p] - dsecond[p])) * scale * scale;
+                -(da[p] - shrinks) * scale
+            });
+            (-a * scale, row)
+        });
+        ShapeDifference { size, rotation: Some(rotation) }
+    }
+
     fn add_upright_prior(&self, up: &Vector3<f64>, weight: f64, equations: &mut NormalEquations) {
         // The two entries of 1/2 log A between `up` and the horizontal: zero when `up` is an axis, and smooth where
         // axes are equal. For a small tilt they are the tilt times the difference of the log semi-axes.
-        let log = self.semi_axes.map(f64::ln);
         let vertical = self.axes.transpose() * up;
         for horizontal in horizontal_basis(up) {
-            let h = self.axes.transpose() * horizontal;
-            let mut row = [0.0; 9];
-            let mut residual = 0.0;
-            for i in 0..3 {
-                residual += vertical[i] * h[i] * log[i];
-                row[STEP_INDEX[i][i]] = 0.5 * weight * vertical[i] * h[i];
-                for j in 0..i {
-                    row[STEP_INDEX[i][j]] =
-                        0.5 * weight * log_slope(log[i] - log[j]) * (vertical[i] * h[j] + vertical[j] * h[i]);
-                }
-            }
+            let (residual, row) = self.log_shape(&vertical, &(self.axes.transpose() * horizontal), weight);
             equations.add_quadratic(weight * residual, &row);
         }
     }

@@ -12,6 +12,46 @@ use crate::optimize::normal_equations::{NormalEquations, Row};
 /// Largest ratio of the longest to the shortest semi-axis that a step may reach.
 pub(crate) const LARGEST_ASPECT: f64 = 1e6;
 
+/// Size and rotation of a measured box, in the object's frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeasuredShape {
+    /// Its axes as columns, if known.
+    pub axes: Option<Matrix3<f64>>,
+    /// Logarithms of its half extents along them, if known.
+    pub log_half_extents: Option<Vector3<f64>>,
+    /// Whether its axes are length, width and height as those of the body are.
+    pub named: bool,
+}
+
+/// Residuals with their derivatives: measured less predicted.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct ShapeDifference {
+    /// Logarithms of the half extents.
+    pub size: Option<[(f64, Row); 3]>,
+    /// Rotation about each axis of the measured box, radians.
+    pub rotation: Option<[(f64, Row); 3]>,
+}
+
+/// Which axis of a body is which of a measured box without rotation: the longest is the longest.
+fn by_length(semi_axes: &Vector3<f64>, log_half_extents: &Vector3<f64>) -> [usize; 3] {
+    let order = |values: &Vector3<f64>| {
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+        order
+    };
+    let mut axes = [0; 3];
+    for (axis, measured) in order(semi_axes).into_iter().zip(order(log_half_extents)) {
+        axes[measured] = axis;
+    }
+    axes
+}
+
+/// Logarithms of a measured box's half extents less those of these axes of a body.
+fn size_differences(body: &impl BodyModel, log_half_extents: &Vector3<f64>, axes: [usize; 3]) -> [(f64, Row); 3] {
+    let (semi_axes, gradients) = (body.semi_axes(), body.log_axes_gradient());
+    std::array::from_fn(|k| (log_half_extents[k] - semi_axes[axes[k]].ln(), gradients[axes[k]].map(|x| -x)))
+}
+
 /// A body that the solver can fit.
 pub(crate) trait BodyModel: Clone + Send + Sync {
     /// Centre.
@@ -38,6 +78,11 @@ pub(crate) trait BodyModel: Clone + Send + Sync {
     fn add_shape_prior(&self, weight: f64, equations: &mut NormalEquations);
     /// Derivatives of the logarithms of the three semi-axes by the parameters.
     fn log_axes_gradient(&self) -> [Row; 3];
+    /// How far the visible surface lies before the centre, the median over the outline, seen from far along the unit vector
+    /// `ray`; with the derivatives by the six shape parameters (docs/method.md, section 19.1).
+    fn near_side(&self, ray: &Vector3<f64>) -> (f64, [f64; 6]);
+    /// How a measured box differs in size and rotation (docs/method.md, section 19.2).
+    fn compare(&self, measured: &MeasuredShape) -> ShapeDifference;
     /// Adds the prior that an axis of the body stands along `up` (unit vector), weight 1/sd (radians).
     fn add_upright_prior(&self, up: &Vector3<f64>, weight: f64, equations: &mut NormalEquations);
 }

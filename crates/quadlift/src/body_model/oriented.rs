@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 
-use super::{BodyModel, LARGEST_ASPECT};
+use super::{BodyModel, LARGEST_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
 use crate::geometry::skew;
 use crate::optimize::normal_equations::{NormalEquations, Row};
 
@@ -53,6 +53,28 @@ impl Form {
 /// Precision of the rotation of a cylinder about its own axis before anything is known: angles over half a circle have the
 /// variance `pi^2 / 12`. A round base tells nothing more.
 const SPIN_PRECISION: f64 = 1.2;
+
+/// Of the base of a cylinder, half of volume over projected area: `4 / pi`.
+const BASE: f64 = 4.0 * std::f64::consts::FRAC_1_PI;
+
+/// The axis of a body nearest to each axis of a box, and its sign: of all 24 ways to name the axes of a body that keep its
+/// handedness, or of the four that only turn it by half a circle. `cosines` are those between the axes of the box (rows) and
+/// those of the body.
+fn nearest_axes(cosines: &Matrix3<f64>, named: bool) -> ([usize; 3], [f64; 3]) {
+    const ORDERS: [([usize; 3], f64); 6] =
+        [([0, 1, 2], 1.0), ([1, 2, 0], 1.0), ([2, 0, 1], 1.0), ([0, 2, 1], -1.0), ([2, 1, 0], -1.0), ([1, 0, 2], -1.0)];
+    let mut best = (f64::NEG_INFINITY, [0, 1, 2], [1.0; 3]);
+    for (order, handedness) in ORDERS.into_iter().take(if named { 1 } else { 6 }) {
+        for (a, b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            let signs = [a, b, a * b * handedness];
+            let agreement = (0..3).map(|k| signs[k] * cosines[(k, order[k])]).sum();
+            if agreement > best.0 {
+                best = (agreement, order, signs);
+            }
+        }
+    }
+    (best.1, best.2)
+}
 
 impl BodyModel for OrientedModel {
     fn center(&self) -> &Vector3<f64> {
@@ -131,6 +153,59 @@ impl BodyModel for OrientedModel {
             row[6 + i] = 1.0;
             row
         })
+    }
+
+    fn near_side(&self, ray: &Vector3<f64>) -> (f64, [f64; 6]) {
+        // 1 / n with a norm n of x_i = |v_i| / a_i; g_i = dn/dx_i. Of cuboids and cylinders it is the mean over the outline, half
+        // of volume over projected area; superellipsoids lie between cuboid and ellipsoid.
+        let v = self.axes.tr_mul(ray);
+        let x = v.abs().component_div(&self.semi_axes);
+        let (n, g) = match self.form {
+            Form::Cuboid | Form::Exponent(1.0) => (x.sum(), Vector3::repeat(1.0)),
+            Form::Exponent(q) => {
+                let factor = 2f64.powf(1.0 - 1.0 / q);
+                let n = x.map(|x| x.powf(q)).sum().powf(1.0 / q);
+                (factor * n, x.map(|x| factor * (x / n).powf(q - 1.0)))
+            }
+            Form::Cylinder => {
+                let across = x.xy().norm();
+                let g = if across > 0.0 { x.xy() / across * BASE } else { x.xy() };
+                (BASE * across + x.z, Vector3::new(g.x, g.y, 1.0))
+            }
+        };
+        let near = 1.0 / n;
+        // d near = -near^2 dn; dx_i/dlog a_i = -x_i; dv = v x w.
+        let by_size = g.component_mul(&x) * (near * near);
+        let slope = Vector3::from_fn(|i, _| -near * near * g[i] / self.semi_axes[i] * v[i].signum());
+        let by_turn = slope.cross(&v);
+        (near, [by_turn.x, by_turn.y, by_turn.z, by_size.x, by_size.y, by_size.z])
+    }
+
+    fn compare(&self, measured: &MeasuredShape) -> ShapeDifference {
+        let Some(axes) = &measured.axes else {
+            let size = |log: Vector3<f64>| {
+                let named = if measured.named { [0, 1, 2] } else { by_length(&self.semi_axes, &log) };
+                size_differences(self, &log, named)
+            };
+            return ShapeDifference { size: measured.log_half_extents.map(size), rotation: None };
+        };
+        let cosines = axes.tr_mul(&self.axes);
+        let (order, signs) = nearest_axes(&cosines, measured.named);
+        // The sine of the rotation from the body to the box times its axis: 1/2 sum b_k x m_k, along the axes of the box.
+        let body = Matrix3::from_fn(|i, k| self.axes[(i, order[k])] * signs[k]);
+        let sine = (0..3).fold(Vector3::zeros(), |sum: Vector3<f64>, k| {
+            sum + body.column(k).into_owned().cross(&axes.column(k).into_owned()) * 0.5
+        });
+        let products = body * axes.transpose();
+        let turned = (products - Matrix3::identity() * products.trace()) * 0.5 * self.axes;
+        let (sine, turned) = (axes.tr_mul(&sine), axes.tr_mul(&turned));
+        let rotation = std::array::from_fn(|i| {
+            let mut row = [0.0; 9];
+            (0..3).for_each(|k| row[3 + k] = turned[(i, k)]);
+            (sine[i], row)
+        });
+        let size = measured.log_half_extents.map(|log| size_differences(self, &log, order));
+        ShapeDifference { size, rotation: Some(rotation) }
     }
 
     fn add_upright_prior(&self, up: &Vector3<f64>, weight: f64, equations: &mut NormalEquations) {

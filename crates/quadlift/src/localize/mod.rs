@@ -15,8 +15,8 @@ use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BORDER_MARGIN, BodyKind, Estimate, Fold, FoldPrediction, OptionError, POSE_NOISE_NAMES, PoseNoise, Sigmas, Status,
-    ViewReport, predict_fold, solve_closed_form,
+    BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, OptionError, POSE_NOISE_NAMES, PoseNoise,
+    Sigmas, Status, ViewReport, predict_fold, solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.
@@ -45,6 +45,8 @@ pub struct Localization {
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, where [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub pose_noise: Option<PoseNoise>,
+    /// Scales of the sources of depths and 3D boxes, if there are any and noise levels are not given.
+    pub cue_scales: Vec<CueScale>,
     /// The fitted kind of body, given or selected.
     pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
@@ -119,7 +121,8 @@ pub fn localize_observed(
     }
     let objects: Vec<usize> = (0..named.len()).filter(|&object| named[object]).collect();
     let watch = Watch::new(observer, objects.len());
-    let fewest = options.min_views.max(options.method.fewest_views());
+    // With a cue, or with a size and the ground, one view is enough for the refinement.
+    let fewest = options.min_views.max(if map_options.is_some() { 1 } else { options.method.fewest_views() });
     let views_of = |k: usize| {
         let mut object = scene.object_views(objects[k], &groups[objects[k]]);
         for (view, &detection) in object.views.iter_mut().zip(&groups[objects[k]]) {
@@ -138,6 +141,7 @@ pub fn localize_observed(
     };
     let folds_of =
         |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
+    let mut cue_scales = Vec::new();
     let (mut estimates, noise, pose_noise, body, folds, predicted) = if let Some(map_options) = map_options {
         let context = MapContext {
             categories: &scene.categories,
@@ -149,6 +153,7 @@ pub fn localize_observed(
             watch: &watch,
         };
         let solution = map(objects.len(), &views_of, &context, &folds_of);
+        cue_scales = solution.cue_scales;
         (solution.estimates, solution.noise, solution.pose_noise, solution.body, solution.folds, solution.predicted)
     } else {
         let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
@@ -193,5 +198,5 @@ pub fn localize_observed(
     if !diagnosis.consistent && !options.accept_inconsistent {
         estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
     }
-    Ok(Localization { estimates, skipped, noise, pose_noise, body, cross_validation, diagnosis })
+    Ok(Localization { estimates, skipped, noise, pose_noise, cue_scales, body, cross_validation, diagnosis })
 }

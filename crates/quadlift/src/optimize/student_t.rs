@@ -42,6 +42,16 @@ impl StudentT {
         (self.dof + 1.0) / self.dof / tail
     }
 
+    /// Twice the negative log likelihood of `count` residuals that are wild together (multivariate), from the sum of their squares.
+    pub(crate) fn cost_of(self, squares: f64, count: usize) -> f64 {
+        (self.dof + count as f64) * (squares / self.dof).ln_1p()
+    }
+
+    /// The weight of each of them.
+    pub(crate) fn weight_of(self, squares: f64, count: usize) -> f64 {
+        (self.dof + count as f64) / (self.dof + squares)
+    }
+
     /// Derivative of the weighted residual by the residual, relative to the weight: below one in the tails.
     #[inline]
     pub(crate) fn relative_slope(self, squared: f64) -> f64 {

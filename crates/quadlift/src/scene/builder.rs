@@ -6,6 +6,7 @@ use std::collections::hash_map::Entry;
 use nalgebra::{Unit, Vector2, Vector3};
 
 use super::Scene;
+use super::cues::Cues;
 use super::error::SceneError;
 use super::parts::{Detection, Frame, SceneParts, Undistorted};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, Projection};
@@ -33,6 +34,8 @@ pub struct DetectionInput<'a> {
     pub occluded: Option<f64>,
     /// Truncation level.
     pub truncated: Option<f64>,
+    /// Depth and 3D box; their sources are indices that [`SceneBuilder::cue_source`] gives.
+    pub cues: Cues,
 }
 
 /// Builds and validates a [`Scene`].
@@ -43,6 +46,7 @@ pub struct SceneBuilder {
     objects: HashMap<String, u32>,
     categories: HashMap<String, u32>,
     sources: HashMap<String, u32>,
+    cue_sources: HashMap<String, u32>,
     seen: HashMap<(u32, u32, Option<u32>), u32>,
 }
 
@@ -123,12 +127,22 @@ impl SceneBuilder {
         Ok(index)
     }
 
+    /// The index of a source of cues (a depth network, a LiDAR, a 3D detector), which is added when it is new.
+    ///
+    /// # Errors
+    /// [`SceneError::TooLarge`].
+    pub fn cue_source(&mut self, name: &str) -> Result<u32, SceneError> {
+        u32::try_from(self.scene.cue_sources.len()).map_err(|_| SceneError::TooLarge)?;
+        intern(Some(name), &mut self.cue_sources, &mut self.scene.cue_sources).ok_or(SceneError::TooLarge)
+    }
+
     /// Adds a detection, measured in the image as it is; if the frame's camera has a lens model, it is undistorted.
     /// Detections without pinhole pixels (see [`Camera::undistort_point`]) have neither box nor ellipse. Returns its
     /// index.
     ///
     /// # Errors
-    /// [`SceneError::UnknownFrame`], [`SceneError::NothingMeasured`], [`SceneError::DuplicateDetection`].
+    /// [`SceneError::UnknownFrame`], [`SceneError::NothingMeasured`], [`SceneError::Cue`],
+    /// [`SceneError::DuplicateDetection`].
     pub fn add_detection(&mut self, input: &DetectionInput) -> Result<usize, SceneError> {
         let index = self.scene.detections.len();
         let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
@@ -137,6 +151,7 @@ impl SceneBuilder {
         if input.bounding_box.is_none() && input.ellipse.is_none() {
             return Err(SceneError::NothingMeasured);
         }
+        input.cues.check()?;
         // A rejected detection adds no names. One with a new name is not a duplicate.
         let known = |name: Option<&str>, names: &HashMap<String, u32>| match name {
             Some(name) => names.get(name).copied().map(Some),
@@ -175,6 +190,7 @@ impl SceneBuilder {
             hidden_edges: None,
             occluded: input.occluded,
             truncated: input.truncated,
+            cues: (!input.cues.is_empty()).then(|| Box::new(input.cues)),
         });
         Ok(index)
     }

@@ -13,6 +13,9 @@ pub enum SceneError {
     /// A detection has neither a box nor an ellipse.
     #[error("the detection has neither a \"box\" nor an \"ellipse\"")]
     NothingMeasured,
+    /// A cue of a detection is out of range.
+    #[error(transparent)]
+    Cue(#[from] super::cues::CueError),
     /// One source has two detections of one object in one frame.
     #[error(
         "object \"{object}\" is detected twice in frame \"{frame}\" by the same source (first by detections[{first}])"
@@ -43,7 +46,7 @@ pub enum SceneError {
     IndexOutOfRange {
         /// Index of the detection.
         detection: usize,
-        /// What is indexed: "frame", "object", "category", "source".
+        /// What is indexed: "frame", "object", "category", "source", "cue source".
         what: &'static str,
         /// The index.
         index: u32,

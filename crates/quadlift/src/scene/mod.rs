@@ -3,6 +3,7 @@
 //! A [`Scene`] is built with [`SceneBuilder`]; solvers therefore never see an unknown id, an empty box or a NaN.
 
 mod builder;
+mod cues;
 mod error;
 mod hidden;
 mod parts;
@@ -11,6 +12,7 @@ mod sources;
 mod views;
 
 pub use builder::{DetectionInput, SceneBuilder};
+pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};
 pub use error::SceneError;
 pub use hidden::hidden_edges;
 pub use parts::{Detection, Frame, SceneParts, Undistorted};

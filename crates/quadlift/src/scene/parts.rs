@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use nalgebra::{Unit, Vector2, Vector3};
 
+use super::cues::Cues;
 use super::error::SceneError;
 use crate::geometry::{BoundingBox, Camera, Ellipse, Projection, SupportLines};
 
@@ -26,6 +27,8 @@ pub struct SceneParts {
     pub categories: Vec<String>,
     /// Sources (detectors) of the detections; [`Detection::source_index`] points here.
     pub sources: Vec<String>,
+    /// Sources of cues (a depth network, a LiDAR, a 3D detector); the cues of [`Detection::cues`] point here.
+    pub cue_sources: Vec<String>,
 }
 
 /// A posed image.
@@ -100,6 +103,8 @@ pub struct Detection {
     pub occluded: Option<f64>,
     /// Truncation level (KITTI: 0 wholly inside the image).
     pub truncated: Option<f64>,
+    /// Depth and 3D box. Boxed, because most detections have none.
+    pub cues: Option<Box<Cues>>,
 }
 
 /// Whether parts make a scene, see [`super::Scene::from_parts`].
@@ -121,11 +126,16 @@ pub(super) fn check_parts(parts: &SceneParts) -> Result<(), SceneError> {
     }
     let mut seen = HashMap::new();
     for (detection, d) in parts.detections.iter().enumerate() {
+        let cues = d.cues.as_deref().copied().unwrap_or_default();
+        cues.check()?;
+        let (of_depth, of_box) = (cues.depth.and_then(|c| c.source), cues.box3d.and_then(|c| c.source));
         let indices = [
             ("frame", Some(d.frame_index), parts.frames.len()),
             ("object", d.object_index, parts.object_ids.len()),
             ("category", d.category_index, parts.categories.len()),
             ("source", d.source_index, parts.sources.len()),
+            ("cue source", of_depth, parts.cue_sources.len()),
+            ("cue source", of_box, parts.cue_sources.len()),
         ];
         for (what, index, count) in indices {
             if let Some(index) = index.filter(|&index| index as usize >= count) {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::{Detection, Scene};
+use super::{Cues, Detection, Scene};
 use crate::geometry::{BoundingBox, Ellipse, Projection, SupportLines};
 
 /// Edges this close to the image border (pixels) count as cut off. KITTI's boxes end at 1241 to 1243 of 1242 pixels.
@@ -44,6 +44,8 @@ pub struct View {
     /// border that the object is cut off there: they only bound its extent from below. Decided once, for the fit and
     /// its report ([`View::with_cut_off_edges`]).
     pub cut_off: [bool; 4],
+    /// Depth and 3D box, if known.
+    pub cues: Cues,
 }
 
 impl View {
@@ -86,7 +88,17 @@ impl View {
             box_in_image: None,
             hidden_edges: [false; 4],
             cut_off: [false; 4],
+            cues: Cues::default(),
         }
+    }
+
+    /// The view with what else is known: depth, 3D box.
+    ///
+    /// # Errors
+    /// [`super::CueError`] names a number that is out of range.
+    pub fn with_cues(self, cues: Cues) -> Result<Self, super::CueError> {
+        cues.check()?;
+        Ok(Self { cues, ..self })
     }
 
     /// The measurement for the closed forms: the ellipse, or the one inscribed in the box.
@@ -150,6 +162,7 @@ impl Scene {
             box_in_image: detection.box_in_image,
             hidden_edges: [false; 4],
             cut_off: [false; 4],
+            cues: detection.cues.as_deref().copied().unwrap_or_default(),
         }
         .with_cut_off_edges(BORDER_TOLERANCE_PX)
     }

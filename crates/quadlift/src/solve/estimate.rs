@@ -54,6 +54,9 @@ pub enum Warning {
     },
     /// Every box edge on some side lies on the image border: the object's extent there is not seen.
     AllEdgesCutOff,
+    /// Only one view: distance and size rest on what is known besides the box (a depth, a 3D box, the size of the category
+    /// and the ground), and nothing contradicts a wrong one.
+    OneView,
     /// Only two views: the size and the axes rest on the shape prior, and a false box cannot be detected, because nearly any
     /// two boxes fit some body with small residuals.
     TwoViews,
@@ -96,6 +99,7 @@ impl std::fmt::Display for Warning {
                      unobserved"
                 )
             }
+            Self::OneView => write!(f, "only one view: distance and shape rest on cues and priors"),
             Self::TwoViews => write!(f, "only two views: the shape rests on the prior"),
             Self::BehindCamera { views } => {
                 write!(f, "the object is not entirely in front of {views} of the cameras that detect it")

@@ -46,7 +46,7 @@ pub(super) fn describe(
     estimate.enclosing_scale = enclosing.map(|enclosing| enclosing.scale);
     estimate.enclosing = enclosing.and_then(|enclosing| enclosing.ellipsoid);
     // What is said of the views that count needs some that do.
-    estimate.warnings = if used.len() < 2 { Vec::new() } else { warnings(&used, &body) };
+    estimate.warnings = if used.len() < 2.min(views.len()) { Vec::new() } else { warnings(&used, &body) };
     estimate.body = Some(body);
     estimate
 }
@@ -93,10 +93,17 @@ pub(super) fn is_a_body(body: &Body, views: &[View]) -> bool {
 fn warnings(views: &[View], body: &Body) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let center = body.center();
+    // One view, or a cue, says in another way how sure the distance is.
+    let tells_distance = views.len() == 1 || views.iter().any(|view| view.cues.tell_distance());
+    if views.len() == 1 {
+        warnings.push(Warning::OneView);
+    }
     if views.len() == 2 {
         warnings.push(Warning::TwoViews);
     }
-    if let Some(largest_angle) = largest_viewing_angle(views, &center).filter(|a| *a < NARROW_BASELINE) {
+    if let Some(largest_angle) =
+        largest_viewing_angle(views, &center).filter(|a| *a < NARROW_BASELINE && !tells_distance)
+    {
         warnings.push(Warning::NarrowBaseline { largest_angle });
     }
     let mut seen = [false; 4];

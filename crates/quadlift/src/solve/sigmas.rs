@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 /// Names of the noise levels that can be given, as results report them; see [`Sigmas`]. First the kinds of errors, in the
 /// order of the noise groups of `map`.
-pub const SIGMA_NAMES: [&str; 20] = [
+pub const SIGMA_NAMES: [&str; 31] = [
     "edge_relative",
     "hidden_edge_relative",
     "ellipse_center",
@@ -13,9 +13,15 @@ pub const SIGMA_NAMES: [&str; 20] = [
     "ellipse_angle",
     "shape",
     "partial_ellipse",
+    "depth",
+    "box3d_distance",
+    "box3d_direction",
+    "box3d_size",
+    "box3d_rotation",
     "edge_px",
-    "edge_correlation",
-    "ellipse_correlation",
+    CORRELATION_NAMES[0],
+    CORRELATION_NAMES[1],
+    CORRELATION_NAMES[2],
     COMMON_NAMES[0],
     COMMON_NAMES[1],
     COMMON_NAMES[2],
@@ -23,12 +29,17 @@ pub const SIGMA_NAMES: [&str; 20] = [
     COMMON_NAMES[4],
     COMMON_NAMES[5],
     COMMON_NAMES[6],
+    COMMON_NAMES[7],
+    COMMON_NAMES[8],
+    COMMON_NAMES[9],
+    COMMON_NAMES[10],
+    COMMON_NAMES[11],
     SPREAD_NAMES[0],
     SPREAD_NAMES[1],
 ];
 
 /// Errors common to the views of an object, for each kind of measurement.
-pub(super) const COMMON_NAMES: [&str; 7] = [
+pub(super) const COMMON_NAMES: [&str; 12] = [
     "edge_common",
     "ellipse_center_common",
     "ellipse_size_common",
@@ -36,7 +47,15 @@ pub(super) const COMMON_NAMES: [&str; 7] = [
     "ellipse_angle_common",
     "shape_common",
     "partial_ellipse_common",
+    "depth_common",
+    "box3d_distance_common",
+    "box3d_direction_common",
+    "box3d_size_common",
+    "box3d_rotation_common",
 ];
+
+/// Correlations of errors between neighbouring views: of edges, of ellipses, of depths and 3D boxes.
+pub(super) const CORRELATION_NAMES: [&str; 3] = ["edge_correlation", "ellipse_correlation", "cue_correlation"];
 
 /// Mean squared residual of a scene in units of the noise, and the relative variance of that of its objects.
 pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
@@ -97,7 +116,7 @@ impl Sigmas {
             let name = (SIGMA_NAMES.into_iter().find(|name| *name == given))
                 .ok_or_else(|| SigmasError::Unknown(given.to_owned()))?;
             let (fits, expected) = match name {
-                "edge_correlation" | "ellipse_correlation" => {
+                _ if CORRELATION_NAMES.contains(&name) => {
                     ((0.0..1.0).contains(&value), "a number of at least 0 and below 1")
                 }
                 _ if name == "edge_px" || COMMON_NAMES.contains(&name) || SPREAD_NAMES.contains(&name) => {

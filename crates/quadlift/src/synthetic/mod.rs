@@ -5,6 +5,7 @@
 //! positives, make realistic scenes. The world's z axis points up.
 
 mod cameras;
+mod cues;
 mod detections;
 mod detector;
 mod noise;
@@ -16,6 +17,7 @@ mod scene;
 mod tests;
 mod tracks;
 
+pub use cues::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
 pub use options::{Detector, Noise, Observations, SyntheticError, SyntheticIds, SyntheticOptions, Trajectory};
 pub use scene::{SyntheticFrame, SyntheticScene};
 

@@ -7,6 +7,7 @@ mod alternatives;
 mod closed_forms;
 mod common;
 mod cross_validation;
+mod cues;
 mod false_boxes;
 mod invariance;
 mod lens;

@@ -10,7 +10,9 @@ use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::{Detail, write_localized_file};
-use quadlift_io::scene_file::{count_localised, cross_validation_record, noise_record, skipped_record};
+use quadlift_io::scene_file::{
+    count_localised, cross_validation_record, cue_scales_record, noise_record, skipped_record,
+};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
@@ -20,7 +22,7 @@ use crate::association::{associate_and_check, associated_scene, localize_in_word
 use crate::corrections::{CorrectedScene, corrected_in_words};
 use crate::diagnosis::Check;
 use crate::error::Outcome;
-use crate::estimate_table::{noise_levels, render, summaries};
+use crate::estimate_table::{cue_scales, noise_levels, render, summaries};
 use crate::localization::{Settings, localize_scene, read_masks, result_file, result_file_without_objects};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
@@ -89,7 +91,7 @@ pub fn one_scene(
     let mut result = if needs_records {
         result_file(&file, &scene, &localization, settings)
     } else {
-        result_file_without_objects(&file, &localization, settings)
+        result_file_without_objects(&file, &scene, &localization, settings)
     };
     if let Some(about) = &mut result.localization {
         about["diagnosis"] = check.record();
@@ -154,11 +156,17 @@ pub fn one_scene(
     if let Some(levels) = noise_levels(&localization) {
         out.detail(&levels);
     }
+    for line in cue_scales(&scene, &localization) {
+        out.detail(&one_line(&line));
+    }
     out.detail(&format!("read in {}, localised in {}", duration(read), duration(solved - read)));
     if out.json {
         document["objects"] = serde_json::to_value(summaries(&scene, &localization))?;
         document["localised"] = localised.into();
         document["noise"] = noise_record(&localization).into();
+        if !localization.cue_scales.is_empty() {
+            document["cue_scales"] = cue_scales_record(&scene, &localization);
+        }
         document["cross_validation"] = cross_validation_record(&localization);
         document["skipped"] = skipped_record(&localization);
         if let Some(calibration) = calibration {

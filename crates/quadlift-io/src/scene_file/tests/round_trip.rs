@@ -113,6 +113,7 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
                 truncated,
                 visible_fraction,
                 extra,
+                ..Default::default()
             }
         },
     )

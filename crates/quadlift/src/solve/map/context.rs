@@ -3,7 +3,8 @@
 use nalgebra::{Point3, Unit, Vector3};
 
 use crate::observer::Watch;
-use crate::solve::options::MapOptions;
+use crate::scene::ObjectViews;
+use crate::solve::options::{CategoryPrior, MapOptions};
 
 /// Data shared by the objects of a scene.
 #[derive(Debug, Clone)]
@@ -25,6 +26,14 @@ pub(crate) struct MapContext<'a> {
 }
 
 impl MapContext<'_> {
+    /// The prior of an object that one box locates: of known size, on the ground below cameras of known height.
+    pub(super) fn standing_size(&self, views: &ObjectViews) -> Option<&CategoryPrior> {
+        let MapOptions { ground_plane, priors, camera_height, .. } = self.options;
+        let category = priors.of(&self.categories[views.category_index?])?;
+        let stands = (*ground_plane || category.on_ground) && self.up.is_some() && camera_height.is_some();
+        (stands && category.size.is_some()).then_some(category)
+    }
+
     /// Whether the objects share more than noise levels: the ground plane, or corrected poses.
     pub(super) fn has_shared_unknowns(&self) -> bool {
         let MapOptions { ground_plane, priors, pose_noise, .. } = self.options;

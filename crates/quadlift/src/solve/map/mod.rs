@@ -13,11 +13,12 @@ mod noise;
 pub(crate) mod object;
 mod residuals;
 mod scene;
-mod shared;
+pub(super) mod shared;
 
 pub(crate) use self::context::MapContext;
 use self::scene::body_selection::BodyKinds;
 use self::scene::scene_fit::SceneFit;
+use super::cue_scale::CueScale;
 use super::estimate::Estimate;
 use super::options::{BodyKind, PoseNoise};
 use super::prediction::{Fold, FoldPrediction, predict_fold};
@@ -37,6 +38,8 @@ pub(crate) struct MapSolution {
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, if estimated.
     pub pose_noise: Option<PoseNoise>,
+    /// The scales of cues.
+    pub cue_scales: Vec<CueScale>,
     /// The fitted kind of body; `None` if objects differ.
     pub body: Option<BodyKind>,
     /// The chosen folds.
@@ -112,5 +115,6 @@ pub(crate) fn map(
         predict_fold(&views_of(*object), views, options.border_margin, fit)
     });
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
-    MapSolution { estimates, noise, pose_noise, body: body_kinds.of_all(), folds, predicted }
+    let cue_scales = scene.scales().constants().map(CueScale::from).collect();
+    MapSolution { estimates, noise, pose_noise, cue_scales, body: body_kinds.of_all(), folds, predicted }
 }

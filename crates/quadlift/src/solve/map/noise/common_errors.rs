@@ -25,7 +25,7 @@ use crate::solve::estimate::Matrix9;
 
 /// Kinds of measurements with errors common to the views of an object: those of [`super::groups::NoiseGroup`], hidden
 /// edges with the others.
-pub(crate) const COMMON_CLASSES: usize = 7;
+pub(crate) const COMMON_CLASSES: usize = 12;
 
 /// Rows of an object that are compared with each other, about: of more, evenly spread views are taken.
 const MOST_ROWS: usize = 320;

@@ -22,6 +22,16 @@ pub(crate) enum NoiseGroup {
     Shape,
     /// Any residual of an ellipse that may cover only a part of the object.
     PartialEllipse,
+    /// Logarithm of the depth of the visible surface.
+    Depth,
+    /// Logarithm of the distance of a 3D box.
+    BoxDistance,
+    /// Direction of the centre of a 3D box, each way, radians.
+    BoxDirection,
+    /// Logarithm of an extent of a 3D box.
+    BoxSize,
+    /// Rotation of a 3D box about an axis, radians.
+    BoxRotation,
 }
 
 impl NoiseGroup {
@@ -35,6 +45,11 @@ impl NoiseGroup {
         Self::EllipseAngle,
         Self::Shape,
         Self::PartialEllipse,
+        Self::Depth,
+        Self::BoxDistance,
+        Self::BoxDirection,
+        Self::BoxSize,
+        Self::BoxRotation,
     ];
 
     /// Name in reports.
@@ -48,17 +63,32 @@ impl NoiseGroup {
         matches!(self, Self::Edge | Self::HiddenEdge)
     }
 
+    /// Whether it is an error of a depth or of a 3D box.
+    #[inline]
+    pub(crate) fn is_cue(self) -> bool {
+        self as usize >= Self::Depth as usize
+    }
+
+    /// Index of those groups whose errors have a correlation between views: edges, ellipses, cues.
+    #[inline]
+    pub(crate) fn correlated_with(self) -> usize {
+        if self.is_edge() { 0 } else { 1 + usize::from(self.is_cue()) }
+    }
+
     /// Index of its kind among those with errors common to views.
     pub(crate) fn common_class(self) -> usize {
         (self as usize).saturating_sub(1)
     }
 
-    /// Whether single residuals may be far off: edges, shapes of masks, and parts.
+    /// Whether single residuals may be far off: edges, shapes of masks, parts, and cues.
     #[inline]
     pub(crate) fn has_heavy_tails(self) -> bool {
-        self.is_edge() || matches!(self, Self::Shape | Self::PartialEllipse)
+        self.is_edge() || self.is_cue() || matches!(self, Self::Shape | Self::PartialEllipse)
     }
 }
 
+/// Number of kinds of correlations between views ([`NoiseGroup::correlated_with`]).
+pub(crate) const CORRELATIONS: usize = 3;
+
 /// Number of noise groups.
-pub(super) const GROUPS: usize = 8;
+pub(super) const GROUPS: usize = 13;

@@ -4,19 +4,25 @@
 //! and weights them accordingly.
 
 use super::common_errors::COMMON_CLASSES;
-use super::groups::{GROUPS, NoiseGroup};
+use super::groups::{CORRELATIONS, GROUPS, NoiseGroup};
 use super::object_spread::Spread;
 use super::statistics::NoiseStatistics;
 use super::usual_level::most_probable;
-use crate::solve::sigmas::{COMMON_NAMES, SPREAD_NAMES, Sigmas};
+use crate::solve::sigmas::{COMMON_NAMES, CORRELATION_NAMES, SPREAD_NAMES, Sigmas};
 use crate::tuning::CORRELATED_FROM;
 use crate::tuning::HIDDEN_RATIO;
 use crate::tuning::MANY_VIEWS;
 use crate::tuning::NOISE_FLOOR;
 use crate::tuning::TEMPERING;
 
-/// Start of the estimation, and the typical level of detectors.
-const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2];
+/// Start of the estimation, and the typical level of detectors. Of depths: the mean relative error of networks that estimate metric
+/// depth is 5 to 10 % (their own tables); of 3D boxes: what we found for typical detectors' distances, sizes and yaws.
+const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2, 0.1, 0.1, 0.02, 0.1, 0.15];
+
+/// The usual level of a group.
+pub(crate) fn usual_level(group: NoiseGroup) -> f64 {
+    DEFAULTS[group as usize]
+}
 
 /// Upper bound of the correlation between views.
 pub(crate) const LARGEST_CORRELATION: f64 = 0.9;
@@ -26,17 +32,17 @@ const ENOUGH_PAIRS: f64 = 16.0;
 
 const RATIO_FREEDOM: f64 = 4.0;
 
-/// How much residuals count because of the correlation of views: of edges, of ellipses.
+/// How much residuals count because of the correlation of views: of edges, of ellipses, of cues.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Weights([f64; 2]);
+pub(crate) struct Weights([f64; CORRELATIONS]);
 
 impl Weights {
     /// Every view counts wholly.
-    pub(crate) const INDEPENDENT: Self = Self([1.0; 2]);
+    pub(crate) const INDEPENDENT: Self = Self([1.0; CORRELATIONS]);
 
     #[inline]
     pub(crate) fn of(&self, group: NoiseGroup) -> f64 {
-        self.0[usize::from(!group.is_edge())]
+        self.0[group.correlated_with()]
     }
 
     #[inline]
@@ -47,6 +53,11 @@ impl Weights {
     #[inline]
     pub(crate) fn ellipses(&self) -> f64 {
         self.0[1]
+    }
+
+    #[inline]
+    pub(crate) fn cues(&self) -> f64 {
+        self.0[2]
     }
 }
 
@@ -65,8 +76,9 @@ pub(crate) struct CovarianceLevels {
 pub(crate) struct NoiseLevels {
     /// A standard deviation for each group.
     sd: [f64; GROUPS],
-    /// Correlation of an error with that in the object's next view, in [0, 1): of edges, of ellipses.
-    correlation: [f64; 2],
+    /// Correlation of an error with that in the object's next view, in [0, 1): of edges, of ellipses, of
+    /// cues.
+    correlation: [f64; CORRELATIONS],
     /// Terms that affect only the covariance.
     covariance: CovarianceLevels,
     /// Half size of a box, in pixels, at which the part of the edge noise that is constant in pixels equals the part
@@ -77,7 +89,7 @@ pub(crate) struct NoiseLevels {
 impl NoiseLevels {
     /// The levels before anything is known.
     pub(crate) fn new(pixel_size: f64) -> Self {
-        Self { sd: DEFAULTS, correlation: [0.0; 2], covariance: CovarianceLevels::default(), pixel_size }
+        Self { sd: DEFAULTS, correlation: [0.0; CORRELATIONS], covariance: CovarianceLevels::default(), pixel_size }
     }
 
     /// Given levels. Hidden edges default to twice the noise of other edges; other groups have their default.
@@ -89,7 +101,7 @@ impl NoiseLevels {
         });
         let edge = [sigmas.get("edge_px"), sigmas.get("edge_relative")];
         let pixel_size = if let [Some(pixels), Some(relative)] = edge { pixels / relative } else { pixel_size };
-        let correlation = ["edge_correlation", "ellipse_correlation"].map(|name| sigmas.get(name).unwrap_or(0.0));
+        let correlation = CORRELATION_NAMES.map(|name| sigmas.get(name).unwrap_or(0.0));
         let covariance = CovarianceLevels {
             common: COMMON_NAMES.map(|name| sigmas.get(name).unwrap_or(0.0)),
             spread: Spread {
@@ -127,7 +139,7 @@ impl NoiseLevels {
 
     /// The same levels with independent views.
     pub(crate) fn uncorrelated(&self) -> Self {
-        Self { correlation: [0.0; 2], ..*self }
+        Self { correlation: [0.0; CORRELATIONS], ..*self }
     }
 
     /// All standard deviations multiplied by a factor.
@@ -152,7 +164,7 @@ impl NoiseLevels {
         };
         // Correlated neighbouring views carry less information.
         let counted = |groups: &[NoiseGroup]| {
-            let c = self.correlation[usize::from(!groups[0].is_edge())];
+            let c = self.correlation[groups[0].correlated_with()];
             let independent = (1.0 - c) / (1.0 + c);
             let dof: f64 = groups.iter().map(|group| statistics.dof[*group as usize].max(0.0)).sum();
             let many_views =
@@ -193,7 +205,7 @@ impl NoiseLevels {
         (0..GROUPS)
             .filter(|&g| statistics.dof[g] > 0.0)
             .map(|g| (self.sd[g] / other.sd[g]).ln().abs())
-            .chain((0..2).map(|k| (self.correlation[k] - other.correlation[k]).abs()))
+            .chain((0..CORRELATIONS).map(|k| (self.correlation[k] - other.correlation[k]).abs()))
             .fold(0.0, f64::max)
     }
 
@@ -207,12 +219,12 @@ impl NoiseLevels {
             report.push((group.name(), self.of(group) * part));
             if group == NoiseGroup::Edge {
                 report.push(("edge_px", self.of(group) * part * self.pixel_size));
-                report.push(("edge_correlation", self.correlation[0]));
+                report.push((CORRELATION_NAMES[0], self.correlation[0]));
             }
         }
         let CovarianceLevels { common, spread } = self.covariance;
         let level = if spread.variance > 0.0 { spread.level } else { 0.0 };
-        let correlation = [("ellipse_correlation", self.correlation[1])].into_iter();
+        let correlation = CORRELATION_NAMES.into_iter().zip(self.correlation).skip(1);
         let of_covariance =
             COMMON_NAMES.into_iter().zip(common).chain(SPREAD_NAMES.into_iter().zip([level, spread.variance]));
         report.extend(correlation.chain(of_covariance).filter(|(_, level)| *level > 0.0));
@@ -285,15 +297,16 @@ mod tests {
         for group in NoiseGroup::ALL {
             (0..100).for_each(|_| statistics.add(group, 0.3, 1.0, 1.0));
         }
-        statistics.add_neighbours(true, 0.5, 100);
-        statistics.add_neighbours(false, 0.25, 100);
+        statistics.add_neighbours(0, 0.5, 100);
+        statistics.add_neighbours(1, 0.25, 100);
+        statistics.add_neighbours(2, 0.125, 100);
         let levels = NoiseLevels::new(50.0).updated(&statistics);
         let report = levels.report(&statistics);
         let given = NoiseLevels::given(&Sigmas::new(report.iter().copied()).unwrap(), 67.0);
         for g in 0..GROUPS {
             assert!((given.sd[g] / levels.sd[g] - 1.0).abs() < 1e-12);
         }
-        assert_eq!(given.correlation, [0.5, 0.25]);
+        assert_eq!(given.correlation, [0.5, 0.25, 0.125]);
         assert!((given.pixel_size - 50.0).abs() < 1e-9);
         assert_eq!(NoiseLevels::given(&Sigmas::default(), 67.0), NoiseLevels::new(67.0));
         let edges = NoiseLevels::given(&Sigmas::new([("edge_relative", 0.03)]).unwrap(), 67.0);
@@ -303,8 +316,8 @@ mod tests {
     #[test]
     fn correlated_views_count_less_but_never_less_than_one() {
         let mut statistics = NoiseStatistics::default();
-        statistics.add_neighbours(true, 0.7, 50);
-        statistics.add_neighbours(true, 0.9, 50);
+        statistics.add_neighbours(0, 0.7, 50);
+        statistics.add_neighbours(0, 0.9, 50);
         let updated = NoiseLevels::new(67.0).updated(&statistics);
         assert!((updated.correlation[0] - 0.8).abs() < 1e-12 && updated.correlation[1] == 0.0);
         assert!((updated.weights(100).of(NoiseGroup::Edge) - 1.0 / 9.0).abs() < 1e-12);

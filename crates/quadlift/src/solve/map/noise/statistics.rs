@@ -1,6 +1,6 @@
 //! What the residuals of objects say about noise levels: sums over a scene.
 
-use super::groups::{GROUPS, NoiseGroup};
+use super::groups::{CORRELATIONS, GROUPS, NoiseGroup};
 
 /// Weighted sums of squared whitened residuals and their degrees of freedom, by group.
 #[derive(Debug, Clone, Copy, Default)]
@@ -8,8 +8,8 @@ pub(crate) struct NoiseStatistics {
     pub(super) squares: [f64; GROUPS],
     pub(super) dof: [f64; GROUPS],
     /// Correlation of residuals in views that follow each other, times the number of pairs; that number. Of edges, of
-    /// ellipses.
-    pub(super) neighbours: [[f64; 2]; 2],
+    /// ellipses, of cues.
+    pub(super) neighbours: [[f64; 2]; CORRELATIONS],
     /// Parameters that the measurements determine, and parameters.
     determined: [f64; 2],
     /// Sum over the objects of one over the number of views, and their number.
@@ -24,10 +24,10 @@ impl NoiseStatistics {
         self.dof[group as usize] += dof;
     }
 
-    /// Adds an object's correlation between its residuals in views that follow each other, of edges or of ellipses, over
-    /// `pairs` of them.
-    pub(crate) fn add_neighbours(&mut self, edges: bool, correlation: f64, pairs: usize) {
-        let [sum, number] = &mut self.neighbours[usize::from(!edges)];
+    /// Adds an object's correlation between its residuals in views that follow each other, of edges, of ellipses or of
+    /// cues ([`NoiseGroup::correlated_with`]), over `pairs` of them.
+    pub(crate) fn add_neighbours(&mut self, group: usize, correlation: f64, pairs: usize) {
+        let [sum, number] = &mut self.neighbours[group];
         *sum += correlation * pairs as f64;
         *number += pairs as f64;
     }
@@ -63,8 +63,7 @@ impl NoiseStatistics {
             self.dof[g] += other.dof[g];
         }
         for k in 0..2 {
-            self.neighbours[0][k] += other.neighbours[0][k];
-            self.neighbours[1][k] += other.neighbours[1][k];
+            self.neighbours.iter_mut().zip(&other.neighbours).for_each(|(sum, more)| sum[k] += more[k]);
             self.determined[k] += other.determined[k];
             self.inverse_views[k] += other.inverse_views[k];
         }

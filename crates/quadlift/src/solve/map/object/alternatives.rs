@@ -19,6 +19,7 @@ use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Estimate, Warning};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::options::BodyKind;
 
 /// Maximum number of alternatives that are refined and reported.
@@ -50,6 +51,7 @@ impl Fit {
         mut estimate: Estimate,
         noise: &NoiseLevels,
         reference: Reference,
+        scales: &CueScales,
         context: &MapContext,
     ) -> Estimate {
         let Some(body) = estimate.body.filter(|_| self.problem.kind == BodyKind::Cuboid) else { return estimate };
@@ -59,7 +61,7 @@ impl Fit {
         {
             // The rounds ended in a worse minimum. The odds grow with each step, so that this ends.
             let better = Self { body: model.clone(), equations: *equations, converged: true, ..self.clone() };
-            return better.estimate(noise, reference, context);
+            return better.estimate(noise, reference, scales, context);
         }
         let found: Vec<Alternative> = found.into_iter().map(|(found, _)| found).collect();
         let Some(most_probable) = found.first() else { return estimate };

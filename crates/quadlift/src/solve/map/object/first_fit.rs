@@ -1,5 +1,6 @@
 //! The first fit of each kind of body, from a fitted ellipsoid.
 
+use super::cue_starts::oriented_from_cues;
 use super::model::Model;
 use super::objective::Objective;
 use super::problem::{FROM_START, ObjectProblem};
@@ -71,7 +72,8 @@ impl ObjectProblem {
             BodyKind::Cuboid => Form::Cuboid,
         };
         let centers = centers_from_size(&self.views, &self.measurements.frame, &self.prior);
-        let starts = oriented_starts(ellipsoid, form, &self.prior, &centers, seed);
+        let mut starts = oriented_from_cues(&self.views.views, &self.measurements.frame, ellipsoid, form);
+        starts.extend(oriented_starts(ellipsoid, form, &self.prior, &centers, seed));
         // Where the size of the category is known few starts differ in more than their place.
         let turned = if self.prior.log_size.is_some() { ALL } else { turned };
         descended(&objective, starts, turned)

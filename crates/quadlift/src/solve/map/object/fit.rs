@@ -24,6 +24,8 @@ use crate::solve::map::noise::levels::{CovarianceLevels, NoiseLevels};
 use crate::solve::map::noise::object_spread::{ObjectAgreement, cost_of_robustness, scaled_covariance};
 use crate::solve::map::noise::statistics::NoiseStatistics;
 use crate::solve::map::residuals::measurements::Plane;
+use crate::solve::map::residuals::row::ResidualRow;
+use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::report::{describe, is_a_body};
 
@@ -145,14 +147,17 @@ impl Fit {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
         let center = measurements.frame.point_in_world(self.body.center());
         let cameras: Vec<_> = views.views.iter().map(|view| view.projection.center_in_world()).collect();
-        self.objective(noise, self.outlier_scale).each_row(&self.body, |view, row, weight| {
+        let objective = self.objective(noise, self.outlier_scale);
+        let mut of_row = |view: usize, row: &ResidualRow, weight: f64| {
             let Some(camera) = cameras[view] else { return };
             // Moving the camera is moving the body the other way.
             let by_point = Vector3::new(row.row[0], row.row[1], row.row[2]) / measurements.frame.unit;
             let by_turn = -(center - camera).cross(&by_point);
             let derivative = Vector6::new(by_turn.x, by_turn.y, by_turn.z, -by_point.x, -by_point.y, -by_point.z);
             take(views.views[view].frame_index, row.residual, derivative, weight);
-        });
+        };
+        objective.each_row(&self.body, &mut of_row);
+        objective.each_cue_row(&self.body, of_row);
     }
 
     /// Residual statistics under the noise levels of the last fit.
@@ -295,10 +300,10 @@ impl Fit {
         let objective = self.objective(noise, self.outlier_scale);
         let weights = noise.weights(measured.len());
         let mut rows = Vec::with_capacity(4 * measured.len());
-        let (mut last_view, mut component) = (usize::MAX, 0);
-        objective.each_row(&self.body, |view, row, weight| {
-            component = if view == last_view { component + 1 } else { 1 };
-            last_view = view;
+        let (mut last, mut component) = (None, 0);
+        let mut of_row = |view: usize, row: &ResidualRow, weight: f64| {
+            component = if last == Some((view, row.group)) { component + 1 } else { 1 };
+            last = Some((view, row.group));
             if !row.counts || weight <= 0.0 {
                 return;
             }
@@ -327,7 +332,9 @@ impl Fit {
                     total_weight,
                 });
             }
-        });
+        };
+        objective.each_row(&self.body, &mut of_row);
+        objective.each_cue_row(&self.body, of_row);
         rows
     }
 
@@ -338,10 +345,14 @@ impl Fit {
         (CommonStatistics::of_object(&rows, &covariance), ObjectAgreement::new(&rows, &covariance))
     }
 
-    /// The covariance of noise and of common errors.
-    fn covariance(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Covariance> {
+    /// The covariance of noise, of common errors and of the scales of cues.
+    fn covariance(&self, noise: &NoiseLevels, scales: &CueScales, context: &MapContext) -> Option<Covariance> {
         let of_noise = invert_spd(&self.equations.hessian())?;
-        let local = if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
+        let mut local =
+            if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
+        if let Some(terms) = self.scale_terms(noise) {
+            local += scales.added_covariance(&terms);
+        }
         covariance::in_world(&local, &self.body.world_map(&self.problem.measurements.frame), self.body.coordinates())
     }
 
@@ -360,7 +371,13 @@ impl Fit {
     }
 
     /// The estimate in the world.
-    pub(crate) fn estimate(&self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Estimate {
+    pub(crate) fn estimate(
+        &self,
+        noise: &NoiseLevels,
+        reference: Reference,
+        scales: &CueScales,
+        context: &MapContext,
+    ) -> Estimate {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
         let blank = Estimate::failed(views.object_index, views.category_index, Status::Ok);
         let body = self.body.body_in_world(&measurements.frame);
@@ -375,7 +392,7 @@ impl Fit {
         for (view, deviations) in estimate.views.iter_mut().zip(self.view_deviations(noise)) {
             view.deviations = deviations.map(|x| x / reference.factor());
         }
-        estimate.covariance = self.covariance(noise, context);
+        estimate.covariance = self.covariance(noise, scales, context);
         if estimate.covariance.is_none() {
             estimate.warnings.push(Warning::NoCovariance);
         }
@@ -386,6 +403,6 @@ impl Fit {
         if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
             estimate.status = Status::Inconsistent;
         }
-        self.with_alternatives(estimate, noise, reference, context)
+        self.with_alternatives(estimate, noise, reference, scales, context)
     }
 }

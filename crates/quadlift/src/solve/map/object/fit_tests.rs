@@ -17,6 +17,7 @@ use crate::scene::ObjectViews;
 use crate::solve::estimate::Status;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::ground::GroundPlane;
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::options::{BodyKind, MapOptions, PoseNoise};
@@ -56,7 +57,7 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
 /// Residuals of all views after the camera of a frame has been moved.
 fn residuals(fit: &Fit, noise: &NoiseLevels, by: Vector6<f64>) -> Vec<f64> {
     let moved = PoseCorrections::of_frames(BTreeMap::from([(2, by)]));
-    let problem = fit.problem.with_poses(&moved);
+    let problem = fit.problem.corrected(&moved, &CueScales::default());
     let mut all = Vec::new();
     problem.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
     all
@@ -102,7 +103,12 @@ fn bodies_that_have_run_away_have_diverged() {
     ball(|fit, noise, context| {
         let ends = |body: Model, equations: NormalEquations| {
             let fit = Fit { body, equations, ..fit.clone() };
-            fit.estimate(noise, Reference::among(noise, std::iter::empty(), context.options), context)
+            fit.estimate(
+                noise,
+                Reference::among(noise, std::iter::empty(), context.options),
+                &CueScales::default(),
+                context,
+            )
         };
         assert_eq!(ends(fit.body.clone(), fit.equations).status, Status::Ok);
         // Behind the cameras, a point, nowhere.

@@ -19,7 +19,7 @@ use crate::solve::sigmas::Sigmas;
 
 const STEP: f64 = 1e-6;
 
-fn projection(azimuth: f64) -> Projection {
+pub(super) fn projection(azimuth: f64) -> Projection {
     let r = Rotation3::from_euler_angles(1.3, azimuth, 0.2);
     let mut pose = Matrix3x4::zeros();
     pose.fixed_columns_mut::<3>(0).copy_from(r.matrix());
@@ -40,6 +40,7 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
         ellipse,
         hidden_edges: [false; 4],
         cut_off: [false; 4],
+        cues: Default::default(),
     }
 }
 
@@ -51,7 +52,7 @@ fn measurements(ellipses_as_planes: bool) -> Measurements {
         view(0.9, None, Some([1.0, 150.0, 400.0, 310.0])),
         view(-0.4, Some(ellipse), None),
     ];
-    Measurements::new(frame, &views, ellipses_as_planes)
+    Measurements::new(frame, &views, ellipses_as_planes, false)
 }
 
 /// Whitened residuals of all views; one-sided edges that agree are left out on both sides of a difference.
@@ -111,7 +112,7 @@ fn check_loss(m: &Measurements, body: &EllipsoidModel, noise: &NoiseLevels, outl
 
 /// The gradient of the priors' cost, 2 J^T r, against differences of the cost.
 fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false);
+    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, false);
     let noise = NoiseLevels::new(67.0);
     let objective = Objective {
         measurements: &m,
@@ -190,7 +191,7 @@ proptest! {
             view(-0.4, Some(ellipse), None),
             view(1.1, Some(ellipse), Some([150.0, 165.0, 400.0, 390.0])),
         ];
-        let m = Measurements::new(frame, &views, false);
+        let m = Measurements::new(frame, &views, false, false);
         check_loss(&m, &body, &noise, None);
         check_loss(&m, &body, &noise, Some(scale));
     }
@@ -266,7 +267,7 @@ fn the_size_prior_of_an_ellipsoid_names_its_axes_by_up_and_length() {
         up: Some(up),
         ..Default::default()
     };
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false);
+    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, false);
     let noise = NoiseLevels::new(67.0);
     let objective = Objective {
         measurements: &m,

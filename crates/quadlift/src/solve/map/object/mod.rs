@@ -4,6 +4,9 @@
 pub(crate) mod agreement;
 pub(crate) mod alternatives;
 pub(crate) mod covariance;
+mod cue_starts;
+#[cfg(test)]
+mod cue_tests;
 pub(crate) mod few_views;
 pub(crate) mod first_fit;
 pub(crate) mod fit;
@@ -18,4 +21,5 @@ pub(crate) mod prior;
 pub(crate) mod problem;
 #[cfg(test)]
 pub(crate) mod residual_tests;
+mod scale_terms;
 pub(crate) mod starts;

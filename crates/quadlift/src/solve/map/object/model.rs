@@ -4,9 +4,9 @@ use crate::tuning::ROUND_BODIES;
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 
 use super::covariance;
-use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
+use crate::body_model::{BodyModel, MeasuredShape, ShapeDifference};
 use crate::geometry::{Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
 use crate::optimize::normal_equations::{NormalEquations, Row};
 use crate::solve::conditioning::ObjectFrame;
@@ -67,6 +67,14 @@ impl BodyModel for Model {
 
     fn log_axes_gradient(&self) -> [Row; 3] {
         either!(self, model => model.log_axes_gradient())
+    }
+
+    fn near_side(&self, ray: &Vector3<f64>) -> (f64, [f64; 6]) {
+        either!(self, model => model.near_side(ray))
+    }
+
+    fn compare(&self, measured: &MeasuredShape) -> ShapeDifference {
+        either!(self, model => model.compare(measured))
     }
 
     fn add_upright_prior(&self, up: &Vector3<f64>, weight: f64, equations: &mut NormalEquations) {

@@ -8,9 +8,10 @@ use crate::optimize::chi_square;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS, Row};
 use crate::optimize::student_t::StudentT;
 use crate::solve::estimate::Misfit;
-use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::groups::{CORRELATIONS, NoiseGroup};
 use crate::solve::map::noise::levels::{NoiseLevels, Weights};
 use crate::solve::map::noise::statistics::NoiseStatistics;
+use crate::solve::map::residuals::cues::MeasuredCue;
 use crate::solve::map::residuals::measurements::{Measurements, Plane};
 use crate::solve::map::residuals::row::ResidualRow;
 use crate::solve::map::residuals::view_rows::view_rows;
@@ -85,8 +86,34 @@ impl Objective<'_> {
                 equations.add_row(row.residual, &row.row, view_weight * self.row_weight(row, &weights));
             }
         }
+        self.each_cue(body, |_, rows, cost, loss_weight| {
+            equations.cost += cost * weights.cues();
+            for row in rows {
+                equations.add_row(row.residual, &row.row, loss_weight * weights.of(row.group));
+            }
+        });
         self.add_priors(body, &mut equations);
         equations.cost.is_finite().then_some(equations)
+    }
+
+    /// Each cue with its whitened residuals, their cost and their weight. A cue is wrong as a whole:
+    /// its residuals have one multivariate Student t distribution.
+    #[inline]
+    pub(crate) fn each_cue(&self, body: &impl BodyModel, mut take: impl FnMut(&MeasuredCue, &[ResidualRow], f64, f64)) {
+        if self.measurements.cues.is_empty() {
+            return;
+        }
+        let mut rows = Vec::with_capacity(9);
+        for cue in &self.measurements.cues {
+            cue.rows(body, self.noise, &mut rows);
+            let squares = rows.iter().map(|row| row.residual * row.residual).sum();
+            let (cost, weight) = if self.heavy_tails {
+                (student_t().cost_of(squares, rows.len()), student_t().weight_of(squares, rows.len()))
+            } else {
+                (squares, 1.0)
+            };
+            take(cue, &rows, cost, weight);
+        }
     }
 
     /// Cost of a view and the factor on the weights of its rows: Geman and McClure's loss of the view's weighted sum of
@@ -169,6 +196,11 @@ impl Objective<'_> {
         }
     }
 
+    /// Every residual of the cues with the index of its view and its weight; views are taken as independent.
+    pub(crate) fn each_cue_row(&self, body: &impl BodyModel, mut take: impl FnMut(usize, &ResidualRow, f64)) {
+        self.each_cue(body, |cue, rows, _, weight| rows.iter().for_each(|row| take(cue.view, row, weight)));
+    }
+
     /// Logarithm of the evidence for the noise levels at a fit (Laplace's approximation), up to what does not depend on
     /// them; `None` when the normal equations are singular.
     pub(crate) fn evidence(&self, body: &impl BodyModel, equations: &NormalEquations) -> Option<f64> {
@@ -184,6 +216,9 @@ impl Objective<'_> {
                 normaliser += weight * self.noise.of(row.group).ln();
             }
         }
+        self.each_cue(body, |_, rows, _, _| {
+            normaliser += rows.iter().map(|row| weights.of(row.group) * self.noise.of(row.group).ln()).sum::<f64>();
+        });
         Some(0.5 * (covariance.determinant().ln() - equations.cost) - normaliser)
     }
 
@@ -197,8 +232,8 @@ impl Objective<'_> {
         let mut statistics = NoiseStatistics::default();
         let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
         let weights = self.weights();
-        // Of edges, of ellipses.
-        let mut neighbours = [(0.0, 0.0, 0); 2];
+        // Of edges, of ellipses, of cues.
+        let mut neighbours = [(0.0, 0.0, 0); CORRELATIONS];
         let mut determined = 0.0;
         let views = self.measurements.views.len();
         let (mut rows, mut before) = (Vec::with_capacity(16), Vec::<ResidualRow>::with_capacity(16));
@@ -217,7 +252,7 @@ impl Objective<'_> {
             }
             if correlated_views && rows.len() == before.len() {
                 for (a, b) in before.iter().zip(&rows) {
-                    let (products, squares, pairs) = &mut neighbours[usize::from(!a.group.is_edge())];
+                    let (products, squares, pairs) = &mut neighbours[a.group.correlated_with()];
                     // Edges that do not count are zero; wild ones would drown the others.
                     if a.counts && b.counts && a.residual.abs().max(b.residual.abs()) < MAX_CORRELATION_RESIDUAL {
                         *products += a.residual * b.residual;
@@ -227,9 +262,31 @@ impl Objective<'_> {
                 }
             }
         }
+        // Of a depth and of a 3D box before.
+        let mut cues_before: [Vec<ResidualRow>; 2] = Default::default();
+        self.each_cue(body, |_, rows, _, loss_weight| {
+            let before = &mut cues_before[usize::from(rows.len() > 1)];
+            for row in rows {
+                let gradient = nalgebra::SVector::<f64, PARAMETERS>::from(row.row);
+                let leverage = loss_weight * weights.of(row.group) * gradient.dot(&(covariance * gradient));
+                determined += leverage;
+                statistics.add(row.group, row.residual, loss_weight, 1.0 - leverage);
+            }
+            if correlated_views {
+                let (products, squares, pairs) = &mut neighbours[CORRELATIONS - 1];
+                let alike = before.iter().zip(rows).filter(|(a, b)| a.group == b.group);
+                for (a, b) in alike.filter(|(a, b)| a.residual.abs().max(b.residual.abs()) < MAX_CORRELATION_RESIDUAL) {
+                    *products += a.residual * b.residual;
+                    *squares += 0.5 * (a.residual * a.residual + b.residual * b.residual);
+                    *pairs += 1;
+                }
+            }
+            before.clear();
+            before.extend_from_slice(rows);
+        });
         for (k, (products, squares, pairs)) in neighbours.into_iter().enumerate() {
             if squares > 0.0 {
-                statistics.add_neighbours(k == 0, products / squares, pairs);
+                statistics.add_neighbours(k, products / squares, pairs);
             }
         }
         statistics.add_object(determined, PARAMETERS, views);

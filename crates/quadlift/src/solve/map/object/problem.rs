@@ -2,6 +2,7 @@
 
 use nalgebra::{Unit, Vector3};
 
+use super::cue_starts::{ellipsoids_from_cues, frame_from_cues, frame_from_size};
 use super::objective::Objective;
 use super::prior::{ObjectPrior, TILT_SD, object_prior};
 use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
@@ -15,6 +16,7 @@ use crate::solve::estimate::{Estimate, Status};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::measurements::Measurements;
+use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::options::BodyKind;
 
@@ -36,25 +38,31 @@ impl ObjectProblem {
     /// Builds the object frame and priors; otherwise an estimate with the reason as status.
     pub(crate) fn new(views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Self, Box<Estimate>> {
         let failed = |status| Box::new(Estimate::failed(views.object_index, views.category_index, status));
-        if views.views.len() < 2 {
-            return Err(failed(Status::TooFewViews));
-        }
-        let frame = ObjectFrame::from_views(&views.views).ok_or_else(|| failed(Status::Degenerate))?;
+        let several = views.views.len() >= 2;
+        let frame = (several.then(|| ObjectFrame::from_views(&views.views)).flatten())
+            .or_else(|| frame_from_cues(&views.views))
+            .or_else(|| frame_from_size(&views.views, context.standing_size(&views)?));
+        let status = if several { Status::Degenerate } else { Status::TooFewViews };
+        let frame = frame.ok_or_else(|| failed(status))?;
         Ok(Self::in_frame(views, frame, kind, context))
     }
 
     /// The same in a given frame.
     pub(crate) fn in_frame(views: ObjectViews, frame: ObjectFrame, kind: BodyKind, context: &MapContext) -> Self {
-        let measurements = Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid);
         let prior = object_prior(&views, &frame, kind, context);
+        let named = prior.log_size.is_some();
+        let measurements = Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid, named);
         Self { views, kind, measurements, prior, heavy_tails: context.options.heavy_tails }
     }
 
-    /// The same object with corrected cameras.
-    pub(crate) fn with_poses(&self, corrections: &PoseCorrections) -> Self {
+    /// The same object with corrected cameras and calibrated cues.
+    pub(crate) fn corrected(&self, poses: &PoseCorrections, scales: &CueScales) -> Self {
         let mut views = self.views.clone();
-        corrections.apply(&mut views);
-        let measurements = Measurements::new(self.measurements.frame, &views.views, self.kind != BodyKind::Ellipsoid);
+        poses.apply(&mut views);
+        scales.apply(&mut views);
+        let named = self.prior.log_size.is_some();
+        let measurements =
+            Measurements::new(self.measurements.frame, &views.views, self.kind != BodyKind::Ellipsoid, named);
         Self { views, measurements, prior: self.prior.clone(), ..*self }
     }
 
@@ -105,6 +113,7 @@ impl ObjectProblem {
             .into_iter()
             .flatten()
             .chain(upright)
+            .chain(ellipsoids_from_cues(&self.views.views, &self.measurements.frame))
             .filter_map(|start| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
             .map(|(body, _)| body)

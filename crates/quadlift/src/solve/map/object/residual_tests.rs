@@ -61,6 +61,7 @@ fn view(bounding_box: Option<BoundingBox>, ellipse: Option<Ellipse>) -> View {
         box_in_image: None,
         hidden_edges: [false; 4],
         cut_off: [false; 4],
+        cues: Default::default(),
     }
 }
 
@@ -80,7 +81,7 @@ fn noise() -> NoiseLevels {
 }
 
 fn rows(view: &View, noise: &NoiseLevels, smooth: bool) -> Vec<ResidualRow> {
-    let measurements = Measurements::new(frame(), &[*view], false);
+    let measurements = Measurements::new(frame(), &[*view], false, false);
     let mut rows = Vec::new();
     view_rows(&measurements, 0, &body(), noise, smooth, &mut rows);
     rows
@@ -197,7 +198,7 @@ fn lines_of_a_mask_that_are_cut_off_or_hidden_are_told_apart() {
     let mut lines = SupportLines::of_ellipse(&outline());
     (lines.cut_off[5], lines.hidden[2]) = (true, true);
     let seen = View { support_lines: Some(lines), ..view(lines.bounding_box(), None) };
-    let measurements = Measurements::new(frame(), &[seen], false);
+    let measurements = Measurements::new(frame(), &[seen], false, false);
     // Opposite lines follow each other: 0 and 4, 1 and 5, 2 and 6, 3 and 7.
     let one_sided: Vec<bool> = measurements.edges.iter().map(|edge| edge.one_sided).collect();
     assert_eq!(one_sided, [false, false, false, true, false, false, false, false]);
@@ -237,7 +238,7 @@ fn evidence_weighs_the_squares_the_number_of_residuals_and_what_they_determine()
     // Far inside of the body, and cut off: it does not count.
     views[2].bounding_box = BoundingBox::new([330.0, 160.0, 420.0, 300.0]).ok();
     views[2].cut_off[0] = true;
-    let measurements = Measurements::new(frame(), &views, false);
+    let measurements = Measurements::new(frame(), &views, false, false);
     let prior = ObjectPrior::default();
     let of = |noise: &NoiseLevels| {
         let objective = Objective {

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3x4, Vector3, Vector4};
 
+use super::cues::MeasuredCue;
 use super::ellipse::EllipseMeasurement;
 use crate::geometry::{SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
@@ -55,15 +56,22 @@ pub(crate) struct Measurements {
     pub frame: ObjectFrame,
     pub views: Vec<MeasuredView>,
     pub edges: Vec<Edge>,
+    /// Depths and 3D boxes, in the order of the views.
+    pub cues: Vec<MeasuredCue>,
 }
 
 impl Measurements {
-    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by its supporting lines.
-    pub(crate) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool) -> Self {
-        let mut all =
-            Self { frame, views: Vec::with_capacity(views.len()), edges: Vec::with_capacity(4 * views.len()) };
+    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by its supporting lines; `named` says that the axes of
+    /// the body are length, width and height.
+    pub(crate) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool, named: bool) -> Self {
+        let mut all = Self {
+            frame,
+            views: Vec::with_capacity(views.len()),
+            edges: Vec::with_capacity(4 * views.len()),
+            cues: Vec::new(),
+        };
         for view in views {
-            all.push(view, ellipses_as_planes);
+            all.push(view, ellipses_as_planes, named);
         }
         all
     }
@@ -73,11 +81,14 @@ impl Measurements {
         if self.views.iter().all(|view| view.ellipse.is_none()) {
             return Cow::Borrowed(self);
         }
-        Cow::Owned(Self::new(self.frame, views, true))
+        Cow::Owned(Self::new(self.frame, views, true, false))
     }
 
-    fn push(&mut self, view: &View, ellipses_as_planes: bool) {
+    fn push(&mut self, view: &View, ellipses_as_planes: bool, named: bool) {
         let p = self.frame.local_projection(&view.projection);
+        if !view.cues.is_empty() {
+            self.cues.extend(MeasuredCue::of_view(view, self.views.len(), &self.frame, &p, named));
+        }
         let first = self.edges.len();
         let mut ellipse = None;
         if let Some(observed) = &view.ellipse {

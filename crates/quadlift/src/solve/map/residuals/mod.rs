@@ -1,5 +1,6 @@
 //! Detections as residuals: tangent planes and ellipses in the object's frame, whitened, with their derivatives.
 
+pub(crate) mod cues;
 pub(crate) mod ellipse;
 pub(crate) mod measurements;
 pub(crate) mod row;

@@ -10,6 +10,7 @@ use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
 use crate::geometry::linalg::solve_spd;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
+use crate::scene::Cues;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::object::covariance::{log_determinant_of, regularised};
@@ -187,7 +188,9 @@ impl<'a> BodySearch<'a> {
     /// `None` where the fit is none of an ellipsoid.
     fn new(fit: &'a Fit, noise: &'a NoiseLevels, context: &MapContext) -> Option<Self> {
         let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
-        let (views, frame) = (fit.problem.views.clone(), fit.problem.measurements.frame);
+        let (mut views, frame) = (fit.problem.views.clone(), fit.problem.measurements.frame);
+        // The sizes of a source of 3D boxes mean the kind of body that it was made for.
+        views.views.iter_mut().for_each(|view| view.cues = Cues::default());
         let object = ObjectProblem::in_frame(views, frame, BodyKind::Superellipsoid(2.0), context);
         Some(Self { fit, ellipsoid, noise, object, correlated_views: context.options.correlated_views })
     }

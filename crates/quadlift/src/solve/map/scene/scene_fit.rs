@@ -1,6 +1,7 @@
 //! All objects of a scene together: rounds of noise levels, ground plane and refits, until they agree.
 
 use crate::tuning::UPRIGHT_SHARE;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
@@ -9,7 +10,7 @@ use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::Body;
 use crate::parallel::map_indices;
-use crate::scene::ObjectViews;
+use crate::scene::{Cues, ObjectViews};
 use crate::solve::estimate::{Estimate, Misfit};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::common_errors::CommonStatistics;
@@ -21,6 +22,7 @@ use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
 use crate::solve::map::object::problem::ObjectProblem;
+use crate::solve::map::shared::cue_scales::{CueScales, ObjectTerms};
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::options::{BodyKind, PoseNoise};
@@ -54,6 +56,9 @@ const SMALLEST_LEVEL: f64 = 1e-2;
 /// The small noise, relative to the default.
 const SMALL_NOISE_FACTOR: f64 = 0.05;
 
+/// Largest standard deviation of an object's distance from its nearest camera, relative to that, with which it tells a scale.
+const WELL_LOCATED: f64 = 0.1;
+
 /// Pairs of views, over all objects, from which errors that they have in common are estimated; with at least
 /// [`COMMON_SAMPLE`] objects.
 const COMMON_PAIRS: usize = 5000;
@@ -68,6 +73,7 @@ pub(crate) struct SceneFit {
     reference: Reference,
     ground: Option<GroundPlane>,
     poses: PoseCorrections,
+    scales: CueScales,
     /// Fraction of upright objects.
     upright_share: f64,
     /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
@@ -107,16 +113,47 @@ impl SceneFit {
         context: &MapContext,
     ) -> Self {
         let pixel_size = context.options.pixel_noise_size;
+        let none = CueScales::default();
         if let Some(sigmas) = &context.options.sigmas {
-            return Self::settled(body_kinds, views_of, NoiseLevels::given(sigmas, pixel_size), context);
+            return Self::settled(body_kinds, views_of, NoiseLevels::given(sigmas, pixel_size), none, context);
         }
         let default = NoiseLevels::new(pixel_size);
-        let scene = Self::settled(body_kinds, views_of, default, context);
+        let scales = Self::first_scales(body_kinds, views_of, default, context).unwrap_or(none);
+        let scene = Self::settled(body_kinds, views_of, default, scales.clone(), context);
         if scene.statistics.determined() > WELL_DETERMINED {
             return scene;
         }
-        let other = Self::settled(body_kinds, views_of, default.scaled(SMALL_NOISE_FACTOR), context);
+        let other = Self::settled(body_kinds, views_of, default.scaled(SMALL_NOISE_FACTOR), scales, context);
         if other.evidence_over(&scene) > MIN_EVIDENCE_GAIN { other } else { scene }
+    }
+
+    /// The scales of cues that boxes alone show; `None` without cues.
+    fn first_scales(
+        body_kinds: &[BodyKind],
+        views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
+        noise: NoiseLevels,
+        context: &MapContext,
+    ) -> Option<CueScales> {
+        let count = body_kinds.len();
+        let has_cues = |k: usize| views_of(k).views.iter().any(|view| !view.cues.is_empty());
+        if !map_indices(count, has_cues).contains(&true) {
+            return None;
+        }
+        let without_cues = |k: usize| {
+            let mut views = views_of(k);
+            views.views.iter_mut().for_each(|view| view.cues = Cues::default());
+            views
+        };
+        let boxes = Self::settled(body_kinds, &without_cues, noise, CueScales::default(), context);
+        let mut ratios = BTreeMap::new();
+        for (k, fit) in boxes.fits.iter().enumerate() {
+            // Where boxes leave the distance open they do not tell a scale.
+            let Ok(fit) = fit else { continue };
+            if fit.relative_distance_sd().is_some_and(|sd| sd < WELL_LOCATED) {
+                fit.log_ratios(&views_of(k).views, &boxes.noise, &mut ratios);
+            }
+        }
+        Some(CueScales::of_medians(ratios))
     }
 
     /// Alternates fits and noise levels until convergence; with given levels, until the fits converge.
@@ -124,25 +161,29 @@ impl SceneFit {
         body_kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
         noise: NoiseLevels,
+        scales: CueScales,
         context: &MapContext,
     ) -> Self {
         let fits = map_indices(body_kinds.len(), |k| {
             if context.watch.stops_before(k) {
                 return Err(Box::new(Estimate::cancelled()));
             }
-            Fit::first(ObjectProblem::new(views_of(k), body_kinds[k], context)?, &noise, context)
+            let mut views = views_of(k);
+            scales.apply(&mut views);
+            Fit::first(ObjectProblem::new(views, body_kinds[k], context)?, &noise, context)
         });
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
         let (upright_share, upright_noise) = (UPRIGHT_SHARE.get(), noise);
-        Self { fits, noise, statistics, reference, ground: None, poses, upright_share, upright_noise }.again(context)
+        let ground = None;
+        Self { fits, noise, statistics, reference, ground, poses, scales, upright_share, upright_noise }.again(context)
     }
 
     /// Rounds of noise levels and refits, from these fits and levels.
     fn again(self, context: &MapContext) -> Self {
-        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, upright_share, upright_noise, .. } =
-            self;
+        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, .. } = self;
+        let (upright_share, upright_noise) = (self.upright_share, self.upright_noise);
         let mut started = noise;
         for round in 0..ROUNDS {
             if context.watch.is_cancelled() {
@@ -166,11 +207,15 @@ impl SceneFit {
             if let (Some(ground), Some(up)) = (&ground, &context.up) {
                 fits.iter_mut().flatten().for_each(|fit| fit.stand_on(ground, up));
             }
-            if let Some(prior) = context.options.pose_noise {
-                let step = poses
-                    .update(|take| fits.iter().flatten().for_each(|fit| fit.each_pose_row(&noise, &mut *take)), prior);
+            let moved = context.options.pose_noise.map(|prior| {
+                poses.update(|take| fits.iter().flatten().for_each(|fit| fit.each_pose_row(&noise, &mut *take)), prior)
+            });
+            let scaled = scale_terms(&fits, &noise, context).map(|terms| scales.update(&terms));
+            let cues = scaled.is_some();
+            if moved.is_some() || cues {
+                let (moved, scaled) = (moved.unwrap_or_default(), scaled.unwrap_or_default());
                 for fit in fits.iter_mut().flatten() {
-                    fit.problem = Arc::new(fit.problem.with_poses(&step));
+                    fit.problem = Arc::new(fit.problem.corrected(&moved, &scaled));
                 }
             }
             let restart =
@@ -191,7 +236,7 @@ impl SceneFit {
                 };
                 Ok(if restart { fit.restarted(&noise, context) } else { fit })
             });
-            let shared = ground.is_some() || context.options.pose_noise.is_some();
+            let shared = ground.is_some() || context.options.pose_noise.is_some() || cues;
             if settled && (!shared || round >= SHARED_ROUNDS) {
                 break;
             }
@@ -201,7 +246,7 @@ impl SceneFit {
         if context.options.sigmas.is_none() && context.options.common_errors {
             noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
         }
-        Self { fits, noise, statistics, reference, ground, poses, upright_share, upright_noise }
+        Self { fits, noise, statistics, reference, ground, poses, scales, upright_share, upright_noise }
     }
 
     /// Number of the objects.
@@ -235,7 +280,7 @@ impl SceneFit {
     /// The estimate of a fitted object.
     pub(crate) fn estimate(&self, index: usize, context: &MapContext) -> Estimate {
         match &self.fits[index] {
-            Ok(fit) => self.finished(fit, context).estimate(&self.noise, self.reference, context),
+            Ok(fit) => self.finished(fit, context).estimate(&self.noise, self.reference, &self.scales, context),
             Err(failed) => (**failed).clone(),
         }
     }
@@ -243,7 +288,7 @@ impl SceneFit {
     /// The estimate of another object of the scene.
     pub(crate) fn estimate_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Estimate {
         self.fit_other(views, kind, context)
-            .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, context))
+            .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, &self.scales, context))
     }
 
     /// The body of another object of the scene, in the world.
@@ -262,6 +307,7 @@ impl SceneFit {
         context: &MapContext,
     ) -> Option<Body> {
         self.poses.apply(&mut views);
+        self.scales.apply(&mut views);
         let mut problem = ObjectProblem::new(views, BodyKind::of(start), context).ok()?;
         let frame = problem.measurements.frame;
         let body = Model::of_body(start, &frame);
@@ -298,6 +344,7 @@ impl SceneFit {
     /// Another object of the scene, fitted from its starts under what the scene shares.
     fn fit_other(&self, mut views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Fit, Box<Estimate>> {
         self.poses.apply(&mut views);
+        self.scales.apply(&mut views);
         let mut fit = Fit::first(ObjectProblem::new(views, kind, context)?, &self.noise, context)?;
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on(ground, up);
@@ -329,10 +376,29 @@ impl SceneFit {
         context.options.sigmas.clone().unwrap_or_else(|| Sigmas::of_report(self.noise.report(&self.statistics)))
     }
 
+    /// The scales of cues.
+    pub(crate) fn scales(&self) -> &CueScales {
+        &self.scales
+    }
+
     /// Root mean square corrections of the poses, if estimated.
     pub(crate) fn pose_noise(&self) -> Option<PoseNoise> {
         self.poses.size().map(|(rotation_sd, translation_sd)| PoseNoise { rotation_sd, translation_sd })
     }
+}
+
+/// What the objects say about the scales of cues; `None` without cues, or where noise levels are given, so that an object
+/// depends on its own views only.
+fn scale_terms(
+    fits: &[Result<Fit, Box<Estimate>>],
+    noise: &NoiseLevels,
+    context: &MapContext,
+) -> Option<Vec<ObjectTerms>> {
+    if context.options.sigmas.is_some() {
+        return None;
+    }
+    let terms: Vec<ObjectTerms> = fits.iter().flatten().filter_map(|fit| fit.scale_terms(noise)).collect();
+    (!terms.is_empty()).then_some(terms)
 }
 
 /// Terms that affect only covariances: errors common to views, from an evenly spread sample of the objects, and

@@ -1,4 +1,5 @@
-//! Unknowns shared by the objects of a scene besides the noise: the ground plane, corrections of poses.
+//! Unknowns shared by the objects of a scene besides the noise: the ground plane, corrections of poses, the scales of the sources of cues.
 
+pub(crate) mod cue_scales;
 pub(crate) mod ground;
 pub(crate) mod poses;

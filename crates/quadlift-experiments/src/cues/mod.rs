@@ -1,0 +1,27 @@
+//! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI.
+
+mod fusion;
+mod kitti;
+mod synthetic;
+
+use std::path::Path;
+
+use crate::data::data_folder;
+use crate::error::Error;
+use crate::progress::Progress;
+use crate::report::Report;
+
+/// Runs the experiment; `data` is the folder of the real data, without which the part on KITTI is left out.
+///
+/// # Errors
+/// [`Error`]: a file that is wrong.
+pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
+    let mut report = Report::new("cues", "Depths and 3D boxes beside boxes");
+    synthetic::run(seed, progress, &mut report)?;
+    match data_folder(data) {
+        Ok(folder) => kitti::run(&folder, seed, progress, &mut report)?,
+        Err(Error::NoData(_)) => report.text("Without the real data KITTI is left out.".to_owned()),
+        Err(error) => return Err(error),
+    }
+    Ok(report)
+}

@@ -1,0 +1,248 @@
+//! Depths and 3D boxes of detections as they are written in a scene file, and their conversion.
+
+use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
+use quadlift::geometry::{CamFromWorld, quaternion_from_rotation, rotation_from_quaternion};
+use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneBuilder};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::records::DetectionRecord;
+use crate::error::EntryError;
+use crate::numbers;
+
+/// How far the visible surface of an object is.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct DepthRecord {
+    /// Median depth of the visible surface along the optical axis, world units.
+    pub median: f64,
+    /// Standard deviation of its error, world units.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
+    /// Depth network or sensor: depths of one source may share a wrong scale.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Box<str>>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A 3D box of an object from one image, any part of it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct Box3dRecord {
+    /// Centre, world units.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
+    pub center: Option<[f64; 3]>,
+    /// Half the length, width and height (the extents along the axes of `rotation`), world units.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
+    pub half_extents: Option<[f64; 3]>,
+    /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes of the box.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
+    pub rotation: Option<[f64; 4]>,
+    /// The frame of centre and rotation: `camera` (x to the right, y down, z forwards; the default) or `world`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<Box<str>>,
+    /// Standard deviations of the errors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<Box3dSdRecord>,
+    /// Covariance of centre (in `frame`), rotation vector (about the axes of the box) and logarithms of the half extents, 9 x 9; takes
+    /// the place of `sd`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<Vec<Vec<f64>>>,
+    /// 3D detector: boxes of one source may share wrong distances and sizes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Box<str>>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// Standard deviations of a 3D box.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}", deny_unknown_fields)]
+pub struct Box3dSdRecord {
+    /// Of the centre along the ray, relative to its distance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance: Option<f64>,
+    /// Of the direction of the centre, each way, radians.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<f64>,
+    /// Of the logarithm of an extent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<f64>,
+    /// Of the rotation about each axis, radians.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<f64>,
+}
+
+impl DetectionRecord {
+    /// The depth and the 3D box, checked; `pose` is that of the frame.
+    pub(super) fn cues(
+        &self,
+        builder: &mut SceneBuilder,
+        pose: impl Fn() -> Option<CamFromWorld>,
+        entry: impl Fn(&str) -> String,
+    ) -> Result<Cues, EntryError> {
+        let mut source = |name: &Option<Box<str>>, field: &str| {
+            let index = name.as_deref().map(|name| builder.cue_source(name)).transpose();
+            index.map_err(|error| EntryError::new(entry(field), error))
+        };
+        let mut cues = Cues::default();
+        if let Some(depth) = self.depth.as_deref() {
+            let source = source(&depth.source, ".depth.source")?;
+            cues.depth = Some(DepthCue { median: depth.median, sd: depth.sd, source });
+            cues.check().map_err(|error| EntryError::new(entry(".depth"), error))?;
+        }
+        if let Some(record) = self.box3d.as_deref() {
+            let source = source(&record.source, ".box3d.source")?;
+            let box3d = record.cue(source, pose, |field| entry(&format!(".box3d{field}")))?;
+            Cues { depth: None, box3d: Some(box3d) }
+                .check()
+                .map_err(|error| EntryError::new(entry(".box3d"), error))?;
+            cues.box3d = Some(box3d);
+        }
+        Ok(cues)
+    }
+}
+
+impl Box3dRecord {
+    fn cue(
+        &self,
+        source: Option<u32>,
+        pose: impl Fn() -> Option<CamFromWorld>,
+        entry: impl Fn(&str) -> String,
+    ) -> Result<Box3dCue, EntryError> {
+        let rotation = self.rotation.map(|wxyz| {
+            rotation_from_quaternion(wxyz).ok_or_else(|| {
+                EntryError::new(entry(".rotation"), format!("{wxyz:?} is not a unit quaternion [w, x, y, z]"))
+            })
+        });
+        let (mut center, mut rotation) = (self.center.map(Point3::from), rotation.transpose()?);
+        // From the frame of centre and rotation to the camera.
+        let to_camera = match self.frame.as_deref() {
+            None | Some("camera") => Matrix3::identity(),
+            Some("world") => {
+                let pose =
+                    pose().ok_or_else(|| EntryError::new(entry(".frame"), "the camera of the frame has no centre"))?;
+                center = center.map(|center| Point3::from(pose.matrix() * center.to_homogeneous()));
+                let turn = pose.matrix().fixed_columns::<3>(0).into_owned();
+                rotation = rotation.map(|rotation| Rotation3::from_matrix_unchecked(turn) * rotation);
+                turn
+            }
+            Some(other) => {
+                let problem = format!("\"{other}\" is not a frame of a 3D box; expected \"camera\" or \"world\"");
+                return Err(EntryError::new(entry(".frame"), problem));
+            }
+        };
+        let Box3dSdRecord { distance, direction, size, rotation: turn } = self.sd.unwrap_or_default();
+        let mut sd = Box3dSd { distance, direction, size, rotation: turn };
+        if let Some(rows) = &self.covariance {
+            sd = sd_of(rows, center, &to_camera).map_err(|problem| EntryError::new(entry(".covariance"), problem))?;
+        }
+        Ok(Box3dCue { center, half_extents: self.half_extents.map(Vector3::from), rotation, sd, source })
+    }
+}
+
+/// Standard deviations from a covariance of centre, rotation vector and logarithms of the half extents.
+fn sd_of(rows: &[Vec<f64>], center: Option<Point3<f64>>, to_camera: &Matrix3<f64>) -> Result<Box3dSd, String> {
+    if rows.len() != 9 || rows.iter().any(|row| row.len() != 9) {
+        return Err(
+            "expected nine rows of nine numbers: centre, rotation vector, logarithms of the half extents".to_owned()
+        );
+    }
+    let matrix = SMatrix::<f64, 9, 9>::from_fn(|i, j| rows[i][j]);
+    let of_center = to_camera * matrix.fixed_view::<3, 3>(0, 0) * to_camera.transpose();
+    let mean = |first: usize| (0..3).map(|k| matrix[(first + k, first + k)]).sum::<f64>() / 3.0;
+    let (mut distance, mut direction) = (None, None);
+    if let Some(center) = center {
+        let ray = center.coords.normalize();
+        let along = (ray.transpose() * of_center * ray)[0];
+        let across = 0.5 * (of_center.trace() - along);
+        (distance, direction) = (Some(along.sqrt() / center.coords.norm()), Some(across.sqrt() / center.coords.norm()));
+    }
+    Ok(Box3dSd { distance, direction, size: Some(mean(6).sqrt()), rotation: Some(mean(3).sqrt()) })
+}
+
+/// The records of a detection's cues, in the frame of the camera; `sources` are the names of their sources.
+pub fn cue_records(cues: &Cues, sources: &[String]) -> (Option<Box<DepthRecord>>, Option<Box<Box3dRecord>>) {
+    let name = |source: Option<u32>| sources.get(source? as usize).map(|name| name.as_str().into());
+    let depth = cues.depth.map(|depth| {
+        let DepthCue { median, sd, source } = depth;
+        Box::new(DepthRecord { median, sd, source: name(source), extra: Map::new() })
+    });
+    let box3d = cues.box3d.map(|measured| {
+        let Box3dSd { distance, direction, size, rotation } = measured.sd;
+        let sd = Box3dSdRecord { distance, direction, size, rotation };
+        Box::new(Box3dRecord {
+            center: measured.center.map(Into::into),
+            half_extents: measured.half_extents.map(Into::into),
+            rotation: measured.rotation.as_ref().map(quaternion_from_rotation),
+            sd: (measured.sd != Box3dSd::default()).then_some(sd),
+            source: name(measured.source),
+            ..Default::default()
+        })
+    });
+    (depth, box3d)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::scene_file::SceneFile;
+
+    fn file(box3d: Value) -> SceneFile {
+        serde_json::from_value(json!({
+            "format": "quadlift.scene", "version": 1,
+            "cameras": [{"id": "c", "model": "PINHOLE", "width": 640, "height": 480, "params": [500, 500, 320, 240]}],
+            "frames": [{"id": "a", "camera": "c", "cam_from_world": [[0, 1, 0, 1], [0, 0, -1, 2], [-1, 0, 0, 9]]}],
+            "detections": [{"frame": "a", "object": "b", "box": [300, 200, 340, 260], "box3d": box3d,
+                "depth": {"median": 8.5, "source": "net"}}],
+        }))
+        .unwrap()
+    }
+
+    #[test]
+    fn boxes_of_the_world_become_those_of_the_camera_and_are_written_as_such() {
+        let world =
+            json!({"center": [1, 2, 3], "half_extents": [2, 1, 0.5], "rotation": [1, 0, 0, 0], "frame": "world"});
+        let scene = file(world).to_scene().unwrap();
+        let cues = scene.detections[0].cues.as_deref().unwrap();
+        let box3d = cues.box3d.unwrap();
+        assert_eq!(box3d.center, Some(Point3::new(3.0, -1.0, 8.0)));
+        assert!(
+            (box3d.rotation.unwrap().matrix() - Matrix3::new(0.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, 0.0)).amax()
+                < 1e-12
+        );
+        assert_eq!(
+            (cues.depth.unwrap().source, scene.cue_sources.as_slice()),
+            (Some(0), ["net".to_owned()].as_slice())
+        );
+        let (depth, written) = cue_records(cues, &scene.cue_sources);
+        assert_eq!(depth.unwrap().source.as_deref(), Some("net"));
+        let again = file(serde_json::to_value(written.unwrap()).unwrap()).to_scene().unwrap();
+        let again = again.detections[0].cues.as_deref().unwrap().box3d.unwrap();
+        assert_eq!((again.center, again.half_extents), (box3d.center, box3d.half_extents));
+        assert!((again.rotation.unwrap().matrix() - box3d.rotation.unwrap().matrix()).amax() < 1e-12);
+    }
+
+    #[test]
+    fn a_covariance_is_split_along_the_ray() {
+        let mut rows = vec![vec![0.0; 9]; 9];
+        // One metre along z, the direction of the centre; 0.1 across; 0.2 radians; 0.3 of the sizes.
+        for (k, sd) in [0.1, 0.1, 1.0, 0.2, 0.2, 0.2, 0.3, 0.3, 0.3].into_iter().enumerate() {
+            rows[k][k] = sd * sd;
+        }
+        let scene = file(json!({"center": [0, 0, 10], "covariance": rows})).to_scene().unwrap();
+        let sd = scene.detections[0].cues.as_deref().unwrap().box3d.unwrap().sd;
+        let close = |a: Option<f64>, b: f64| assert!((a.unwrap() - b).abs() < 1e-12, "{a:?} {b}");
+        close(sd.distance, 0.1);
+        close(sd.direction, 0.01);
+        close(sd.rotation, 0.2);
+        close(sd.size, 0.3);
+        let error = file(json!({"center": [0, 0, 10], "covariance": [[1]]})).to_scene().unwrap_err().to_string();
+        assert!(error.contains("detections[0].box3d.covariance") && error.contains("nine rows"), "{error}");
+    }
+}

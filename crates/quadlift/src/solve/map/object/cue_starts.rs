@@ -1,0 +1,105 @@
+//! Where cues say that an object is: the frame of objects that boxes alone do not locate, and starts.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::body_model::oriented::{Form, OrientedModel};
+use crate::geometry::{Ellipse, Projection};
+use crate::scene::View;
+use crate::solve::conditioning::ObjectFrame;
+use crate::solve::options::CategoryPrior;
+use crate::solve::triangulate::object_radius;
+
+/// Views whose 3D boxes are starts, evenly spread.
+const STARTS: usize = 3;
+
+/// The point where a view's cues have the centre of the object: that of its 3D box, or on the ray of its box at its depth.
+fn center_of(view: &View) -> Option<Point3<f64>> {
+    let camera = view.projection.center_in_world()?;
+    if let Some(center) = view.cues.box3d.and_then(|measured| measured.center) {
+        let world_from_cam = view.projection.camera_pose()?.matrix().fixed_columns::<3>(0).transpose();
+        return Some(camera + world_from_cam * center.coords);
+    }
+    at_depth(view, &camera, view.cues.depth?.median)
+}
+
+/// The point of the ray through the middle of a view's box at this depth along the optical axis.
+fn at_depth(view: &View, camera: &Point3<f64>, depth: f64) -> Option<Point3<f64>> {
+    let ray = view.projection.ray_in_world(&view.measured_box()?.center())?;
+    let along = view.projection.depth(&(camera + ray));
+    Some(camera + ray * (depth / along)).filter(|point| along > 0.0 && point.iter().all(|x| x.is_finite()))
+}
+
+fn outlines(views: &[View]) -> Vec<(Projection, Ellipse)> {
+    views.iter().filter_map(|view| Some((view.projection, view.ellipse_or_inscribed()?))).collect()
+}
+
+/// The median of each coordinate of the centres that the cues tell.
+fn median_center(views: &[View]) -> Option<Point3<f64>> {
+    let centers: Vec<Point3<f64>> = views.iter().filter_map(center_of).collect();
+    let middle = |k: usize| {
+        let mut all: Vec<f64> = centers.iter().map(|center| center[k]).collect();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 2).copied()
+    };
+    Some(Point3::new(middle(0)?, middle(1)?, middle(2)?))
+}
+
+/// The frame of an object from its cues alone; `None` where they do not tell how far it is.
+pub(crate) fn frame_from_cues(views: &[View]) -> Option<ObjectFrame> {
+    let origin = median_center(views)?;
+    Some(ObjectFrame { origin, unit: object_radius(&outlines(views), &origin)? })
+}
+
+/// The frame of an object from the size of its category: at the depth that the height of its tallest box suggests.
+pub(crate) fn frame_from_size(views: &[View], category: &CategoryPrior) -> Option<ObjectFrame> {
+    let height = |view: &View| view.measured_box().map_or(0.0, |b| b.size().y);
+    let view = views.iter().max_by(|a, b| height(a).total_cmp(&height(b)))?;
+    let depth = view.projection.focal_length() * category.size?.mean[2] / height(view);
+    let origin = at_depth(view, &view.projection.center_in_world()?, depth)?;
+    Some(ObjectFrame { origin, unit: object_radius(&outlines(views), &origin)? })
+}
+
+/// A 3D box in an object's frame: its axes, and half its extents if it has them.
+fn boxes(views: &[View], frame: &ObjectFrame) -> Vec<(Matrix3<f64>, Option<Vector3<f64>>)> {
+    let of_view = |view: &View| {
+        let measured = view.cues.box3d?;
+        let world_from_cam = view.projection.camera_pose()?.matrix().fixed_columns::<3>(0).transpose();
+        Some((world_from_cam * measured.rotation?.matrix(), measured.half_extents.map(|half| half / frame.unit)))
+    };
+    let all: Vec<_> = views.iter().filter_map(of_view).collect();
+    let stride = all.len().div_ceil(STARTS).max(1);
+    all.into_iter().step_by(stride).collect()
+}
+
+/// Ellipsoids where the cues have the object; none without cues that tell how far it is.
+pub(crate) fn ellipsoids_from_cues(views: &[View], frame: &ObjectFrame) -> Vec<EllipsoidModel> {
+    if views.iter().all(|view| view.cues.is_empty()) {
+        return Vec::new();
+    }
+    let Some(found) = frame_from_cues(views) else { return Vec::new() };
+    let center = (found.origin - frame.origin) / frame.unit;
+    let radius = found.unit / frame.unit;
+    let sphere = EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(radius));
+    let of_box =
+        |(axes, half): (Matrix3<f64>, Option<Vector3<f64>>)| Some(EllipsoidModel::from_axes(center, axes, half?));
+    std::iter::once(sphere).chain(boxes(views, frame).into_iter().filter_map(of_box)).collect()
+}
+
+/// Bodies of a form, where an ellipsoid was fitted, turned as the 3D boxes are.
+pub(crate) fn oriented_from_cues(
+    views: &[View],
+    frame: &ObjectFrame,
+    ellipsoid: &EllipsoidModel,
+    form: Form,
+) -> Vec<OrientedModel> {
+    if views.iter().all(|view| view.cues.box3d.is_none()) {
+        return Vec::new();
+    }
+    let round = Vector3::repeat(ellipsoid.semi_axes().product().cbrt() * form.relative_size());
+    boxes(views, frame)
+        .into_iter()
+        .map(|(axes, half)| OrientedModel::new(*ellipsoid.center(), axes, half.unwrap_or(round), form))
+        .collect()
+}

@@ -1,0 +1,156 @@
+//! Residuals of cues: zero at the truth, their derivatives against differences.
+
+use nalgebra::{Matrix3, Point3, Rotation3, SVector, Vector3};
+use proptest::prelude::*;
+
+use super::jacobian_tests::projection;
+use crate::body_model::BodyModel;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::body_model::oriented::{Form, OrientedModel};
+use crate::geometry::BoundingBox;
+use crate::scene::{Box3dCue, Cues, DepthCue, View};
+use crate::solve::conditioning::ObjectFrame;
+use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::residuals::measurements::Measurements;
+
+const STEP: f64 = 1e-6;
+
+fn frame() -> ObjectFrame {
+    ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8 }
+}
+
+/// A view with a depth and the 3D box of a body with this centre (world), half extents and rotation, all of them scaled.
+fn view(center: Point3<f64>, half: Vector3<f64>, rotation: Matrix3<f64>, scale: f64) -> View {
+    let projection = projection(0.4);
+    let pose = projection.camera_pose().unwrap();
+    let cam_from_world = pose.matrix().fixed_columns::<3>(0).into_owned();
+    let box3d = Box3dCue {
+        center: Some(Point3::from(pose.matrix() * center.to_homogeneous() * scale)),
+        half_extents: Some(half * scale),
+        rotation: Some(Rotation3::from_matrix_unchecked(cam_from_world * rotation)),
+        ..Default::default()
+    };
+    let pixel = projection.project_point(&center).unwrap();
+    let bounding_box = BoundingBox::new([pixel.x - 40.0, pixel.y - 30.0, pixel.x + 40.0, pixel.y + 30.0]).unwrap();
+    let depth = DepthCue { median: 8.0 * scale, sd: None, source: None };
+    View::from_box(projection, bounding_box).with_cues(Cues { depth: Some(depth), box3d: Some(box3d) }).unwrap()
+}
+
+fn rows<B: BodyModel>(m: &Measurements, body: &B) -> (Vec<f64>, Vec<[f64; 9]>, Vec<NoiseGroup>) {
+    let (mut all, mut rows) = (Vec::new(), Vec::new());
+    for cue in &m.cues {
+        cue.rows(body, &NoiseLevels::new(67.0), &mut rows);
+        all.extend_from_slice(&rows);
+    }
+    let values = all.iter().map(|row| row.residual).collect();
+    (values, all.iter().map(|row| row.row).collect(), all.iter().map(|row| row.group).collect())
+}
+
+fn check<B: BodyModel>(m: &Measurements, body: &B, accuracy: f64) {
+    let (_, slopes, groups) = rows(m, body);
+    assert_eq!(slopes.len(), 10);
+    for k in 0..9 {
+        let mut step = SVector::<f64, 9>::zeros();
+        step[k] = STEP;
+        let (plus, ..) = rows(m, &body.retract(&step).unwrap());
+        let (minus, ..) = rows(m, &body.retract(&-step).unwrap());
+        for (i, slope) in slopes.iter().enumerate() {
+            let numeric = (plus[i] - minus[i]) / (2.0 * STEP);
+            let scale = 1.0 + slope.iter().map(|x| x.abs()).fold(0.0, f64::max);
+            let group = groups[i];
+            assert!((numeric - slope[k]).abs() < accuracy * scale, "{group:?} {i} {k}: {numeric} {}", slope[k]);
+        }
+    }
+}
+
+fn rotation(a: f64, b: f64, c: f64) -> Matrix3<f64> {
+    *Rotation3::from_euler_angles(a, b, c).matrix()
+}
+
+fn measurements(turn: f64) -> Measurements {
+    let measured = view(Point3::new(0.2, 0.1, 0.3), Vector3::new(1.4, 0.7, 0.5), rotation(0.4, -0.3 + turn, 0.9), 1.1);
+    Measurements::new(frame(), &[measured], true, false)
+}
+
+proptest! {
+    #[test]
+    fn rows_of_an_ellipsoid(a in -3.0..3.0f64, b in -1.5..1.5f64, x in -0.5..0.5f64, l in 0.5..1.6f64) {
+        let axes = Vector3::new(1.7 * l, 1.1, 0.6);
+        let body = EllipsoidModel::from_axes(Vector3::new(x, -0.2, 0.1), rotation(a, b, 0.7), axes);
+        check(&measurements(0.0), &body, 2e-6);
+    }
+
+    #[test]
+    fn rows_of_oriented_bodies(a in -0.4..0.4f64, b in -0.4..0.4f64, x in -0.5..0.5f64, q in 1.1..2.0f64) {
+        let axes = rotation(0.4, -0.3, 0.9) * rotation(a, b, 0.1);
+        for form in [Form::Cuboid, Form::Cylinder, Form::Exponent(q)] {
+            let body = OrientedModel::new(Vector3::new(x, -0.2, 0.1), axes, Vector3::new(1.2, 0.8, 0.6), form);
+            // Where a component of the ray vanishes the near side has a kink.
+            let ray = projection(0.4).m().row(2).transpose().normalize();
+            prop_assume!(body.axes().tr_mul(&ray).abs().min() > 0.03);
+            check(&measurements(0.0), &body, 2e-5);
+        }
+    }
+}
+
+/// Residuals at the body that was measured, with its scale in the logarithms.
+#[test]
+fn at_the_truth_only_the_scale_is_left() {
+    let (center, half) = (Point3::new(0.2, 0.1, 0.3), Vector3::new(1.4, 0.7, 0.5));
+    let axes = rotation(0.4, -0.3, 0.9);
+    let local = (center - frame().origin) / frame().unit;
+    for scale in [1.0, 1.1] {
+        let m = Measurements::new(frame(), &[view(center, half, axes, scale)], true, false);
+        let noise = NoiseLevels::new(67.0);
+        let expected = |group: NoiseGroup| match group {
+            NoiseGroup::BoxDistance | NoiseGroup::BoxSize => scale.ln() / noise.of(group),
+            _ => 0.0,
+        };
+        let check = |(values, _, groups): (Vec<f64>, Vec<[f64; 9]>, Vec<NoiseGroup>)| {
+            for (value, group) in values.into_iter().zip(groups).filter(|(_, group)| *group != NoiseGroup::Depth) {
+                assert!((value - expected(group)).abs() < 1e-9, "{group:?}: {value} {}", expected(group));
+            }
+        };
+        check(rows(&m, &EllipsoidModel::from_axes(local, axes, half / frame().unit)));
+        check(rows(&m, &OrientedModel::new(local, axes, half / frame().unit, Form::Cuboid)));
+        // The same body with its axes named in another order, one of them reversed.
+        let other = Matrix3::from_columns(&[axes.column(1).into_owned(), -axes.column(0), axes.column(2).into_owned()]);
+        let turned = Vector3::new(half.y, half.x, half.z) / frame().unit;
+        check(rows(&m, &OrientedModel::new(local, other, turned, Form::Cuboid)));
+    }
+}
+
+/// The near side against the median, or the mean, of the depths at which rays meet the body.
+#[test]
+fn the_near_side_is_where_rays_meet_the_body() {
+    let axes = rotation(0.3, 0.5, -0.2);
+    let sizes = Vector3::new(1.3, 0.8, 0.5);
+    let ray = Vector3::new(0.5, -0.3, 1.0).normalize();
+    let [e1, e2] = crate::geometry::rotation::horizontal_basis(&ray);
+    let local = axes.transpose();
+    // Depths below the centre at which parallel rays meet the body: inside(x) in units of the semi-axes.
+    let depths = |inside: &dyn Fn(Vector3<f64>) -> bool| -> Vec<f64> {
+        let mut depths = Vec::new();
+        for i in -60..=60 {
+            for j in -60..=60 {
+                let across = e1 * (f64::from(i) / 40.0) + e2 * (f64::from(j) / 40.0);
+                let at = |t: f64| (local * (across + ray * t)).component_div(&sizes);
+                let first = (0..400).map(|k| -2.0 + f64::from(k) * 0.01).find(|t| inside(at(*t)));
+                depths.extend(first.map(|t| -t));
+            }
+        }
+        depths.sort_by(f64::total_cmp);
+        depths
+    };
+    let mean = |depths: &[f64]| depths.iter().sum::<f64>() / depths.len() as f64;
+    let near = |form| OrientedModel::new(Vector3::zeros(), axes, sizes, form).near_side(&ray).0;
+    let round = depths(&|x| x.norm() < 1.0);
+    let ellipsoid = EllipsoidModel::from_axes(Vector3::zeros(), axes, sizes).near_side(&ray).0;
+    assert!((ellipsoid - round[round.len() / 2]).abs() < 0.02, "{ellipsoid} {}", round[round.len() / 2]);
+    assert!((near(Form::Exponent(2.0)) - ellipsoid).abs() < 1e-12);
+    let cuboid = mean(&depths(&|x| x.amax() < 1.0));
+    assert!((near(Form::Cuboid) - cuboid).abs() < 0.02, "{} {cuboid}", near(Form::Cuboid));
+    let cylinder = mean(&depths(&|x| x.xy().norm() < 1.0 && x.z.abs() < 1.0));
+    assert!((near(Form::Cylinder) - cylinder).abs() < 0.02, "{} {cylinder}", near(Form::Cylinder));
+}

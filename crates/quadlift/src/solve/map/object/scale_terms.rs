@@ -1,0 +1,83 @@
+//! What the cues of an object say about the constants of their sources.
+
+use std::collections::BTreeMap;
+
+use super::fit::Fit;
+use crate::body_model::BodyModel;
+use crate::geometry::linalg::invert_spd;
+use crate::scene::View;
+use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::residuals::cues::MeasuredCue;
+use crate::solve::map::shared::cue_scales::{Constant, ObjectTerms, Term};
+
+impl Fit {
+    /// The terms of the constants at this fit; `None` without cues or where the normal equations are singular.
+    pub(crate) fn scale_terms(&self, noise: &NoiseLevels) -> Option<ObjectTerms> {
+        let measurements = &self.problem.measurements;
+        if measurements.cues.is_empty() {
+            return None;
+        }
+        let covariance = invert_spd(&self.equations.hessian())?;
+        let weights = noise.weights(measurements.views.len());
+        let mut terms: BTreeMap<Constant, Term> = BTreeMap::new();
+        self.objective(noise, None).each_cue(&self.body, |cue, rows, _, loss_weight| {
+            let view = &self.problem.views.views[cue.view];
+            let mut axis = 0;
+            for row in rows {
+                let Some(constant) = self.constant(view, row.group, &mut axis) else { continue };
+                let derivative = -cue.whitening(noise, row.group);
+                let weight = loss_weight * weights.of(row.group);
+                let term = terms.entry(constant).or_default();
+                term.information += weight * derivative * derivative;
+                term.gradient += weight * derivative * row.residual;
+                term.coupling += nalgebra::SVector::from(row.row) * (weight * derivative);
+            }
+        });
+        let step = -(covariance * self.equations.gradient());
+        (!terms.is_empty()).then_some(ObjectTerms { terms, covariance, step })
+    }
+
+    /// Standard deviation of the distance from the nearest camera, along the ray, relative to that distance.
+    pub(crate) fn relative_distance_sd(&self) -> Option<f64> {
+        let covariance = invert_spd(&self.equations.hessian())?;
+        let frame = &self.problem.measurements.frame;
+        let center = frame.point_in_world(self.body.center());
+        let rays = self.problem.views.views.iter().filter_map(|view| Some(center - view.projection.center_in_world()?));
+        let nearest = rays.min_by(|a, b| a.norm().total_cmp(&b.norm()))?;
+        let along = nearest.normalize();
+        let variance = (along.transpose() * covariance.fixed_view::<3, 3>(0, 0) * along)[0];
+        Some(variance.sqrt() * frame.unit / nearest.norm())
+    }
+
+    /// Logarithms of measured over predicted lengths of other views' cues, by their constants, if this body were theirs.
+    pub(crate) fn log_ratios(&self, views: &[View], noise: &NoiseLevels, ratios: &mut BTreeMap<Constant, Vec<f64>>) {
+        let frame = &self.problem.measurements.frame;
+        let mut rows = Vec::new();
+        for view in views.iter().filter(|view| !view.cues.is_empty()) {
+            let p = frame.local_projection(&view.projection);
+            for cue in MeasuredCue::of_view(view, 0, frame, &p, self.problem.prior.log_size.is_some()) {
+                cue.rows(&self.body, noise, &mut rows);
+                let mut axis = 0;
+                for row in &rows {
+                    let Some(constant) = self.constant(view, row.group, &mut axis) else { continue };
+                    ratios.entry(constant).or_default().push(row.residual / cue.whitening(noise, row.group));
+                }
+            }
+        }
+    }
+
+    /// The constant that a residual of a view's cue contains; `axis` counts those of sizes.
+    fn constant(&self, view: &View, group: NoiseGroup, axis: &mut usize) -> Option<Constant> {
+        let source = || view.cues.box3d.and_then(|measured| measured.source);
+        match group {
+            NoiseGroup::Depth => Some(Constant::Depth(view.cues.depth.and_then(|depth| depth.source))),
+            NoiseGroup::BoxDistance => Some(Constant::Distance(source())),
+            NoiseGroup::BoxSize => {
+                *axis += 1;
+                Some(Constant::Size(source(), self.problem.views.category_index, *axis - 1))
+            }
+            _ => None,
+        }
+    }
+}

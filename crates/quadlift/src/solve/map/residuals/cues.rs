@@ -1,0 +1,198 @@
+//! Residuals of cues: the depth of the visible surface, and a 3D box (docs/method.md, section 19).
+//!
+//! Lengths are compared by their logarithms, so that a wrong scale of their source is a constant that is added.
+
+use nalgebra::{Matrix3x4, Vector3};
+
+use super::row::ResidualRow;
+use crate::body_model::{BodyModel, MeasuredShape};
+use crate::geometry::rotation::horizontal_basis;
+use crate::optimize::normal_equations::Row;
+use crate::scene::{Box3dCue, DepthCue, View};
+use crate::solve::conditioning::ObjectFrame;
+use crate::solve::map::noise::groups::NoiseGroup;
+use crate::solve::map::noise::levels::{NoiseLevels, usual_level};
+use crate::solve::map::residuals::view_rows::SMALLEST_DEPTH;
+
+/// A cue of one view, prepared.
+#[derive(Debug, Clone)]
+pub(crate) struct MeasuredCue {
+    /// Index of the view among those of the object.
+    pub view: usize,
+    kind: Kind,
+}
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Depth(MeasuredDepth),
+    Box(Box<MeasuredBox>),
+}
+
+/// How far the visible surface is.
+#[derive(Debug, Clone)]
+struct MeasuredDepth {
+    /// The depth of a point is `axis.x + offset`.
+    axis: Vector3<f64>,
+    offset: f64,
+    /// Unit direction of the ray through the middle of the detection, and its cosine with the axis.
+    ray: Vector3<f64>,
+    cosine: f64,
+    log_depth: f64,
+    weight: f64,
+}
+
+/// A 3D box.
+#[derive(Debug, Clone)]
+struct MeasuredBox {
+    center: Option<MeasuredCenter>,
+    shape: Option<MeasuredShape>,
+    /// Of the sizes, of the rotation.
+    weights: [f64; 2],
+}
+
+/// The centre of a 3D box.
+#[derive(Debug, Clone)]
+struct MeasuredCenter {
+    camera: Vector3<f64>,
+    /// Towards the centre, and two directions across.
+    ray: Vector3<f64>,
+    across: [Vector3<f64>; 2],
+    log_distance: f64,
+    /// Of the distance, of the directions.
+    weights: [f64; 2],
+}
+
+/// 1 / sd of an error, relative to the usual level of its kind.
+fn weight(sd: Option<f64>, group: NoiseGroup) -> f64 {
+    sd.map_or(1.0, |sd| usual_level(group) / sd)
+}
+
+impl MeasuredCue {
+    /// The cues of a view, in the object's frame; `p` is its local projection. `named` says that the axes of the body are
+    /// length, width and height.
+    pub(crate) fn of_view(
+        view: &View,
+        index: usize,
+        frame: &ObjectFrame,
+        p: &Matrix3x4<f64>,
+        named: bool,
+    ) -> Vec<Self> {
+        let depth = view.cues.depth.and_then(|depth| MeasuredDepth::new(&depth, view, frame, p)).map(Kind::Depth);
+        let measured =
+            view.cues.box3d.and_then(|b| MeasuredBox::new(&b, view, frame, named)).map(Box::new).map(Kind::Box);
+        depth.into_iter().chain(measured).map(|kind| Self { view: index, kind }).collect()
+    }
+
+    /// 1 / standard deviation of the errors of a group in this cue.
+    pub(crate) fn whitening(&self, noise: &NoiseLevels, group: NoiseGroup) -> f64 {
+        let weight = match (&self.kind, group) {
+            (Kind::Depth(depth), _) => depth.weight,
+            (Kind::Box(measured), NoiseGroup::BoxSize) => measured.weights[0],
+            (Kind::Box(measured), NoiseGroup::BoxRotation) => measured.weights[1],
+            (Kind::Box(measured), NoiseGroup::BoxDistance) => measured.center.as_ref().map_or(1.0, |c| c.weights[0]),
+            (Kind::Box(measured), _) => measured.center.as_ref().map_or(1.0, |c| c.weights[1]),
+        };
+        weight / noise.of(group)
+    }
+
+    /// Fills `rows` with the whitened residuals of the cue.
+    pub(crate) fn rows(&self, body: &impl BodyModel, noise: &NoiseLevels, rows: &mut Vec<ResidualRow>) {
+        rows.clear();
+        let mut push = |(residual, row): (f64, Row), group: NoiseGroup| {
+            let weight = self.whitening(noise, group);
+            rows.push(ResidualRow { residual: residual * weight, row: row.map(|x| x * weight), group, counts: true });
+        };
+        match &self.kind {
+            Kind::Depth(depth) => push(depth.residual(body), NoiseGroup::Depth),
+            Kind::Box(measured) => {
+                if let Some(center) = &measured.center {
+                    let [distance, across @ ..] = center.residuals(body);
+                    push(distance, NoiseGroup::BoxDistance);
+                    across.into_iter().for_each(|row| push(row, NoiseGroup::BoxDirection));
+                }
+                if let Some(shape) = &measured.shape {
+                    let difference = body.compare(shape);
+                    difference.size.into_iter().flatten().for_each(|row| push(row, NoiseGroup::BoxSize));
+                    difference.rotation.into_iter().flatten().for_each(|row| push(row, NoiseGroup::BoxRotation));
+                }
+            }
+        }
+    }
+}
+
+impl MeasuredDepth {
+    fn new(depth: &DepthCue, view: &View, frame: &ObjectFrame, p: &Matrix3x4<f64>) -> Option<Self> {
+        let ray = view.projection.ray_in_world(&view.measured_box()?.center())?;
+        let axis = Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]);
+        Some(Self {
+            axis,
+            offset: p[(2, 3)],
+            ray,
+            cosine: axis.dot(&ray),
+            log_depth: (depth.median / frame.unit).ln(),
+            weight: weight(depth.sd.map(|sd| sd / depth.median), NoiseGroup::Depth),
+        })
+    }
+
+    /// Logarithm of the measured depth over that of the visible surface.
+    fn residual(&self, body: &impl BodyModel) -> (f64, Row) {
+        let (near, slope) = body.near_side(&self.ray);
+        let depth = self.axis.dot(body.center()) + self.offset - self.cosine * near;
+        if depth <= SMALLEST_DEPTH {
+            return (self.log_depth - SMALLEST_DEPTH.ln(), [0.0; 9]);
+        }
+        let row = std::array::from_fn(|k| if k < 3 { -self.axis[k] } else { self.cosine * slope[k - 3] } / depth);
+        (self.log_depth - depth.ln(), row)
+    }
+}
+
+impl MeasuredBox {
+    fn new(measured: &Box3dCue, view: &View, frame: &ObjectFrame, named: bool) -> Option<Self> {
+        let world_from_cam = view.projection.camera_pose()?.matrix().fixed_columns::<3>(0).transpose();
+        let center = match measured.center {
+            Some(center) => {
+                let camera = (view.projection.center_in_world()? - frame.origin) / frame.unit;
+                let offset = world_from_cam * center.coords / frame.unit;
+                let ray = nalgebra::Unit::try_new(offset, 0.0)?;
+                Some(MeasuredCenter {
+                    camera,
+                    ray: *ray,
+                    across: horizontal_basis(&ray),
+                    log_distance: offset.norm().ln(),
+                    weights: [
+                        weight(measured.sd.distance, NoiseGroup::BoxDistance),
+                        weight(measured.sd.direction, NoiseGroup::BoxDirection),
+                    ],
+                })
+            }
+            None => None,
+        };
+        let shape = MeasuredShape {
+            axes: measured.rotation.map(|rotation| world_from_cam * rotation.matrix()),
+            log_half_extents: measured.half_extents.map(|half| half.map(|x| (x / frame.unit).ln())),
+            named,
+        };
+        let shape = (shape.axes.is_some() || shape.log_half_extents.is_some()).then_some(shape);
+        let weights =
+            [weight(measured.sd.size, NoiseGroup::BoxSize), weight(measured.sd.rotation, NoiseGroup::BoxRotation)];
+        Some(Self { center, shape, weights })
+    }
+}
+
+impl MeasuredCenter {
+    /// Logarithm of the measured distance over the predicted one (along the measured ray), and two angles.
+    fn residuals(&self, body: &impl BodyModel) -> [(f64, Row); 3] {
+        let from_camera = body.center() - self.camera;
+        let along = from_camera.dot(&self.ray);
+        if along <= SMALLEST_DEPTH {
+            return [(self.log_distance - SMALLEST_DEPTH.ln(), [0.0; 9]); 3];
+        }
+        let row = |by_center: Vector3<f64>| std::array::from_fn(|k| if k < 3 { by_center[k] } else { 0.0 });
+        let distance = (self.log_distance - along.ln(), row(-self.ray / along));
+        let [a, b] = self.across.map(|across| {
+            let angle = across.dot(&from_camera) / along;
+            (-angle, row((self.ray * angle - across) / along))
+        });
+        [distance, a, b]
+    }
+}

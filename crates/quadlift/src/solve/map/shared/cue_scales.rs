@@ -1,0 +1,239 @@
+//! CueScales of the sources of cues: the scale of their depths and distances, the bias of their sizes, each a constant that
+//! is added to logarithms (docs/method.md, section 19.3).
+//!
+//! The constants are unknowns shared by the objects. A step of Gauss and Newton eliminates the objects (Schur complement), so
+//! that what boxes tell of an object counts as much as it is certain.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector, SVector};
+
+use crate::optimize::normal_equations::PARAMETERS;
+use crate::scene::{Cues, ObjectViews};
+use crate::solve::estimate::Matrix9;
+use crate::tuning::{DEPTH_SCALE_SD, SIZE_BIAS_SD};
+
+/// Number of measurements from which a median is taken.
+const ENOUGH_FOR_MEDIAN: usize = 5;
+
+/// Share of the information of an object about a constant that must be left when its own parameters are free: below it the object
+/// tells nothing but where its iteration ended.
+const LEAST_SHARE: f64 = 0.02;
+
+/// Largest change of a logarithm in one step.
+const LARGEST_STEP: f64 = 0.3;
+
+/// A constant of a source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Constant {
+    /// Scale of depths.
+    Depth(Option<u32>),
+    /// Scale of distances of 3D boxes.
+    Distance(Option<u32>),
+    /// Scale of an extent (0 to 2) of 3D boxes, of a category.
+    Size(Option<u32>, Option<usize>, usize),
+}
+
+impl Constant {
+    /// Standard deviation before anything is known.
+    fn prior_sd(self) -> f64 {
+        match self {
+            Self::Depth(_) | Self::Distance(_) => DEPTH_SCALE_SD.get(),
+            Self::Size(..) => SIZE_BIAS_SD.get(),
+        }
+    }
+}
+
+/// What an object says about one constant: sums over the whitened residuals that contain it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Term {
+    /// Weighted squares of the derivative by the constant.
+    pub information: f64,
+    /// The derivative times the residual.
+    pub gradient: f64,
+    /// The derivative times the derivatives by the object's parameters.
+    pub coupling: SVector<f64, PARAMETERS>,
+}
+
+impl Default for Term {
+    fn default() -> Self {
+        Self { information: 0.0, gradient: 0.0, coupling: SVector::zeros() }
+    }
+}
+
+/// What an object says about the constants that its cues contain.
+#[derive(Debug, Clone)]
+pub(crate) struct ObjectTerms {
+    pub terms: BTreeMap<Constant, Term>,
+    /// Covariance of its parameters were the constants known.
+    pub covariance: Matrix9,
+    /// The step that its parameters are still from their minimum.
+    pub step: SVector<f64, PARAMETERS>,
+}
+
+/// The constants of all sources with their covariance.
+#[derive(Debug, Clone)]
+pub(crate) struct CueScales {
+    values: BTreeMap<Constant, f64>,
+    /// In the order of the constants.
+    covariance: DMatrix<f64>,
+}
+
+impl Default for CueScales {
+    fn default() -> Self {
+        Self { values: BTreeMap::new(), covariance: DMatrix::zeros(0, 0) }
+    }
+}
+
+impl CueScales {
+    /// The medians of logarithms of measured over predicted lengths, of constants with enough of them: a start that a wrong
+    /// unit does not mislead.
+    pub(crate) fn of_medians(ratios: BTreeMap<Constant, Vec<f64>>) -> Self {
+        let median = |mut all: Vec<f64>| {
+            all.retain(|x| x.is_finite());
+            all.sort_by(f64::total_cmp);
+            if all.len() < ENOUGH_FOR_MEDIAN { 0.0 } else { all[all.len() / 2] }
+        };
+        let values: BTreeMap<_, _> = ratios.into_iter().map(|(constant, all)| (constant, median(all))).collect();
+        let covariance = DMatrix::zeros(values.len(), values.len());
+        Self { values, covariance }
+    }
+
+    /// The constants with their standard deviations.
+    pub(crate) fn constants(&self) -> impl Iterator<Item = (Constant, f64, f64)> {
+        self.values.iter().enumerate().map(|(k, (constant, value))| {
+            let variance = self.covariance.get((k, k)).copied().unwrap_or(0.0);
+            (*constant, *value, variance.max(0.0).sqrt())
+        })
+    }
+
+    /// One step, from all objects. Returns the change, which the measurements then follow.
+    pub(crate) fn update(&mut self, objects: &[ObjectTerms]) -> Self {
+        for object in objects {
+            object.terms.keys().for_each(|constant| _ = self.values.entry(*constant).or_insert(0.0));
+        }
+        let index: BTreeMap<Constant, usize> = self.values.keys().enumerate().map(|(k, c)| (*c, k)).collect();
+        let count = index.len();
+        let mut normal = DMatrix::<f64>::zeros(count, count);
+        let mut gradient = DVector::<f64>::zeros(count);
+        for (k, (constant, value)) in self.values.iter().enumerate() {
+            // Usually about 1, but a source may have any scale: a heavy-tailed prior.
+            let sd = constant.prior_sd();
+            let precision = 1.0 / (sd * sd + value * value);
+            normal[(k, k)] += precision;
+            gradient[k] += precision * value;
+        }
+        for ObjectTerms { terms, covariance, step } in objects {
+            let tells = |term: &&Term| {
+                let free = term.information - term.coupling.dot(&(covariance * term.coupling));
+                free > LEAST_SHARE * term.information
+            };
+            let told: Vec<(&Constant, &Term)> = terms.iter().filter(|(_, term)| tells(term)).collect();
+            for (constant, term) in told.iter().copied() {
+                let k = index[constant];
+                normal[(k, k)] += term.information;
+                gradient[k] += term.gradient + term.coupling.dot(step);
+                let seen = covariance * term.coupling;
+                for (other, more) in &told {
+                    normal[(index[*other], k)] -= more.coupling.dot(&seen);
+                }
+            }
+        }
+        let normal = (&normal + normal.transpose()) * 0.5;
+        let Some(cholesky) = normal.cholesky() else { return Self::default() };
+        let step = -cholesky.solve(&gradient).map(|x| x.clamp(-LARGEST_STEP, LARGEST_STEP));
+        self.covariance = cholesky.inverse();
+        let mut change = BTreeMap::new();
+        for (k, (constant, value)) in self.values.iter_mut().enumerate() {
+            *value += step[k];
+            change.insert(*constant, step[k]);
+        }
+        Self { values: change, covariance: DMatrix::zeros(count, count) }
+    }
+
+    /// What the uncertainty of the constants adds to the covariance of an object.
+    pub(crate) fn added_covariance(&self, ObjectTerms { terms, covariance, .. }: &ObjectTerms) -> Matrix9 {
+        let index: BTreeMap<Constant, usize> = self.values.keys().enumerate().map(|(k, c)| (*c, k)).collect();
+        let gains: Vec<(usize, SVector<f64, PARAMETERS>)> = terms
+            .iter()
+            .filter_map(|(constant, term)| Some((*index.get(constant)?, covariance * term.coupling)))
+            .collect();
+        let mut added = Matrix9::zeros();
+        for (k, gain) in &gains {
+            for (l, other) in &gains {
+                added += gain * other.transpose() * self.covariance[(*k, *l)];
+            }
+        }
+        added
+    }
+
+    /// Takes the constants out of the measurements of an object.
+    pub(crate) fn apply(&self, views: &mut ObjectViews) {
+        if self.values.is_empty() {
+            return;
+        }
+        let category = views.category_index;
+        let factor = |constant: Constant| self.values.get(&constant).map_or(1.0, |value| (-value).exp());
+        for Cues { depth, box3d } in views.views.iter_mut().map(|view| &mut view.cues) {
+            if let Some(depth) = depth {
+                let factor = factor(Constant::Depth(depth.source));
+                depth.median *= factor;
+                depth.sd = depth.sd.map(|sd| sd * factor);
+            }
+            let Some(box3d) = box3d else { continue };
+            if let Some(center) = &mut box3d.center {
+                *center *= factor(Constant::Distance(box3d.source));
+            }
+            if let Some(half_extents) = &mut box3d.half_extents {
+                (0..3).for_each(|k| half_extents[k] *= factor(Constant::Size(box3d.source, category, k)));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Objects that say by so much that the constant is larger, as certain as `information`, each with one parameter that takes
+    /// a share of it.
+    fn objects(count: usize, information: f64, error: f64, share: f64) -> Vec<ObjectTerms> {
+        let mut coupling = SVector::zeros();
+        coupling[0] = (information * share).sqrt();
+        let term = Term { information, gradient: -information * (1.0 - share) * error, coupling };
+        let terms = BTreeMap::from([(Constant::Depth(None), term)]);
+        vec![ObjectTerms { terms, covariance: Matrix9::identity(), step: SVector::zeros() }; count]
+    }
+
+    #[test]
+    fn many_objects_tell_the_scale_and_a_few_uncertain_ones_do_not() {
+        let value = |objects: &[ObjectTerms]| {
+            let mut scales = CueScales::default();
+            for _ in 0..1 {
+                scales.update(objects);
+            }
+            let found = scales.constants().next().unwrap();
+            (found.1, found.2)
+        };
+        let (many, sd) = value(&objects(100, 100.0, 0.2, 0.5));
+        assert!((many - 0.2).abs() < 0.02 && sd < 0.02, "{many} {sd}");
+        let (few, sd) = value(&objects(1, 100.0, 0.2, 0.999));
+        assert!(few.abs() < 1e-3 && sd > 0.05, "{few} {sd}");
+        // The parameters of the object that take most of it make the scale less certain.
+        assert!(value(&objects(10, 100.0, 0.2, 0.9)).1 > 2.0 * value(&objects(10, 100.0, 0.2, 0.1)).1);
+    }
+
+    #[test]
+    fn a_median_is_a_start_and_an_unsure_scale_makes_objects_unsure() {
+        let ratios = BTreeMap::from([
+            (Constant::Depth(Some(1)), vec![6.9, 7.0, 6.8, f64::NAN, -3.0, 6.9, 7.1]),
+            (Constant::Distance(None), vec![1.0]),
+        ]);
+        let mut scales = CueScales::of_medians(ratios);
+        assert_eq!(scales.constants().map(|(_, value, _)| value).collect::<Vec<_>>(), [6.9, 0.0]);
+        let few = objects(1, 1.0, 0.0, 0.9);
+        scales.update(&few);
+        let added = scales.added_covariance(&few[0])[(0, 0)];
+        assert!(added > 0.0, "{added}");
+    }
+}

@@ -1,0 +1,178 @@
+//! Depths and 3D boxes beside boxes, one view, wrong scales, outliers.
+
+use nalgebra::Vector3;
+use quadlift::metrics::iou3d_ellipsoids;
+use quadlift::scene::{Cues, DepthCue, Detection, Scene};
+use quadlift::solve::{BodyKind, MapOptions, ScaledQuantity, Sigmas, Status, Warning};
+use quadlift::synthetic::{
+    Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, generate, simulate_cues,
+};
+use quadlift::{Localization, LocalizeOptions, localize};
+
+fn made(views: usize) -> SyntheticScene {
+    generate(&SyntheticOptions {
+        objects: 30,
+        views,
+        cube_side: 10.0,
+        distance: 25.0,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.03)],
+        seed: 5,
+        ..Default::default()
+    })
+    .unwrap()
+}
+
+fn with_cues(made: &SyntheticScene, depth: Option<DepthNoise>, box3d: Option<Box3dNoise>) -> Scene {
+    let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
+    simulate_cues(&made.scene, body_of, &CueOptions { depth, box3d }, 3).unwrap()
+}
+
+fn options() -> LocalizeOptions {
+    MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }.into()
+}
+
+/// Mean O3D, 0 without an answer, and the median error of the centre in mean semi-axes.
+fn scores(made: &SyntheticScene, found: &Localization, scene: &Scene) -> (f64, f64) {
+    let (mut sum, mut errors) = (0.0, Vec::new());
+    for estimate in found.estimates.iter().filter(|estimate| estimate.status == Status::Ok) {
+        let id = &scene.object_ids[estimate.object_index];
+        let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.ellipsoid();
+        let body = estimate.ellipsoid().unwrap();
+        sum += iou3d_ellipsoids(&body, &truth);
+        errors.push((body.center - truth.center).norm() / truth.semi_axes.mean());
+    }
+    errors.sort_by(f64::total_cmp);
+    (sum / made.truth.len() as f64, errors.get(errors.len() / 2).copied().unwrap_or(f64::INFINITY))
+}
+
+#[test]
+fn one_view_needs_to_know_how_far_the_object_is() {
+    let made = made(1);
+    let alone = localize(&made.scene, &options()).unwrap();
+    assert!(alone.estimates.iter().all(|estimate| estimate.status == Status::TooFewViews));
+    let exact = DepthNoise { noise: 0.01, scale: 1.0, outliers: 0.0 };
+    for (depth, box3d) in [(Some(exact), None), (None, Some(Box3dNoise::default()))] {
+        let scene = with_cues(&made, depth, box3d);
+        let found = localize(&scene, &options()).unwrap();
+        let good = found.estimates.iter().filter(|estimate| estimate.status == Status::Ok).count();
+        assert!(good >= 27, "{good} of 30");
+        for estimate in found.estimates.iter().filter(|estimate| estimate.status == Status::Ok) {
+            assert!(estimate.warnings.contains(&Warning::OneView), "{:?}", estimate.warnings);
+            assert!(estimate.covariance.is_some());
+        }
+        let (_, error) = scores(&made, &found, &scene);
+        assert!(error < 0.8, "{error}");
+        // An exact fit to few boxes asks for more than one view.
+        let three = LocalizeOptions { min_views: 3, ..options() };
+        let refused = localize(&scene, &three).unwrap();
+        assert!(refused.estimates.iter().all(|estimate| estimate.status == Status::TooFewViews));
+    }
+}
+
+#[test]
+fn three_d_boxes_help_and_never_harm() {
+    for (views, gain) in [(2, 0.08), (5, 0.04), (20, 0.0)] {
+        let made = made(views);
+        let (boxes, _) = scores(&made, &localize(&made.scene, &options()).unwrap(), &made.scene);
+        let scene = with_cues(&made, Some(DepthNoise::default()), Some(Box3dNoise::default()));
+        let (both, _) = scores(&made, &localize(&scene, &options()).unwrap(), &scene);
+        assert!(both > boxes + gain, "{views} views: {boxes} {both}");
+    }
+}
+
+#[test]
+fn the_scale_of_a_source_is_found_whatever_its_unit() {
+    let made = made(4);
+    let (boxes, _) = scores(&made, &localize(&made.scene, &options()).unwrap(), &made.scene);
+    // Depths in millimetres, where the world is in metres.
+    for scale in [0.8, 1.0, 1000.0] {
+        let scene = with_cues(&made, Some(DepthNoise { noise: 0.02, scale, outliers: 0.1 }), None);
+        let found = localize(&scene, &options()).unwrap();
+        let [depth] = found.cue_scales[..] else { panic!("{:?}", found.cue_scales) };
+        assert_eq!((depth.quantity, depth.source), (ScaledQuantity::Depth, Some(0)));
+        assert!((depth.factor / scale - 1.0).abs() < 0.03 && depth.log_sd < 0.02, "{scale}: {depth:?}");
+        let (with, _) = scores(&made, &found, &scene);
+        assert!(with > boxes - 0.005, "{scale}: {boxes} {with}");
+    }
+}
+
+#[test]
+fn a_camera_that_stands_still_sees_objects_with_depths() {
+    let made = made(1);
+    let scene = with_cues(&made, Some(DepthNoise { noise: 0.01, scale: 1.0, outliers: 0.0 }), None);
+    let mut parts = scene.into_parts();
+    for k in 1..4 {
+        let mut frame = parts.frames[0].clone();
+        frame.id = format!("again_{k}");
+        parts.frames.push(frame);
+        let again: Vec<Detection> = parts.detections[..30].to_vec();
+        parts.detections.extend(again.into_iter().map(|d| Detection { frame_index: k, ..d }));
+    }
+    let scene = Scene::from_parts(parts).unwrap();
+    // The self-check takes repeated poses for a mistake.
+    let found = localize(&scene, &LocalizeOptions { accept_inconsistent: true, ..options() }).unwrap();
+    let (_, error) = scores(&made, &found, &scene);
+    assert!(error < 0.8, "{error}");
+    assert!(found.estimates.iter().filter(|estimate| estimate.status == Status::Ok).count() >= 27);
+}
+
+#[test]
+fn with_given_levels_objects_are_independent() {
+    let made = made(3);
+    let scene = with_cues(&made, Some(DepthNoise::default()), Some(Box3dNoise::default()));
+    let sigmas = Sigmas::new([("edge_relative", 0.03), ("depth", 0.1), ("box3d_size", 0.15)]).unwrap();
+    let mut options = options();
+    let map = options.method.map_options_mut().unwrap();
+    // Boxes that are removed hide nothing.
+    (map.sigmas, map.hidden_edges) = (Some(sigmas), false);
+    let all = localize(&scene, &options).unwrap();
+    assert!(all.cue_scales.is_empty());
+    let mut parts = scene.clone().into_parts();
+    parts.detections.retain(|d| d.object_index == Some(7));
+    let one = localize(&Scene::from_parts(parts).unwrap(), &options).unwrap();
+    let alone = one.estimates.iter().find(|estimate| estimate.object_index == 7).unwrap();
+    let among = all.estimates.iter().find(|estimate| estimate.object_index == 7).unwrap();
+    assert_eq!(alone.body, among.body);
+    assert_eq!(alone.covariance, among.covariance);
+}
+
+#[test]
+fn the_order_and_place_of_the_world_do_not_matter() {
+    let made = made(3);
+    let scene = with_cues(&made, Some(DepthNoise::default()), Some(Box3dNoise::default()));
+    let moved = generate(&SyntheticOptions {
+        objects: 30,
+        views: 3,
+        cube_side: 10.0,
+        distance: 25.0,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.03)],
+        seed: 5,
+        offset: Vector3::new(3000.0, -500.0, 20.0),
+        ..Default::default()
+    })
+    .unwrap();
+    let mut parts = moved.scene.clone().into_parts();
+    parts.cue_sources.clone_from(&scene.cue_sources);
+    for (there, here) in parts.detections.iter_mut().zip(&scene.detections) {
+        there.cues.clone_from(&here.cues);
+    }
+    let there = localize(&Scene::from_parts(parts).unwrap(), &options()).unwrap();
+    let here = localize(&scene, &options()).unwrap();
+    for (a, b) in here.estimates.iter().zip(&there.estimates) {
+        let (Some(a), Some(b)) = (a.ellipsoid(), b.ellipsoid()) else { panic!("{:?} {:?}", a.status, b.status) };
+        let off = (b.center - a.center - Vector3::new(3000.0, -500.0, 20.0)).norm();
+        assert!(off < 1e-4 && (a.semi_axes - b.semi_axes).norm() < 1e-4, "{off}");
+    }
+}
+
+#[test]
+fn a_wrong_number_is_an_error() {
+    let made = made(1);
+    let mut scene = made.scene;
+    let wrong = Cues { depth: Some(DepthCue { median: f64::NAN, sd: None, source: None }), box3d: None };
+    assert!(scene.edit(|parts| parts.detections[0].cues = Some(Box::new(wrong))).is_err());
+    let no_source = Cues { depth: Some(DepthCue { median: 1.0, sd: None, source: Some(3) }), box3d: None };
+    assert!(scene.edit(|parts| parts.detections[0].cues = Some(Box::new(no_source))).is_err());
+}
