@@ -10,6 +10,7 @@ use quadlift::solve::{BodyKind, Method, Status};
 use quadlift_io::mcap::{LiveFrames, LiveOptions, McapOptions, Next, parse_mcap};
 use quadlift_io::read::arkit::{ArkitOptions, CaptureImages, FrameFile, parse_polycam, parse_record3d, parse_scanner};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
+use quadlift_io::read::detections::boxer::parse_boxer;
 use quadlift_io::read::detections::coco::parse_coco;
 use quadlift_io::read::detections::csv::{TableOptions, parse_csv};
 use quadlift_io::read::detections::cvat::parse_cvat;
@@ -259,6 +260,10 @@ pub fn voc(data: &[u8]) -> bool {
     let mut files = label_files(data, "xml");
     files.retain(|file| !file.bytes.is_empty());
     check_detections(parse_voc(Path::new("labels"), &files))
+}
+
+pub fn boxer(data: &[u8]) -> bool {
+    check_detections(parse_boxer(Path::new("boxer_3dbbs.csv"), data))
 }
 
 pub fn cvat(data: &[u8]) -> bool {

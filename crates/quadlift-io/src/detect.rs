@@ -63,6 +63,8 @@ pub enum DetectionFormat {
     Cvat,
     /// Label Studio.
     LabelStudio,
+    /// Boxer's 3D boxes.
+    Boxer,
 }
 
 impl CameraFormat {
@@ -99,6 +101,7 @@ impl DetectionFormat {
             Self::Voc => "voc",
             Self::Cvat => "cvat",
             Self::LabelStudio => "label-studio",
+            Self::Boxer => "boxer",
         }
     }
 
@@ -115,6 +118,7 @@ impl DetectionFormat {
             Self::Voc => "Pascal VOC",
             Self::Cvat => "CVAT",
             Self::LabelStudio => "Label Studio",
+            Self::Boxer => "Boxer's 3D boxes",
         }
     }
 }
@@ -208,8 +212,8 @@ pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
             "unknown detection format: looked for COCO (annotations, or a list with \"image_id\"), MOTChallenge (7 to \
              10 numbers between commas, or gt/gt.txt), YOLO (a folder of .txt with a class and numbers from 0 to 1), \
              KITTI (15 to 18 fields), CSV (names of columns, or 5 or 6 numbers), supervision (a column x_min), \
-             LabelMe (\"shapes\"), Pascal VOC (<annotation>), CVAT (<annotations>) and Label Studio (tasks with \
-             \"data\"); `quadlift import-detections FORMAT` reads a given format",
+             LabelMe (\"shapes\"), Pascal VOC (<annotation>), CVAT (<annotations>), Label Studio (tasks with \
+             \"data\") and Boxer (a column time_ns and 3D boxes); `quadlift import-detections FORMAT` reads a given format",
         )
     })
 }
@@ -270,6 +274,7 @@ fn detections_in_file(path: &Path) -> Result<Option<DetectionFormat>, ReadError>
     let named = fields.words.iter().skip(1).all(|word| word.parse::<f64>().is_err());
     Ok(match count {
         _ if fields.commas && named && fields.words.contains(&"x_min") => Some(DetectionFormat::Supervision),
+        _ if fields.commas && crate::read::detections::boxer::is_header(&fields.words) => Some(DetectionFormat::Boxer),
         5.. if fields.commas && named => Some(DetectionFormat::Csv),
         5 if fields.commas => Some(DetectionFormat::Csv),
         6 if fields.commas && numbers[5].is_some_and(|score| (0.0..=1.0).contains(&score)) => {
@@ -429,6 +434,12 @@ mod tests {
             ("e.json", r#"{"format": "quadlift.scene"}"#, None),
             ("a.csv", "x_min,y_min,x_max,y_max,class_id\n", Some(DetectionFormat::Supervision)),
             ("b.csv", "image,x0,y0,x1,y1\n", Some(DetectionFormat::Csv)),
+            (
+                "boxer_3dbbs.csv",
+                "time_ns,tx_world_object,ty_world_object,tz_world_object,qw_world_object,qx_world_object,qy_world_object,\
+                 qz_world_object,scale_x,scale_y,scale_z,name,instance,sem_id,prob\n",
+                Some(DetectionFormat::Boxer),
+            ),
             ("c.csv", "0,296.02,160.17,452.29,288.37,0.529\n", Some(DetectionFormat::Csv)),
             ("d.csv", "a.png,296.02,160.17,452.29,288.37\n", Some(DetectionFormat::Csv)),
             ("e.csv", "1,2,296.02,160.17,452.29,288.37\n", None),

@@ -140,6 +140,11 @@ fn voc() {
 }
 
 #[test]
+fn boxer() {
+    run("boxer", targets::boxer);
+}
+
+#[test]
 fn cvat() {
     run("cvat", targets::cvat);
 }

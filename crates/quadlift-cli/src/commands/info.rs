@@ -215,7 +215,7 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     if beyond > 0 {
         oddities.push(format!("{} beyond the image border: edges there are treated as cut off", boxes_reach(beyond)));
     }
-    let beyond_lens = scene.detections.iter().filter(|d| d.bounding_box.is_none() && d.ellipse.is_none()).count();
+    let beyond_lens = scene.detections.iter().filter(|d| !d.is_measured()).count();
     if beyond_lens > 0 {
         let n = count(beyond_lens, "detection");
         oddities.push(format!("{n} where the lens cannot be undistorted: skipped by localize"));

@@ -131,8 +131,8 @@ impl SceneFile {
     }
 }
 
-/// The pose of a frame, whose numbers were checked before.
-fn pose_of(frame: &FrameRecord) -> Option<CamFromWorld> {
+/// The pose of a frame; `None` where it has none that is valid.
+pub(super) fn pose_of(frame: &FrameRecord) -> Option<CamFromWorld> {
     match (&frame.cam_from_world, &frame.projection) {
         (Some(rows), _) => CamFromWorld::new(matrix(rows)).ok(),
         (None, Some(rows)) => Projection::from_matrix(matrix(rows)).ok()?.camera_pose(),

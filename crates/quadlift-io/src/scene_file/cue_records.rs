@@ -6,7 +6,8 @@ use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneBuilder};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::records::DetectionRecord;
+use super::convert::pose_of;
+use super::records::{DetectionRecord, FrameRecord};
 use crate::error::EntryError;
 use crate::numbers;
 
@@ -107,6 +108,12 @@ impl DetectionRecord {
 }
 
 impl Box3dRecord {
+    /// Whether it is a valid box in front of the camera of a frame.
+    pub(crate) fn is_in_front_of(&self, frame: &FrameRecord) -> bool {
+        let cue = self.cue(None, || pose_of(frame), str::to_owned);
+        cue.is_ok_and(|box3d| Cues { depth: None, box3d: Some(box3d) }.check().is_ok())
+    }
+
     fn cue(
         &self,
         source: Option<u32>,

@@ -94,7 +94,9 @@ pub fn localize_observed(
         let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
         within(d.occluded, options.max_occluded) && within(d.truncated, options.max_truncated)
     };
-    let measured = |d: &Detection| d.bounding_box.is_some() || d.ellipse.is_some();
+    // With a 3D box alone for the refinement only.
+    let measured =
+        |d: &Detection| d.bounding_box.is_some() || d.ellipse.is_some() || (map_options.is_some() && d.is_measured());
     let usable = |d: &Detection| measured(d) && options.measurements.are_in(d);
     let mut groups = scene.detections_by_object(|d| from_source(d) && visible(d) && usable(d));
     // In the order of the frames, so that neighbours in the list are neighbours in time.

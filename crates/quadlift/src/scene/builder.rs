@@ -148,7 +148,7 @@ impl SceneBuilder {
         let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
         let frame_index =
             *self.frames.get(input.frame).ok_or_else(|| SceneError::UnknownFrame(input.frame.to_owned()))?;
-        if input.bounding_box.is_none() && input.ellipse.is_none() {
+        if input.bounding_box.is_none() && input.ellipse.is_none() && !input.cues.have_center() {
             return Err(SceneError::NothingMeasured);
         }
         input.cues.check()?;

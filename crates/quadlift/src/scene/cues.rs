@@ -83,7 +83,12 @@ impl Cues {
 
     /// Whether they tell how far the object is.
     pub(crate) fn tell_distance(&self) -> bool {
-        self.depth.is_some() || self.box3d.is_some_and(|b| b.center.is_some())
+        self.depth.is_some() || self.have_center()
+    }
+
+    /// Whether there is a 3D box with a centre, which says where the object is without a box in the image.
+    pub(crate) fn have_center(&self) -> bool {
+        self.box3d.is_some_and(|b| b.center.is_some())
     }
 
     /// Checks every number.

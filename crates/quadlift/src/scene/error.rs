@@ -10,8 +10,8 @@ pub enum SceneError {
     /// A detection names a frame that does not exist.
     #[error("unknown frame \"{0}\"")]
     UnknownFrame(String),
-    /// A detection has neither a box nor an ellipse.
-    #[error("the detection has neither a \"box\" nor an \"ellipse\"")]
+    /// A detection has neither a box nor an ellipse, nor a 3D box with a centre.
+    #[error("the detection has neither a \"box\" nor an \"ellipse\", nor a \"box3d\" with a centre")]
     NothingMeasured,
     /// A cue of a detection is out of range.
     #[error(transparent)]

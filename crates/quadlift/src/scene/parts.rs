@@ -70,8 +70,8 @@ impl Frame {
     }
 }
 
-/// One detection of one object in one frame: a box, an ellipse or both, in the pixels of [`Frame::projection`]. Neither
-/// if the lens has no pinhole pixels for it; [`crate::localize()`] skips such detections.
+/// One detection of one object in one frame: a box, an ellipse or both, in the pixels of [`Frame::projection`], or a 3D box alone. None of
+/// them if the lens has no pinhole pixels for it; [`crate::localize()`] skips such detections.
 #[derive(Debug, Clone, Default)]
 pub struct Detection {
     /// Index into [`SceneParts::frames`].
@@ -105,6 +105,13 @@ pub struct Detection {
     pub truncated: Option<f64>,
     /// Depth and 3D box. Boxed, because most detections have none.
     pub cues: Option<Box<Cues>>,
+}
+
+impl Detection {
+    /// Whether it says where the object is: by a box, an ellipse, or a 3D box with a centre.
+    pub fn is_measured(&self) -> bool {
+        self.bounding_box.is_some() || self.ellipse.is_some() || self.cues.as_deref().is_some_and(Cues::have_center)
+    }
 }
 
 /// Whether parts make a scene, see [`super::Scene::from_parts`].

@@ -86,6 +86,10 @@ pub(super) fn is_a_body(body: &Body, views: &[View]) -> bool {
         let ratio = predicted.mean_half_size() / measured.mean_half_size();
         Some(if view.cut_off.contains(&true) { ratio.min(1.0) } else { ratio })
     };
+    if views.iter().all(|view| view.measured_box().is_none()) {
+        // 3D boxes alone.
+        return body.half_extents().iter().all(|x| x.is_finite() && *x > 0.0);
+    }
     let mut ratios: Vec<f64> = views.iter().filter_map(ratio).collect();
     quantile_of(&mut ratios, 0.5).is_some_and(|median| (1.0 / RUN_AWAY..=RUN_AWAY).contains(&median))
 }
@@ -106,7 +110,8 @@ fn warnings(views: &[View], body: &Body) -> Vec<Warning> {
     {
         warnings.push(Warning::NarrowBaseline { largest_angle });
     }
-    let mut seen = [false; 4];
+    // 3D boxes alone are cut off nowhere.
+    let mut seen = [views.iter().all(|view| view.measured_box().is_none()); 4];
     for view in views {
         match (&view.bounding_box, &view.ellipse) {
             (None, Some(_)) => seen = [true; 4],

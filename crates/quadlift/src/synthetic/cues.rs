@@ -195,7 +195,7 @@ mod tests {
             assert!((box3d.half_extents.unwrap() - body.half_extents()).norm() < 1e-12);
             let depth = cues.depth.unwrap().median / projection.depth(&body.center());
             wrong += usize::from(depth > 1.2);
-            assert!(depth < 1.0 || depth > 1.2, "{depth}");
+            assert!(!(1.0..=1.2).contains(&depth), "{depth}");
         }
         assert!((30..70).contains(&wrong), "{wrong} of 200");
     }

@@ -117,6 +117,23 @@ fn a_camera_that_stands_still_sees_objects_with_depths() {
     assert!(found.estimates.iter().filter(|estimate| estimate.status == Status::Ok).count() >= 27);
 }
 
+/// Detections of a 3D detector alone, without boxes in the image.
+#[test]
+fn three_d_boxes_alone_are_fused() {
+    let made = made(8);
+    let mut scene = with_cues(&made, None, Some(Box3dNoise::default()));
+    let (one, _) = scores(&made, &localize(&scene, &options()).unwrap(), &scene);
+    scene.edit(|parts| parts.detections.iter_mut().for_each(|d| d.bounding_box = None)).unwrap();
+    let found = localize(&scene, &options()).unwrap();
+    assert_eq!(found.skipped.beyond_lens, 0);
+    assert!(found.estimates.iter().all(|estimate| estimate.covariance.is_some()), "{:?}", found.estimates[0]);
+    let (alone, error) = scores(&made, &found, &scene);
+    assert!(alone > 0.55 && alone < one && error < 0.3, "{alone} {one} {error}");
+    // The closed forms need boxes.
+    let planes = localize(&scene, &LocalizeOptions::from(quadlift::solve::Method::Planes)).unwrap();
+    assert!(planes.estimates.iter().all(|estimate| estimate.body.is_none()));
+}
+
 #[test]
 fn with_given_levels_objects_are_independent() {
     let made = made(3);

@@ -6,6 +6,7 @@ use quadlift_io::ReadError;
 use quadlift_io::detect::DetectionFormat;
 use quadlift_io::read::PixelCenters;
 use quadlift_io::read::detections::DetectionFiles;
+use quadlift_io::read::detections::boxer::read_boxer;
 use quadlift_io::read::detections::coco::read_coco;
 use quadlift_io::read::detections::csv::{TableOptions, read_csv};
 use quadlift_io::read::detections::cvat::read_cvat;
@@ -113,6 +114,14 @@ pub enum Format {
         #[command(flatten)]
         common: Common,
     },
+    /// Boxer's and WildDet3D's CSV of 3D boxes per frame, matched by time
+    Boxer {
+        /// The file (boxer_3dbbs.csv)
+        #[arg(value_name = "PATH")]
+        path: PathBuf,
+        #[command(flatten)]
+        common: Common,
+    },
     /// CVAT's XML: boxes, polygons, masks and ellipses of images, or tracks of a video
     Cvat {
         /// The file, or the folder of an export with annotations.xml
@@ -124,7 +133,7 @@ pub enum Format {
     /// Label Studio's JSON or JSON-MIN: shapes of images, or tracks of a video
     LabelStudio {
         /// The export
-        #[arg(value_name = "FILE.json")]
+        #[arg(value_name = "PATH")]
         path: PathBuf,
         #[command(flatten)]
         common: Common,
@@ -197,6 +206,7 @@ impl Format {
             Self::Voc { path, common, .. } => (DetectionFormat::Voc, path, common),
             Self::Cvat { path, common, .. } => (DetectionFormat::Cvat, path, common),
             Self::LabelStudio { path, common, .. } => (DetectionFormat::LabelStudio, path, common),
+            Self::Boxer { path, common, .. } => (DetectionFormat::Boxer, path, common),
         }
     }
 
@@ -252,6 +262,7 @@ impl Format {
             Self::Voc { path, .. } => read_voc(path),
             Self::Cvat { path, .. } => read_cvat(path),
             Self::LabelStudio { path, .. } => read_label_studio(path),
+            Self::Boxer { path, .. } => read_boxer(path),
         }
     }
 }

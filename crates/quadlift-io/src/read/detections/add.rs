@@ -132,7 +132,7 @@ pub fn add_detections(
     if options.pixel_centers == PixelCenters::Integer {
         report.notes.push("pixel centres at integers: 0.5 was added to the coordinates".to_owned());
     }
-    let (mut detections, mut scaled) = (Vec::new(), 0);
+    let (mut detections, mut scaled, mut behind) = (Vec::new(), 0, 0);
     let mut seen = vec![false; scene.frames.len()];
     let sizes = scene.image_sizes();
     for (image, frame) in files.images.iter().zip(&matching.frame_of_image) {
@@ -171,6 +171,10 @@ pub fn add_detections(
                 report.empty += 1;
                 continue;
             };
+            if record.box3d.as_ref().is_some_and(|box3d| !box3d.is_in_front_of(&scene.frames[frame])) {
+                behind += 1;
+                continue;
+            }
             if let Some(track) = &detected.track {
                 if !tracks.insert(track) {
                     let name = image.key.words();
@@ -186,6 +190,14 @@ pub fn add_detections(
     let without = scene.frames.iter().zip(&seen).filter(|(_, seen)| !**seen);
     report.frames_without_image = without.map(|(frame, _)| frame.id.clone()).collect();
     report.added = detections.len();
+    if behind > 0 {
+        let which =
+            format!("{behind} of {} 3D boxes are not in front of the camera of their frame", behind + report.added);
+        if report.added == 0 {
+            return Err(error(format!("{which}; expected boxes in the world of the scene, and its pose convention")));
+        }
+        report.notes.push(format!("{which}, and were skipped"));
+    }
     if let (1.., Some([width, height])) = (scaled, options.image_size) {
         let images = if scaled == 1 { "1 image".to_owned() } else { format!("{scaled} images") };
         report
@@ -255,12 +267,17 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
         let ([x0, y0], [x1, y1]) = (place([x0, y0]), place([x1, y1]));
         [x0, y0, x1, y1]
     });
-    let edges = given.or(around).or_else(|| ellipse.map(|ellipse| ellipse.bounding_box().edges()))?;
+    let edges = given.or(around).or_else(|| ellipse.map(|ellipse| ellipse.bounding_box().edges()));
+    if edges.is_none() && detected.box3d.is_none() {
+        return None;
+    }
+    let bounding_box = edges.map(BoundingBox::new).transpose().ok()?.map(|b| b.edges());
     Some(DetectionRecord {
         object: detected.track.as_ref().map(|id| object_id(id).into()),
         category: detected.category.as_deref().map(Into::into),
         score: detected.score,
-        bounding_box: Some(BoundingBox::new(edges).ok()?.edges()),
+        bounding_box,
+        box3d: detected.box3d.clone(),
         ellipse: ellipse.map(|ellipse| Box::new(ellipse.into())),
         mask: mask.map(Box::new),
         occluded: detected.occluded,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
-use crate::scene_file::RleRecord;
+use crate::scene_file::{Box3dRecord, RleRecord};
 
 /// A file with its bytes.
 pub type File<'a> = (&'a Path, &'a [u8]);
@@ -85,6 +85,8 @@ pub struct Detected {
     pub bounding_box: Option<[f64; 4]>,
     /// Additional shape information.
     pub outline: Outline,
+    /// A 3D box; the only thing that some formats have.
+    pub box3d: Option<Box<Box3dRecord>>,
     /// KITTI's levels of occlusion and truncation.
     pub occluded: Option<f64>,
     /// See [`Self::occluded`].

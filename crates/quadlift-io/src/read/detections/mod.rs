@@ -5,6 +5,7 @@
 //! scene file. Track ids become object ids (`t7` for the number 7); classes become categories by name.
 
 mod add;
+pub mod boxer;
 pub mod coco;
 pub mod csv;
 pub mod cvat;
@@ -67,5 +68,6 @@ pub fn read_detections(
         DetectionFormat::Voc => voc::read_voc(path),
         DetectionFormat::Cvat => cvat::read_cvat(path),
         DetectionFormat::LabelStudio => label_studio::read_label_studio(path),
+        DetectionFormat::Boxer => boxer::read_boxer(path),
     }
 }

@@ -16,7 +16,8 @@ use crate::tuning::NOISE_FLOOR;
 use crate::tuning::TEMPERING;
 
 /// Start of the estimation, and the typical level of detectors. Of depths: the mean relative error of networks that estimate metric
-/// depth is 5 to 10 % (their own tables); of 3D boxes: what we found for typical detectors' distances, sizes and yaws.
+/// depth is 5 to 10 % (their own tables); of 3D boxes:
+/// guesses of their distances, directions, sizes and rotations.
 const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2, 0.1, 0.1, 0.02, 0.1, 0.15];
 
 /// The usual level of a group.

@@ -49,7 +49,16 @@ fn median_center(views: &[View]) -> Option<Point3<f64>> {
 /// The frame of an object from its cues alone; `None` where they do not tell how far it is.
 pub(crate) fn frame_from_cues(views: &[View]) -> Option<ObjectFrame> {
     let origin = median_center(views)?;
-    Some(ObjectFrame { origin, unit: object_radius(&outlines(views), &origin)? })
+    let unit = object_radius(&outlines(views), &origin).or_else(|| median_size(views))?;
+    Some(ObjectFrame { origin, unit })
+}
+
+/// The median of the mean half extents of 3D boxes.
+fn median_size(views: &[View]) -> Option<f64> {
+    let mut sizes: Vec<f64> =
+        views.iter().filter_map(|view| Some(view.cues.box3d?.half_extents?.product().cbrt())).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).copied()
 }
 
 /// The frame of an object from the size of its category: at the depth that the height of its tallest box suggests.
