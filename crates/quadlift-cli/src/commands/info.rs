@@ -67,6 +67,11 @@ struct Report {
     diagnosis: serde_json::Value,
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde asks for a reference.
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
 /// The detections of one source.
 #[derive(Serialize, Default)]
 struct Source {
@@ -78,6 +83,10 @@ struct Source {
     boxes: usize,
     ellipses: usize,
     masks: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    depths: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    boxes3d: usize,
     without_object: usize,
     objects_seen_once: Vec<String>,
 }
@@ -160,6 +169,9 @@ fn sources(file: &SceneFile, scene: &Scene) -> Vec<Source> {
         source.boxes += usize::from(detection.bounding_box.is_some());
         source.ellipses += usize::from(detection.ellipse.is_some());
         source.masks += usize::from(record.mask.is_some());
+        let cues = detection.cues.as_deref().copied().unwrap_or_default();
+        source.depths += usize::from(cues.depth.is_some());
+        source.boxes3d += usize::from(cues.box3d.is_some());
         frames[index][detection.frame_index as usize] = true;
         match detection.object_index {
             Some(object) => *views[index].entry(object).or_default() += 1,
@@ -312,10 +324,15 @@ fn render(report: &Report) -> String {
         line("object ids", object_ids(report));
     }
     if !report.sources.is_empty() {
-        let mut table = Table::new(["<source", "detections", "objects", "frames", "boxes", "ellipses", "masks"]);
+        let (depths, boxes3d) = report.sources.iter().fold((0, 0), |sum, s| (sum.0 + s.depths, sum.1 + s.boxes3d));
+        let usual = ["<source", "detections", "objects", "frames", "boxes", "ellipses", "masks"];
+        let more = [("depths", depths), ("3D boxes", boxes3d)].into_iter().filter(|(_, count)| *count > 0);
+        let mut table = Table::new(usual.into_iter().chain(more.map(|(title, _)| title)));
         for source in &report.sources {
             let numbers =
                 [source.detections, source.objects, source.frames, source.boxes, source.ellipses, source.masks];
+            let more = [(source.depths, depths), (source.boxes3d, boxes3d)];
+            let numbers = numbers.into_iter().chain(more.into_iter().filter(|(_, all)| *all > 0).map(|(n, _)| n));
             let name = source.name.as_deref().unwrap_or("(none)");
             table.push(std::iter::once(name.into()).chain(numbers.map(|n| n.to_string().into())).collect());
         }
