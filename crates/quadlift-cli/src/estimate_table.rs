@@ -146,8 +146,11 @@ pub fn noise_levels(localization: &Localization) -> Option<String> {
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
 }
 
-/// The scales of the sources of depths and 3D boxes, one line each; those of sizes only where they are far from one.
-pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<String> {
+/// Factors of depths and distances beyond which the unit is probably another one.
+const USUAL_SCALES: std::ops::RangeInclusive<f64> = 0.7..=1.4;
+
+/// The scales of the sources of depths and 3D boxes, one line each, and whether one is so far from 1 that a unit may be wrong.
+pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<(String, bool)> {
     let line = |found: &CueScale| {
         let source = found.source.and_then(|source| scene.cue_sources.get(source as usize));
         let source = source.map_or(String::new(), |name| format!(" of {name}"));
@@ -159,11 +162,10 @@ pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<String> {
             }
             _ => format!("depths{source}"),
         };
-        format!(
-            "{what} are {:.3} of the true ones (standard deviation {:.3})",
-            found.factor,
-            found.factor * found.log_sd
-        )
+        let sd = found.factor * found.log_sd;
+        let line = format!("{what} are {:.3} of the true ones (standard deviation {sd:.3})", found.factor);
+        let is_length = !matches!(found.quantity, ScaledQuantity::BoxSize { .. });
+        (line, is_length && !USUAL_SCALES.contains(&found.factor))
     };
     localization.cue_scales.iter().map(line).collect()
 }

@@ -129,7 +129,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
     ));
     let mut tables: Vec<Table> = ["O3D", "centre error", "size error", "NEES"]
         .iter()
-        .map(|what| Table::new(&format!("Cues: {what}"), std::iter::once("views").chain(CUES).collect::<Vec<_>>()))
+        .map(|what| Table::new(format!("Cues: {what}"), std::iter::once("views").chain(CUES).collect::<Vec<_>>()))
         .collect();
     // Most that a cue costs, with two views and more.
     let mut worse = 0.0f64;

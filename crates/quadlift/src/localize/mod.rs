@@ -150,6 +150,7 @@ pub fn localize_observed(
             up: scene.up,
             cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
             seed: options.seed,
+            has_cues: scene.detections.iter().any(|d| d.cues.is_some()),
             enclosing_quantile: options.enclosing_quantile,
             options: map_options,
             watch: &watch,

@@ -88,6 +88,7 @@ impl Estimator {
             up: self.up,
             cameras: views.iter().filter_map(|view| view.projection.center_in_world()).collect(),
             seed: self.seed,
+            has_cues: views.iter().any(|view| !view.cues.is_empty()),
             enclosing_quantile: ENCLOSING_QUANTILE,
             options,
             watch: &Watch::new(&Unobserved, 1),

@@ -156,8 +156,12 @@ pub fn one_scene(
     if let Some(levels) = noise_levels(&localization) {
         out.detail(&levels);
     }
-    for line in cue_scales(&scene, &localization) {
-        out.detail(&one_line(&line));
+    for (line, is_odd) in cue_scales(&scene, &localization) {
+        if is_odd {
+            out.warning(&format!("{line}; if the unit is another one, that is right"));
+        } else {
+            out.detail(&one_line(&line));
+        }
     }
     out.detail(&format!("read in {}, localised in {}", duration(read), duration(solved - read)));
     if out.json {

@@ -17,6 +17,8 @@ pub(crate) struct MapContext<'a> {
     pub cameras: Vec<Point3<f64>>,
     /// Seed of the hypotheses and of the random starts.
     pub seed: u64,
+    /// Whether detections have depths or 3D boxes.
+    pub has_cues: bool,
     /// Quantile of the enclosing body, see [`crate::LocalizeOptions::enclosing_quantile`].
     pub enclosing_quantile: f64,
     /// The estimator's options.

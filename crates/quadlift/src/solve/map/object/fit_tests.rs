@@ -36,6 +36,7 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
     let views: ObjectViews = scene.object_views(0, &detections);
     let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Default::default() };
     let context = MapContext {
+        has_cues: false,
         categories: &scene.categories,
         up,
         cameras: Vec::new(),

@@ -134,9 +134,7 @@ impl SceneFit {
         noise: NoiseLevels,
         context: &MapContext,
     ) -> Option<CueScales> {
-        let count = body_kinds.len();
-        let has_cues = |k: usize| views_of(k).views.iter().any(|view| !view.cues.is_empty());
-        if !map_indices(count, has_cues).contains(&true) {
+        if !context.has_cues {
             return None;
         }
         let without_cues = |k: usize| {
