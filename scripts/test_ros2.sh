@@ -16,7 +16,7 @@ cargo fmt "${package[@]}" --check
 cargo clippy "${package[@]}" --all-targets --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc "${package[@]}" --no-deps --locked
 if cargo deny --version 2>/dev/null; then
-    cargo deny "${package[@]}" --locked check --config deny.toml bans licenses sources
+    cargo deny "${package[@]}" --locked --config deny.toml check bans licenses sources
 fi
 cargo test "${package[@]}" --locked -- --nocapture
 python3 examples/ros2/test_ros2.py
