@@ -32,7 +32,7 @@ use quadlift_io::read::projections::parse_projections;
 use quadlift_io::read::tum::{TumOptions, parse_tum};
 use quadlift_io::read::{Import, PixelCenters, colmap};
 use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
-use quadlift_io::stream::{StreamedScene, parse_line};
+use quadlift_io::stream::{FrameLine, StreamedScene, parse_line};
 use quadlift_io::{EntryError, ReadError};
 use quadlift_segment::{ConvexHull, PixelTerm, Polygons, Rle};
 
@@ -411,17 +411,7 @@ pub fn live(data: &[u8]) -> bool {
         }
         while let Some(next) = live.next_frame(now) {
             match next {
-                Next::Frame(frame) => {
-                    let Ok(checked) = scene.check(*frame, &map) else {
-                        all_read = false;
-                        continue;
-                    };
-                    if map.observe(&checked.frame, &checked.detections()).is_ok() {
-                        scene.keep(checked, &map);
-                    } else {
-                        all_read = false;
-                    }
-                }
+                Next::Frame(frame) => all_read &= observe(*frame, &mut scene, &mut map),
                 Next::Problem(problem) | Next::Outside(problem) => {
                     assert!(!problem.text.is_empty());
                     all_read = false;
@@ -436,6 +426,16 @@ pub fn live(data: &[u8]) -> bool {
     map.settle();
     scene.to_file(&map).to_scene().unwrap();
     all_read && map.frames() > 0
+}
+
+/// Checks a frame, observes it and keeps it; false where it is refused.
+fn observe(frame: FrameLine, scene: &mut StreamedScene, map: &mut ObjectMap) -> bool {
+    let Ok(checked) = scene.check(frame, map) else { return false };
+    let observed = map.observe(&checked.frame, &checked.detections()).is_ok();
+    if observed {
+        scene.keep(checked, map);
+    }
+    observed
 }
 
 /// Observes the frames of JSON Lines: an error has a message in one line, what is kept is a valid scene.
@@ -454,15 +454,7 @@ pub fn stream(data: &[u8]) -> bool {
         };
         all_read &= scene.take_in(&line.about).is_ok();
         for frame in line.frames {
-            let Ok(checked) = scene.check(frame, &map) else {
-                all_read = false;
-                continue;
-            };
-            if map.observe(&checked.frame, &checked.detections()).is_ok() {
-                scene.keep(checked, &map);
-            } else {
-                all_read = false;
-            }
+            all_read &= observe(frame, &mut scene, &mut map);
         }
         match line.poses.map(|poses| scene.take_in_poses(&poses)) {
             Some(Ok(updates)) => drop(map.update_poses(&updates)),

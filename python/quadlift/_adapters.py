@@ -166,11 +166,9 @@ class FromOtherPackages(SceneData):
         _checks.scene("cameras", cameras)
         # A stream of results can be read once.
         results, known = list(results), cameras.frame_ids
-        for k, result in enumerate(results):
-            if not hasattr(result, "path"):
-                raise QuadliftError(f"results[{k}] is a {type(result).__name__}; expected Ultralytics' Results")
+        paths = _paths("results", results, "path", "Ultralytics' Results")
         if frames is None:
-            frames = _frames_of_paths([str(result.path) for result in results], known)
+            frames = _frames_of_paths(paths, known)
         table = _Table(cameras)
         for frame, result in _by_frame(results, frames, known):
             table.add(frame, _found.of_ultralytics(result, f'the result of frame "{known[frame]}"'))
@@ -207,11 +205,9 @@ class FromOtherPackages(SceneData):
         _checks.scene("cameras", cameras)
         _checks.text("field", field)
         samples, known = list(samples), cameras.frame_ids
-        for k, sample in enumerate(samples):
-            if not hasattr(sample, "filepath"):
-                raise QuadliftError(f"samples[{k}] is a {type(sample).__name__}; expected a fiftyone.Sample")
+        paths = _paths("samples", samples, "filepath", "a fiftyone.Sample")
         if frames is None:
-            frames = _frames_of_paths([str(sample.filepath) for sample in samples], known)
+            frames = _frames_of_paths(paths, known)
         sizes = _fiftyone.image_sizes(cameras.to_dict())
         table = _Table(cameras)
         for frame, sample in _by_frame(samples, frames, known):
@@ -237,6 +233,14 @@ def _by_frame(
             some = ", ".join(known[:5])
             raise QuadliftError(f'unknown frame "{name}"; the scene has {len(known)} frames: {some}')
     return [(index[name], found) for name, found in pairs]
+
+
+def _paths(name: str, items: list[Any], attribute: str, expected: str) -> list[str]:
+    """The paths of the images of results of another package."""
+    for k, item in enumerate(items):
+        if not hasattr(item, attribute):
+            raise QuadliftError(f"{name}[{k}] is a {type(item).__name__}; expected {expected}")
+    return [str(getattr(item, attribute)) for item in items]
 
 
 def _frames_of_paths(paths: list[str], known: list[str]) -> list[str]:

@@ -12,7 +12,7 @@ fn in_world(scene: &Scene, detection: &Detection) -> Option<Cuboid> {
         return None;
     };
     let projection = &scene.frames[detection.frame_index as usize].projection;
-    let world_from_cam = projection.camera_pose()?.matrix().fixed_columns::<3>(0).transpose();
+    let world_from_cam = projection.world_from_cam_rotation()?;
     let rotation = Rotation3::from_matrix_unchecked(world_from_cam * rotation.matrix());
     Some(Cuboid { center: projection.center_in_world()? + world_from_cam * center.coords, half_extents, rotation })
 }

@@ -32,15 +32,17 @@ pub(crate) struct ShapeDifference {
     pub rotation: Option<[(f64, Row); 3]>,
 }
 
+/// The indices of three numbers, the largest first.
+pub(crate) fn descending(values: &Vector3<f64>) -> [usize; 3] {
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    order
+}
+
 /// Which axis of a body is which of a measured box without rotation: the longest is the longest.
 fn by_length(semi_axes: &Vector3<f64>, log_half_extents: &Vector3<f64>) -> [usize; 3] {
-    let order = |values: &Vector3<f64>| {
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-        order
-    };
     let mut axes = [0; 3];
-    for (axis, measured) in order(semi_axes).into_iter().zip(order(log_half_extents)) {
+    for (axis, measured) in descending(semi_axes).into_iter().zip(descending(log_half_extents)) {
         axes[measured] = axis;
     }
     axes

@@ -197,6 +197,12 @@ impl Projection {
         CamFromWorld::new(matrix).ok()
     }
 
+    /// The rotation from the axes of the camera (x to the right, y down, z forwards) to those of the world; `None` where
+    /// [`Projection::camera_pose`] is.
+    pub fn world_from_cam_rotation(&self) -> Option<Matrix3<f64>> {
+        Some(self.camera_pose()?.matrix().fixed_columns::<3>(0).transpose())
+    }
+
     /// Unit direction of the ray through a pixel, pointing away from the camera, in the world.
     pub fn ray_in_world(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         let ray = self.m().lu().solve(&Vector3::new(pixel.x, pixel.y, 1.0))?;

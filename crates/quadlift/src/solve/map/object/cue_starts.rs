@@ -18,7 +18,7 @@ const STARTS: usize = 3;
 fn center_of(view: &View) -> Option<Point3<f64>> {
     let camera = view.projection.center_in_world()?;
     if let Some(center) = view.cues.box3d.and_then(|measured| measured.center) {
-        let world_from_cam = view.projection.camera_pose()?.matrix().fixed_columns::<3>(0).transpose();
+        let world_from_cam = view.projection.world_from_cam_rotation()?;
         return Some(camera + world_from_cam * center.coords);
     }
     at_depth(view, &camera, view.cues.depth?.median)
@@ -38,11 +38,7 @@ fn outlines(views: &[View]) -> Vec<(Projection, Ellipse)> {
 /// The median of each coordinate of the centres that the cues tell.
 fn median_center(views: &[View]) -> Option<Point3<f64>> {
     let centers: Vec<Point3<f64>> = views.iter().filter_map(center_of).collect();
-    let middle = |k: usize| {
-        let mut all: Vec<f64> = centers.iter().map(|center| center[k]).collect();
-        all.sort_by(f64::total_cmp);
-        all.get(all.len() / 2).copied()
-    };
+    let middle = |k: usize| median(centers.iter().map(|center| center[k]));
     Some(Point3::new(middle(0)?, middle(1)?, middle(2)?))
 }
 
@@ -55,10 +51,14 @@ pub(crate) fn frame_from_cues(views: &[View]) -> Option<ObjectFrame> {
 
 /// The median of the mean half extents of 3D boxes.
 fn median_size(views: &[View]) -> Option<f64> {
-    let mut sizes: Vec<f64> =
-        views.iter().filter_map(|view| Some(view.cues.box3d?.half_extents?.product().cbrt())).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).copied()
+    median(views.iter().filter_map(|view| Some(view.cues.box3d?.half_extents?.product().cbrt())))
+}
+
+/// The middle number, the larger one of two; `None` without numbers.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied()
 }
 
 /// The frame of an object from the size of its category: at the depth that the height of its tallest box suggests.
@@ -74,7 +74,7 @@ pub(crate) fn frame_from_size(views: &[View], category: &CategoryPrior) -> Optio
 fn boxes(views: &[View], frame: &ObjectFrame) -> Vec<(Matrix3<f64>, Option<Vector3<f64>>)> {
     let of_view = |view: &View| {
         let measured = view.cues.box3d?;
-        let world_from_cam = view.projection.camera_pose()?.matrix().fixed_columns::<3>(0).transpose();
+        let world_from_cam = view.projection.world_from_cam_rotation()?;
         Some((world_from_cam * measured.rotation?.matrix(), measured.half_extents.map(|half| half / frame.unit)))
     };
     let all: Vec<_> = views.iter().filter_map(of_view).collect();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Unit, Vector3};
 
-use crate::body_model::BodyModel;
+use crate::body_model::{BodyModel, descending};
 use crate::scene::ObjectViews;
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::context::MapContext;
@@ -47,13 +47,8 @@ impl ObjectPrior {
             }
             None => {
                 // Longest to longest: the only sensible match when no direction is known.
-                let order = |values: [f64; 3]| {
-                    let mut order = [0, 1, 2];
-                    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-                    order
-                };
-                let by_prior = order(self.log_size.unwrap_or_default().map(|(mean, _)| mean));
-                for (axis, name) in order(semi_axes.into()).into_iter().zip(by_prior) {
+                let by_prior = descending(&self.log_size.unwrap_or_default().map(|(mean, _)| mean).into());
+                for (axis, name) in descending(&semi_axes).into_iter().zip(by_prior) {
                     names[axis] = name;
                 }
             }

@@ -50,19 +50,16 @@ impl ObjectProblem {
     /// The same in a given frame.
     pub(crate) fn in_frame(views: ObjectViews, frame: ObjectFrame, kind: BodyKind, context: &MapContext) -> Self {
         let prior = object_prior(&views, &frame, kind, context);
-        let named = prior.log_size.is_some();
-        let measurements = Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid, named);
+        let measurements = measured(&views, frame, kind, &prior);
         Self { views, kind, measurements, prior, heavy_tails: context.options.heavy_tails }
     }
 
-    /// The same object with corrected cameras and calibrated cues.
+    /// The same object with corrected cameras and scaled cues.
     pub(crate) fn corrected(&self, poses: &PoseCorrections, scales: &CueScales) -> Self {
         let mut views = self.views.clone();
         poses.apply(&mut views);
         scales.apply(&mut views);
-        let named = self.prior.log_size.is_some();
-        let measurements =
-            Measurements::new(self.measurements.frame, &views.views, self.kind != BodyKind::Ellipsoid, named);
+        let measurements = measured(&views, self.measurements.frame, self.kind, &self.prior);
         Self { views, measurements, prior: self.prior.clone(), ..*self }
     }
 
@@ -118,6 +115,11 @@ impl ObjectProblem {
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
             .map(|(body, _)| body)
     }
+}
+
+/// The measurements for a body of a kind. Its axes are length, width and height where the category has a size.
+fn measured(views: &ObjectViews, frame: ObjectFrame, kind: BodyKind, prior: &ObjectPrior) -> Measurements {
+    Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid, prior.log_size.is_some())
 }
 
 /// A hash of numbers in the manner of FNV-1a, by 64 bits; it will not change, so that the same seed goes on to give the

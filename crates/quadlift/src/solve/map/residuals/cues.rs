@@ -148,7 +148,7 @@ impl MeasuredDepth {
 
 impl MeasuredBox {
     fn new(measured: &Box3dCue, view: &View, frame: &ObjectFrame, named: bool) -> Option<Self> {
-        let world_from_cam = view.projection.camera_pose()?.matrix().fixed_columns::<3>(0).transpose();
+        let world_from_cam = view.projection.world_from_cam_rotation()?;
         let center = match measured.center {
             Some(center) => {
                 let camera = (view.projection.center_in_world()? - frame.origin) / frame.unit;
