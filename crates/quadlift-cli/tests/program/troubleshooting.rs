@@ -37,8 +37,8 @@ const UNSEEN: &str = "
 
 ## Other causes
 
-- Few views: two views determine an object roughly, one view not at all. `quadlift localize -v` lists rejected views with
-  reasons.
+- Few views: two views determine an object roughly, one view only with a [depth or a 3D box](cues.md). `quadlift localize -v`
+  lists rejected views with reasons.
 - Moving objects. `quadlift associate` marks them as doubtful.
 - Bodies that seem too small: see tangent and enclosing bodies in [concepts](concepts.md#tangent-or-enclosing).
 - Messages about files: see [errors](errors.md).
