@@ -20,6 +20,7 @@ pub(crate) mod rotation;
 mod superellipsoid;
 mod support_lines;
 mod vech;
+pub(crate) mod visible_surface;
 
 pub use bounding_box::{BoundingBox, BoundingBoxError};
 pub use camera::{CamFromWorld, CameraError, Intrinsics, Projection};

@@ -6,13 +6,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::random;
 use crate::geometry::rotation::horizontal_basis;
+use crate::geometry::visible_surface::visible_depth;
 use crate::geometry::{Body, ConvexBody};
 use crate::scene::{Box3dCue, Cues, DepthCue, Detection, Scene, SceneError, View};
 
-/// Rays along each side of the outline, and steps of the search along each.
+/// Rays along each side of a box.
 const RAYS: usize = 15;
-const BISECTIONS: usize = 40;
-const STEPS: usize = 60;
 
 /// The stream of the seed for depths, and for 3D boxes.
 const DEPTH_STREAM: u64 = 40;
@@ -105,39 +104,15 @@ pub fn simulate_cues(
     Scene::from_parts(parts)
 }
 
-/// Median depth along the optical axis at which rays of the view's box meet the body.
-fn visible_depth(view: &View, body: &Body) -> Option<f64> {
-    let camera = view.projection.center_in_world()?;
-    let measured = view.measured_box()?;
-    let reach = body.half_extents().norm();
-    let mut depths = Vec::new();
-    for k in 0..RAYS * RAYS {
-        let share = |k: usize| (k as f64 + 0.5) / RAYS as f64;
-        let size = measured.size();
-        let pixel =
-            nalgebra::Vector2::new(measured.x0 + share(k % RAYS) * size.x, measured.y0 + share(k / RAYS) * size.y);
-        let ray = view.projection.ray_in_world(&pixel)?;
-        let along = (body.center() - camera).dot(&ray);
-        let at = |t: f64| camera + ray * t;
-        let start = along - reach;
-        let first = (0..=STEPS).map(|k| start + 2.0 * reach * k as f64 / STEPS as f64).find(|t| body.contains(&at(*t)));
-        let Some(mut inside) = first else { continue };
-        let mut outside = inside - 2.0 * reach / STEPS as f64;
-        for _ in 0..BISECTIONS {
-            let middle = 0.5 * (inside + outside);
-            if body.contains(&at(middle)) { inside = middle } else { outside = middle }
-        }
-        depths.push(view.projection.depth(&at(inside)));
-    }
-    depths.sort_by(f64::total_cmp);
-    depths.get(depths.len() / 2).copied().filter(|depth| *depth > 0.0)
-}
-
 fn simulated_depth(view: &View, body: &Body, noise: &DepthNoise, rng: &mut ChaCha8Rng) -> Option<DepthCue> {
     let error = 1.0 + noise.noise * random::normal(rng);
     let (chance, beyond) = (rng.random_range(0.0..1.0f64), rng.random_range(1.5..3.0f64));
     let factor = if chance < noise.outliers { beyond } else { error.max(0.1) };
-    Some(DepthCue { median: visible_depth(view, body)? * noise.scale * factor, sd: None, source: Some(0) })
+    Some(DepthCue {
+        median: visible_depth(&view.projection, &view.measured_box()?, body, RAYS)? * noise.scale * factor,
+        sd: None,
+        source: Some(0),
+    })
 }
 
 fn simulated_box(view: &View, body: &Body, noise: &Box3dNoise, rng: &mut ChaCha8Rng) -> Option<Box3dCue> {

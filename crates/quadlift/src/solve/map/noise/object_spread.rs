@@ -5,6 +5,7 @@
 use nalgebra::SVector;
 
 use super::common_errors::{CommonRow, SIGNIFICANT};
+use super::groups::NoiseGroup;
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::estimate::Matrix9;
 
@@ -79,24 +80,26 @@ impl Spread {
 
 /// Variance of a robust fit relative to what its weights `w` promise (Huber's sandwich, `E[psi^2] / E[psi']^2` against
 /// `E[w r^2] / E[w]`, with `psi = w r`): one without robust weights.
-pub(crate) fn cost_of_robustness(rows: &[CommonRow]) -> f64 {
-    let sum = |of: fn(&CommonRow) -> f64| rows.iter().map(of).sum::<f64>();
+fn cost_of_robustness<'a>(rows: impl Iterator<Item = &'a CommonRow> + Clone) -> f64 {
+    let sum = |of: fn(&CommonRow) -> f64| rows.clone().map(of).sum::<f64>();
     let squares = sum(|row| row.weight * row.residual * row.residual);
     let scores = sum(|row| (row.weight * row.residual).powi(2));
     let slope = sum(|row| row.slope);
-    let ratio = rows.len() as f64 * scores * sum(|row| row.weight) / (slope * slope * squares);
+    let ratio = rows.clone().count() as f64 * scores * sum(|row| row.weight) / (slope * slope * squares);
     // Not reliable for few residuals.
     if slope > 0.0 && ratio.is_finite() { ratio.clamp(1.0, LARGEST_COST) } else { 1.0 }
 }
 
-/// The covariance of a fit whose errors have `factor` times the variance that its weights take them to have; that of the
-/// priors stays.
-pub(crate) fn scaled_covariance(rows: &[CommonRow], factor: f64, covariance: &Matrix9) -> Matrix9 {
-    let of_data = rows.iter().fold(NormalEquations::zero(), |mut sum, row| {
-        sum.add_row(0.0, &row.row, row.total_weight);
+/// The covariance of a robust fit whose errors have `variance` times the variance that its weights take them to have; that of the
+/// priors stays. Boxes and ellipses pay for their robust weights, and cues for theirs: wrong depths say nothing about edges.
+pub(crate) fn scaled_covariance(rows: &[CommonRow], variance: f64, covariance: &Matrix9) -> Matrix9 {
+    let is_cue = |row: &CommonRow| row.class >= NoiseGroup::Depth.common_class();
+    let costs = [false, true].map(|cues| cost_of_robustness(rows.iter().filter(move |row| is_cue(row) == cues)));
+    let added = rows.iter().fold(NormalEquations::zero(), |mut sum, row| {
+        sum.add_row(0.0, &row.row, row.total_weight * (variance * costs[usize::from(is_cue(row))] - 1.0));
         sum
     });
-    covariance + covariance * of_data.hessian() * covariance * (factor - 1.0)
+    covariance + covariance * added.hessian() * covariance
 }
 
 #[cfg(test)]
@@ -157,7 +160,7 @@ mod tests {
             })
             .collect();
         let variance = rows.iter().map(|row| row.residual * row.residual).sum::<f64>() / count as f64;
-        let cost = cost_of_robustness(&rows);
+        let cost = cost_of_robustness(rows.iter());
         assert!((variance - 1.0).abs() < 0.15 && (1.1..1.35).contains(&cost), "{variance} {cost}");
     }
 }

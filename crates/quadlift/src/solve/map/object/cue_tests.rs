@@ -7,7 +7,7 @@ use super::jacobian_tests::projection;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
-use crate::geometry::BoundingBox;
+use crate::geometry::{Body, BoundingBox, CamFromWorld, Cuboid, Intrinsics, Projection, project_bounding_box};
 use crate::scene::{Box3dCue, Cues, DepthCue, View};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
@@ -119,6 +119,38 @@ fn at_the_truth_only_the_scale_is_left() {
         let turned = Vector3::new(half.y, half.x, half.z) / frame().unit;
         check(rows(&m, &OrientedModel::new(local, other, turned, Form::Cuboid)));
     }
+}
+
+/// Seen from near, a cuboid's depth is that at which rays of the camera meet it, not that of parallel rays: here 22 % less.
+#[test]
+fn a_near_cuboid_is_seen_in_perspective() {
+    let turned = Rotation3::from_euler_angles(0.0, 10f64.to_radians(), 0.0)
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), 0.5 * std::f64::consts::PI);
+    let half_extents = Vector3::new(2.0, 0.75, 0.85);
+    let car = Cuboid { center: Point3::new(0.0, 0.9, 6.0), half_extents, rotation: turned };
+    let intrinsics = Intrinsics::new(720.0, 720.0, 620.0, 190.0).unwrap();
+    let at_origin = CamFromWorld::new(nalgebra::Matrix3x4::identity()).unwrap();
+    let projection = Projection::from_camera(&intrinsics, &at_origin);
+    let bounding_box = project_bounding_box(&projection, &car).unwrap();
+    // Computed on its own, with a grid of 121 x 121 rays and slabs (numpy).
+    let depth = DepthCue { median: 4.03, sd: None, source: None };
+    let cues = Cues { depth: Some(depth), box3d: None };
+    let view = View::from_box(projection, bounding_box).with_cues(cues).unwrap();
+    let mut m = Measurements::new(frame(), std::slice::from_ref(&view), true, false);
+    let local = (car.center - frame().origin) / frame().unit;
+    let body = OrientedModel::new(local, *turned.matrix(), half_extents / frame().unit, Form::Cuboid);
+    let off = |m: &Measurements| rows(m, &body).0[0] * NoiseLevels::new(67.0).of(NoiseGroup::Depth);
+    assert!((off(&m) + 0.226).abs() < 0.005, "{}", off(&m));
+    m.look_at(&body, &Body::Cuboid(car), &[view]);
+    assert!(off(&m).abs() < 0.01, "{}", off(&m));
+    // The slopes are those of the closed form.
+    let one = |step: f64| {
+        let mut by = SVector::<f64, 9>::zeros();
+        by[2] = step;
+        rows(&m, &body.retract(&by).unwrap()).0[0]
+    };
+    let slope = rows(&m, &body).1[0][2];
+    assert!(((one(STEP) - one(-STEP)) / (2.0 * STEP) - slope).abs() < 1e-4 * slope.abs());
 }
 
 /// The near side against the median, or the mean, of the depths at which rays meet the body.

@@ -21,7 +21,7 @@ use crate::solve::estimate::{Covariance, Estimate, Matrix9, Misfit, Status, Warn
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::common_errors::{CommonRow, CommonStatistics, added_covariance};
 use crate::solve::map::noise::levels::{CovarianceLevels, NoiseLevels};
-use crate::solve::map::noise::object_spread::{ObjectAgreement, cost_of_robustness, scaled_covariance};
+use crate::solve::map::noise::object_spread::{ObjectAgreement, scaled_covariance};
 use crate::solve::map::noise::statistics::NoiseStatistics;
 use crate::solve::map::residuals::measurements::Plane;
 use crate::solve::map::residuals::row::ResidualRow;
@@ -214,9 +214,10 @@ impl Fit {
         if self.problem.has_several_starts() {
             // Other random rotations than before.
             let seed = self.problem.seed(context).wrapping_add(1 + round as u64);
+            let before = fit.clone();
             let again = |scale| {
-                let (body, _) = self.problem.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
-                let objective = self.objective(noise, scale);
+                let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
+                let objective = before.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };
             let restart = round < RESTARTED || self.problem.prior.log_size.is_some();
@@ -241,18 +242,30 @@ impl Fit {
         (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
     }
 
+    /// The same, with depths compared with what perspective shows of its body.
+    fn looked_at(&self) -> Self {
+        let mut problem = self.problem.clone();
+        if !problem.measurements.cues.is_empty() {
+            let world = self.body.body_in_world(&problem.measurements.frame);
+            let ObjectProblem { measurements, views, .. } = Arc::make_mut(&mut problem);
+            measurements.look_at(&self.body, &world, &views.views);
+        }
+        Self { problem, ..self.clone() }
+    }
+
     /// The fit under new noise levels. If it cannot be evaluated, its cost is infinite and its status is diverged.
     pub(crate) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
-        let plain = self.objective(noise, None);
+        let fit = self.looked_at();
+        let plain = fit.objective(noise, None);
         let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
         let objective = Objective { outlier_scale: scale, ..plain };
         match minimum(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
             Some(Minimum { state: body, equations, end }) => {
                 let converged = !matches!(end, End::UsedUp { promised } if promised > LARGEST_PROMISE);
-                Self { body, equations, outlier_scale: scale, converged, ..self.clone() }
+                Self { body, equations, outlier_scale: scale, converged, ..fit.clone() }
             }
-            None => Self { equations: NormalEquations::nowhere(), ..self.clone() },
+            None => Self { equations: NormalEquations::nowhere(), ..fit.clone() },
         }
     }
 
@@ -362,7 +375,7 @@ impl Fit {
         let rows = self.common_rows(noise);
         let relative =
             if spread.variance > 0.0 { ObjectAgreement::new(&rows, of_noise).relative_variance(*spread) } else { 1.0 };
-        let local = scaled_covariance(&rows, relative * cost_of_robustness(&rows), of_noise);
+        let local = scaled_covariance(&rows, relative, of_noise);
         if common.iter().all(|level| *level == 0.0) {
             return local;
         }

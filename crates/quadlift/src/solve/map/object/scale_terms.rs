@@ -53,10 +53,12 @@ impl Fit {
     /// Logarithms of measured over predicted lengths of other views' cues, by their constants, if this body were theirs.
     pub(crate) fn log_ratios(&self, views: &[View], noise: &NoiseLevels, ratios: &mut BTreeMap<Constant, Vec<f64>>) {
         let frame = &self.problem.measurements.frame;
+        let world = self.body.body_in_world(frame);
         let mut rows = Vec::new();
         for view in views.iter().filter(|view| !view.cues.is_empty()) {
             let p = frame.local_projection(&view.projection);
-            for cue in MeasuredCue::of_view(view, 0, frame, &p, self.problem.prior.log_size.is_some()) {
+            for mut cue in MeasuredCue::of_view(view, 0, frame, &p, self.problem.prior.log_size.is_some()) {
+                cue.look_at(&self.body, &world, view, frame);
                 cue.rows(&self.body, noise, &mut rows);
                 let mut axis = 0;
                 for row in &rows {

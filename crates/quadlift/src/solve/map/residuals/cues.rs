@@ -6,13 +6,21 @@ use nalgebra::{Matrix3x4, Vector3};
 
 use super::row::ResidualRow;
 use crate::body_model::{BodyModel, MeasuredShape};
+use crate::geometry::Body;
 use crate::geometry::rotation::horizontal_basis;
+use crate::geometry::visible_surface::visible_depth;
 use crate::optimize::normal_equations::Row;
 use crate::scene::{Box3dCue, DepthCue, View};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::{NoiseLevels, usual_level};
 use crate::solve::map::residuals::view_rows::SMALLEST_DEPTH;
+
+/// Rays along each side of a box in the search for the visible surface.
+const RAYS: usize = 9;
+
+/// Bound of the logarithm of the visible depth over that from afar.
+const MOST_PERSPECTIVE: f64 = 0.5;
 
 /// A cue of one view, prepared.
 #[derive(Debug, Clone)]
@@ -39,6 +47,8 @@ struct MeasuredDepth {
     cosine: f64,
     log_depth: f64,
     weight: f64,
+    /// Logarithm of the median depth of the visible surface over that of [`BodyModel::near_side`], at a body near this one.
+    perspective: f64,
 }
 
 /// A 3D box.
@@ -81,6 +91,16 @@ impl MeasuredCue {
         let measured =
             view.cues.box3d.and_then(|b| MeasuredBox::new(&b, view, frame, named)).map(Box::new).map(Kind::Box);
         depth.into_iter().chain(measured).map(|kind| Self { view: index, kind }).collect()
+    }
+
+    /// Sees a body as perspective does, where its view is this one: `world` is the body in the world. The closed form of
+    /// [`BodyModel::near_side`] is that of parallel rays, and a mean; a car 6 m away has a median that is up to a fifth nearer.
+    pub(crate) fn look_at(&mut self, body: &impl BodyModel, world: &Body, view: &View, frame: &ObjectFrame) {
+        let Kind::Depth(depth) = &mut self.kind else { return };
+        let seen = view.measured_box().and_then(|b| visible_depth(&view.projection, &b, world, RAYS));
+        if let (Some(seen), Some((afar, _))) = (seen, depth.depth_from_afar(body)) {
+            depth.perspective = (seen / (frame.unit * afar)).ln().clamp(-MOST_PERSPECTIVE, MOST_PERSPECTIVE);
+        }
     }
 
     /// 1 / standard deviation of the errors of a group in this cue.
@@ -131,18 +151,24 @@ impl MeasuredDepth {
             cosine: axis.dot(&ray),
             log_depth: (depth.median / frame.unit).ln(),
             weight: weight(depth.sd.map(|sd| sd / depth.median), NoiseGroup::Depth),
+            perspective: 0.0,
         })
+    }
+
+    /// The depth of the visible surface seen from afar, and its derivatives.
+    fn depth_from_afar(&self, body: &impl BodyModel) -> Option<(f64, Row)> {
+        let (near, slope) = body.near_side(&self.ray);
+        let depth = self.axis.dot(body.center()) + self.offset - self.cosine * near;
+        let row = std::array::from_fn(|k| if k < 3 { self.axis[k] } else { -self.cosine * slope[k - 3] });
+        (depth > SMALLEST_DEPTH).then_some((depth, row))
     }
 
     /// Logarithm of the measured depth over that of the visible surface.
     fn residual(&self, body: &impl BodyModel) -> (f64, Row) {
-        let (near, slope) = body.near_side(&self.ray);
-        let depth = self.axis.dot(body.center()) + self.offset - self.cosine * near;
-        if depth <= SMALLEST_DEPTH {
-            return (self.log_depth - SMALLEST_DEPTH.ln(), [0.0; 9]);
+        match self.depth_from_afar(body) {
+            Some((depth, row)) => (self.log_depth - depth.ln() - self.perspective, row.map(|x| -x / depth)),
+            None => (self.log_depth - SMALLEST_DEPTH.ln(), [0.0; 9]),
         }
-        let row = std::array::from_fn(|k| if k < 3 { -self.axis[k] } else { self.cosine * slope[k - 3] } / depth);
-        (self.log_depth - depth.ln(), row)
     }
 }
 

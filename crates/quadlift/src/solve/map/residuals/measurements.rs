@@ -7,7 +7,8 @@ use nalgebra::{Matrix3x4, Vector3, Vector4};
 
 use super::cues::MeasuredCue;
 use super::ellipse::EllipseMeasurement;
-use crate::geometry::{SUPPORT_DIRECTIONS, SupportLines};
+use crate::body_model::BodyModel;
+use crate::geometry::{Body, SUPPORT_DIRECTIONS, SupportLines};
 use crate::scene::View;
 use crate::solve::closed_form::planes::{edge_plane, support_plane};
 use crate::solve::conditioning::ObjectFrame;
@@ -82,6 +83,13 @@ impl Measurements {
             return Cow::Borrowed(self);
         }
         Cow::Owned(Self::new(self.frame, views, true, false))
+    }
+
+    /// Sees a body as perspective does ([`MeasuredCue::look_at`]).
+    pub(crate) fn look_at(&mut self, body: &impl BodyModel, world: &Body, views: &[View]) {
+        for cue in &mut self.cues {
+            cue.look_at(body, world, &views[cue.view], &self.frame);
+        }
     }
 
     fn push(&mut self, view: &View, ellipses_as_planes: bool, named: bool) {

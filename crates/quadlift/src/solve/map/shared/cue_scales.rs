@@ -16,10 +16,6 @@ use crate::tuning::{DEPTH_SCALE_SD, SIZE_BIAS_SD};
 /// Number of measurements from which a median is taken.
 const ENOUGH_FOR_MEDIAN: usize = 5;
 
-/// Share of the information of an object about a constant that must be left when its own parameters are free: below it the object
-/// tells nothing but where its iteration ended.
-const LEAST_SHARE: f64 = 0.02;
-
 /// Largest change of a logarithm in one step.
 const LARGEST_STEP: f64 = 0.3;
 
@@ -124,18 +120,13 @@ impl CueScales {
             gradient[k] += precision * value;
         }
         for ObjectTerms { terms, covariance, step } in objects {
-            let tells = |term: &&Term| {
-                let free = term.information - term.coupling.dot(&(covariance * term.coupling));
-                free > LEAST_SHARE * term.information
-            };
-            let told: Vec<(&Constant, &Term)> = terms.iter().filter(|(_, term)| tells(term)).collect();
-            for (constant, term) in told.iter().copied() {
+            for (constant, term) in terms {
                 let k = index[constant];
                 normal[(k, k)] += term.information;
                 gradient[k] += term.gradient + term.coupling.dot(step);
                 let seen = covariance * term.coupling;
-                for (other, more) in &told {
-                    normal[(index[*other], k)] -= more.coupling.dot(&seen);
+                for (other, more) in terms {
+                    normal[(index[other], k)] -= more.coupling.dot(&seen);
                 }
             }
         }
