@@ -9,6 +9,7 @@ radians, quaternions have w first, and the world unit is arbitrary.
 from __future__ import annotations
 
 from ._core import QuadliftError, __version__
+from ._cues import Box3dSd, Boxes3d, Depths
 from ._estimates import Alternative, AssociatedObject, Evaluation, InconsistentSceneWarning
 from ._limits import set_max_pixels
 from ._localize import localize
@@ -20,6 +21,9 @@ from ._scene import Estimates, Scene
 __all__ = [
     "Alternative",
     "AssociatedObject",
+    "Box3dSd",
+    "Boxes3d",
+    "Depths",
     "Estimates",
     "Evaluation",
     "FrameUpdate",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
-from . import _checks
+from . import _checks, _cues
 from ._core import QuadliftError
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ class DetectionArrays(TypedDict, total=False):
     source: str | None
     hidden_edges: NDArray[np.bool_] | None
     """(M, 4)."""
+    cues: _cues.CueArrays | None
 
 
 class MapFrame(TypedDict):
@@ -88,6 +89,7 @@ class BoxArrays(TypedDict):
     category: Names
     scores: NDArray[np.float64] | None
     """(M,)."""
+    cues: _cues.CueArrays | None
 
 
 # From arguments
@@ -283,6 +285,7 @@ def map_detections(found: Found) -> BoxArrays:
         "object": _checks.names("object", found.object, count, "boxes"),
         "category": _checks.names("categories", found.categories, count, "boxes"),
         "scores": scores,
+        "cues": _cues.cues(found.depth, found.box3d, count, "boxes"),
     }
 
 
@@ -311,12 +314,14 @@ def detections(
     object: ArrayLike | None,
     scores: ArrayLike | None,
     categories: ArrayLike | None,
+    depth: _cues.Depths | ArrayLike | None,
+    box3d: _cues.Boxes3d | None,
     source: str | None,
 ) -> DetectionArrays:
     """Detections of the arguments of `Scene.with_detections`."""
     indices = _checks.indices("frame", frame)
     count = len(indices)
-    if boxes is None and ellipses is None:
+    if boxes is None and ellipses is None and box3d is None:
         raise QuadliftError("expected boxes or ellipses; found none of them")
 
     def rows(name: str, value: ArrayLike | None, *width: int) -> NDArray[np.float64] | None:
@@ -335,6 +340,7 @@ def detections(
         "object": _checks.names("object", object, count, "frame"),
         "category": _checks.names("categories", categories, count, "frame"),
         "source": _checks.optional(_checks.text, "source", source),
+        "cues": _cues.cues(depth, box3d, count, "frame"),
     }
 
 

@@ -106,6 +106,7 @@ class EstimateArrays:
     rejected_because: list[str | None]
     body: str
     noise: dict[str, float]
+    cue_scales: list[dict[str, Any]]
     cross_validation: dict[str, Any] | None
     calibration: dict[str, Any] | None
     skipped: dict[str, int]
@@ -174,6 +175,7 @@ class EstimateArrays:
             rejected_because=found["rejected_because"],
             body=localized.body,
             noise=json.loads(localized.noise_json),
+            cue_scales=json.loads(localized.cue_scales_json),
             cross_validation=json.loads(localized.cross_validation_json),
             calibration=None if calibration is None else json.loads(calibration),
             skipped=dict(skipped),

@@ -24,6 +24,8 @@ class Found:
     object: Any = None
     """Object ids: whole numbers or texts."""
     masks: Any = None
+    depth: Any = None
+    box3d: Any = None
 
 
 def of_supervision(found: Any) -> Found:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Unpack
 
+    from ._cues import Boxes3d, Depths
+
 
 def localize(
     *,
@@ -29,6 +31,8 @@ def localize(
     object: ArrayLike | None = None,
     scores: ArrayLike | None = None,
     categories: ArrayLike | None = None,
+    depth: Depths | ArrayLike | None = None,
+    box3d: Boxes3d | None = None,
     up: ArrayLike | None = None,
     length_unit: str | None = None,
     **options: Unpack[_options.Options],
@@ -61,6 +65,12 @@ def localize(
         Scores of the detector; NaN means none.
     categories : array_like of int or str, shape (M,), optional
         Categories, by number or name; unknown values as for objects.
+    depth : Depths or array_like, shape (M,), optional
+        Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with `median`,
+        and `sd` and `source` if known.
+    box3d : Boxes3d, optional
+        3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`, `sd`,
+        `covariance`, `source`. With a centre a detection needs neither a box nor an ellipse.
     up : array_like, shape (3,), optional
         World direction against gravity.
     length_unit : str, optional
@@ -105,6 +115,8 @@ def localize(
         object=object,
         scores=scores,
         categories=categories,
+        depth=depth,
+        box3d=box3d,
     )
     keywords, threads, progress = _options.split(options, "localize")
     localized = scene._core.localize(keywords, threads, progress)

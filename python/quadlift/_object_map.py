@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._checks import Path
+    from ._cues import Boxes3d, Depths
 
 
 @dataclass(frozen=True)
@@ -283,6 +284,8 @@ class ObjectMap:
         categories: ArrayLike | None = None,
         scores: ArrayLike | None = None,
         object: ArrayLike | None = None,
+        depth: Depths | ArrayLike | None = None,
+        box3d: Boxes3d | None = None,
     ) -> FrameUpdate:
         """Observes a frame: which detection shows which object, and what has changed.
 
@@ -319,6 +322,9 @@ class ObjectMap:
             Scores of the detector; NaN means none.
         object : array_like of int or str, shape (M,), optional
             Ids of a tracker; unknown ones as for categories.
+        depth, box3d : optional
+            Depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map keeps them with its views, for
+            `localize`.
 
         Raises
         ------
@@ -340,6 +346,7 @@ class ObjectMap:
                 image=image,
                 pose_noise=pose_noise,
             )
+            found.depth, found.box3d = depth, box3d
             arrays = _arrays.map_detections(found)
         except QuadliftError as error:
             raise QuadliftError(f'frame "{frame_id}": {error}') from error

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from ._checks import Path
+    from ._cues import Boxes3d, Depths
 
 
 class SceneData:
@@ -134,6 +135,8 @@ class SceneData:
         object: ArrayLike | None = None,
         scores: ArrayLike | None = None,
         categories: ArrayLike | None = None,
+        depth: Depths | ArrayLike | None = None,
+        box3d: Boxes3d | None = None,
         source: str | None = None,
     ) -> Self:
         """Returns the scene with M more detections.
@@ -155,6 +158,12 @@ class SceneData:
             Scores; NaN means none.
         categories : array_like of int or str, shape (M,), optional
             Categories, by number or name; unknown values as for objects.
+        depth : Depths or array_like, shape (M,), optional
+            Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with
+            `median`, and `sd` and `source` if known.
+        box3d : Boxes3d, optional
+            3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`, `sd`,
+            `covariance`, `source`. With a centre a detection needs neither a box nor an ellipse.
         source : str, optional
             Name of the detector.
         """
@@ -166,6 +175,8 @@ class SceneData:
             object=object,
             scores=scores,
             categories=categories,
+            depth=depth,
+            box3d=box3d,
             source=source,
         )
         return type(self)(self._core.with_detections(detections))

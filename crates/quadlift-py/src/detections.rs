@@ -1,16 +1,16 @@
 //! From NumPy arrays to the detections of a scene. Shapes and types are checked in Python, values are checked here.
 
-use std::collections::HashMap;
-
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
-use quadlift::scene::{self, Detection, Scene, SceneError, SceneParts, Undistorted};
+use quadlift::scene::{self, Cues, Detection, Frame, Scene, SceneError, SceneParts, Undistorted};
 use quadlift_io::SceneFile;
-use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord};
+use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord, cue_records};
 
+use crate::cues::CueArrays;
 use crate::error::refuse;
+use crate::rows::{Names, value, values};
 
 /// Height and width, and runs of a mask, as in COCO.
 type Runs = ([u32; 2], Vec<u32>);
@@ -42,11 +42,10 @@ pub struct DetectionArrays<'py> {
     /// (M, 4): edges that are known to be hidden, see [`Detection::hidden_edges`]. A scene file does not hold them.
     #[pyo3(default)]
     hidden_edges: Option<PyReadonlyArray2<'py, bool>>,
+    /// Depths and 3D boxes.
+    #[pyo3(default)]
+    cues: Option<CueArrays<'py>>,
 }
-
-/// Texts by their index; none where it is negative.
-#[derive(FromPyObject, Default)]
-struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
 
 /// The boxes of a frame: M rows, the dictionary `BoxArrays` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
@@ -58,6 +57,9 @@ pub struct BoxArrays<'py> {
     category: Names<'py>,
     /// (M,); NaN for none.
     scores: Option<PyReadonlyArray1<'py, f64>>,
+    /// Depths and 3D boxes.
+    #[pyo3(default)]
+    cues: Option<CueArrays<'py>>,
 }
 
 impl BoxArrays<'_> {
@@ -67,12 +69,15 @@ impl BoxArrays<'_> {
         let record = |row: usize| {
             let edges: [f64; 4] = std::array::from_fn(|k| boxes[[row, k]]);
             BoundingBox::new(edges).map_err(|error| format!("boxes[{row}]: {error}"))?;
+            let (depth, box3d) = self.cues.as_ref().map_or((None, None), |cues| cues.records(row));
             Ok(DetectionRecord {
                 frame: frame.into(),
                 object: self.object.of_row(row).map(Into::into),
                 category: self.category.of_row(row).map(Into::into),
-                score: self.scores.as_ref().map(|scores| scores.as_array()[row]).filter(|score| !score.is_nan()),
+                score: value(&self.scores, row),
                 bounding_box: Some(edges),
+                depth,
+                box3d,
                 ..Default::default()
             })
         };
@@ -102,7 +107,11 @@ impl Originals {
         let name = |index: Option<u32>, names: &[String]| index.map(|index| names[index as usize].as_str().into());
         let as_it_is = (detection.bounding_box, detection.ellipse);
         let (bounding_box, ellipse) = self.measured.get(row).copied().unwrap_or(as_it_is);
+        let cues = detection.cues.as_deref().map(|cues| cue_records(cues, &scene.cue_sources));
+        let (depth, box3d) = cues.unwrap_or_default();
         DetectionRecord {
+            depth,
+            box3d,
             frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: name(detection.object_index, &scene.object_ids),
             category: name(detection.category_index, &scene.categories),
@@ -135,13 +144,15 @@ impl DetectionArrays<'_> {
         });
         let objects = self.object.indices(&mut scene.object_ids);
         let categories = self.category.indices(&mut scene.categories);
-        let scores = self.scores.as_ref().map(|scores| scores.as_array());
         let hidden = self.hidden_edges.as_ref().map(|edges| edges.as_array());
         let has_lens = scene.frames.iter().any(|frame| frame.lens.is_some());
         let mut measured = Vec::with_capacity(if has_lens { count } else { 0 });
         scene.detections.reserve(count);
         for row in 0..count {
-            let (frame_index, (bounding_box, ellipse)) = self.row(row, scene.frames.len()).map_err(refuse)?;
+            let sources = &mut scene.cue_sources;
+            let source_of = |name: &str| cue_source(sources, name);
+            let (frame_index, (bounding_box, ellipse), cues) =
+                self.row(row, &scene.frames, source_of).map_err(refuse)?;
             if has_lens {
                 measured.push((bounding_box, ellipse));
             }
@@ -152,11 +163,12 @@ impl DetectionArrays<'_> {
                 object_index: objects.get(row).copied().flatten(),
                 category_index: categories.get(row).copied().flatten(),
                 source_index,
-                score: scores.map(|scores| scores[row]).filter(|score| !score.is_nan()),
+                score: value(&self.scores, row),
                 bounding_box,
                 ellipse,
                 box_in_image,
                 hidden_edges: hidden.map(|edges| std::array::from_fn(|k| edges[[row, k]])),
+                cues: (!cues.is_empty()).then(|| Box::new(cues)),
                 ..Default::default()
             });
         }
@@ -164,16 +176,21 @@ impl DetectionArrays<'_> {
     }
 
     /// All rows whose frame or measurements are wrong, and why.
-    pub fn problems(&self, frames: usize) -> Vec<(usize, String)> {
+    pub fn problems(&self, frames: &[Frame]) -> Vec<(usize, String)> {
         let rows = 0..self.frame.as_array().len();
-        rows.filter_map(|row| Some((row, self.row(row, frames).err()?))).collect()
+        rows.filter_map(|row| Some((row, self.row(row, frames, |_| Ok(0)).err()?))).collect()
     }
 
-    /// Frame and measurements of a row, checked.
-    fn row(&self, row: usize, frames: usize) -> Result<(u32, Measured), String> {
+    /// Frame, measurements and cues of a row, checked.
+    fn row(
+        &self,
+        row: usize,
+        frames: &[Frame],
+        source_of: impl FnMut(&str) -> Result<u32, SceneError>,
+    ) -> Result<(u32, Measured, Cues), String> {
         let frame = self.frame.as_array()[row];
-        let frame_index = u32::try_from(frame).ok().filter(|index| (*index as usize) < frames);
-        let frame_index = frame_index.ok_or_else(|| match frames {
+        let frame_index = u32::try_from(frame).ok().filter(|index| (*index as usize) < frames.len());
+        let frame_index = frame_index.ok_or_else(|| match frames.len() {
             0 => format!("frame[{row}] is {frame}; there are no frames"),
             count => format!("frame[{row}] is {frame}; expected 0 to {}: there are {count} frames", count - 1),
         })?;
@@ -182,45 +199,26 @@ impl DetectionArrays<'_> {
         let numbers: Option<[f64; 5]> = values(&self.ellipses, row);
         let ellipse = numbers.map(|[x, y, a, b, angle]| Ellipse::new([x, y].into(), [a, b].into(), angle));
         let ellipse = ellipse.transpose().map_err(|e| format!("ellipses[{row}]: {e}"))?;
-        if bounding_box.is_none() && ellipse.is_none() {
-            return Err(format!("row {row} has neither a box nor an ellipse (all of its numbers are NaN)"));
+        let pose = || frames[frame_index as usize].projection.camera_pose();
+        let cues = self.cues.as_ref().map(|cues| cues.of_row(row, pose, source_of)).transpose()?.unwrap_or_default();
+        let has_center = cues.box3d.is_some_and(|box3d| box3d.center.is_some());
+        if bounding_box.is_none() && ellipse.is_none() && !has_center {
+            let or_center = if self.cues.is_some() { " nor a 3D box with a centre" } else { "" };
+            let measured = format!("neither a box nor an ellipse{or_center}");
+            return Err(format!("row {row} has {measured} (all of its numbers are NaN)"));
         }
-        Ok((frame_index, (bounding_box, ellipse)))
+        Ok((frame_index, (bounding_box, ellipse), cues))
     }
 }
 
-/// The numbers of a row; none where all are NaN.
-fn values<const N: usize>(array: &Option<PyReadonlyArray2<f64>>, row: usize) -> Option<[f64; N]> {
-    let array = array.as_ref()?.as_array();
-    let numbers: [f64; N] = std::array::from_fn(|k| array[[row, k]]);
-    (!numbers.iter().all(|x| x.is_nan())).then_some(numbers)
-}
-
-impl Names<'_> {
-    /// The name of a row.
-    fn of_row(&self, row: usize) -> Option<&str> {
-        let code = *self.0.as_ref()?.as_array().get(row)?;
-        self.1.get(usize::try_from(code).ok()?).map(String::as_str)
-    }
-
-    /// For each row the index of its name in `known`, which is extended in the order of their first appearance. Names
-    /// may repeat where none is known yet: they stand for different things then.
-    fn indices(&self, known: &mut Vec<String>) -> Vec<Option<u32>> {
-        let Names(Some(codes), names) = self else { return Vec::new() };
-        let mut place = vec![None; names.len()];
-        if !known.is_empty() {
-            let places: HashMap<&str, u32> = known.iter().map(String::as_str).zip(0..).collect();
-            place = names.iter().map(|name| places.get(name.as_str()).copied()).collect();
-        }
-        let of_code = |&code: &i64| {
-            let code = usize::try_from(code).ok().filter(|code| *code < names.len())?;
-            Some(*place[code].get_or_insert_with(|| {
-                known.push(names[code].clone());
-                known.len() as u32 - 1
-            }))
-        };
-        codes.as_array().iter().map(of_code).collect()
-    }
+/// The index of a source of cues, which is added where it is new; there are few of them.
+fn cue_source(sources: &mut Vec<String>, name: &str) -> Result<u32, SceneError> {
+    let known = sources.iter().position(|known| known == name);
+    let index = known.unwrap_or_else(|| {
+        sources.push(name.to_owned());
+        sources.len() - 1
+    });
+    u32::try_from(index).map_err(|_| SceneError::TooLarge)
 }
 
 /// The error of a scene with detections added from the index `first` on: with rows instead of indices.

@@ -2,6 +2,7 @@
 //! shapes and its documentation, is the Python package `quadlift` (python/quadlift) over it.
 
 mod association;
+mod cues;
 mod detections;
 mod error;
 mod evaluation;
@@ -12,6 +13,7 @@ mod localized;
 mod object_map;
 mod options;
 mod recording;
+mod rows;
 mod run;
 mod scene;
 mod scene_methods;

@@ -19,7 +19,7 @@ use quadlift_io::association::{add_to_result, association_record};
 use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::scene_file::{
-    coordinates_name, cross_validation_record, fitted_body_name, noise_record, settings_record,
+    coordinates_name, cross_validation_record, cue_scales_record, fitted_body_name, noise_record, settings_record,
 };
 use quadlift_io::stream::MapMemory;
 use quadlift_report::{Content, Scores, page, report};
@@ -299,6 +299,12 @@ impl PyLocalized {
     #[getter]
     fn noise_json(&self) -> String {
         serde_json::Value::from(noise_record(&self.localization)).to_string()
+    }
+
+    /// The scales of the sources of depths and 3D boxes as JSON.
+    #[getter]
+    fn cue_scales_json(&self) -> String {
+        cue_scales_record(self.scene(), &self.localization).to_string()
     }
 
     /// The cross-validation of the scene, as JSON.

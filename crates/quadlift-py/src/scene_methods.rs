@@ -86,7 +86,7 @@ impl PyScene {
 
     /// All rows whose frame or measurements `with_detections` would reject, with reasons.
     fn detection_problems(&self, detections: DetectionArrays) -> Vec<(usize, String)> {
-        detections.problems(self.loaded.scene.frames.len())
+        detections.problems(&self.loaded.scene.frames)
     }
 
     /// The scene with the detections of another program's file too, whose format is recognised.

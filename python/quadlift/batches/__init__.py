@@ -112,6 +112,10 @@ def localize_objects(
         - `frame`, `x0`, `y0`, `x1`, `y1`: lists of equal length with one entry per view: its frame (whole numbers or
           texts) and the box in pixels,
         - `category` (texts) and `hidden_edges` (see `with_hidden_edges`), optional: lists of the same length,
+        - depths and 3D boxes, optional: lists of the same length `depth_median`, `depth_sd`, `depth_source`,
+          `box3d_center`, `box3d_half_extents`, `box3d_rotation` (lists of 3, 3 and 4 numbers), `box3d_frame`,
+          `box3d_sd_distance`, `box3d_sd_direction`, `box3d_sd_size`, `box3d_sd_rotation`, `box3d_covariance` (81
+          numbers), `box3d_source`, as in `Scene.with_detections` and in the tables of `quadlift export parquet`,
         - `cameras`, if not given as an argument: lists of structs with the columns of `Cameras`.
 
         The order of the views does not matter: see `Cameras`.
@@ -136,6 +140,11 @@ def localize_objects(
     ------
     QuadliftError
         If an option or a whole column is invalid.
+
+    Notes
+    -----
+    With given `sigmas` the scales of depths and 3D boxes are not estimated: multiply depths that are 10 % too large first
+    (`Estimates.cue_scales` of a sample has the factors).
     """
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     if not settings.is_complete():
@@ -291,8 +300,8 @@ def localize_scenes(
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
         One row per scene: `scene` (without it there may be only one row), and lists of equal length `frame`, `x0`,
-        `y0`, `x1`, `y1` with one entry per detection, optionally `category` and `score`. Also `cameras`, as in
-        `localize_objects`.
+        `y0`, `x1`, `y1` with one entry per detection, optionally `category` and `score`. Also `cameras`, depths and 3D
+        boxes, as in `localize_objects`.
     cameras : Cameras or pyarrow.Table, optional
         The cameras of all frames, including those without detections.
     up : array_like, shape (3,), optional
@@ -323,7 +332,7 @@ def localize_scenes(
     codes = detections.category[0]
     ties = [x for x in (codes, detections.scores) if x is not None]
     order = np.lexsort((*ties, *detections.boxes.T[::-1], detections.camera, detections.row))
-    kept = check_boxes(detections, order[~np.isin(order, list(problems.of_detection))], problems)
+    kept = check_boxes(cameras, detections, order[~np.isin(order, list(problems.of_detection))], problems)
     scenes = _tables.column(table, "scene") if "scene" in table.column_names else None
     keys = pa.array(np.arange(len(table)))
     if not has_own:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from .. import _checks, _core, _options
+from .. import _checks, _core, _cues, _options
 from .._arrow import pa, pc
 from .._core import QuadliftError
 from . import _tables
@@ -116,6 +116,7 @@ class Detections:
     category: Names
     hidden: NDArray[np.int64] | None
     """Sums of `EDGES`, (M,)."""
+    cues: _cues.CueArrays | None = None
 
     def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Detections:
         """The detections at some indices, or where a mask is true."""
@@ -128,6 +129,7 @@ class Detections:
             scores=None if self.scores is None else self.scores[places],
             category=(None if codes is None else codes[places], names),
             hidden=None if self.hidden is None else self.hidden[places],
+            cues=None if self.cues is None else _cues.taken(self.cues, places),
         )
 
     def dictionary(
@@ -141,6 +143,7 @@ class Detections:
             "category": self.category,
             "scores": self.scores,
             "hidden_edges": hidden_edges,
+            "cues": self.cues,
         }
 
 
@@ -200,9 +203,8 @@ def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections,
     """The detections of a table; those with invalid frames are among the problems."""
     names = rows.column_names
     _tables.require(names, ["frame", *_tables.BOX], "rows")
-    views = _tables.Views(
-        rows, ["frame", *_tables.BOX, *(n for n in ("category", "score", "hidden_edges") if n in names)]
-    )
+    others = ("category", "score", "hidden_edges", *_tables.CUES)
+    views = _tables.Views(rows, ["frame", *_tables.BOX, *(n for n in others if n in names)])
     frame = _tables.ids(views["frame"], "frame")
     scene = _tables.column(rows, "scene") if "scene" in names else None
     if cameras is None:
@@ -227,6 +229,7 @@ def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections,
         scores=_tables.numbers(views["score"], "score") if "score" in views else None,
         category=views.codes("category"),
         hidden=None if hidden is None else np.nan_to_num(hidden).astype(np.int64),
+        cues=views.cues(),
     )
     return cameras, detections, found
 
@@ -265,20 +268,28 @@ def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Dete
     problems.add_detections(order[1:][twice], 6, "the object is in it twice")
     problems.spread(detections.row)
     order = order[~np.isin(rows, list(problems.of_row))]
-    kept = check_boxes(detections, order, problems)
+    kept = check_boxes(cameras, detections, order, problems)
     problems.spread(detections.row)
     return cameras, kept.take(~np.isin(kept.row, list(problems.of_row))), problems.of_row
 
 
-def check_boxes(detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
-    """The detections in this order with valid boxes."""
+def check_boxes(
+    cameras: Cameras, detections: Detections, order: NDArray[np.int64], problems: Problems
+) -> Detections:
+    """The detections in this order with valid boxes, depths and 3D boxes."""
     absent = np.isnan(detections.boxes[order]).all(axis=1)
+    centers = None if detections.cues is None else detections.cues.get("center")
+    if centers is not None:
+        absent &= np.isnan(centers[order]).any(axis=1)
     problems.add_detections(order[absent], 7, "there is no box")
     order = order[~absent]
     kept = detections.take(order)
-    # Their frames are valid already: any frame works here.
-    of_core = kept.dictionary(np.zeros(len(order), dtype=np.int64), None, None)
-    found = _core.Scene.from_frames(_PROBE).detection_problems(of_core)
+    # Their frames are valid already: any frame works here, except for 3D boxes in the world.
+    frames, frame = _PROBE, np.zeros(len(order), dtype=np.int64)
+    if kept.cues is not None and len(order):
+        used, place = np.unique(kept.camera, return_inverse=True)
+        frames, frame = cameras.frames(used), place.astype(np.int64)
+    found = _core.Scene.from_frames(frames).detection_problems(kept.dictionary(frame, None, None))
     for place, text in found:
         problems.add_detections(order[[place]], 7, _tables.without_place(text))
     return kept.take(np.delete(np.arange(len(order)), [place for place, _ in found]))

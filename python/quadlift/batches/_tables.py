@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import _cues
 from .._arrow import pa, pc
 from .._core import QuadliftError
 
@@ -16,6 +17,11 @@ if TYPE_CHECKING:
     from .. import _arrays
 
 BOX = ("x0", "y0", "x1", "y1")
+DEVIATIONS = ("box3d_sd_distance", "box3d_sd_direction", "box3d_sd_size", "box3d_sd_rotation")
+LISTS = {"box3d_center": 3, "box3d_half_extents": 3, "box3d_rotation": 4, "box3d_covariance": 81}
+"""Columns of lists, and the lengths of these."""
+CUES = ("depth_median", "depth_sd", "depth_source", *LISTS, "box3d_frame", *DEVIATIONS, "box3d_source")
+"""Columns of depths and 3D boxes, as in the tables of `quadlift export parquet`."""
 
 
 def table(rows: Any, name: str) -> Any:
@@ -73,7 +79,11 @@ def numbers(values: Any, name: str) -> NDArray[np.float64]:
 
 def lists(rows: Any, name: str) -> Any:
     """A column of lists."""
-    found = column(rows, name)
+    return as_lists(column(rows, name), name)
+
+
+def as_lists(found: Any, name: str) -> Any:
+    """Values that are lists."""
     kind = found.type
     if pa.types.is_null(kind):
         return found.cast(pa.list_(pa.null()))
@@ -90,7 +100,12 @@ def lengths(values: Any) -> NDArray[np.int64]:
 
 def vectors(rows: Any, name: str, width: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Lists of `width` numbers as rows, and which of them are valid; the others are NaN."""
-    values = lists(rows, name)
+    return vectors_of(column(rows, name), name, width)
+
+
+def vectors_of(found: Any, name: str, width: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The same of values."""
+    values = as_lists(found, name)
     fits = lengths(values) == width
     found = np.full((len(values), width), np.nan)
     flat = numbers(pc.list_flatten(values.filter(pa.array(fits))), name)
@@ -141,6 +156,41 @@ class Views:
     def boxes(self) -> NDArray[np.float64]:
         """The boxes, shape (M, 4)."""
         return np.column_stack([numbers(self[name], name) for name in BOX])
+
+    def cues(self) -> _cues.CueArrays | None:
+        """Depths and 3D boxes; None without any."""
+
+        def column(name: str) -> NDArray[np.float64] | None:
+            return numbers(self[name], name) if name in self else None
+
+        def columns(name: str) -> NDArray[np.float64] | None:
+            if name not in self:
+                return None
+            found, fits = vectors_of(self[name], name, LISTS[name])
+            wrong = np.flatnonzero(~fits & (lengths(as_lists(self[name], name)) > 0))
+            if len(wrong):
+                expected = f"lists of {LISTS[name]} numbers"
+                raise QuadliftError(f"{name} has a list of {len(self[name][wrong[0]])} numbers; expected {expected}")
+            return found
+
+        if not any(name in self for name in ("depth_median", "box3d_center", "box3d_half_extents", "box3d_rotation")):
+            return None
+        deviations = [column(name) for name in DEVIATIONS]
+        none = np.full(len(self.row), np.nan)
+        given = any(values is not None for values in deviations)
+        sd = np.column_stack([none if values is None else values for values in deviations]) if given else None
+        return {
+            "depth": column("depth_median"),
+            "depth_sd": column("depth_sd"),
+            "depth_source": self.codes("depth_source"),
+            "center": columns("box3d_center"),
+            "half_extents": columns("box3d_half_extents"),
+            "rotation": columns("box3d_rotation"),
+            "frame": self.codes("box3d_frame"),
+            "sd": sd,
+            "covariance": columns("box3d_covariance"),
+            "source": self.codes("box3d_source"),
+        }
 
     def codes(self, name: str) -> _arrays.Names:
         """Texts of a column as indices into a sorted list of them, -1 for none; None without the column."""

@@ -6,6 +6,7 @@
 
 mod boxes;
 mod cameras;
+mod cues;
 mod frames;
 pub mod options;
 mod poses;
@@ -43,7 +44,7 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
             }
             RecordCorrection::PoseUnit(metres) => {
                 let frames = poses::scale(file, metres);
-                move_points(file, &Correction::Lengths(metres));
+                move_contents(file, &Correction::Lengths(metres));
                 file.length_unit = Some("m".to_owned());
                 notes.push(format!(
                     "the lengths of {} were multiplied by {metres} and are now in metres",
@@ -79,14 +80,15 @@ fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryE
             format!("up is {up:?}")
         }
         _ => {
-            move_points(file, correction);
+            move_contents(file, correction);
             format!("{} were corrected", count(poses::correct(file, correction)?, "pose"))
         }
     })
 }
 
-/// Moves the points of the scene into the world of the corrected poses.
-fn move_points(file: &mut SceneFile, correction: &Correction) {
+/// Moves the points of the scene, depths and 3D boxes into the world of the corrected poses.
+fn move_contents(file: &mut SceneFile, correction: &Correction) {
+    cues::move_with_world(file, correction);
     for point in &mut file.points {
         *point = correction.world_point(&(*point).into()).into();
     }

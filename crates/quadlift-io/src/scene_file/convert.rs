@@ -58,7 +58,7 @@ impl SceneFile {
         for (index, detection) in self.detections.iter().enumerate() {
             let entry = |field: &str| format!("detections[{index}]{field}");
             let pose = || pose_of(frames.get_or_init(|| self.frames_by_id()).get(&*detection.frame)?);
-            let cues = detection.cues(&mut builder, pose, entry)?;
+            let cues = detection.cues(|name| builder.cue_source(name), pose, entry)?;
             let input = DetectionInput { cues, ..detection_input(detection, entry)? };
             builder.add_detection(&input).map_err(|error| match error {
                 SceneError::UnknownFrame(id) => {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation, rotation_from_quaternion};
-use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneBuilder};
+use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -78,15 +78,18 @@ pub struct Box3dSdRecord {
 }
 
 impl DetectionRecord {
-    /// The depth and the 3D box, checked; `pose` is that of the frame.
-    pub(super) fn cues(
+    /// The depth and the 3D box, checked; `source_of` gives the index of a source, `pose` is that of the frame.
+    ///
+    /// # Errors
+    /// [`EntryError`] names the first field that is out of range; `entry` makes a place of the name of the field.
+    pub fn cues(
         &self,
-        builder: &mut SceneBuilder,
+        mut source_of: impl FnMut(&str) -> Result<u32, SceneError>,
         pose: impl Fn() -> Option<CamFromWorld>,
         entry: impl Fn(&str) -> String,
     ) -> Result<Cues, EntryError> {
         let mut source = |name: &Option<Box<str>>, field: &str| {
-            let index = name.as_deref().map(|name| builder.cue_source(name)).transpose();
+            let index = name.as_deref().map(&mut source_of).transpose();
             index.map_err(|error| EntryError::new(entry(field), error))
         };
         let mut cues = Cues::default();

@@ -11,7 +11,9 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::error::{EntryError, ReadError, escape};
 use crate::instants::instants;
 use crate::numbers;
-use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_json_line};
+use crate::scene_file::{
+    Box3dRecord, CameraRecord, DepthRecord, DetectionRecord, FrameRecord, SceneFile, parse_json_line,
+};
 
 /// What a line says.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -147,6 +149,8 @@ struct DetectionMember {
     category: Option<Box<str>>,
     score: Option<f64>,
     object: Option<Box<str>>,
+    depth: Option<Box<DepthRecord>>,
+    box3d: Option<Box<Box3dRecord>>,
 }
 
 #[derive(Deserialize)]
@@ -248,6 +252,8 @@ impl Members {
             category: member.category,
             score: member.score,
             bounding_box: Some(member.bounding_box),
+            depth: member.depth,
+            box3d: member.box3d,
             ..Default::default()
         };
         let detections = self.detections.unwrap_or_default().into_iter().map(detection).collect();
@@ -269,7 +275,7 @@ impl Members {
     }
 }
 
-/// The frames of a scene with the detections of one source (all where it is `None`), in the order of their times; frames of
+/// The frames of a scene with the detections of one source (all where it is `None`) that have a box or an ellipse, in the order of their times; frames of
 /// the same time stay in the order of the file. Where not every frame has a time, it is the index of the frame, or of its rig's
 /// frame. `scene` is that of the file.
 pub fn scene_to_frames(file: SceneFile, scene: &Scene, source: Option<u32>) -> (AboutRecord, Vec<FrameLine>) {
@@ -285,7 +291,9 @@ pub fn scene_to_frames(file: SceneFile, scene: &Scene, source: Option<u32>) -> (
         })
         .collect();
     for (record, detection) in detections.into_iter().zip(&scene.detections) {
-        if source.is_none() || detection.source_index == source {
+        // The map finds objects by their boxes.
+        let has_box = record.bounding_box.is_some() || record.ellipse.is_some();
+        if has_box && (source.is_none() || detection.source_index == source) {
             lines[detection.frame_index as usize].detections.push(record);
         }
     }

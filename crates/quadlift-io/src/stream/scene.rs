@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift::online::{Detection, Frame, ObjectMap, PoseUpdate};
-use quadlift::scene;
+use quadlift::scene::{self, Cues};
 
 use super::line::{AboutRecord, CameraOfFrame, FrameLine, PoseRecord};
 use crate::error::EntryError;
-use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, known_names};
+use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, cue_records, known_names};
 
 /// Cameras with an id, at most; others can be given in their frames.
 const MOST_CAMERAS: usize = 10_000;
@@ -39,6 +39,9 @@ pub struct CheckedFrame {
     camera: Option<(CameraRecord, bool)>,
     detections: Vec<DetectionRecord>,
     boxes: Vec<BoundingBox>,
+    /// Depths and 3D boxes in the frame of the camera; `None` where a detection has none.
+    cues: Vec<Option<Box<Cues>>>,
+    cue_sources: Vec<String>,
 }
 
 impl CheckedFrame {
@@ -49,12 +52,14 @@ impl CheckedFrame {
 
     /// The detections, in their order.
     pub fn detections(&self) -> Vec<Detection<'_>> {
-        (self.detections.iter().zip(&self.boxes))
-            .map(|(record, &bounding_box)| Detection {
+        (self.detections.iter().zip(&self.boxes).zip(&self.cues))
+            .map(|((record, &bounding_box), cues)| Detection {
                 bounding_box,
                 category: record.category.as_deref(),
                 score: record.score,
                 id: record.object.as_deref(),
+                cues: cues.as_deref(),
+                cue_sources: &self.cue_sources,
             })
             .collect()
     }
@@ -152,9 +157,11 @@ impl StreamedScene {
             record.camera = Some(camera.id.clone());
         }
         let scene = self.scene_of(&record, camera.as_ref().map(|(camera, _)| camera), &detections)?;
+        let scene::SceneParts { frames, detections: checked, cue_sources, .. } = scene.into_parts();
+        let cues = checked.into_iter().map(|detection| detection.cues).collect();
         let boxes = detections.iter().filter_map(box_of).collect();
         let time = record.time.unwrap_or_default();
-        let mut frame = match scene.frames.first() {
+        let mut frame = match frames.first() {
             Some(frame) => Frame::of_scene(frame, time),
             None => return Err(EntryError::new("frame", "there is no frame")),
         };
@@ -166,7 +173,7 @@ impl StreamedScene {
             }
             frame.pose_noise = Some(noise);
         }
-        Ok(CheckedFrame { frame, record, camera, detections, boxes })
+        Ok(CheckedFrame { frame, record, camera, detections, boxes, cues, cue_sources })
     }
 
     /// Keeps a frame that was observed.
@@ -237,7 +244,14 @@ impl StreamedScene {
         let used: BTreeSet<&str> = frames.iter().filter_map(|frame| frame.camera.as_deref()).collect();
         let all = self.cameras.values().chain(self.unnamed.values());
         let cameras = all.filter(|camera| used.contains(camera.id.as_str())).cloned().collect();
-        let detections = scene.detections.iter().map(|detection| DetectionRecord {
+        let cues = |detection: &scene::Detection| match &detection.cues {
+            Some(cues) => cue_records(cues, &scene.cue_sources),
+            None => (None, None),
+        };
+        let detections = scene.detections.iter().map(|detection| (detection, cues(detection)));
+        let detections = detections.map(|(detection, (depth, box3d))| DetectionRecord {
+            depth,
+            box3d,
             frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into()),
             category: detection.category_index.map(|index| scene.categories[index as usize].as_str().into()),

@@ -79,6 +79,11 @@ fn numbers_that_other_programs_look_for_stand_in_columns_of_their_own() {
     assert_eq!(of("detections.parquet", 0, &ellipse), [2.0, 3.0, 1.0, 0.5, -0.25].map(Some));
     assert_eq!(of("detections.parquet", 1, &["x0", "y0", "x1", "y1"]), [0.1, 0.2, 0.3, 0.4].map(Some));
     assert_eq!(of("detections.parquet", 1, &ellipse), [None; 5]);
+    assert_eq!(of("detections.parquet", 3, &["depth_median", "depth_sd"]), [Some(4.5), Some(0.25)]);
+    let sd = ["box3d_sd_distance", "box3d_sd_direction", "box3d_sd_size", "box3d_sd_rotation"];
+    assert_eq!(of("detections.parquet", 3, &sd), [0.1, 0.02, 0.15, 0.25].map(Some));
+    assert_eq!(of("detections.parquet", 4, &["depth_median", "depth_sd"]), [Some(3.5), None]);
+    assert_eq!(of("detections.parquet", 5, &sd), [None, None, Some(0.5), None]);
     assert_eq!(of("objects.parquet", 0, &["center_x", "center_y", "center_z"]), [1.0, 2.0, 3.0].map(Some));
     assert_eq!(of("objects.parquet", 1, &["center_x", "center_y", "center_z"]), [None; 3]);
     assert_eq!(of("scene.parquet", 0, &["up_x", "up_y", "up_z"]), [0.0, 0.0, 1.5].map(Some));

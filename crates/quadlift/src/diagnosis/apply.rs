@@ -9,7 +9,8 @@ use crate::scene::Scene;
 
 impl Correction {
     /// The corrected scene. Detections without a frame or a measurement are dropped; lenses are not changed
-    /// (measurements undistorted with wrong intrinsics are not undistorted again).
+    /// (measurements undistorted with wrong intrinsics are not undistorted again). Depths and 3D boxes stay where they are in the
+    /// frame of the camera; their lengths are in the world's unit.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut corrected = rewrite(
             scene,
@@ -18,8 +19,10 @@ impl Correction {
             |e, size| self.ellipse(e, size),
             self.frames(&ids(scene)),
         );
-        if let Self::Up(up) = self {
-            corrected.0.up = Unit::try_new(Vector3::from(*up), 0.0).or(scene.up);
+        match *self {
+            Self::Up(up) => corrected.0.up = Unit::try_new(Vector3::from(up), 0.0).or(scene.up),
+            Self::Lengths(factor) => scale_cues(&mut corrected, factor),
+            _ => {}
         }
         corrected
     }
@@ -28,7 +31,7 @@ impl Correction {
 impl Mistake {
     /// The scene as the mistake writes it; see [`Correction::apply`].
     pub fn apply(&self, scene: &Scene) -> Scene {
-        rewrite(
+        let mut mistaken = rewrite(
             scene,
             |camera, size| {
                 let (rotation, translation) = self.pose(&camera.rotation, &camera.translation);
@@ -37,7 +40,18 @@ impl Mistake {
             |b, camera, size| self.bounding_box(b, &camera.intrinsics, size),
             |e, _| Some(*e),
             self.frames(&ids(scene)),
-        )
+        );
+        if let Correction::Lengths(factor) = self.0 {
+            scale_cues(&mut mistaken, 1.0 / factor);
+        }
+        mistaken
+    }
+}
+
+/// Multiplies the lengths of all depths and 3D boxes.
+fn scale_cues(scene: &mut Scene, factor: f64) {
+    for cues in scene.0.detections.iter_mut().filter_map(|detection| detection.cues.as_deref_mut()) {
+        *cues = cues.scaled(factor);
     }
 }
 
@@ -66,7 +80,7 @@ fn rewrite(
         detection.frame_index = to as u32;
         detection.bounding_box = detection.bounding_box.and_then(|b| box_of(&b, camera?, size));
         detection.ellipse = detection.ellipse.and_then(|e| ellipse_of(&e, size));
-        detection.bounding_box.is_some() || detection.ellipse.is_some()
+        detection.is_measured()
     });
     Scene(result)
 }

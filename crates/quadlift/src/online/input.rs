@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use crate::geometry::{BoundingBox, Camera, Projection};
-use crate::scene;
+use crate::scene::{self, CueError, Cues};
 use crate::solve::PoseNoise;
 
 /// A posed image at an instant.
@@ -53,12 +53,16 @@ pub struct Detection<'a> {
     pub score: Option<f64>,
     /// Object id, for example of a tracker.
     pub id: Option<&'a str>,
+    /// Depth and 3D box, in the frame of the camera. They are kept for [`super::ObjectMap::localize`]; the map does not use them.
+    pub cues: Option<&'a Cues>,
+    /// Names of the sources of `cues`, by their indices.
+    pub cue_sources: &'a [String],
 }
 
 impl Detection<'_> {
     /// A detection with a box only.
     pub fn from_box(bounding_box: BoundingBox) -> Self {
-        Self { bounding_box, category: None, score: None, id: None }
+        Self { bounding_box, category: None, score: None, id: None, cues: None, cue_sources: &[] }
     }
 }
 
@@ -121,6 +125,36 @@ pub enum ObserveError {
         /// Id of the frame.
         id: String,
         /// Number of categories including those of this frame.
+        count: usize,
+    },
+    /// A depth or a 3D box is out of range.
+    #[error("detection {detection} of frame {id:?}: {error}")]
+    Cue {
+        /// Id of the frame.
+        id: String,
+        /// Index of the detection.
+        detection: usize,
+        /// What is wrong.
+        error: CueError,
+    },
+    /// A depth or a 3D box has a source without a name.
+    #[error("detection {detection} of frame {id:?} has the cue source {source_index}, of {count}")]
+    CueSource {
+        /// Id of the frame.
+        id: String,
+        /// Index of the detection.
+        detection: usize,
+        /// Index of the source.
+        source_index: u32,
+        /// Number of names.
+        count: usize,
+    },
+    /// Too many sources of depths and 3D boxes.
+    #[error("frame {id:?} brings the map to {count} sources of depths and 3D boxes; expected {} at most", super::MAX_CUE_SOURCES)]
+    TooManyCueSources {
+        /// Id of the frame.
+        id: String,
+        /// Number of sources including those of this frame.
         count: usize,
     },
     /// The score of a detection is not a number.

@@ -73,6 +73,8 @@ pub struct ObjectMap {
     /// Origin of the internal coordinates: the centre of the first camera.
     pub(super) origin: Vector3<f64>,
     pub(super) categories: Categories,
+    /// Names of the sources of depths and 3D boxes.
+    pub(super) cue_sources: Vec<String>,
     pub(super) input_ids: InputIds,
     pub(super) tally: IdTally,
     pub(super) running: Running,
@@ -141,6 +143,7 @@ impl ObjectMap {
             last: None,
             origin: Vector3::zeros(),
             categories: Categories::default(),
+            cue_sources: Vec::new(),
             input_ids: InputIds::default(),
             running,
             keyframes: Keyframes::default(),

@@ -19,9 +19,12 @@
 //! Nothing is random, and the only clock is the times of the frames: the same frames give the same map.
 
 mod births;
+#[cfg(test)]
+mod cue_tests;
 mod current;
 mod exchange;
 mod input;
+mod kept_cues;
 mod keyframes;
 mod learning;
 mod lifecycle;
@@ -57,3 +60,6 @@ pub const MAX_DETECTIONS: usize = 20_000;
 
 /// Maximum number of categories of a map.
 pub const MAX_CATEGORIES: usize = 4096;
+
+/// Maximum number of sources of depths and 3D boxes of a map.
+pub const MAX_CUE_SOURCES: usize = 4096;

@@ -6,11 +6,12 @@ use nalgebra::Vector2;
 
 use super::current::Current;
 use super::input::{Detection, Frame, ObserveError};
+use super::kept_cues::KeptCues;
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
 use super::update::{Event, FrameUpdate};
 use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
-use super::{MAX_CATEGORIES, MAX_DETECTIONS};
+use super::{MAX_CATEGORIES, MAX_CUE_SOURCES, MAX_DETECTIONS};
 use crate::association::IdUse;
 use crate::association::input::clutter::set_clutter;
 use crate::association::input::context::given_size;
@@ -39,7 +40,7 @@ impl ObjectMap {
     /// # Errors
     /// [`ObserveError`] says which frame was refused; then none of them was observed.
     pub fn observe_together(&mut self, views: &[(Frame, &[Detection])]) -> Result<Vec<FrameUpdate>, ObserveError> {
-        let mut new = BTreeSet::new();
+        let (mut new, mut new_sources) = (BTreeSet::new(), BTreeSet::new());
         for (place, (frame, detections)) in views.iter().enumerate() {
             self.check(frame, detections)?;
             if views[..place].iter().any(|(other, _)| other.id == frame.id) {
@@ -51,6 +52,8 @@ impl ObjectMap {
             }
             new.extend(self.new_categories(detections));
             self.check_categories(frame, new.len())?;
+            new_sources.extend(self.new_cue_sources(detections));
+            self.check_cue_sources(frame, new_sources.len())?;
         }
         Ok(views.iter().map(|(frame, detections)| self.take(frame, detections)).collect())
     }
@@ -117,6 +120,8 @@ impl ObjectMap {
             return Err(ObserveError::TooManyDetections { id: id(), count: detections.len() });
         }
         self.check_categories(frame, self.new_categories(detections).len())?;
+        check_cues(frame, detections)?;
+        self.check_cue_sources(frame, self.new_cue_sources(detections).len())?;
         match detections.iter().position(|d| d.score.is_some_and(|score| !score.is_finite())) {
             Some(detection) => Err(ObserveError::Score { id: id(), detection }),
             None => Ok(()),
@@ -136,6 +141,31 @@ impl ObjectMap {
             return Err(ObserveError::TooManyCategories { id: frame.id.clone(), count });
         }
         Ok(())
+    }
+
+    /// Sources of depths and 3D boxes that the map does not have.
+    fn new_cue_sources<'a>(&self, detections: &[Detection<'a>]) -> BTreeSet<&'a str> {
+        let names = detections.iter().flat_map(|d| sources_of(d).filter_map(|index| d.cue_sources.get(index as usize)));
+        names.map(String::as_str).filter(|name| !self.cue_sources.iter().any(|known| known == name)).collect()
+    }
+
+    fn check_cue_sources(&self, frame: &Frame, new: usize) -> Result<(), ObserveError> {
+        let count = self.cue_sources.len() + new;
+        if count > MAX_CUE_SOURCES {
+            return Err(ObserveError::TooManyCueSources { id: frame.id.clone(), count });
+        }
+        Ok(())
+    }
+
+    /// The index of a source of depths and 3D boxes.
+    fn cue_source(&mut self, name: &str) -> u32 {
+        let known = self.cue_sources.iter().position(|known| known == name);
+        let index = known.unwrap_or_else(|| {
+            self.cue_sources.push(name.to_owned());
+            self.cue_sources.len() - 1
+        });
+        // Checked to be at most MAX_CUE_SOURCES.
+        index as u32
     }
 
     /// Counts the frame and prepares its boxes.
@@ -202,6 +232,9 @@ impl ObjectMap {
     ) -> KeptView {
         let category = self.category_index(detection.category);
         let in_image = detection.bounding_box;
+        // Checked to have names.
+        let source_of = |index: u32| self.cue_source(&detection.cue_sources[index as usize]);
+        let cues = detection.cues.filter(|cues| !cues.is_empty()).map(|cues| Box::new(KeptCues::of(cues, source_of)));
         let view = KeptView {
             keyframe: key,
             // Checked to be less than MAX_DETECTIONS.
@@ -209,6 +242,7 @@ impl ObjectMap {
             edges: measured.edges().map(|edge| edge as f32),
             in_image: frame.lens.map(|_| Box::new(in_image.edges().map(|edge| edge as f32))),
             absorbed: None,
+            cues,
             cut: to_bits(edges_at_border(&in_image, frame.image_size, BORDER_TOLERANCE_PX)),
             hidden: 0,
             category,
@@ -240,4 +274,25 @@ impl ObjectMap {
         }
         Some(number)
     }
+}
+
+/// Indices of the sources of a detection's depth and 3D box.
+fn sources_of(detection: &Detection) -> impl Iterator<Item = u32> {
+    let cues = detection.cues.copied().unwrap_or_default();
+    [cues.depth.and_then(|depth| depth.source), cues.box3d.and_then(|box3d| box3d.source)].into_iter().flatten()
+}
+
+/// Checks depths and 3D boxes, and that their sources have names.
+fn check_cues(frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
+    for (index, detection) in detections.iter().enumerate() {
+        let id = || frame.id.clone();
+        if let Some(cues) = detection.cues {
+            cues.check().map_err(|error| ObserveError::Cue { id: id(), detection: index, error })?;
+        }
+        let count = detection.cue_sources.len();
+        if let Some(source_index) = sources_of(detection).find(|&source| source as usize >= count) {
+            return Err(ObserveError::CueSource { id: id(), detection: index, source_index, count });
+        }
+    }
+    Ok(())
 }

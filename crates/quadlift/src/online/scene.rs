@@ -46,6 +46,7 @@ impl ObjectMap {
             let own = edges.map(f64::from);
             BoundingBox::new(edges_of(view, own)).or_else(|_| BoundingBox::new(own)).ok()
         };
+        parts.cue_sources.clone_from(&self.cue_sources);
         for (index, tracked) in objects.iter().enumerate() {
             parts.object_ids.push(tracked.id.to_string());
             for view in &tracked.views {
@@ -57,6 +58,7 @@ impl ObjectMap {
                     bounding_box: bounds(view, view.edges),
                     // A mean error is as large in both images, up to the local scale of the lens.
                     box_in_image: view.in_image.as_ref().and_then(|edges| bounds(view, **edges)),
+                    cues: view.cues.as_ref().map(|cues| Box::new(cues.to_cues())),
                     ..Default::default()
                 });
             }

@@ -31,6 +31,9 @@ pub struct MapState {
     last: Option<(f64, String)>,
     origin: [f64; 3],
     categories: Vec<Option<String>>,
+    /// Names of the sources of depths and 3D boxes.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    cue_sources: Vec<String>,
     input_ids: InputIds,
     tally: IdTally,
     running: Running,
@@ -118,6 +121,7 @@ impl ObjectMap {
             last: self.last.clone(),
             origin: self.origin.into(),
             categories: self.categories.names().to_vec(),
+            cue_sources: self.cue_sources.clone(),
             input_ids: self.input_ids.clone(),
             tally: self.tally.clone(),
             running: self.running.clone(),
@@ -147,6 +151,7 @@ impl ObjectMap {
         map.last = state.last;
         map.origin = Vector3::from(state.origin);
         map.categories = Categories::new(state.categories);
+        map.cue_sources = state.cue_sources;
         map.input_ids = state.input_ids;
         map.tally = state.tally;
         map.running = state.running;
@@ -177,6 +182,7 @@ impl MapState {
     fn check(&self) -> Result<(), StateError> {
         let hold = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(StateError::Damaged(what)) };
         hold(self.categories.len() <= super::MAX_CATEGORIES, "too many categories")?;
+        hold(self.cue_sources.len() <= super::MAX_CUE_SOURCES, "too many sources of depths and 3D boxes")?;
         let distinct: BTreeSet<&Option<String>> = self.categories.iter().collect();
         hold(distinct.len() == self.categories.len(), "a category is there twice")?;
         hold(self.running.has_categories(self.categories.len()), "statistics of other categories")?;
@@ -193,6 +199,7 @@ impl MapState {
                 && y0 < y1
                 && view.edges.iter().all(|e| e.is_finite())
                 && view.absorbed.as_ref().is_none_or(|a| a.is_valid())
+                && view.cues.as_ref().is_none_or(|cues| cues.is_valid(self.cue_sources.len()))
         };
         for frame in &self.recent {
             hold(is_known(frame.key), "a recent frame is missing")?;

@@ -35,6 +35,8 @@ fn detections(scene: &Scene, frame: usize) -> Vec<Detection<'_>> {
             category: d.category_index.map(|c| scene.categories[c as usize].as_str()),
             score: d.score,
             id: d.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+            cues: d.cues.as_deref(),
+            cue_sources: &scene.cue_sources,
         })
         .collect()
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use super::kept_cues::KeptCues;
 use super::keyframes::Keyframes;
 use super::summary::Absorbed;
 use super::update::ObjectId;
@@ -20,6 +21,9 @@ pub(super) struct KeptView {
     /// The forgotten views that it stands for.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub absorbed: Option<Box<Absorbed>>,
+    /// Depth and 3D box.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub cues: Option<Box<KeptCues>>,
     /// Score of the detector.
     pub score: Option<f32>,
     /// See [`BoxObservation::log_clutter`].

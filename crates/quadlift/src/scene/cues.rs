@@ -91,6 +91,24 @@ impl Cues {
         self.box3d.is_some_and(|b| b.center.is_some())
     }
 
+    /// The same cues in a world whose lengths are `factor` times as large.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            depth: self.depth.map(|depth| DepthCue {
+                median: depth.median * factor,
+                sd: depth.sd.map(|sd| sd * factor),
+                ..depth
+            }),
+            // The standard deviations of a 3D box are relative.
+            box3d: self.box3d.map(|box3d| Box3dCue {
+                center: box3d.center.map(|center| center * factor),
+                half_extents: box3d.half_extents.map(|half| half * factor),
+                ..box3d
+            }),
+        }
+    }
+
     /// Checks every number.
     ///
     /// # Errors

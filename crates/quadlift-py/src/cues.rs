@@ -1,0 +1,92 @@
+//! From NumPy arrays to the depths and 3D boxes of detections.
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use quadlift::geometry::CamFromWorld;
+use quadlift::scene::{Cues, SceneError};
+use quadlift_io::scene_file::{Box3dRecord, Box3dSdRecord, DepthRecord, DetectionRecord};
+
+use crate::rows::{Names, value, values};
+
+/// Cues of M detections, the dictionary `CueArrays` of `python/quadlift/_arrays.py`. NaN means none.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct CueArrays<'py> {
+    /// (M,): depth of the visible surface.
+    #[pyo3(default)]
+    depth: Option<PyReadonlyArray1<'py, f64>>,
+    /// (M,): its standard deviation.
+    #[pyo3(default)]
+    depth_sd: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(default)]
+    depth_source: Names<'py>,
+    /// (M, 3).
+    #[pyo3(default)]
+    center: Option<PyReadonlyArray2<'py, f64>>,
+    /// (M, 3).
+    #[pyo3(default)]
+    half_extents: Option<PyReadonlyArray2<'py, f64>>,
+    /// (M, 4): unit quaternions, w first.
+    #[pyo3(default)]
+    rotation: Option<PyReadonlyArray2<'py, f64>>,
+    /// `camera`, which is the default, or `world`.
+    #[pyo3(default)]
+    frame: Names<'py>,
+    /// (M, 4): of distance, direction, size, rotation.
+    #[pyo3(default)]
+    sd: Option<PyReadonlyArray2<'py, f64>>,
+    /// (M, 81): by rows.
+    #[pyo3(default)]
+    covariance: Option<PyReadonlyArray2<'py, f64>>,
+    #[pyo3(default)]
+    source: Names<'py>,
+}
+
+impl CueArrays<'_> {
+    /// The depth and the 3D box of a row, unchecked.
+    pub fn records(&self, row: usize) -> (Option<Box<DepthRecord>>, Option<Box<Box3dRecord>>) {
+        let depth = value(&self.depth, row).map(|median| {
+            let source = self.depth_source.of_row(row).map(Into::into);
+            Box::new(DepthRecord { median, sd: value(&self.depth_sd, row), source, ..Default::default() })
+        });
+        let (center, half_extents) = (values(&self.center, row), values(&self.half_extents, row));
+        let rotation: Option<[f64; 4]> = values(&self.rotation, row);
+        if center.is_none() && half_extents.is_none() && rotation.is_none() {
+            return (depth, None);
+        }
+        let sd = values::<4>(&self.sd, row).map(|sd| {
+            let [distance, direction, size, rotation] = sd.map(|x| Some(x).filter(|x| !x.is_nan()));
+            Box3dSdRecord { distance, direction, size, rotation }
+        });
+        let rows = |numbers: [f64; 81]| numbers.chunks(9).map(<[f64]>::to_vec).collect();
+        let box3d = Box3dRecord {
+            center,
+            half_extents,
+            rotation,
+            frame: self.frame.of_row(row).map(Into::into),
+            sd,
+            covariance: values(&self.covariance, row).map(rows),
+            source: self.source.of_row(row).map(Into::into),
+            ..Default::default()
+        };
+        (depth, Some(Box::new(box3d)))
+    }
+
+    /// The same as cues, checked; `pose` is that of the frame, `source_of` gives the index of a source.
+    pub fn of_row(
+        &self,
+        row: usize,
+        pose: impl Fn() -> Option<CamFromWorld>,
+        source_of: impl FnMut(&str) -> Result<u32, SceneError>,
+    ) -> Result<Cues, String> {
+        let (depth, box3d) = self.records(row);
+        let record = DetectionRecord { depth, box3d, ..Default::default() };
+        record.cues(source_of, pose, str::to_owned).map_err(|error| {
+            // ".box3d.rotation" is box3d["rotation"] here.
+            let mut fields = error.entry.split('.').filter(|field| !field.is_empty());
+            let array = fields.next().unwrap_or_default();
+            let place: String = fields.map(|field| format!("[\"{field}\"]")).collect();
+            format!("{array}{place}[{row}]: {}", error.problem)
+        })
+    }
+}

@@ -1,0 +1,200 @@
+"""Depths and 3D boxes of detections as arrays for the core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+
+from . import _checks
+from ._core import QuadliftError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from typing_extensions import Required
+
+Names = tuple["NDArray[np.int64] | None", list[str]]
+"""Indices into a list of texts, shape (M,), -1 for none; None if no row has one."""
+
+
+class Depths(TypedDict, total=False):
+    """Depths of M detections: how far the visible surface is along the optical axis, in world units; NaN means none."""
+
+    median: Required[ArrayLike]
+    """(M,): median depth of the visible surface."""
+    sd: ArrayLike
+    """(M,) or one number: standard deviation."""
+    source: str | ArrayLike
+    """The depth network or sensor, one for all or one for each (None: unknown). Depths of a source share a scale."""
+
+
+class Boxes3d(TypedDict, total=False):
+    """3D boxes of M detections, each from one image; any of `center`, `half_extents`, `rotation`. NaN means none."""
+
+    center: ArrayLike
+    """(M, 3), world units."""
+    half_extents: ArrayLike
+    """(M, 3): half the length, width and height, along the axes of `rotation`."""
+    rotation: ArrayLike
+    """(M, 4): unit quaternions, w first, from the axes of the box to those of `frame`."""
+    frame: str | ArrayLike
+    """``"camera"`` (x right, y down, z forward; the default) or ``"world"``, one for all or one for each."""
+    sd: Box3dSd
+    """Standard deviations of the errors."""
+    covariance: ArrayLike
+    """(M, 9, 9), of centre, rotation vector and logarithms of the half extents; takes the place of `sd`."""
+    source: str | ArrayLike
+    """The 3D detector, one for all or one for each (None: unknown). Boxes of a source share distance and size factors."""
+
+
+class Box3dSd(TypedDict, total=False):
+    """Standard deviations of 3D boxes: (M,) or one number; NaN means unknown."""
+
+    distance: ArrayLike
+    """Of the centre along the ray, relative to its distance."""
+    direction: ArrayLike
+    """Of the direction of the centre, each way, radians."""
+    size: ArrayLike
+    """Of the logarithm of an extent."""
+    rotation: ArrayLike
+    """Of the rotation about each axis, radians."""
+
+
+class CueArrays(TypedDict, total=False):
+    """The input of the core, as read by `crates/quadlift-py`; NaN for none."""
+
+    depth: NDArray[np.float64] | None
+    """(M,)."""
+    depth_sd: NDArray[np.float64] | None
+    """(M,)."""
+    depth_source: Names
+    center: NDArray[np.float64] | None
+    """(M, 3)."""
+    half_extents: NDArray[np.float64] | None
+    """(M, 3)."""
+    rotation: NDArray[np.float64] | None
+    """(M, 4)."""
+    frame: Names
+    sd: NDArray[np.float64] | None
+    """(M, 4)."""
+    covariance: NDArray[np.float64] | None
+    """(M, 81)."""
+    source: Names
+
+
+def cues(depth: Any, box3d: Any, count: int, like: str) -> CueArrays | None:
+    """The depths and 3D boxes of `count` detections, as many as the argument `like`; None without any."""
+    if depth is None and box3d is None:
+        return None
+    return {**_depths(depth, count, like), **_boxes3d(box3d, count, like)}
+
+
+def taken(cues: CueArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -> CueArrays:
+    """Those at some indices, or where a mask is true."""
+
+    def names(found: Names) -> Names:
+        return None if found[0] is None else found[0][places], found[1]
+
+    def rows(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        return None if values is None else np.ascontiguousarray(values[places])
+
+    nothing: Names = (None, [])
+    return {
+        "depth": rows(cues.get("depth")),
+        "depth_sd": rows(cues.get("depth_sd")),
+        "depth_source": names(cues.get("depth_source", nothing)),
+        "center": rows(cues.get("center")),
+        "half_extents": rows(cues.get("half_extents")),
+        "rotation": rows(cues.get("rotation")),
+        "frame": names(cues.get("frame", nothing)),
+        "sd": rows(cues.get("sd")),
+        "covariance": rows(cues.get("covariance")),
+        "source": names(cues.get("source", nothing)),
+    }
+
+
+def _depths(depth: Any, count: int, like: str) -> CueArrays:
+    if depth is None:
+        return {}
+    fields = depth if isinstance(depth, Mapping) else {"median": depth}
+    _known("depth", fields, ("median", "sd", "source"))
+    if fields.get("median") is None:
+        raise QuadliftError('depth has no "median"; expected the depths of the detections')
+    name = 'depth["median"]' if fields is depth else "depth"
+    return {
+        "depth": _rows(name, fields["median"], count, like),
+        "depth_sd": _of_all('depth["sd"]', fields.get("sd"), count, like),
+        "depth_source": _sources('depth["source"]', fields.get("source"), count, like),
+    }
+
+
+def _boxes3d(box3d: Any, count: int, like: str) -> CueArrays:
+    if box3d is None:
+        return {}
+    known = ("center", "half_extents", "rotation", "frame", "sd", "covariance", "source")
+    if not isinstance(box3d, Mapping):
+        raise QuadliftError(f"box3d is a {type(box3d).__name__}; expected a mapping with {', '.join(known[:3])}")
+    _known("box3d", box3d, known)
+    if all(box3d.get(name) is None for name in known[:3]):
+        raise QuadliftError("box3d has neither center nor half_extents nor rotation; expected one of them")
+    frame = _sources('box3d["frame"]', box3d.get("frame"), count, like)
+    for name in frame[1]:
+        if name not in ("camera", "world"):
+            raise QuadliftError(f'box3d["frame"] has {name!r}; expected "camera" or "world"')
+
+    def rows(name: str, *width: int) -> NDArray[np.float64] | None:
+        value = box3d.get(name)
+        return None if value is None else _rows(f'box3d["{name}"]', value, count, like, *width)
+
+    covariance = rows("covariance", 9, 9)
+    return {
+        "center": rows("center", 3),
+        "half_extents": rows("half_extents", 3),
+        "rotation": rows("rotation", 4),
+        "frame": frame,
+        "sd": _deviations(box3d.get("sd"), count, like),
+        "covariance": None if covariance is None else covariance.reshape(count, 81),
+        "source": _sources('box3d["source"]', box3d.get("source"), count, like),
+    }
+
+
+def _deviations(sd: Any, count: int, like: str) -> NDArray[np.float64] | None:
+    """(M, 4)."""
+    if sd is None:
+        return None
+    known = ("distance", "direction", "size", "rotation")
+    if not isinstance(sd, Mapping):
+        raise QuadliftError(f'box3d["sd"] is a {type(sd).__name__}; expected a mapping with {", ".join(known)}')
+    _known('box3d["sd"]', sd, known)
+    of_kind = [_of_all(f'box3d["sd"]["{name}"]', sd.get(name), count, like) for name in known]
+    return np.column_stack([np.full(count, np.nan) if values is None else values for values in of_kind])
+
+
+def _known(name: str, fields: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    unknown = [field for field in fields if field not in known]
+    if unknown:
+        raise QuadliftError(f"{name} has the field {unknown[0]!r}; expected {', '.join(map(repr, known))}")
+
+
+def _rows(name: str, value: Any, count: int, like: str, *width: int) -> NDArray[np.float64]:
+    numbers = _checks.array(name, value, ("M", *width), nan=True)
+    _checks.rows(name, len(numbers), like, count)
+    return numbers
+
+
+def _of_all(name: str, value: Any, count: int, like: str) -> NDArray[np.float64] | None:
+    """(M,) of (M,) or one number."""
+    if value is None:
+        return None
+    numbers = _checks.array(name, value, ("M",), (), nan=True)
+    if numbers.ndim == 0:
+        return np.full(count, numbers.item())
+    _checks.rows(name, len(numbers), like, count)
+    return numbers
+
+
+def _sources(name: str, value: Any, count: int, like: str) -> Names:
+    if isinstance(value, str) and value:
+        return np.zeros(count, dtype=np.int64), [_checks.text(name, value)]
+    return _checks.names(name, value or None if isinstance(value, str) else value, count, like)
