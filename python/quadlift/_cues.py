@@ -45,7 +45,7 @@ class Boxes3d(TypedDict, total=False):
     covariance: ArrayLike
     """(M, 9, 9), of centre, rotation vector and logarithms of the half extents; takes the place of `sd`."""
     source: str | ArrayLike
-    """The 3D detector, one for all or one for each (None: unknown). Boxes of a source share distance and size factors."""
+    """The 3D detector, one for all or one for each (None: unknown). Boxes of a source share factors."""
 
 
 class Box3dSd(TypedDict, total=False):

@@ -66,8 +66,8 @@ def localize(
     categories : array_like of int or str, shape (M,), optional
         Categories, by number or name; unknown values as for objects.
     depth : Depths or array_like, shape (M,), optional
-        Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with `median`,
-        and `sd` and `source` if known.
+        Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with
+        `median`, and `sd` and `source` if known.
     box3d : Boxes3d, optional
         3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`, `sd`,
         `covariance`, `source`. With a centre a detection needs neither a box nor an ellipse.

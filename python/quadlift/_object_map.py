@@ -323,8 +323,8 @@ class ObjectMap:
         object : array_like of int or str, shape (M,), optional
             Ids of a tracker; unknown ones as for categories.
         depth, box3d : optional
-            Depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map keeps them with its views, for
-            `localize`.
+            Depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map keeps them with its views,
+            for `localize`.
 
         Raises
         ------

@@ -162,8 +162,8 @@ class SceneData:
             Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with
             `median`, and `sd` and `source` if known.
         box3d : Boxes3d, optional
-            3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`, `sd`,
-            `covariance`, `source`. With a centre a detection needs neither a box nor an ellipse.
+            3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`,
+            `sd`, `covariance`, `source`. With a centre a detection needs neither a box nor an ellipse.
         source : str, optional
             Name of the detector.
         """

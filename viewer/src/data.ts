@@ -56,6 +56,10 @@ export interface Detections {
   ellipses: [number, number, number, number, number, number][];
   /** Of those that have a mask: row, height of its strips, and y (upper edge), x0, x1 of each run of pixels in them. */
   masks: [number, number, number[]][];
+  /** Of those that have a depth: row, depth, and its ratio to that of the estimated body's visible surface. */
+  depths: [number, number, number | null][];
+  /** Of those that have a whole 3D box: row, and the box. */
+  boxes3d: [number, Body][];
 }
 
 /** 0: not used or not known, 1: used, 2: rejected as an outlier. */

@@ -12,6 +12,8 @@ export interface FrameStyle {
   /** The part that is shown. */
   region: Region;
   boxes: boolean;
+  /** 3D boxes of the detections. */
+  boxes3d: boolean;
   /** Masks of the detections. */
   masks: boolean;
   /** Outlines of the bodies; not in small pictures of scenes with many objects. */
@@ -106,6 +108,13 @@ export function drawFrame(
       if (shape !== null) pen.truth(shape, strength(k));
     }
   }
+  if (style.boxes3d) {
+    for (const [row, box] of frame.detections.boxes3d) {
+      const k = object[row] ?? -1;
+      const shape = style.shows(k) ? outline(frame.projection, box) : null;
+      if (shape !== null) pen.box3d(shape, colors.ofObject(k), strength(k));
+    }
+  }
   if (style.boxes) drawDetections(pen, frame, rows, colors, strength);
   if (style.names) {
     const named = rows.filter((row) => (object[row] ?? -1) >= 0).reverse();
@@ -174,6 +183,17 @@ class Pen {
       }
       this.stroke(color, strength, strong ? 1.4 : 0.7, []);
     }
+  }
+
+  /** The edges of a measured 3D box, dashed: those of estimated bodies are solid. */
+  box3d(shape: Outline, color: string, strength: number): void {
+    this.context.beginPath();
+    for (const [a, b] of shape.lines) {
+      this.context.moveTo(a[0] * this.scale, a[1] * this.scale);
+      this.context.lineTo(b[0] * this.scale, b[1] * this.scale);
+    }
+    if (this.line > 1) this.stroke("#000000", 0.4 * strength, 1.8, [6, 3]);
+    this.stroke(color, strength, 1, [6, 3]);
   }
 
   mask(runs: number[], height: number, color: string, strength: number): void {

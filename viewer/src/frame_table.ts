@@ -5,7 +5,7 @@ import type { Colors } from "./colors.ts";
 import { element } from "./dom.ts";
 import type { Filter } from "./filter.ts";
 import type { Selection } from "./selection.ts";
-import { Table } from "./table.ts";
+import { Table, type Column } from "./table.ts";
 import { objectName, short, viewState } from "./words.ts";
 
 /** A detection of the selected frame. */
@@ -16,6 +16,9 @@ interface Measured {
   residual: number | null;
   /** Why it was rejected. */
   reason: string | undefined;
+  /** Measured depth, and its ratio to that of the estimated body's visible surface. */
+  depth: number | null;
+  ratio: number | null;
 }
 
 export function frameTable(report: Report, selection: Selection, colors: Colors, filter: Filter): HTMLElement {
@@ -23,6 +26,26 @@ export function frameTable(report: Report, selection: Selection, colors: Colors,
   // Largest residual of the frame, for bars.
   let largest = 1;
   const state = (row: Measured): string => (row.object < 0 ? "of no object" : viewState(row.state, row.reason));
+  const unit = report.lengthUnit === null ? "" : ` [${report.lengthUnit}]`;
+  // Most scenes have no depths.
+  const depths: Column<Measured>[] = frames.some((frame) => frame.detections.depths.length > 0)
+    ? [
+        {
+          title: `depth${unit}`,
+          hint: "measured depth of the visible surface",
+          value: (row) => row.depth,
+          text: (row) => short(row.depth),
+          number: true,
+        },
+        {
+          title: "depth / estimate",
+          hint: "measured depth over that of the visible surface of the estimated body",
+          value: (row) => row.ratio,
+          text: (row) => short(row.ratio),
+          number: true,
+        },
+      ]
+    : [];
   const table = new Table<Measured>("Detections of this frame", [
     {
       title: "detections of this frame",
@@ -47,13 +70,16 @@ export function frameTable(report: Report, selection: Selection, colors: Colors,
       tip: state,
       style: (row) => (row.state === REJECTED ? "bad" : row.object < 0 ? "dim" : ""),
     },
+    ...depths,
   ], (key) => selection.selectInFrame(key));
   const fill = (): void => {
     const detections = frames[selection.frame]?.detections;
     if (detections === undefined) return;
     const reasons = new Map(detections.rejections);
+    const measured = new Map(detections.depths.map(([row, depth, ratio]) => [row, [depth, ratio] as const]));
     const rows = detections.object.map((object, row): Measured => ({
       object, state: detections.state[row] ?? 0, residual: detections.residual[row] ?? null, reason: reasons.get(row),
+      depth: measured.get(row)?.[0] ?? null, ratio: measured.get(row)?.[1] ?? null,
     }));
     largest = rows.reduce((most, row) => Math.max(most, row.residual ?? 0), 1e-9);
     table.show(rows, detections.object);

@@ -86,6 +86,9 @@ export class FrameView {
       list.append(element("span", { title }, element("span", { class: `sign ${sign}` }), text));
     add("boxes", "box", hasEllipses ? "boxes and ellipses" : "boxes", "what was detected");
     if (some(({ masks }) => masks.length > 0)) add("masks", "mask", "masks", "the pixels of the detected objects");
+    if (some(({ boxes3d }) => boxes3d.length > 0)) {
+      add("boxes3d", "box3d", "3D boxes", "the 3D boxes of the detections, each from this image alone");
+    }
     if (objects.some((object) => object.body !== null)) {
       add("outlines", "outline", "outlines of bodies", "the estimated bodies, projected into this image");
     }
@@ -155,6 +158,7 @@ export class FrameView {
     drawFrame(context, width, this.report, index, image, this.colors, {
       region,
       boxes: this.isOn("boxes"),
+      boxes3d: this.isOn("boxes3d"),
       masks: this.isOn("masks"),
       outlines: this.isOn("outlines"),
       truth: this.isOn("truth"),

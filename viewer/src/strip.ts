@@ -120,6 +120,7 @@ export class Strip {
       // Outlines of hundreds of objects in a small picture are a blot.
       outlines: this.report.objects.length <= 60,
       boxes: true,
+      boxes3d: false,
       masks: false,
       truth: false,
       names: false,

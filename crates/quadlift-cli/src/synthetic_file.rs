@@ -3,7 +3,7 @@
 use quadlift::geometry::Intrinsics;
 use quadlift::synthetic::SyntheticScene;
 use quadlift_io::SceneFile;
-use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord};
+use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord, cue_records};
 
 /// The same scene whose detections name the true objects.
 pub fn with_true_ids(mut file: SceneFile, synthetic: &SyntheticScene) -> SceneFile {
@@ -50,7 +50,11 @@ pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
         });
     }
     for detection in &scene.detections {
+        let cues = detection.cues.as_deref().map(|cues| cue_records(cues, &scene.cue_sources));
+        let (depth, box3d) = cues.unwrap_or_default();
         file.detections.push(DetectionRecord {
+            depth,
+            box3d,
             frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into()),
             bounding_box: detection.bounding_box.map(|b| b.edges()),

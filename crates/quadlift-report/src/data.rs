@@ -81,6 +81,11 @@ pub struct ReportDetections {
     pub ellipses: Vec<(usize, f64, f64, f64, f64, f64)>,
     /// Of those that have a mask.
     pub masks: Vec<MaskRows>,
+    /// Of those that have a depth: row, depth, and its ratio to that of the estimated body's visible surface.
+    pub depths: Vec<(usize, f64, Option<f64>)>,
+    /// Of those that have a whole 3D box: row, and the box.
+    #[serde(rename = "boxes3d")]
+    pub boxes3d: Vec<(usize, ReportBody)>,
 }
 
 /// A mask: row of its detection, height of its strips in pixels, and y (upper edge), x0, x1 of each run of pixels in them.

@@ -164,6 +164,8 @@ fn detections_by_frame(
                 (1e4 * e.angle()).round() / 1e4,
             ));
         }
+        let body = object.and_then(|index| objects.list[index].body.as_ref());
+        list.push_cues(list.object.len(), scene, detection, body);
         list.push(
             Some(detection_index),
             object,

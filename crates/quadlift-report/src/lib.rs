@@ -7,6 +7,7 @@
 
 mod colors;
 mod content;
+mod cues;
 mod data;
 mod document;
 mod frame_image;

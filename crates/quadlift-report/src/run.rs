@@ -54,6 +54,9 @@ pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
         let pixels = number("/noise/edge_px").map_or(String::new(), |x| format!(", or {x:.2} px"));
         say("noise of box edges", format!("{} of the box's half size{pixels}", percent(noise)));
     }
+    for scale in run.get("cue_scales").and_then(Value::as_array).into_iter().flatten() {
+        overview_of_scale(scale, &mut say);
+    }
     if let (Some(taken), Some(left)) = (number("/association/associated"), number("/association/clutter")) {
         let objects = run.pointer("/association/objects").and_then(Value::as_array).map_or(0, Vec::len);
         say(
@@ -65,6 +68,26 @@ pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
         say("left-out views", format!("{views:.0} boxes predicted from the other views: mean IoU {iou:.2}"));
     }
     overview
+}
+
+/// What a source of depths or 3D boxes is wrong by.
+fn overview_of_scale(scale: &Value, say: &mut impl FnMut(&str, String)) {
+    let text = |name: &str| scale.get(name).and_then(Value::as_str);
+    let number = |name: &str| scale.get(name).and_then(Value::as_f64);
+    let (Some(quantity), Some(factor), Some(log_sd)) = (text("quantity"), number("factor"), number("log_sd")) else {
+        return;
+    };
+    let what = match quantity {
+        "depth" => "depths",
+        "box3d_distance" => "distances of the 3D boxes",
+        "box3d_length" => "lengths of the 3D boxes",
+        "box3d_width" => "widths of the 3D boxes",
+        "box3d_height" => "heights of the 3D boxes",
+        other => other,
+    };
+    let of = text("source").map_or(String::new(), |name| format!(" of {name}"));
+    let category = text("category").map_or(String::new(), |name| format!(" ({name})"));
+    say(&format!("{what}{of}{category}"), format!("{factor:.3} ± {:.3} of the true ones", factor * log_sd));
 }
 
 /// A share as a percentage with two digits.
@@ -169,6 +192,10 @@ mod tests {
         let told = of(json!({
             "diagnosis": {"consistent": true, "score": 0.0294, "causes": []},
             "noise": {"edge_relative": 0.123, "edge_px": 3.456},
+            "cue_scales": [
+                {"source": "net", "quantity": "depth", "factor": 1.0923, "log_sd": 0.002},
+                {"source": null, "quantity": "box3d_length", "category": "car", "factor": 1.08, "log_sd": 0.01},
+            ],
             "association": {"associated": 153, "clutter": 7, "objects": [{"id": "a"}, {"id": "b"}]},
             "cross_validation": {"iou": 0.911, "views": 26},
         }));
@@ -182,6 +209,8 @@ mod tests {
                      size"
                 ),
                 line("noise of box edges", "12 % of the box's half size, or 3.46 px"),
+                line("depths of net", "1.092 ± 0.002 of the true ones"),
+                line("lengths of the 3D boxes (car)", "1.080 ± 0.011 of the true ones"),
                 line("association", "153 of 160 detections assigned to 2 objects; 7 unassigned"),
                 line("left-out views", "26 boxes predicted from the other views: mean IoU 0.91"),
             ]

@@ -143,8 +143,8 @@ def localize_objects(
 
     Notes
     -----
-    With given `sigmas` the scales of depths and 3D boxes are not estimated: multiply depths that are 10 % too large first
-    (`Estimates.cue_scales` of a sample has the factors).
+    With given `sigmas` the scales of depths and 3D boxes are not estimated: divide the depths of a source by its factor
+    first (`Estimates.cue_scales` of a sample).
     """
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     if not settings.is_complete():

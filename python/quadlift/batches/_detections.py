@@ -273,9 +273,7 @@ def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Dete
     return cameras, kept.take(~np.isin(kept.row, list(problems.of_row))), problems.of_row
 
 
-def check_boxes(
-    cameras: Cameras, detections: Detections, order: NDArray[np.int64], problems: Problems
-) -> Detections:
+def check_boxes(cameras: Cameras, detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
     """The detections in this order with valid boxes, depths and 3D boxes."""
     absent = np.isnan(detections.boxes[order]).all(axis=1)
     centers = None if detections.cues is None else detections.cues.get("center")
@@ -287,8 +285,8 @@ def check_boxes(
     # Their frames are valid already: any frame works here, except for 3D boxes in the world.
     frames, frame = _PROBE, np.zeros(len(order), dtype=np.int64)
     if kept.cues is not None and len(order):
-        used, place = np.unique(kept.camera, return_inverse=True)
-        frames, frame = cameras.frames(used), place.astype(np.int64)
+        used, number = np.unique(kept.camera, return_inverse=True)
+        frames, frame = cameras.frames(used), number.astype(np.int64)
     found = _core.Scene.from_frames(frames).detection_problems(kept.dictionary(frame, None, None))
     for place, text in found:
         problems.add_detections(order[[place]], 7, _tables.without_place(text))

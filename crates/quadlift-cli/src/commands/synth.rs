@@ -1,5 +1,7 @@
 //! `quadlift synth`: synthetic scenes with known truth.
 
+mod cues;
+
 use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
@@ -38,6 +40,16 @@ Noise (--noise, may be repeated):
   se:0.3     size of the ellipse, uniform; one factor for both axes (se2: one for each axis)
   te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
 
+Errors of depths and 3D boxes (--cue-noise, may be repeated; the defaults are those of networks for single images):
+  depth:0.05 depth-scale:1.1 depth-outliers:0
+             noise of each depth, relative; measured over true depth of all; share that shows something behind
+  distance:0.04 across:0.01
+             centre of each 3D box along the ray and across it, each way, relative to the distance
+  size:0.1 size-scale:1.08
+             logarithm of each extent; measured over true extents of all
+  yaw:8 flips:0.1 box3d-outliers:0.05
+             rotation about the third axis, degrees; share that looks backwards; share that is wrong in everything
+
 Camera positions (--trajectory):
   paper      an arc of 60 degrees at 70 degrees of elevation, as in the paper
   arc:SPAN   an arc of SPAN degrees
@@ -54,6 +66,7 @@ Examples:
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
   quadlift synth -o table.json --trajectory random --body cuboid,cylinder,ellipsoid --standing --edge-bias 0.04
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
+  quadlift synth -o cues.json --views 2 --cues depth,box3d --cue-noise depth:0.1 --cue-noise yaw:20
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
@@ -126,12 +139,16 @@ pub struct Args {
     #[command(flatten)]
     ids: IdArgs,
 
+    #[command(flatten)]
+    cues: cues::CueArgs,
+
     /// Render images and true masks
     #[arg(
         long,
         help_heading = "Rendering",
         conflicts_with_all = [
-            "body", "standing", "edge_bias", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "DetectorArgs", "IdArgs"
+            "body", "standing", "edge_bias", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "DetectorArgs", "IdArgs",
+            "CueArgs"
         ]
     )]
     render: bool,
@@ -333,10 +350,20 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
         ids: args.ids.ids(),
         ..defaults
     };
-    let synthetic = match generate(&options) {
+    let mut synthetic = match generate(&options) {
         Ok(synthetic) => synthetic,
         Err(error) => return usage(error.to_string()),
     };
+    if args.cues.is_used() {
+        let with_cues = args
+            .cues
+            .options()
+            .and_then(|options| cues::with_cues(&synthetic, &options, args.seed).map_err(|error| error.to_string()));
+        match with_cues {
+            Ok(scene) => synthetic.scene = scene,
+            Err(problem) => return usage(problem),
+        }
+    }
     let mut file = scene_file(&synthetic);
     if let Some(truth) = &args.ids.truth {
         write_scene_file(truth, &with_true_ids(file.clone(), &synthetic))?;

@@ -595,6 +595,9 @@ fn choices() -> Vec<Case> {
         called("a negative number of false boxes", 2, "synth -o out.json --false-boxes=-1"),
         called("no ids, and ids of a tracker", 2, "synth -o out.json --no-ids --fragments 0.1"),
         called("a truth in place of the scene", 2, "synth -o out.json --truth out.json"),
+        called("an unknown error of depths", 2, "synth -o out.json --cues depth --cue-noise fog:1"),
+        called("a share of flipped 3D boxes above one", 2, "synth -o out.json --cues box3d --cue-noise flips:2"),
+        called("errors of 3D boxes without 3D boxes", 2, "synth -o out.json --cues depth --cue-noise yaw:10"),
         called("a detector of rendered scenes", 2, "synth --render -o out.json --misses 0.1"),
         called("ellipses of cuboids", 2, "synth -o out.json --body cuboid --observations ellipses"),
     ]

@@ -118,6 +118,67 @@ fn lines_give_what_the_scene_gives_and_writing_on_the_way_changes_nothing() {
     assert_eq!(objects(&lines), objects(&replayed));
 }
 
+/// The lines of a scene with the depths and 3D boxes of its detections.
+fn lines_with_cues(scene: &Value) -> Vec<String> {
+    let mut lines = lines_of(scene);
+    for (line, frame) in lines[1..].iter_mut().zip(scene["frames"].as_array().unwrap()) {
+        let mut value: Value = serde_json::from_str(line).unwrap();
+        let of_frame = scene["detections"].as_array().unwrap().iter().filter(|d| d["frame"] == frame["id"]);
+        for (detection, given) in value["detections"].as_array_mut().unwrap().iter_mut().zip(of_frame) {
+            (detection["depth"], detection["box3d"]) = (given["depth"].clone(), given["box3d"].clone());
+        }
+        *line = format!("{value}\n");
+    }
+    lines
+}
+
+#[test]
+fn depths_and_3d_boxes_reach_the_map_the_state_and_the_estimates() {
+    let folder = Folder::new();
+    folder.succeed(
+        "synth -q -o scene.json --truth truth.json --no-ids --objects 6 --views 20 --seed 2 --noise box:0.03 \
+         --cues depth,box3d",
+    );
+    let scene = folder.json("scene.json");
+    let lines = lines_with_cues(&scene);
+    folder.write("scene.jsonl", lines.join(""));
+    for line in &lines {
+        assert_eq!(crate::stream_schema::forbidden("input", &serde_json::from_str(line).unwrap()), None, "{line}");
+    }
+    folder.succeed("stream scene.jsonl -q --map lines.json");
+    folder.succeed("stream scene.json -q --map map.json");
+    assert_eq!(folder.read("map.json"), folder.read("lines.json"));
+    let map = folder.json("map.json");
+    let kept = map["detections"].as_array().unwrap();
+    assert!(kept.len() > 100, "{}", kept.len());
+    for detection in kept {
+        let depth = |d: &&Value| d["frame"] == detection["frame"] && d["depth"] == detection["depth"];
+        let given = scene["detections"].as_array().unwrap().iter().find(depth).unwrap();
+        assert_eq!(given["box3d"]["center"], detection["box3d"]["center"]);
+        assert_eq!(given["box3d"]["source"], detection["box3d"]["source"]);
+    }
+    let scales = map["localization"]["cue_scales"].as_array().unwrap();
+    let of_depth = scales.iter().find(|scale| scale["quantity"] == "depth").unwrap();
+    assert_eq!(of_depth["source"], "depth");
+    assert!((of_depth["factor"].as_f64().unwrap() - 1.1).abs() < 0.02, "{scales:?}");
+    // In two parts, from a state.
+    folder.write("first.jsonl", lines[..12].join(""));
+    folder.succeed("stream first.jsonl -q --state state.json");
+    folder.succeed("stream scene.jsonl -q --state state.json --resume --map again.json");
+    assert_eq!(folder.read("again.json"), folder.read("lines.json"));
+    // The corrected world is a hundred times smaller, and so are its lengths.
+    folder.succeed("localize scene.json -q -o metres.json --pose-unit cm");
+    let sizes = |path: &str, factor: f64| -> Vec<i64> {
+        let axes = folder.json(path)["objects"].as_array().unwrap().clone();
+        let axes = axes.iter().map(|o| o["ellipsoid"]["semi_axes"][0].as_f64().unwrap() * factor * 1e3);
+        let mut axes: Vec<i64> = axes.map(|x| x.round() as i64).collect();
+        axes.sort_unstable();
+        axes
+    };
+    folder.succeed("localize scene.json -q -o given.json");
+    assert_eq!(sizes("metres.json", 100.0), sizes("given.json", 1.0));
+}
+
 #[test]
 fn an_empty_input_gives_an_empty_map() {
     let folder = Folder::new();

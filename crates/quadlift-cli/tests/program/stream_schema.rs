@@ -69,7 +69,7 @@ fn violation(root: &Value, schema: &Value, value: &Value, place: &str) -> Option
 }
 
 /// The first thing that the schema forbids in a line.
-fn forbidden(kind: &str, line: &Value) -> Option<String> {
+pub fn forbidden(kind: &str, line: &Value) -> Option<String> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/formats/stream.schema.json");
     let schema: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     violation(&schema, &schema["$defs"][kind], line, kind)
@@ -129,6 +129,12 @@ fn the_schema_refuses_what_the_program_refuses() {
         changed("projection", json!([[1, 0, 0, 0]])),
         changed("detections", json!([{"box": [1, 2, 3]}])),
         changed("detections", json!([{"category": "cup"}])),
+        changed("detections", json!([{"box": [1, 2, 3, 4], "depth": {"sd": 1}}])),
+        changed("detections", json!([{"box": [1, 2, 3, 4], "depth": {"median": -1}}])),
+        changed("detections", json!([{"box": [1, 2, 3, 4], "box3d": {"center": [1, 2]}}])),
+        changed("detections", json!([{"box": [1, 2, 3, 4], "box3d": {"half_extents": [1, 2, 0]}}])),
+        changed("detections", json!([{"box": [1, 2, 3, 4], "box3d": {"rotation": [1, 0, 0, 0], "frame": "lidar"}}])),
+        changed("detections", json!([{"box": [1, 2, 3, 4], "box3d": {"center": [0, 0, 1], "sd": {"all": 1}}}])),
         changed("pose_noise", json!({"rotation_sd": 0, "translation_sd": 1})),
         changed("camera", json!({"model": "PINHOLE"})),
         json!({"frame": "a"}),

@@ -37,6 +37,8 @@ pub fn observed(scene: &Scene, index: usize) -> Option<Detection<'_>> {
         category: detection.category_index.map(|c| scene.categories[c as usize].as_str()),
         score: detection.score,
         id: detection.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+        cues: detection.cues.as_deref(),
+        cue_sources: &scene.cue_sources,
     })
 }
 

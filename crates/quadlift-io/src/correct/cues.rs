@@ -148,7 +148,9 @@ mod tests {
     fn difference(found: &Box3dRecord, from: &Box3dRecord) -> SVector<f64, 9> {
         let turn = |record: &Box3dRecord| rotation_from_quaternion(record.rotation.unwrap()).unwrap();
         let center = Vector3::from(found.center.unwrap()) - Vector3::from(from.center.unwrap());
-        let rotation = (turn(from).inverse() * turn(found)).scaled_axis();
+        // Of a small turn, without the loss of digits of its angle.
+        let small = (turn(from).inverse() * turn(found)).into_inner();
+        let rotation = 0.5 * Vector3::new(small.m32 - small.m23, small.m13 - small.m31, small.m21 - small.m12);
         let sizes = [0, 1, 2].map(|k| (found.half_extents.unwrap()[k] / from.half_extents.unwrap()[k]).ln());
         SVector::from_iterator(center.iter().chain(rotation.iter()).chain(&sizes).copied())
     }

@@ -95,9 +95,8 @@ fn estimates_use_the_cues_of_the_views() {
             .filter_map(|(_, body)| {
                 let truth = body.ellipsoid();
                 let bodies = localization.estimates.iter().filter_map(|e| e.ellipsoid());
-                let nearest = bodies.min_by(|a, b| {
-                    (a.center - truth.center).norm().total_cmp(&(b.center - truth.center).norm())
-                })?;
+                let nearest = bodies
+                    .min_by(|a, b| (a.center - truth.center).norm().total_cmp(&(b.center - truth.center).norm()))?;
                 let sorted = |v: nalgebra::Vector3<f64>| {
                     let mut v: [f64; 3] = v.into();
                     v.sort_by(f64::total_cmp);

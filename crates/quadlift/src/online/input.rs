@@ -150,7 +150,10 @@ pub enum ObserveError {
         count: usize,
     },
     /// Too many sources of depths and 3D boxes.
-    #[error("frame {id:?} brings the map to {count} sources of depths and 3D boxes; expected {} at most", super::MAX_CUE_SOURCES)]
+    #[error(
+        "frame {id:?} brings the map to {count} sources of depths and 3D boxes; expected {} at most",
+        super::MAX_CUE_SOURCES
+    )]
     TooManyCueSources {
         /// Id of the frame.
         id: String,

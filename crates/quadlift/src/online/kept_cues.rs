@@ -80,3 +80,40 @@ impl KeptCues {
             && self.to_cues().check().is_ok()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Rotation3;
+
+    use super::*;
+
+    #[test]
+    fn states_with_wrong_cues_are_not_valid() {
+        let depth = DepthCue { median: 2.0, sd: Some(0.1), source: Some(1) };
+        let box3d = Box3dCue {
+            center: Some(Point3::new(0.1, 0.2, 5.0)),
+            half_extents: Some(Vector3::new(1.0, 2.0, 3.0)),
+            rotation: Some(Rotation3::from_euler_angles(0.1, 0.2, 0.3)),
+            sd: Box3dSd { size: Some(0.2), ..Default::default() },
+            source: Some(0),
+        };
+        // Numbers of the map for those of the detection.
+        let kept = KeptCues::of(&Cues { depth: Some(depth), box3d: Some(box3d) }, |source| 3 - source);
+        let again = kept.to_cues();
+        assert_eq!(again.depth, Some(DepthCue { source: Some(2), ..depth }));
+        assert_eq!(
+            again.box3d.map(|b| (b.center, b.half_extents, b.sd, b.source)),
+            Some((box3d.center, box3d.half_extents, box3d.sd, Some(3)))
+        );
+        assert!(kept.is_valid(4) && !kept.is_valid(3));
+        let with = |change: &dyn Fn(&mut KeptCues)| {
+            let mut kept = kept.clone();
+            change(&mut kept);
+            kept.is_valid(4)
+        };
+        assert!(!with(&|kept| kept.depth.as_mut().unwrap().median = f64::NAN));
+        assert!(!with(&|kept| kept.box3d.as_mut().unwrap().rotation = Some([1.0; 4])));
+        assert!(!with(&|kept| kept.box3d.as_mut().unwrap().center = Some([0.0, 0.0, -1.0])));
+        assert!(!with(&|kept| kept.box3d.as_mut().unwrap().sd[0] = Some(0.0)));
+    }
+}

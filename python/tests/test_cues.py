@@ -1,0 +1,340 @@
+"""Depths and 3D boxes as arrays: the same as in scene files, NaN for none, errors by row."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from numpy.typing import NDArray
+
+import quadlift
+from conftest import Arrays, Program, made_scene, read_json
+from quadlift import batches
+
+
+@dataclass
+class Cued:
+    """A scene with depths and 3D boxes as a document and as arrays."""
+
+    document: dict[str, Any]
+    frames: dict[str, Any] = field(init=False)
+    found: dict[str, Any] = field(init=False)
+
+    def __post_init__(self) -> None:
+        frames, detections = self.document["frames"], self.document["detections"]
+        fx, fy, cx, cy = self.document["cameras"][0]["params"]
+        self.frames = {
+            "intrinsics": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
+            "cam_from_world": np.array([frame["cam_from_world"] for frame in frames]),
+            "image_sizes": [self.document["cameras"][0][side] for side in ("width", "height")],
+        }
+        place = {frame["id"]: k for k, frame in enumerate(frames)}
+        boxes3d = [d["box3d"] for d in detections]
+        self.found = {
+            "frame": [place[d["frame"]] for d in detections],
+            "object": [d["object"] for d in detections],
+            "boxes": np.array([d["box"] for d in detections]),
+            "depth": {"median": np.array([d["depth"]["median"] for d in detections]), "source": "depth"},
+            "box3d": {
+                **{name: np.array([b[name] for b in boxes3d]) for name in ("center", "half_extents", "rotation")},
+                "source": [b["source"] for b in boxes3d],
+            },
+        }
+
+    def in_world(self) -> dict[str, Any]:
+        """The 3D boxes in the world."""
+        poses = self.frames["cam_from_world"][self.found["frame"]]
+        turns, shifts = poses[:, :, :3], poses[:, :, 3]
+        box3d = self.found["box3d"]
+        centers = np.einsum("nji,nj->ni", turns, box3d["center"] - shifts)
+        rotations = np.array([product(inverse(of(r)), q) for r, q in zip(turns, box3d["rotation"], strict=True)])
+        return {**box3d, "center": centers, "rotation": rotations, "frame": "world"}
+
+
+def of(r: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The quaternion of a rotation: the eigenvector of Bar-Itzhack's matrix, w first."""
+    k = np.zeros((4, 4))
+    k[1:, 1:] = r + r.T - np.trace(r) * np.eye(3)
+    k[0, 0] = np.trace(r)
+    k[0, 1:] = k[1:, 0] = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]
+    values, vectors = np.linalg.eigh(k)
+    found: NDArray[np.float64] = vectors[:, np.argmax(values)]
+    return found
+
+
+def inverse(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    return q * [1.0, -1.0, -1.0, -1.0]
+
+
+def product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.array([a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
+
+
+@pytest.fixture(scope="module")
+def cued(program: Program, tmp_path_factory: pytest.TempPathFactory) -> Cued:
+    path = tmp_path_factory.mktemp("cues") / "scene.json"
+    options = ["--objects", "12", "--views", "4", "--noise", "box:0.03", "--cues", "depth,box3d", "--seed", "4"]
+    program("synth", "-q", "-o", path, *options)
+    return Cued(read_json(path))
+
+
+def test_arrays_give_what_the_file_gives(cued: Cued) -> None:
+    of_file = quadlift.Scene.from_dict(cued.document).localize()
+    of_arrays = quadlift.localize(**cued.frames, **cued.found)
+    rows = [list(of_file.object_ids).index(name) for name in of_arrays.object_ids]
+    np.testing.assert_array_equal(of_arrays.centers, of_file.centers[rows])
+    np.testing.assert_array_equal(of_arrays.covariances, of_file.covariances[rows])
+    assert of_arrays.cue_scales == of_file.cue_scales
+    (depth,) = [scale for scale in of_arrays.cue_scales if scale["quantity"] == "depth"]
+    assert depth["source"] == "depth"
+    assert depth["factor"] == pytest.approx(1.1, abs=0.05)
+    without = quadlift.localize(**cued.frames, **{**cued.found, "depth": None, "box3d": None})
+    assert without.cue_scales == []
+    assert np.abs(without.semi_axes - of_arrays.semi_axes).max() > 0.1
+
+
+def test_boxes_of_the_world_are_those_of_the_cameras(cued: Cued) -> None:
+    of_cameras = quadlift.localize(**cued.frames, **cued.found)
+    of_world = quadlift.localize(**cued.frames, **{**cued.found, "box3d": cued.in_world()})
+    np.testing.assert_allclose(of_world.centers, of_cameras.centers, atol=1e-6)
+    np.testing.assert_allclose(of_world.semi_axes, of_cameras.semi_axes, atol=1e-6)
+    # One frame of reference for each box.
+    mixed = {**cued.found["box3d"], "frame": ["camera"] * len(cued.found["frame"])}
+    mixed["frame"][0] = "world"
+    world = cued.in_world()
+    for name in ("center", "rotation"):
+        mixed[name] = np.array([world[name][0], *mixed[name][1:]])
+    of_both = quadlift.localize(**cued.frames, **{**cued.found, "box3d": mixed})
+    np.testing.assert_allclose(of_both.centers, of_cameras.centers, atol=1e-6)
+
+
+def test_scenes_keep_them(cued: Cued, tmp_path: Path) -> None:
+    scene = quadlift.Scene.from_arrays(**cued.frames, frame_ids=[f["id"] for f in cued.document["frames"]])
+    detections = {name: value for name, value in cued.found.items() if name != "object"}
+    scene = scene.with_detections(**detections, object=cued.found["object"])
+    scene.write(tmp_path / "scene.json")
+    for found in (scene.to_dict(), read_json(tmp_path / "scene.json")):
+        for detection, expected in zip(found["detections"], cued.document["detections"], strict=True):
+            assert detection["depth"] == expected["depth"]
+            np.testing.assert_allclose(detection["box3d"]["rotation"], expected["box3d"]["rotation"], atol=1e-12)
+            assert detection["box3d"]["center"] == expected["box3d"]["center"]
+    again = quadlift.Scene.read(tmp_path / "scene.json").localize()
+    np.testing.assert_allclose(again.centers, scene.localize().centers, atol=1e-9)
+
+
+def one_view() -> tuple[Arrays, NDArray[np.float64]]:
+    """The first view of a scene, and the true depths of the centres."""
+    made = made_scene(views=6)
+    centers = np.random.default_rng(0).uniform(-2.0, 2.0, (4, 3))
+    depths = (made.projections[0] @ np.column_stack([centers, np.ones(4)]).T)[2]
+    return Arrays(made.projections[:1], made.image_sizes[:1], made.frame[:4], made.boxes[:4], made.object[:4]), depths
+
+
+def test_one_view_with_a_depth_is_enough_and_nan_is_none() -> None:
+    made, depths = one_view()
+    without = quadlift.localize(**made.arguments())
+    assert set(without.status) == {"too_few_views"}
+    median = depths.copy()
+    median[2] = np.nan
+    estimates = quadlift.localize(**made.arguments(), depth=median, body="ellipsoid")
+    assert estimates.status.tolist() == ["ok", "ok", "too_few_views", "ok"]
+    assert all("only one view" in " ".join(told) for told in (estimates.warnings[k] for k in (0, 1, 3)))
+    # Standard deviations weight depths against each other, of one source by its name or as one for each.
+    depths_of_sources: list[quadlift.Depths] = [
+        {"median": median, "sd": 0.1},
+        {"median": median.tolist(), "sd": np.full(4, 0.1), "source": np.array(["a", None, "a", "b"])},
+    ]
+    for depth in depths_of_sources:
+        assert quadlift.localize(**made.arguments(), depth=depth).ok.tolist() == [True, True, False, True]
+
+
+def test_a_3d_box_needs_no_box(cued: Cued) -> None:
+    found = {**cued.found, "boxes": None, "depth": None}
+    estimates = quadlift.localize(**cued.frames, **found)
+    assert estimates.ok.all()
+    truth = {o["id"]: o["ellipsoid"]["center"] for o in cued.document["objects"]}
+    expected = np.array([truth[name] for name in estimates.object_ids])
+    assert np.median(np.linalg.norm(estimates.centers - expected, axis=1)) < 20.0
+
+
+def test_deviations_and_covariances_weight_boxes(cued: Cued) -> None:
+    count = len(cued.found["frame"])
+    covariance = np.tile(np.diag([4.0] * 3 + [0.01] * 3 + [0.01] * 3), (count, 1, 1))
+    # Those of the first view are much worse.
+    first = np.array(cued.found["frame"]) == 0
+    covariance[first] *= 100.0
+    center = np.array(cued.found["box3d"]["center"])
+    center[first] *= 1.2
+    box3d = {**cued.found["box3d"], "center": center}
+    moved = {**cued.found, "depth": None, "boxes": None}
+    plain = quadlift.localize(**cued.frames, **{**moved, "box3d": box3d})
+    weighted = quadlift.localize(**cued.frames, **{**moved, "box3d": {**box3d, "covariance": covariance}})
+    sd = {"distance": np.where(first, 0.4, 0.04), "size": 0.1}
+    deviated = quadlift.localize(**cued.frames, **{**moved, "box3d": {**box3d, "sd": sd}})
+    truth = {o["id"]: o["ellipsoid"]["center"] for o in cued.document["objects"]}
+
+    def error(estimates: quadlift.Estimates) -> float:
+        expected = np.array([truth[name] for name in estimates.object_ids])
+        return float(np.median(np.linalg.norm(estimates.centers - expected, axis=1)))
+
+    assert error(weighted) < error(plain)
+    assert error(deviated) < error(plain)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"depth": [1.0, 2.0]}, "depth has 2 rows; expected 4, as many as frame"),
+        ({"depth": [5.0, -1.0, 5.0, 5.0]}, "depth[1]: the depth is -1"),
+        ({"depth": {"sd": 1.0}}, 'depth has no "median"'),
+        ({"depth": {"median": [5.0] * 4, "sd": [1.0, 1.0, 0.0, 1.0]}}, "depth[2]: the standard deviation is 0"),
+        (
+            {"depth": {"median": [5.0] * 4, "scale": 2.0}},
+            "depth has the field 'scale'; expected 'median', 'sd', 'source'",
+        ),
+        ({"depth": {"median": [5.0] * 4, "source": [1.5] * 4}}, 'depth["source"] has the dtype float64'),
+        ({"box3d": np.zeros((4, 7))}, "box3d is a ndarray; expected a mapping"),
+        ({"box3d": {"source": "net"}}, "box3d has neither center nor half_extents nor rotation"),
+        ({"box3d": {"center": np.ones((4, 2))}}, 'box3d["center"] has the shape (4, 2); expected (M, 3)'),
+        (
+            {"box3d": {"center": -np.ones((4, 3))}},
+            "box3d[0]: the centre [-1.0, -1.0, -1.0] is not in front of the camera",
+        ),
+        (
+            {"box3d": {"rotation": np.ones((4, 4))}},
+            'box3d["rotation"][0]: [1.0, 1.0, 1.0, 1.0] is not a unit quaternion',
+        ),
+        ({"box3d": {"half_extents": [[1.0, 1.0, 0.0]] * 4}}, "box3d[0]: the half extents are [1.0, 1.0, 0.0]"),
+        ({"box3d": {"half_extents": np.ones((4, 3)), "frame": "lidar"}}, "box3d[\"frame\"] has 'lidar'"),
+        ({"box3d": {"half_extents": np.ones((4, 3)), "sd": 0.1}}, 'box3d["sd"] is a float; expected a mapping'),
+        ({"box3d": {"half_extents": np.ones((4, 3)), "sd": {"yaw": 1.0}}}, "box3d[\"sd\"] has the field 'yaw'"),
+        ({"boxes": np.full((4, 4), np.nan), "box3d": {"half_extents": np.ones((4, 3))}}, "row 0 has neither a box"),
+    ],
+)
+def test_what_is_wrong_is_named(arguments: dict[str, Any], message: str) -> None:
+    made, _ = one_view()
+    with pytest.raises(quadlift.QuadliftError) as error:
+        quadlift.localize(**{**made.arguments(), **arguments})
+    assert message in str(error.value)
+
+
+def test_the_object_map_keeps_them(program: Program, tmp_path: Path) -> None:
+    path = tmp_path / "scene.json"
+    program(
+        "synth", "-q", "-o", path, "--objects", "6", "--views", "20", "--noise", "box:0.03", "--cues", "depth,box3d"
+    )
+    document = read_json(path)
+    cameras = {camera.pop("id"): camera for camera in document["cameras"]}
+    scene_map = quadlift.ObjectMap()
+    for k, frame in enumerate(document["frames"]):
+        found = [d for d in document["detections"] if d["frame"] == frame["id"]]
+        scene_map.observe(
+            frame["id"],
+            time=k,
+            camera=cameras[frame["camera"]],
+            cam_from_world=frame["cam_from_world"],
+            boxes=[d["box"] for d in found],
+            depth={"median": [d["depth"]["median"] for d in found], "source": "depth"},
+            box3d={"center": [d["box3d"]["center"] for d in found], "source": "box3d"},
+        )
+    kept = scene_map.to_scene().to_dict()["detections"]
+    assert len(kept) > 100
+    given = {d["depth"]["median"]: d for d in document["detections"]}
+    for detection in kept:
+        expected = given[detection["depth"]["median"]]
+        assert detection["depth"] == expected["depth"]
+        assert detection["box3d"] == {"center": expected["box3d"]["center"], "source": "box3d"}
+    scales = {scale["quantity"]: scale["factor"] for scale in scene_map.objects.cue_scales}
+    assert scales["depth"] == pytest.approx(1.1, abs=0.02)
+    first = document["frames"][0]
+    pose = {"camera": cameras[first["camera"]], "cam_from_world": first["cam_from_world"]}
+    with pytest.raises(quadlift.QuadliftError, match=r'frame "x": .*the depth is -1'):
+        scene_map.observe("x", time=99, **pose, boxes=[[1, 1, 9, 9]], depth=[-1.0])
+
+
+# Tables
+
+
+def tables(cued: Cued, box3d: dict[str, Any]) -> tuple[pa.Table, pa.Table]:
+    """Detections with the columns of `quadlift export parquet`, and cameras."""
+    found = cued.found
+    boxes = dict(zip(("x0", "y0", "x1", "y1"), found["boxes"].T, strict=True))
+    columns = {
+        **{"frame": found["frame"], "object": found["object"], **boxes},
+        "depth_median": found["depth"]["median"],
+        "depth_source": ["depth"] * len(found["frame"]),
+        **{f"box3d_{name}": box3d[name].tolist() for name in ("center", "half_extents", "rotation")},
+        "box3d_frame": [box3d.get("frame", "camera")] * len(found["frame"]),
+        "box3d_source": box3d["source"],
+    }
+    poses = cued.frames["cam_from_world"].reshape(-1, 12).tolist()
+    params = [cued.document["cameras"][0]["params"]] * len(poses)
+    width, height = ([side] * len(poses) for side in cued.frames["image_sizes"])
+    cameras = {"frame": range(len(poses)), "intrinsics": params, "cam_from_world": poses}
+    return pa.table(columns), pa.table({**cameras, "width": width, "height": height})
+
+
+def test_tables_of_objects_and_of_scenes(cued: Cued) -> None:
+    whole = quadlift.localize(**cued.frames, **cued.found)
+    given: dict[str, Any] = {"sigmas": whole.noise, "body": "ellipsoid"}
+    expected = quadlift.localize(**cued.frames, **cued.found, **given)
+    detections, cameras = tables(cued, cued.found["box3d"])
+    frames = batches.with_hidden_edges(batches.group(detections, ["frame"]))
+    rows = batches.group(batches.ungroup(frames), ["object"])
+    found = batches.localize_objects(rows, cameras, **given)
+    order = [list(expected.object_ids).index(name) for name in found["object"].to_pylist()]
+    np.testing.assert_array_equal(np.array(found["center"].to_pylist()), expected.centers[order])
+    in_world, _ = tables(cued, cued.in_world())
+    frames = batches.with_hidden_edges(batches.group(in_world, ["frame"]))
+    of_world = batches.localize_objects(batches.group(batches.ungroup(frames), ["object"]), cameras, **given)
+    np.testing.assert_allclose(np.array(of_world["center"].to_pylist()), expected.centers[order], atol=1e-6)
+    # Only depths and 3D boxes, no boxes.
+    null = pa.nulls(len(detections), pa.float64())
+    for name in ("x0", "y0", "x1", "y1"):
+        detections = detections.set_column(detections.column_names.index(name), name, null)
+    of_boxes3d = batches.localize_objects(batches.group(detections, ["object"]), cameras, **given)
+    assert set(of_boxes3d["status"].to_pylist()) == {"ok"}
+    # A scene without ids, as a row.
+    scene = batches.group(
+        tables(cued, cued.found["box3d"])[0]
+        .drop_columns("object")
+        .append_column("scene", pa.array(["a"] * len(detections))),
+        ["scene"],
+    )
+    of_scene = batches.localize_scenes(scene, cameras.append_column("scene", pa.array(["a"] * len(cameras))))
+    assert of_scene["status"].to_pylist().count("ok") >= 8
+
+
+def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
+    detections, cameras = tables(cued, cued.found["box3d"])
+    rows = detections.to_pylist()
+    rows[0]["depth_median"] = -1.0
+    rows[1]["box3d_center"] = [0.0, 0.0, -5.0]
+    rows[2]["box3d_center"] = None
+    rows[3]["depth_median"] = None
+    grouped = batches.group(pa.Table.from_pylist(rows, schema=detections.schema), ["object"])
+    found = batches.localize_objects(grouped, cameras, sigmas={"edge_relative": 0.03}, body="ellipsoid")
+    problems = dict(zip(found["object"].to_pylist(), found["problem"].to_pylist(), strict=True))
+    assert problems.pop(rows[0]["object"]).endswith(
+        "the depth is -1; expected a positive number (world units, along the optical axis)"
+    )
+    assert "is not in front of the camera" in problems.pop(rows[1]["object"])
+    assert set(problems.values()) == {None}
+    rows[1]["box3d_center"] = [0.0, 5.0]
+    grouped = batches.group(pa.Table.from_pylist(rows, schema=detections.schema), ["object"])
+    with pytest.raises(
+        quadlift.QuadliftError, match="box3d_center has a list of 2 numbers; expected lists of 3 numbers"
+    ):
+        batches.localize_objects(grouped, cameras, sigmas={"edge_relative": 0.03}, body="ellipsoid")
+
+
+def test_documents_are_json(cued: Cued) -> None:
+    """What a localised scene says of the scales, as a file has it."""
+    estimates = quadlift.Scene.from_dict(cued.document).localize()
+    written = estimates.to_scene().to_dict()["localization"]["cue_scales"]
+    assert written == json.loads(json.dumps(estimates.cue_scales))
