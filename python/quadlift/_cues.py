@@ -61,7 +61,7 @@ class Box3dSd(TypedDict, total=False):
     """Of the rotation about each axis, radians."""
 
 
-class CueArrays(TypedDict, total=False):
+class CueArrays(TypedDict):
     """The input of the core, as read by `crates/quadlift-py`; NaN for none."""
 
     depth: NDArray[np.float64] | None
@@ -83,11 +83,30 @@ class CueArrays(TypedDict, total=False):
     source: Names
 
 
+_NO_NAMES: Names = (None, [])
+
+
 def cues(depth: Any, box3d: Any, count: int, like: str) -> CueArrays | None:
     """The depths and 3D boxes of `count` detections, as many as the argument `like`; None without any."""
     if depth is None and box3d is None:
         return None
-    return {**_depths(depth, count, like), **_boxes3d(box3d, count, like)}
+    found: CueArrays = {
+        "depth": None,
+        "depth_sd": None,
+        "depth_source": _NO_NAMES,
+        "center": None,
+        "half_extents": None,
+        "rotation": None,
+        "frame": _NO_NAMES,
+        "sd": None,
+        "covariance": None,
+        "source": _NO_NAMES,
+    }
+    if depth is not None:
+        _add_depths(found, depth, count, like)
+    if box3d is not None:
+        _add_boxes3d(found, box3d, count, like)
+    return found
 
 
 def taken(cues: CueArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -> CueArrays:
@@ -99,39 +118,32 @@ def taken(cues: CueArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -> Cue
     def rows(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
         return None if values is None else np.ascontiguousarray(values[places])
 
-    nothing: Names = (None, [])
     return {
-        "depth": rows(cues.get("depth")),
-        "depth_sd": rows(cues.get("depth_sd")),
-        "depth_source": names(cues.get("depth_source", nothing)),
-        "center": rows(cues.get("center")),
-        "half_extents": rows(cues.get("half_extents")),
-        "rotation": rows(cues.get("rotation")),
-        "frame": names(cues.get("frame", nothing)),
-        "sd": rows(cues.get("sd")),
-        "covariance": rows(cues.get("covariance")),
-        "source": names(cues.get("source", nothing)),
+        "depth": rows(cues["depth"]),
+        "depth_sd": rows(cues["depth_sd"]),
+        "depth_source": names(cues["depth_source"]),
+        "center": rows(cues["center"]),
+        "half_extents": rows(cues["half_extents"]),
+        "rotation": rows(cues["rotation"]),
+        "frame": names(cues["frame"]),
+        "sd": rows(cues["sd"]),
+        "covariance": rows(cues["covariance"]),
+        "source": names(cues["source"]),
     }
 
 
-def _depths(depth: Any, count: int, like: str) -> CueArrays:
-    if depth is None:
-        return {}
+def _add_depths(found: CueArrays, depth: Any, count: int, like: str) -> None:
     fields = depth if isinstance(depth, Mapping) else {"median": depth}
     _known("depth", fields, ("median", "sd", "source"))
     if fields.get("median") is None:
         raise QuadliftError('depth has no "median"; expected the depths of the detections')
     name = 'depth["median"]' if fields is depth else "depth"
-    return {
-        "depth": _rows(name, fields["median"], count, like),
-        "depth_sd": _of_all('depth["sd"]', fields.get("sd"), count, like),
-        "depth_source": _sources('depth["source"]', fields.get("source"), count, like),
-    }
+    found["depth"] = _rows(name, fields["median"], count, like)
+    found["depth_sd"] = _of_all('depth["sd"]', fields.get("sd"), count, like)
+    found["depth_source"] = _sources('depth["source"]', fields.get("source"), count, like)
 
 
-def _boxes3d(box3d: Any, count: int, like: str) -> CueArrays:
-    if box3d is None:
-        return {}
+def _add_boxes3d(found: CueArrays, box3d: Any, count: int, like: str) -> None:
     known = ("center", "half_extents", "rotation", "frame", "sd", "covariance", "source")
     if not isinstance(box3d, Mapping):
         raise QuadliftError(f"box3d is a {type(box3d).__name__}; expected a mapping with {', '.join(known[:3])}")
@@ -148,15 +160,15 @@ def _boxes3d(box3d: Any, count: int, like: str) -> CueArrays:
         return None if value is None else _rows(f'box3d["{name}"]', value, count, like, *width)
 
     covariance = rows("covariance", 9, 9)
-    return {
-        "center": rows("center", 3),
-        "half_extents": rows("half_extents", 3),
-        "rotation": rows("rotation", 4),
-        "frame": frame,
-        "sd": _deviations(box3d.get("sd"), count, like),
-        "covariance": None if covariance is None else covariance.reshape(count, 81),
-        "source": _sources('box3d["source"]', box3d.get("source"), count, like),
-    }
+    found["center"], found["half_extents"], found["rotation"] = (
+        rows("center", 3),
+        rows("half_extents", 3),
+        rows("rotation", 4),
+    )
+    found["frame"] = frame
+    found["sd"] = _deviations(box3d.get("sd"), count, like)
+    found["covariance"] = None if covariance is None else covariance.reshape(count, 81)
+    found["source"] = _sources('box3d["source"]', box3d.get("source"), count, like)
 
 
 def _deviations(sd: Any, count: int, like: str) -> NDArray[np.float64] | None:

@@ -13,32 +13,22 @@ use crate::rows::{Names, value, values};
 #[pyo3(from_item_all)]
 pub struct CueArrays<'py> {
     /// (M,): depth of the visible surface.
-    #[pyo3(default)]
     depth: Option<PyReadonlyArray1<'py, f64>>,
     /// (M,): its standard deviation.
-    #[pyo3(default)]
     depth_sd: Option<PyReadonlyArray1<'py, f64>>,
-    #[pyo3(default)]
     depth_source: Names<'py>,
     /// (M, 3).
-    #[pyo3(default)]
     center: Option<PyReadonlyArray2<'py, f64>>,
     /// (M, 3).
-    #[pyo3(default)]
     half_extents: Option<PyReadonlyArray2<'py, f64>>,
     /// (M, 4): unit quaternions, w first.
-    #[pyo3(default)]
     rotation: Option<PyReadonlyArray2<'py, f64>>,
     /// `camera`, which is the default, or `world`.
-    #[pyo3(default)]
     frame: Names<'py>,
     /// (M, 4): of distance, direction, size, rotation.
-    #[pyo3(default)]
     sd: Option<PyReadonlyArray2<'py, f64>>,
     /// (M, 81): by rows.
-    #[pyo3(default)]
     covariance: Option<PyReadonlyArray2<'py, f64>>,
-    #[pyo3(default)]
     source: Names<'py>,
 }
 

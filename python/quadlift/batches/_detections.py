@@ -276,7 +276,7 @@ def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Dete
 def check_boxes(cameras: Cameras, detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
     """The detections in this order with valid boxes, depths and 3D boxes."""
     absent = np.isnan(detections.boxes[order]).all(axis=1)
-    centers = None if detections.cues is None else detections.cues.get("center")
+    centers = None if detections.cues is None else detections.cues["center"]
     if centers is not None:
         absent &= np.isnan(centers[order]).any(axis=1)
     problems.add_detections(order[absent], 7, "there is no box")
