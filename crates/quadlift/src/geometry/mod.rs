@@ -38,6 +38,7 @@ pub use superellipsoid::Superellipsoid;
 pub use support_lines::{OutlineEnd, SUPPORT_DIRECTIONS, SupportLines};
 pub(crate) use vech::{VECH3, VECH4};
 pub use vech::{projection_matrix_on_vech, vech3, vech4};
+pub use visible_surface::visible_depth;
 
 /// A body of any kind.
 #[derive(Debug, Clone, Copy, PartialEq)]

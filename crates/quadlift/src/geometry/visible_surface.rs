@@ -10,12 +10,7 @@ const BISECTIONS: usize = 40;
 
 /// Median depth along the optical axis of a body's visible surface, over a grid of rays through a box of the image (`rays` along each side);
 /// `None` if none meets the body, or if it is not in front of the camera.
-pub(crate) fn visible_depth(
-    projection: &Projection,
-    bounding_box: &BoundingBox,
-    body: &Body,
-    rays: usize,
-) -> Option<f64> {
+pub fn visible_depth(projection: &Projection, bounding_box: &BoundingBox, body: &Body, rays: usize) -> Option<f64> {
     let camera = projection.center_in_world()?;
     let inverse = projection.m().try_inverse()?;
     let size = bounding_box.size();

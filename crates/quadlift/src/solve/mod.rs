@@ -14,7 +14,6 @@ mod report;
 mod sigmas;
 mod triangulate;
 mod validate;
-mod visible_depth;
 
 pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
@@ -36,4 +35,3 @@ pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
 pub use triangulate::triangulate;
 pub use validate::OptionError;
 pub(crate) use validate::refuse;
-pub use visible_depth::visible_depth;
