@@ -78,6 +78,25 @@ def test_same_as_localize(fleet: Fleet, detections: DataFrame, cameras: DataFram
     assert kinds["object_005"] == "bus"
 
 
+def test_depths_and_3d_boxes(fleet: Fleet, spark: SparkSession, cameras: DataFrame) -> None:
+    table = fleet.shuffled()
+    count, rng = len(table), np.random.default_rng(3)
+    depths = [None if k % 7 == 0 else float(x) for k, x in enumerate(rng.uniform(5.0, 50.0, count))]
+    centers = [None if k % 5 == 0 else [0.1, -0.2, float(x)] for k, x in enumerate(rng.uniform(5.0, 50.0, count))]
+    table = table.append_column("depth_median", pa.array(depths, pa.float64()))
+    table = table.append_column("depth_source", pa.array(["net"] * count))
+    table = table.append_column("box3d_center", pa.array(centers, pa.list_(pa.float64())))
+    table = table.append_column("box3d_sd_distance", pa.array([0.2] * count))
+    found = quadlift.spark.localize(spark.createDataFrame(table), cameras, **GIVEN).toArrow()
+    frames = batches.with_hidden_edges(batches.group(table, ["scene", "frame"]))
+    rows = batches.group(batches.ungroup(frames), ["scene", "object"])
+    assert_same(found, batches.localize_objects(rows, fleet.cameras, **GIVEN))
+    assert found["center"].to_pylist() != fleet.expected(**GIVEN)["center"].to_pylist()
+    wrong = spark.createDataFrame(table.drop_columns("box3d_center").append_column("box3d_center", pa.array(depths)))
+    with pytest.raises(quadlift.QuadliftError, match="the column 'box3d_center' of detections is double"):
+        quadlift.spark.localize(wrong, cameras, **GIVEN)
+
+
 def test_partitions_can_be_chosen(fleet: Fleet, detections: DataFrame, cameras: DataFrame) -> None:
     found = quadlift.spark.localize(detections, cameras, partitions=5, **GIVEN)
     assert found.rdd.getNumPartitions() == 5
