@@ -7,13 +7,14 @@ use quadlift::scene::{Scene, SourceError};
 use quadlift::solve::{BodyKind, CategoryPriors, Method};
 use quadlift::{Localization, LocalizeError, LocalizeOptions, MeasurementKind, localize_observed};
 use quadlift_io::problems::Problems;
-use quadlift_io::scene_file::{fitted_body_name, settings_record};
+use quadlift_io::scene_file::{DepthsFound, fitted_body_name, settings_record};
 use quadlift_io::{SceneFile, builtin_priors, read_priors};
 use serde_json::Value;
 
 use crate::error::usage;
 use crate::output::Output;
 use crate::progress::{counting_bar, object_bar, shown_on};
+use crate::words::count;
 
 /// Where the priors on categories come from.
 #[derive(Debug, Clone, Default)]
@@ -114,6 +115,32 @@ pub fn read_masks(
         told.add(error.to_string(), &[index]);
     }
     Ok(told.in_words(scene))
+}
+
+/// Reads the depth images of the frames, if the method uses them; returns read errors as text. `title` precedes the progress bar.
+pub fn read_depths(
+    title: &str,
+    (path, file): (&Path, &SceneFile),
+    scene: &mut Scene,
+    options: &LocalizeOptions,
+    out: &Output,
+) -> anyhow::Result<Vec<String>> {
+    if !file.has_depth_images() || options.method.map_options().is_none() {
+        return Ok(Vec::new());
+    }
+    // An ambiguous source is reported by `localize`.
+    let source = scene.source_index(options.source.as_deref()).unwrap_or_default();
+    let bar = counting_bar(title, "depth images", out);
+    let found = file.add_depths(path, scene, source, &shown_on(&bar));
+    bar.finish_and_clear();
+    let DepthsFound { detections, without, problems } = found.map_err(|error| error.in_file(path))?;
+    out.detail(&format!("depth images: {} with a depth, {without} without", count(detections, "detection")));
+    if detections == 0 && without > 0 {
+        out.warning(&format!(
+            "{title}: no pixel of a detection has a depth in the depth images; expected counts above 0"
+        ));
+    }
+    Ok(problems.iter().map(ToString::to_string).collect())
 }
 
 /// Refuses a scene that is not in metres, as the built-in priors are.

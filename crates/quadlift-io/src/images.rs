@@ -1,4 +1,4 @@
-//! Reads photographs and label images; writes PNG and JPEG (feature `images`).
+//! Reads photographs, label images and depth images; writes PNG and JPEG (feature `images`).
 
 #[cfg(feature = "images")]
 mod codecs;
@@ -8,11 +8,13 @@ mod left_out;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 #[cfg(feature = "images")]
-pub use codecs::{read_image, read_image_size, read_label_image, write_jpeg, write_label_image, write_png};
+pub(crate) use codecs::{read_depth_image_of_size, read_image_of_size, read_label_image_of_size};
 #[cfg(feature = "images")]
-pub(crate) use codecs::{read_image_of_size, read_label_image_of_size};
+pub use codecs::{read_image, read_image_size, read_label_image, write_jpeg, write_label_image, write_png};
 #[cfg(not(feature = "images"))]
-pub(crate) use left_out::{read_image_of_size, read_image_size, read_label_image_of_size, write_label_image};
+pub(crate) use left_out::{
+    read_depth_image_of_size, read_image_of_size, read_image_size, read_label_image_of_size, write_label_image,
+};
 
 /// Default limit of pixels, see [`set_max_pixels`]: images of the largest cameras in use have 151 million.
 pub const DEFAULT_MAX_PIXELS: u64 = 160_000_000;

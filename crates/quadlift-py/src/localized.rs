@@ -77,6 +77,15 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
         changed = Some(scene);
         ticker.restart();
     }
+    if loaded.file().has_depth_images() && options.method.map_options().is_some() {
+        let mut scene = changed.take().unwrap_or_else(|| loaded.scene.clone());
+        let found = loaded.file().add_depths(&loaded.path, &mut scene, source, ticker);
+        let found = found.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
+        problems.extend(found.problems.iter().map(ToString::to_string));
+        problems.dedup();
+        changed = Some(scene);
+        ticker.restart();
+    }
     // As it was given; with the ids that are found there may be more to see.
     let of_source = |d: &Detection| source.is_none() || d.source_index == source;
     let mut given = diagnose(changed.as_ref().unwrap_or(&loaded.scene), of_source);

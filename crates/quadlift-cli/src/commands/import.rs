@@ -3,7 +3,7 @@
 pub mod formats;
 pub mod paths;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use quadlift_io::read::Import;
@@ -67,9 +67,13 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     match common.images.as_ref().or(image_folder.as_ref()) {
         Some(folder) => {
-            let prefix = paths::relative_to_file(folder, &common.output)
-                .with_context(|| format!("cannot find the folder {}", folder.display()))?;
-            paths::prefix_images(&mut scene, &prefix);
+            let prefix = |folder: &Path| {
+                paths::relative_to_file(folder, &common.output)
+                    .with_context(|| format!("cannot find the folder {}", folder.display()))
+            };
+            // `--images` says where the images are, not the depth images.
+            let of_depths = image_folder.as_ref().map_or(Ok(PathBuf::new()), |folder| prefix(folder))?;
+            paths::prefix_images(&mut scene, &prefix(folder)?, &of_depths);
         }
         None if !is_scene && scene.frames.iter().any(|frame| frame.image.is_some()) => {
             notes.push("the image folder is unknown: set it with --images DIR".to_owned());

@@ -9,6 +9,7 @@ mod calibration;
 mod commands;
 mod common;
 mod cross_validation;
+mod depth_images;
 mod diagnosis;
 mod documentation;
 mod export;

@@ -1,11 +1,11 @@
-//! PNG and JPEG: photographs and label images.
+//! PNG and JPEG: photographs, label images and depth images.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{EncodableLayout, ImageBuffer, ImageError, ImageFormat, ImageReader, Luma, PixelWithColorType, RgbImage};
-use quadlift_segment::LabelImage;
+use quadlift_segment::{DepthImage, LabelImage};
 
 use super::{SizeCheck, check_pixels, max_pixels};
 use crate::atomic::write_file;
@@ -88,10 +88,44 @@ pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
 
 /// [`read_label_image`] with a check of the image size.
 pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelImage, ReadError> {
+    let expected = "this is a JPEG image, whose lossy compression changes mask values; expected a PNG image";
+    let ([width, height], values) = read_values(path, check, expected, |_, _| Ok(()))?;
+    LabelImage::new(width, height, values).map_err(|error| ReadError::new(path, error.to_string()))
+}
+
+/// Reads a depth image: a PNG file in greyscale with 16 bits, `scale` world units each, 0 where the depth is unknown.
+///
+/// # Errors
+/// [`ReadError`] as [`read_image`]; also for JPEG, for colours, and for 8 bits, which are too few for depths.
+pub fn read_depth_image_of_size(path: &Path, scale: f64, check: SizeCheck) -> Result<DepthImage, ReadError> {
+    let expected = "this is a JPEG image, which cannot hold depths; expected a PNG image in greyscale with 16 bits";
+    let is_depth = |depth: png::BitDepth, color: png::ColorType| match (depth, color) {
+        (png::BitDepth::Sixteen, png::ColorType::Grayscale) => Ok(()),
+        (_, color) => {
+            let bits = depth as u8;
+            let color = match color {
+                png::ColorType::Grayscale | png::ColorType::GrayscaleAlpha => "in greyscale",
+                png::ColorType::Indexed => "with a palette",
+                png::ColorType::Rgb | png::ColorType::Rgba => "in colour",
+            };
+            Err(format!("the image is {color} with {bits} bits; expected a depth image in greyscale with 16 bits"))
+        }
+    };
+    let ([width, height], values) = read_values(path, check, expected, is_depth)?;
+    DepthImage::new(width, height, values, scale).map_err(|error| ReadError::new(path, error.to_string()))
+}
+
+/// Size and values, row by row, of a PNG file with one number per pixel. `jpeg` is the message for a JPEG file; `accepts` checks bits
+/// and colours.
+fn read_values(
+    path: &Path,
+    check: SizeCheck,
+    jpeg: &str,
+    accepts: impl Fn(png::BitDepth, png::ColorType) -> Result<(), String>,
+) -> Result<([u32; 2], Vec<u16>), ReadError> {
     let bytes = read_image_bytes(path)?;
     if format(path, &bytes)? == ImageFormat::Jpeg {
-        let problem = "this is a JPEG image, whose lossy compression changes mask values; expected a PNG image";
-        return Err(ReadError::new(path, problem));
+        return Err(ReadError::new(path, jpeg));
     }
     let failed = |error: png::DecodingError| match error {
         png::DecodingError::LimitsExceeded => ReadError::new(path, "the PNG image is too large to read"),
@@ -103,7 +137,11 @@ pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelIm
     decoder.set_transformations(png::Transformations::IDENTITY);
     let mut reader = decoder.read_info().map_err(failed)?;
     let size = [reader.info().width, reader.info().height];
-    check(size).and_then(|()| check_pixels(size)).map_err(|problem| ReadError::new(path, problem))?;
+    let kind = || accepts(reader.info().bit_depth, reader.info().color_type);
+    check(size)
+        .and_then(|()| check_pixels(size))
+        .and_then(|()| kind())
+        .map_err(|problem| ReadError::new(path, problem))?;
     let size = reader.output_buffer_size().filter(|&size| size <= most_bytes);
     let size = size.ok_or_else(|| failed(png::DecodingError::LimitsExceeded))?;
     let mut buffer = vec![0; size];
@@ -122,7 +160,7 @@ pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelIm
             values.push(value);
         }
     }
-    LabelImage::new(frame.width, frame.height, values).map_err(|error| ReadError::new(path, error.to_string()))
+    Ok(([frame.width, frame.height], values))
 }
 
 /// Writes a PNG file as a whole or not at all.

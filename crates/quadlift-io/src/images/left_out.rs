@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use quadlift_segment::LabelImage;
 use quadlift_segment::image::RgbImage;
+use quadlift_segment::{DepthImage, LabelImage};
 
 use super::SizeCheck;
 use crate::error::{ReadError, WriteError};
@@ -22,6 +22,10 @@ pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
 }
 
 pub fn read_label_image_of_size(path: &Path, _: SizeCheck) -> Result<LabelImage, ReadError> {
+    left_out(path)
+}
+
+pub fn read_depth_image_of_size(path: &Path, _: f64, _: SizeCheck) -> Result<DepthImage, ReadError> {
     left_out(path)
 }
 

@@ -16,11 +16,15 @@ use super::poses::{check_rigid, from_rows, inverse, matrix4, rotation_of, rows};
 use crate::error::ReadError;
 use crate::images::read_image_size;
 use crate::input::{paths_below, read_bytes};
-use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
+use crate::scene_file::{CameraRecord, DepthImageRecord, FrameRecord, SceneFile};
 use crate::wording::count;
 
 /// Folders of Polycam's cameras and the images that belong to them, the better ones first, below `keyframes`.
 const POLYCAM: [[&str; 2]; 2] = [["corrected_cameras", "corrected_images"], ["cameras", "images"]];
+
+/// The folder of Polycam's depth images, beside those of the images, and the metres of one count.
+const POLYCAM_DEPTH: &str = "depth";
+const POLYCAM_DEPTH_SCALE: f64 = 0.001;
 
 /// Names of Record3D's metadata, and of the folders with its images.
 const RECORD3D: [&str; 4] = ["metadata", "metadata.json", "EXR_RGBD/metadata.json", "EXR_RGBD/metadata"];
@@ -120,11 +124,31 @@ pub fn read_arkit(path: &Path, options: &ArkitOptions) -> Result<Import, ReadErr
         }
     };
     if let Capture::Polycam { cameras, images } = &capture {
+        let with_depth = add_depth_images(&mut import.scene, &cameras.join("..").join(POLYCAM_DEPTH));
+        if with_depth > 0 {
+            import.notes.push(format!("{} with a depth image", count(with_depth, "frame")));
+        }
         let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         import.notes.push(format!("{} were read: boxes must be those of {}", name(cameras), name(images)));
     }
     import.image_folder = image_folder.is_dir().then_some(image_folder);
     Ok(import)
+}
+
+/// Gives frames the depth images of a folder that have their names; how many.
+fn add_depth_images(scene: &mut SceneFile, folder: &Path) -> usize {
+    let mut found = 0;
+    for frame in &mut scene.frames {
+        let Some(stem) = frame.image.as_deref().and_then(|image| Path::new(image).file_stem()) else { continue };
+        let name = format!("{}.png", stem.to_string_lossy());
+        if folder.join(&name).is_file() {
+            let (path, source) = (format!("../{POLYCAM_DEPTH}/{name}"), Some("lidar".into()));
+            frame.depth =
+                Some(Box::new(DepthImageRecord { path, scale: POLYCAM_DEPTH_SCALE, source, ..Default::default() }));
+            found += 1;
+        }
+    }
+    found
 }
 
 /// Whether there is a capture at a path.

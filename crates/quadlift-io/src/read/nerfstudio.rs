@@ -16,10 +16,13 @@ use super::poses::{check_rigid, from_rows, inverse, rows};
 use crate::error::ReadError;
 use crate::images::read_image_size;
 use crate::input::read_bytes;
-use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
+use crate::scene_file::{CameraRecord, DepthImageRecord, FrameRecord, SceneFile};
 
 /// Extensions of image names that the file omits, as in Blender's synthetic scenes.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// World units of one count of a depth image: nerfstudio's default, millimetres in a world in metres.
+const DEPTH_SCALE: f64 = 0.001;
 
 /// Reads `transforms.json`, given as file or folder. Frame ids are the `file_path`s. Missing image sizes are read from
 /// the images, if available.
@@ -73,13 +76,30 @@ pub fn parse_nerfstudio(
             camera: Some(id),
             cam_from_world: Some(rows(&cam_from_world)),
             image: Some(image),
+            depth: depth_image(&frame)?,
             ..FrameRecord::default()
         });
+    }
+    if scene.frames.iter().any(|frame| frame.depth.is_some()) {
+        notes.push(format!(
+            "depth images are read as millimetres, as by nerfstudio: {DEPTH_SCALE} world units of one count"
+        ));
     }
     if scene.cameras.iter().any(|camera| camera.width.is_none()) {
         notes.push("the image sizes are unknown: box edges at the border are not treated as cut off".to_owned());
     }
     Import { scene, image_folder: None, notes }.checked(path)
+}
+
+/// The depth image of a frame; files that are no images (`.npy`) are left out.
+fn depth_image(frame: &Node) -> Result<Option<Box<DepthImageRecord>>, ReadError> {
+    let path = frame.optional("depth_file_path")?.map(|node| node.text()).transpose()?;
+    let is_png =
+        |path: &&str| Path::new(path).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    Ok(path.filter(is_png).map(|path| {
+        let path = path.strip_prefix("./").unwrap_or(path).to_owned();
+        Box::new(DepthImageRecord { path, scale: DEPTH_SCALE, ..DepthImageRecord::default() })
+    }))
 }
 
 /// The transform of the world recorded in the file, which is undone.

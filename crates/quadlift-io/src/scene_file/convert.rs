@@ -48,6 +48,7 @@ impl SceneFile {
         for (index, frame) in self.frames.iter().enumerate() {
             let entry = |field: &str| format!("frames[{index}]{field}");
             let (posed, image_size) = self.posed(frame, &cameras, entry)?;
+            frame.depth.as_deref().map_or(Ok(()), |depth| depth.check(|field| entry(&format!(".depth{field}"))))?;
             let added = match posed {
                 Posed::Camera(camera, pose) => builder.add_frame_of_camera(&frame.id, camera, &pose, image_size),
                 Posed::Projection(projection) => builder.add_frame(&frame.id, projection, image_size),

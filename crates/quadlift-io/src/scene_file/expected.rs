@@ -15,7 +15,10 @@ pub fn expected(field: &str) -> Option<&'static str> {
         "mask" => {
             "\"mask\": {\"path\": \"...\", \"value\": a whole number}, {\"rle\": {...}} or {\"polygons\": [[x, y, ...]]}"
         }
-        "depth" => "\"depth\": {\"median\": number, \"sd\": number, \"source\": \"...\"}",
+        "depth" => {
+            "\"depth\": of a detection {\"median\": number, \"sd\": number, \"source\": \"...\"}, of a frame {\"path\": \"...\", \
+             \"scale\": world units of one count}"
+        }
         "box3d" => {
             "\"box3d\": {\"center\": [x, y, z], \"half_extents\": [l, w, h], \"rotation\": [w, x, y, z], \"frame\": \"camera\"}"
         }

@@ -3,11 +3,13 @@
 //! [`read_scene_file`] gives a [`SceneFile`] (plain records, as written); [`SceneFile::to_scene`] and
 //! [`SceneFile::to_objects`] check it and give the library's types; [`estimates_to_objects`],
 //! [`SceneFile::with_results`] and [`write_scene_file`] go the other way. [`SceneFile::to_images`] finds the images of
-//! the frames and the masks of the detections, [`SceneFile::add_support_lines`] the lines that bound the masks.
+//! the frames and the masks of the detections, [`SceneFile::add_support_lines`] the lines that bound the masks,
+//! [`SceneFile::add_depths`] the depths of detections in depth images.
 
 mod bodies;
 mod convert;
 mod cue_records;
+mod depth_images;
 mod expected;
 mod images;
 mod object_records;
@@ -26,6 +28,7 @@ mod tests;
 
 pub use bodies::{ObjectBodies, coordinates_name};
 pub use cue_records::{Box3dRecord, Box3dSdRecord, DepthRecord, cue_records};
+pub use depth_images::{DepthImageRecord, DepthsFound};
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
     AlternativeRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord, EllipsoidRecord,

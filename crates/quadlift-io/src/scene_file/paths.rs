@@ -1,12 +1,12 @@
-//! Paths of images and masks, which are relative to the scene file, when that moves.
+//! Paths of images, depth images and masks, which are relative to the scene file, when that moves.
 
 use std::path::{Component, Path, PathBuf};
 
-use super::records::SceneFile;
+use super::records::{FrameRecord, SceneFile};
 use crate::error::WriteError;
 
 impl SceneFile {
-    /// Changes the paths of images and masks when the scene file moves from the first folder to the second one.
+    /// Changes the paths of images, depth images and masks when the scene file moves from the first folder to the second one.
     ///
     /// # Errors
     /// [`WriteError`] when one of the folders does not exist.
@@ -16,9 +16,13 @@ impl SceneFile {
         Ok(())
     }
 
-    /// The paths of images and masks.
-    pub fn paths_mut(&mut self) -> impl Iterator<Item = &mut String> {
-        let images = self.frames.iter_mut().filter_map(|frame| frame.image.as_mut());
+    /// The paths of images, depth images and masks.
+    pub fn paths_mut<'a>(&'a mut self) -> impl Iterator<Item = &'a mut String> {
+        let of_frame = |frame: &'a mut FrameRecord| {
+            let depth = frame.depth.as_mut().map(|depth| &mut depth.path);
+            frame.image.as_mut().into_iter().chain(depth)
+        };
+        let images = self.frames.iter_mut().flat_map(of_frame);
         images.chain(self.detections.iter_mut().filter_map(|detection| detection.mask.as_mut()?.path.as_mut()))
     }
 }

@@ -13,6 +13,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 use super::cue_records::{Box3dRecord, DepthRecord};
+use super::depth_images::DepthImageRecord;
 use super::object_records::ObjectRecord;
 use crate::numbers;
 
@@ -156,6 +157,9 @@ pub struct FrameRecord {
     /// Path of the image, relative to the scene file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<String>,
+    /// Depth image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<Box<DepthImageRecord>>,
     /// Time in seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,

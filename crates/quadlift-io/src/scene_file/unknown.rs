@@ -38,12 +38,12 @@ const RECORDS: [&str; 24] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 65] = [
+const PLAIN: [&str; 66] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
     "counts", "cut_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
     "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
     "notes", "object", "occluded", "odd_view", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
-    "reason", "rejected_because", "relative", "residual_px", "rotation", "score", "semi_axes", "size", "source",
+    "reason", "rejected_because", "relative", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
     "status", "support_exponent", "time", "touches_others", "truncated", "up", "value", "version", "views",
     "views_rejected", "views_used", "visible_fraction", "warnings", "width",
 ];
@@ -237,6 +237,7 @@ mod tests {
         let frame = json!({
             "id": "a", "camera": "c", "cam_from_world": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]],
             "projection": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "width": 1, "height": 1, "image": "a.png", "time": 1.5,
+            "depth": {"path": "depth/a.png", "scale": 0.001, "source": "lidar"},
         });
         let document = json!({
             "format": "quadlift.scene", "version": 1, "name": "a", "length_unit": "m", "up": [0, 0, 1], "notes": "b",

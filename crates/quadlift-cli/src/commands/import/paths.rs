@@ -26,16 +26,20 @@ fn way(from: &Path, to: &Path) -> PathBuf {
     up.chain(to[common..].iter().copied()).collect()
 }
 
-/// Puts a folder before the paths of all images and masks.
-pub fn prefix_images(scene: &mut SceneFile, prefix: &Path) {
-    let images = scene.frames.iter_mut().filter_map(|frame| frame.image.as_mut());
-    let masks = scene.detections.iter_mut().filter_map(|detection| detection.mask.as_mut()?.path.as_mut());
-    for path in images.chain(masks) {
+/// Puts a folder before the paths of all images and masks, and another one before those of depth images.
+pub fn prefix_images(scene: &mut SceneFile, prefix: &Path, of_depths: &Path) {
+    let put_before = |prefix: &Path, path: &mut String| {
         // With slashes on every system, as JSON files have them.
         let joined = prefix.join(&*path);
         let parts: Vec<_> = joined.components().map(|part| part.as_os_str().to_string_lossy()).collect();
         *path = if joined.is_absolute() { joined.to_string_lossy().into_owned() } else { parts.join("/") };
+    };
+    for frame in &mut scene.frames {
+        frame.image.iter_mut().for_each(|path| put_before(prefix, path));
+        frame.depth.iter_mut().for_each(|depth| put_before(of_depths, &mut depth.path));
     }
+    let masks = scene.detections.iter_mut().filter_map(|detection| detection.mask.as_mut()?.path.as_mut());
+    masks.for_each(|path| put_before(prefix, path));
 }
 
 #[cfg(test)]

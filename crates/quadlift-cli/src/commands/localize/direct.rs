@@ -229,7 +229,7 @@ impl DirectArgs {
         if let Some((folder, output)) = image_folder.zip(output) {
             let prefix = relative_to_file(&folder, output)
                 .with_context(|| format!("cannot find the folder {}", folder.display()))?;
-            prefix_images(&mut scene, &prefix);
+            prefix_images(&mut scene, &prefix, &prefix);
         }
         Ok((scene, notes))
     }

@@ -23,7 +23,9 @@ use crate::corrections::{CorrectedScene, corrected_in_words};
 use crate::diagnosis::Check;
 use crate::error::Outcome;
 use crate::estimate_table::{cue_scales, noise_levels, render, summaries};
-use crate::localization::{Settings, localize_scene, read_masks, result_file, result_file_without_objects};
+use crate::localization::{
+    Settings, localize_scene, read_depths, read_masks, result_file, result_file_without_objects,
+};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
 use crate::words::{count, duration};
@@ -59,8 +61,12 @@ pub fn one_scene(
         association = Some((ids, found.with_context(|| title.clone())?));
     }
     let CorrectedScene { mut file, mut scene, notes, .. } = corrected;
-    let problems =
-        read_masks(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
+    let mut problems = Vec::new();
+    for read in [read_masks, read_depths] {
+        let found = read(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
+        // Both read masks.
+        problems.extend(found.into_iter().filter(|problem| !problems.contains(problem)).collect::<Vec<_>>());
+    }
     file.objects = Vec::new();
     // The page shows masks, which are named by the detections.
     let images = report.map(|_| file.to_images(place).map_err(|error| error.in_file(place))).transpose()?;

@@ -173,6 +173,11 @@ fn captures_are_found_in_their_folders() {
         assert_eq!(ids(path), found("1000000.jpg", "corrected_images"), "{path}");
     }
     assert_eq!(ids("polycam/keyframes/cameras"), ("1000000.jpg 2000000.jpg".to_owned(), None));
+    write("polycam/keyframes/depth/1000000.png", "x");
+    let with_depth = read_arkit(&folder.path().join("polycam"), &ArkitOptions::default()).unwrap();
+    let depth = with_depth.scene.frames[0].depth.as_ref().unwrap();
+    assert_eq!((depth.path.as_str(), depth.scale), ("../depth/1000000.png", 0.001));
+    assert!(with_depth.notes.contains(&"1 frame with a depth image".to_owned()), "{:?}", with_depth.notes);
     assert_eq!(ids("scan"), found("frame_00003.jpg", "scan"));
     assert_eq!(ids("r3d"), found("0.jpg", "rgbd"));
     assert_eq!(ids("r3d/metadata"), found("0.jpg", "rgbd"));

@@ -63,6 +63,18 @@ fn poses_of_colmap_come_back() {
 }
 
 #[test]
+fn depth_images_are_kept_if_they_are_images() {
+    let mut document = document(&Matrix4::identity());
+    let depth = |document: &Value| parse(document).unwrap().scene.frames.remove(0).depth;
+    assert_eq!(depth(&document), None);
+    document["frames"][0]["depth_file_path"] = json!("./depths/frame_00001.png");
+    let found = depth(&document).unwrap();
+    assert_eq!((found.path.as_str(), found.scale), ("depths/frame_00001.png", 0.001));
+    document["frames"][0]["depth_file_path"] = json!("depths/frame_00001.npy");
+    assert_eq!(depth(&document), None);
+}
+
+#[test]
 fn a_scaled_and_shifted_world_is_undone() {
     let turn = Rotation3::from_euler_angles(0.1, 0.2, 0.3);
     let (shift, scale) = (Vector3::new(1.0, 2.0, 3.0), 0.25);

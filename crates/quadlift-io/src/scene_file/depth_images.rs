@@ -1,0 +1,194 @@
+//! Depth images of frames: their records, and the depths of detections that they show.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use quadlift::Observer;
+use quadlift::scene::{DepthCue, Scene, SceneParts};
+use quadlift_segment::{DepthImage, Mask, Patch};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::images::SceneImages;
+use super::records::SceneFile;
+use crate::error::{EntryError, ReadError};
+use crate::images::read_depth_image_of_size;
+
+/// The source of depths from depth images without one.
+const DEFAULT_SOURCE: &str = "depth_image";
+
+/// A depth image of a frame: a PNG file with 16 bits per pixel.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct DepthImageRecord {
+    /// Path of the file, relative to the scene file.
+    pub path: String,
+    /// World units of one count; 0.001 for millimetres in a world in metres.
+    pub scale: f64,
+    /// Depth network or sensor: depths of one source may share a wrong scale. `depth_image` without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Box<str>>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+impl DepthImageRecord {
+    /// Refuses a scale that is none.
+    pub(super) fn check(&self, entry: impl Fn(&str) -> String) -> Result<(), EntryError> {
+        if self.scale > 0.0 && self.scale.is_finite() {
+            return Ok(());
+        }
+        let problem = format!("found {}; expected a positive number, the world units of one count", self.scale);
+        Err(EntryError::new(entry(".scale"), problem))
+    }
+}
+
+/// What the depth images of a scene gave.
+#[derive(Debug, Clone, Default)]
+pub struct DepthsFound {
+    /// Number of detections with a depth from an image.
+    pub detections: usize,
+    /// Detections in depth images without a depth: no pixel of theirs has one.
+    pub without: usize,
+    /// Depth images and masks that could not be read, each problem once.
+    pub problems: Vec<ReadError>,
+}
+
+impl DepthsFound {
+    fn failed(&mut self, error: ReadError) {
+        // The masks of a frame may share a file.
+        if self.problems.last() != Some(&error) {
+            self.problems.push(error);
+        }
+    }
+}
+
+impl SceneFile {
+    /// Whether a frame has a depth image.
+    pub fn has_depth_images(&self) -> bool {
+        self.frames.iter().any(|frame| frame.depth.is_some())
+    }
+
+    /// Reads the depth images of the frames and gives the scene's detections of one source (of all without one) the depth of
+    /// their visible surface, where they have none: inside their mask if they have one, otherwise inside their box
+    /// ([`DepthImage::surface`]). The scene must be that of this file ([`Self::to_scene`]), and `path` is the file's. A depth image
+    /// covers the image of its frame, with as many pixels or with fewer. `observer` is called with the number of frames done
+    /// and their total.
+    ///
+    /// # Errors
+    /// As [`Self::to_images`].
+    pub fn add_depths(
+        &self,
+        path: &Path,
+        scene: &mut Scene,
+        source_index: Option<u32>,
+        observer: &dyn Observer,
+    ) -> Result<DepthsFound, EntryError> {
+        let mut found = DepthsFound::default();
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let images = self.to_images(path)?;
+        let mut frames: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (index, detection) in scene.detections.iter().enumerate() {
+            let chosen = source_index.is_none() || detection.source_index == source_index;
+            let has_depth = detection.cues.as_deref().is_some_and(|cues| cues.depth.is_some());
+            if chosen && !has_depth && self.frames[detection.frame_index as usize].depth.is_some() {
+                frames.entry(detection.frame_index).or_default().push(index);
+            }
+        }
+        let named =
+            || frames.keys().filter_map(|&frame| Some(folder.join(&self.frames[frame as usize].depth.as_ref()?.path)));
+        if let Some(first) = named().next().filter(|_| frames.len() > 1 && !named().any(|path| path.exists())) {
+            let problem = format!("none of the {} depth images exists, such as this one", frames.len());
+            found.failed(ReadError::new(&first, problem));
+            return Ok(found);
+        }
+        let mut depths: Vec<(usize, DepthCue, &str)> = Vec::new();
+        for (done, (&frame, detections)) in frames.iter().enumerate() {
+            if observer.progress(done, frames.len()).is_break() {
+                break;
+            }
+            let Some(record) = self.frames[frame as usize].depth.as_deref() else { continue };
+            let check = |size| check_size(scene, frame as usize, size);
+            let image = match read_depth_image_of_size(&folder.join(&record.path), record.scale, &check) {
+                Ok(image) => image,
+                Err(error) => {
+                    found.failed(error);
+                    continue;
+                }
+            };
+            let source = record.source.as_deref().unwrap_or(DEFAULT_SOURCE);
+            for (&index, mask) in detections.iter().zip(self.trusted_masks(&images, scene, detections)) {
+                let mask = mask.unwrap_or_else(|error| {
+                    found.failed(error);
+                    None
+                });
+                match depth_of(scene, index, &image, mask.as_ref()) {
+                    Some(depth) => depths.push((index, depth, source)),
+                    None => found.without += 1,
+                }
+            }
+        }
+        let _ = observer.progress(frames.len(), frames.len());
+        found.detections = depths.len();
+        if !depths.is_empty() {
+            let added = scene.edit(|parts| depths.iter().for_each(|depth| add(parts, depth)));
+            added.map_err(|error| EntryError::new("frames", error))?;
+        }
+        Ok(found)
+    }
+
+    /// The masks of detections, without unreliable ones of `quadlift segment`.
+    fn trusted_masks(
+        &self,
+        images: &SceneImages,
+        scene: &Scene,
+        detections: &[usize],
+    ) -> Vec<Result<Option<Mask>, ReadError>> {
+        let fell_back = |index: usize| {
+            self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fell_back())
+        };
+        let masks = images.read_masks(scene, detections);
+        masks.into_iter().zip(detections).map(|(mask, &k)| if fell_back(k) { Ok(None) } else { mask }).collect()
+    }
+}
+
+/// Gives a detection a depth of a source.
+fn add(parts: &mut SceneParts, &(index, depth, source): &(usize, DepthCue, &str)) {
+    let known = parts.cue_sources.iter().position(|name| name == source);
+    let position = known.unwrap_or_else(|| {
+        parts.cue_sources.push(source.to_owned());
+        parts.cue_sources.len() - 1
+    });
+    let depth = DepthCue { source: u32::try_from(position).ok(), ..depth };
+    let cues = parts.detections[index].cues.get_or_insert_default();
+    cues.depth = Some(depth);
+}
+
+/// Whether a depth image of this size shows the whole image of a frame: the same sides, up to a pixel.
+fn check_size(scene: &Scene, frame_index: usize, [width, height]: [u32; 2]) -> Result<(), String> {
+    let frame = &scene.frames[frame_index];
+    let Some(size) = frame.image_size else { return Ok(()) };
+    let [wanted, found] = [size.y / size.x * f64::from(width), f64::from(height)];
+    if (wanted - found).abs() <= 1.0 {
+        return Ok(());
+    }
+    Err(format!(
+        "the depth image has {width} x {height} pixels; the camera of frame \"{}\" has {} x {}: expected as many, or both sides \
+         smaller by one factor",
+        frame.id, size.x, size.y
+    ))
+}
+
+/// The depth of a detection in a depth image.
+fn depth_of(scene: &Scene, index: usize, image: &DepthImage, mask: Option<&Mask>) -> Option<DepthCue> {
+    let detection = &scene.detections[index];
+    let frame = &scene.frames[detection.frame_index as usize];
+    let outline = |ellipse: quadlift::geometry::Ellipse| ellipse.bounding_box();
+    let undistorted = detection.bounding_box.or(detection.ellipse.map(outline))?;
+    let half_size = 0.25 * undistorted.size().sum() / frame.projection.focal_length();
+    let image_size = frame.image_size.map_or(image.size().map(f64::from), Into::into);
+    let bounding_box = detection.box_in_image.unwrap_or(undistorted);
+    let surface = image.surface(&Patch { bounding_box, mask, image_size, half_size })?;
+    Some(DepthCue { median: surface.median, sd: Some(surface.sd), source: None })
+}
