@@ -151,9 +151,11 @@ const USUAL_SCALES: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 /// The scales of the sources of depths and 3D boxes, one line each, and whether one is so far from 1 that a unit may be wrong.
 pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<(String, bool)> {
+    let name = |found: &CueScale| found.source.and_then(|source| scene.cue_sources.get(source as usize));
+    let is_scaled_by_frame =
+        |found: &CueScale| found.source.is_some_and(|source| scene.scaled_by_frame.contains(&source));
     let line = |found: &CueScale| {
-        let source = found.source.and_then(|source| scene.cue_sources.get(source as usize));
-        let source = source.map_or(String::new(), |name| format!(" of {name}"));
+        let source = name(found).map_or(String::new(), |name| format!(" of {name}"));
         let what = match found.quantity {
             ScaledQuantity::BoxDistance => format!("distances of the 3D boxes{source}"),
             ScaledQuantity::BoxSize { category, axis } => {
@@ -165,9 +167,19 @@ pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<(String, bo
         let sd = found.factor * found.log_sd;
         let line = format!("{what} are {:.3} of the true ones (standard deviation {sd:.3})", found.factor);
         let is_length = !matches!(found.quantity, ScaledQuantity::BoxSize { .. });
-        (line, is_length && !USUAL_SCALES.contains(&found.factor))
+        let is_relative = found.quantity == ScaledQuantity::Depth && is_scaled_by_frame(found);
+        (line, is_length && !is_relative && !USUAL_SCALES.contains(&found.factor))
     };
-    localization.cue_scales.iter().map(line).collect()
+    let is_of_frame = |found: &&CueScale| matches!(found.quantity, ScaledQuantity::DepthOfFrame { .. });
+    let (of_frames, others): (Vec<&CueScale>, Vec<&CueScale>) = localization.cue_scales.iter().partition(is_of_frame);
+    let mut lines: Vec<_> = others.into_iter().map(line).collect();
+    for same in of_frames.chunk_by(|a, b| a.source == b.source) {
+        let factor = |pick: fn(f64, f64) -> f64| same.iter().map(|found| found.factor).reduce(pick).unwrap_or(1.0);
+        let source = name(same[0]).map_or(String::new(), |name| format!(" of {name}"));
+        let [least, most] = [factor(f64::min), factor(f64::max)];
+        lines.push((format!("depths{source} in single frames are {least:.3} to {most:.3} of the true ones"), false));
+    }
+    lines
 }
 
 fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {

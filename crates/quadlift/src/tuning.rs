@@ -112,6 +112,8 @@ tuned! {
     /// Standard deviation of the logarithm of the scale of a source of depths or distances, before anything is known: networks
     /// that estimate metric depth err by 5 to 15 % on scenes unlike their training data.
     DEPTH_SCALE_SD = 0.1;
+    /// The same of the scale of a frame, of networks that estimate depth up to a scale in each image.
+    FRAME_SCALE_SD = 0.3;
     /// The same of the bias of a source's sizes: 3D detectors learn the mean size of a category elsewhere, and the edges of boxes
     /// and bodies of different kinds differ by up to 1.4.
     SIZE_BIAS_SD = 0.2;

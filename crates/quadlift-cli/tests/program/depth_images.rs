@@ -86,6 +86,18 @@ fn one_view_with_a_depth_image_locates_objects() {
     own["detections"][0]["depth"] = json!({"median": 20.0});
     folder.write_json("own.json", &own);
     assert!(folder.run("localize own.json -v").stderr.contains("depth images: 11 detections with a depth"));
+    // A source whose scale is that of a frame.
+    let mut relative = scene.clone();
+    relative["cue_sources"] = json!({"lidar": {"scale": "frame"}});
+    folder.write_json("relative.json", &relative);
+    let run = folder.run("localize relative.json -o relative_objects.json -v");
+    assert!(
+        run.stderr.contains("depths of lidar in single frames are 1.000 to 1.000 of the true ones"),
+        "{}",
+        run.stderr
+    );
+    let scales = folder.json("relative_objects.json")["localization"]["cue_scales"].clone();
+    assert_eq!((scales.as_array().unwrap().len(), &scales[1]["frame"]), (2, &json!("000000")), "{scales}");
     // A mask limits the pixels: those of the wall alone.
     let mut masked = scene;
     masked["detections"][0]["mask"] = json!({"polygons": [[0, 0, 40, 0, 40, 40, 0, 40]]});

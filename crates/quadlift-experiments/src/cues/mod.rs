@@ -1,5 +1,7 @@
-//! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI.
+//! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
+//! frame.
 
+mod frame_scales;
 mod fusion;
 mod kitti;
 mod synthetic;
@@ -18,6 +20,7 @@ use crate::report::Report;
 pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
     let mut report = Report::new("cues", "Depths and 3D boxes beside boxes");
     synthetic::run(seed, progress, &mut report)?;
+    frame_scales::run(seed, progress, &mut report)?;
     match data_folder(data) {
         Ok(folder) => kitti::run(&folder, seed, progress, &mut report)?,
         Err(Error::NoData(_)) => report.text("Without the real data KITTI is left out.".to_owned()),

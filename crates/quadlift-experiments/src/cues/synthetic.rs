@@ -21,16 +21,16 @@ use crate::table::{Cell, Table};
 const VIEWS: [usize; 6] = [1, 2, 3, 5, 10, 20];
 
 /// Objects of a scene, and scenes of each row.
-const OBJECTS: usize = 50;
-const SCENES: u64 = 4;
+pub(super) const OBJECTS: usize = 50;
+pub(super) const SCENES: u64 = 4;
 const FIRST_SEED: u64 = 21;
 
 /// Standard deviation of the edges of the boxes, in mean half sizes.
-const EDGE_NOISE: f64 = 0.03;
+pub(super) const EDGE_NOISE: f64 = 0.03;
 
 /// Distance of the cameras from the middle of the objects, and the side of the cube in which they lie.
-const DISTANCE: f64 = 25.0;
-const CUBE: f64 = 10.0;
+pub(super) const DISTANCE: f64 = 25.0;
+pub(super) const CUBE: f64 = 10.0;
 
 /// What is known besides the boxes.
 const CUES: [&str; 5] = ["boxes", "+ depth", "+ 3D boxes", "+ both", "mean of 3D boxes"];
@@ -111,7 +111,8 @@ fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
     (0..CUES.len()).map(of_column).collect()
 }
 
-fn median(mut values: Vec<f64>) -> Option<Figure> {
+/// The median; `None` without values.
+pub(super) fn median(mut values: Vec<f64>) -> Option<Figure> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).map(|value| Figure { value: *value, standard_error: None })
 }

@@ -55,6 +55,7 @@ impl SceneFile {
             };
             added.map_err(|error| EntryError::new(entry(""), error))?;
         }
+        self.cue_sources.iter().try_for_each(|(name, source)| source.add_to(name, &mut builder))?;
         let frames = OnceCell::new();
         for (index, detection) in self.detections.iter().enumerate() {
             let entry = |field: &str| format!("detections[{index}]{field}");

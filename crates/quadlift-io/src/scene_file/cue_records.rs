@@ -28,6 +28,19 @@ pub struct DepthRecord {
     pub extra: Map<String, Value>,
 }
 
+/// What is known of a source of depths.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct CueSourceRecord {
+    /// What its depths have in common besides their scale in the scene: `frame` for networks that are right up to a scale in each
+    /// image, `scene` (the default) for nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<Box<str>>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
 /// A 3D box of an object from one image, any part of it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}")]
@@ -75,6 +88,24 @@ pub struct Box3dSdRecord {
     /// Of the rotation about each axis, radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<f64>,
+}
+
+impl CueSourceRecord {
+    /// Tells a scene what is known of the source.
+    pub(super) fn add_to(&self, name: &str, builder: &mut SceneBuilder) -> Result<(), EntryError> {
+        let entry = |field: &str| format!("cue_sources.{name}{field}");
+        let index = builder.cue_source(name).map_err(|error| EntryError::new(entry(""), error))?;
+        match self.scale.as_deref() {
+            None | Some("scene") => {}
+            Some("frame") => builder.scale_by_frame(index),
+            Some(other) => {
+                let problem =
+                    format!("found \"{other}\"; expected \"frame\" (a scale in each frame) or \"scene\" (one scale)");
+                return Err(EntryError::new(entry(".scale"), problem));
+            }
+        }
+        Ok(())
+    }
 }
 
 impl DetectionRecord {
@@ -236,6 +267,24 @@ mod tests {
         let again = again.detections[0].cues.as_deref().unwrap().box3d.unwrap();
         assert_eq!((again.center, again.half_extents), (box3d.center, box3d.half_extents));
         assert!((again.rotation.unwrap().matrix() - box3d.rotation.unwrap().matrix()).amax() < 1e-12);
+    }
+
+    #[test]
+    fn a_source_says_that_its_scale_is_that_of_a_frame() {
+        let with = |source: Value| {
+            let mut value = serde_json::to_value(json!({"cue_sources": {"net": source}})).unwrap();
+            let mut file = file(json!({"center": [0, 0, 10]}));
+            file.cue_sources = serde_json::from_value(value["cue_sources"].take()).unwrap();
+            file.to_scene()
+        };
+        assert!(with(json!({})).unwrap().scaled_by_frame.is_empty());
+        assert!(with(json!({"scale": "scene"})).unwrap().scaled_by_frame.is_empty());
+        let scene = with(json!({"scale": "frame"})).unwrap();
+        let depth = scene.detections[0].cues.as_deref().unwrap().depth.unwrap();
+        assert!(scene.scaled_by_frame.contains(&depth.source.unwrap()));
+        let error = with(json!({"scale": "image"})).unwrap_err();
+        assert_eq!(error.entry, "cue_sources.net.scale");
+        assert!(error.problem.contains("found \"image\"; expected \"frame\""), "{}", error.problem);
     }
 
     #[test]

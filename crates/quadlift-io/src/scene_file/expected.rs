@@ -19,6 +19,7 @@ pub fn expected(field: &str) -> Option<&'static str> {
             "\"depth\": of a detection {\"median\": number, \"sd\": number, \"source\": \"...\"}, of a frame {\"path\": \"...\", \
              \"scale\": world units of one count}"
         }
+        "cue_sources" => "\"cue_sources\": {\"name of a source\": {\"scale\": \"frame\"}}",
         "box3d" => {
             "\"box3d\": {\"center\": [x, y, z], \"half_extents\": [l, w, h], \"rotation\": [w, x, y, z], \"frame\": \"camera\"}"
         }

@@ -3,6 +3,7 @@
 //! Pixels are corner-based (the first pixel covers [0, 1)), camera axes are OpenCV's, angles are radians, rotations are
 //! unit quaternions with w first. Unknown fields are kept in `extra`.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use quadlift::geometry::Ellipse;
@@ -12,7 +13,7 @@ use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
-use super::cue_records::{Box3dRecord, DepthRecord};
+use super::cue_records::{Box3dRecord, CueSourceRecord, DepthRecord};
 use super::depth_images::DepthImageRecord;
 use super::object_records::ObjectRecord;
 use crate::numbers;
@@ -52,6 +53,9 @@ pub struct SceneFile {
     /// The posed images.
     #[serde(default)]
     pub frames: Vec<FrameRecord>,
+    /// What is known of the sources of depths, by name.
+    #[serde(default)]
+    pub cue_sources: BTreeMap<String, CueSourceRecord>,
     /// Points of the scene's surfaces in the world, as structure from motion finds them; may be empty.
     #[serde(default, deserialize_with = "numbers::lists")]
     pub points: Vec<[f64; 3]>,
@@ -78,6 +82,7 @@ impl Default for SceneFile {
             localization: None,
             cameras: Vec::new(),
             frames: Vec::new(),
+            cue_sources: BTreeMap::new(),
             points: Vec::new(),
             detections: Vec::new(),
             objects: Vec::new(),
@@ -101,6 +106,7 @@ impl SceneFile {
             localization: Some(localization),
             cameras: self.cameras.clone(),
             frames: self.frames.clone(),
+            cue_sources: self.cue_sources.clone(),
             points: self.points.clone(),
             objects,
             extra: self

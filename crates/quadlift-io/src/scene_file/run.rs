@@ -67,6 +67,9 @@ pub fn cue_scales_record(scene: &Scene, localization: &Localization) -> Value {
         };
         let mut json =
             json!({ "source": source, "quantity": quantity, "factor": found.factor, "log_sd": found.log_sd });
+        if let ScaledQuantity::DepthOfFrame { frame } = found.quantity {
+            json["frame"] = scene.frames[frame].id.as_str().into();
+        }
         if let Some(category) = category {
             json["category"] = scene.categories[category].as_str().into();
         }

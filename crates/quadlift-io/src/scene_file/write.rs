@@ -67,6 +67,9 @@ fn write_records(
     members.optional("localization", &scene.localization)?;
     members.list::<CameraRecord>("cameras", scene.cameras.iter())?;
     members.list::<FrameRecord>("frames", scene.frames.iter())?;
+    if !scene.cue_sources.is_empty() {
+        members.value("cue_sources", &scene.cue_sources)?;
+    }
     members.list::<[f64; 3]>("points", scene.points.iter())?;
     members.list::<DetectionRecord>("detections", scene.detections.iter())?;
     members.list::<ObjectRecord>("objects", objects)?;

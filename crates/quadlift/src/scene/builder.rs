@@ -136,6 +136,11 @@ impl SceneBuilder {
         intern(Some(name), &mut self.cue_sources, &mut self.scene.cue_sources).ok_or(SceneError::TooLarge)
     }
 
+    /// Says that the depths of a source have another scale in each frame; `source` is an index that [`Self::cue_source`] gave.
+    pub fn scale_by_frame(&mut self, source: u32) {
+        self.scene.scaled_by_frame.insert(source);
+    }
+
     /// Adds a detection, measured in the image as it is; if the frame's camera has a lens model, it is undistorted.
     /// Detections without pinhole pixels (see [`Camera::undistort_point`]) have neither box nor ellipse. Returns its
     /// index.

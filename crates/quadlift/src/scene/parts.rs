@@ -1,6 +1,6 @@
 //! The parts of a scene: frames and detections.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use nalgebra::{Unit, Vector2, Vector3};
 
@@ -29,6 +29,9 @@ pub struct SceneParts {
     pub sources: Vec<String>,
     /// Sources of cues (a depth network, a LiDAR, a 3D detector); the cues of [`Detection::cues`] point here.
     pub cue_sources: Vec<String>,
+    /// Sources whose depths have another scale in each frame, as networks have that estimate depth up to scale: indices into
+    /// `cue_sources`.
+    pub scaled_by_frame: BTreeSet<u32>,
 }
 
 /// A posed image.

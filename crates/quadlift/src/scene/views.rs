@@ -46,6 +46,8 @@ pub struct View {
     pub cut_off: [bool; 4],
     /// Depth and 3D box, if known.
     pub cues: Cues,
+    /// Whether the depth has a scale that only the depths of the same frame and source share.
+    pub depth_scaled_by_frame: bool,
 }
 
 impl View {
@@ -89,6 +91,7 @@ impl View {
             hidden_edges: [false; 4],
             cut_off: [false; 4],
             cues: Cues::default(),
+            depth_scaled_by_frame: false,
         }
     }
 
@@ -151,6 +154,8 @@ impl Scene {
     /// The view of a detection.
     pub fn view(&self, detection: &Detection) -> View {
         let frame = &self.frames[detection.frame_index as usize];
+        let cues = detection.cues.as_deref().copied().unwrap_or_default();
+        let depth_source = cues.depth.and_then(|depth| depth.source);
         View {
             frame_index: detection.frame_index as usize,
             projection: frame.projection,
@@ -162,7 +167,8 @@ impl Scene {
             box_in_image: detection.box_in_image,
             hidden_edges: [false; 4],
             cut_off: [false; 4],
-            cues: detection.cues.as_deref().copied().unwrap_or_default(),
+            cues,
+            depth_scaled_by_frame: depth_source.is_some_and(|source| self.scaled_by_frame.contains(&source)),
         }
         .with_cut_off_edges(BORDER_TOLERANCE_PX)
     }

@@ -21,6 +21,11 @@ pub struct CueScale {
 pub enum ScaledQuantity {
     /// Depths.
     Depth,
+    /// Depths in one frame, of a source whose scale differs between frames.
+    DepthOfFrame {
+        /// Index into [`crate::scene::SceneParts::frames`].
+        frame: usize,
+    },
     /// Distances of 3D boxes.
     BoxDistance,
     /// An extent of 3D boxes of a category.
@@ -36,6 +41,7 @@ impl From<(Constant, f64, f64)> for CueScale {
     fn from((constant, value, log_sd): (Constant, f64, f64)) -> Self {
         let (quantity, source) = match constant {
             Constant::Depth(source) => (ScaledQuantity::Depth, source),
+            Constant::DepthOfFrame(source, frame) => (ScaledQuantity::DepthOfFrame { frame }, source),
             Constant::Distance(source) => (ScaledQuantity::BoxDistance, source),
             Constant::Size(source, category, axis) => (ScaledQuantity::BoxSize { category, axis }, source),
         };

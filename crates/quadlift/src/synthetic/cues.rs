@@ -16,6 +16,7 @@ const RAYS: usize = 15;
 /// The stream of the seed for depths, and for 3D boxes.
 const DEPTH_STREAM: u64 = 40;
 const BOX_STREAM: u64 = 41;
+const FRAME_SCALE_STREAM: u64 = 42;
 
 /// Simulated cues; the default simulates none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -35,6 +36,8 @@ pub struct DepthNoise {
     pub scale: f64,
     /// Probability, in [0, 1], of the depth of something else: the background, at 1.5 to 3 times the depth.
     pub outliers: f64,
+    /// Standard deviation of the logarithm of a scale that the depths of each frame share.
+    pub frame_scale: f64,
 }
 
 /// Errors of simulated 3D boxes.
@@ -59,7 +62,7 @@ pub struct Box3dNoise {
 impl Default for DepthNoise {
     /// A network for metric depth: 5 % noise, 10 % too far.
     fn default() -> Self {
-        Self { noise: 0.05, scale: 1.1, outliers: 0.0 }
+        Self { noise: 0.05, scale: 1.1, outliers: 0.0, frame_scale: 0.0 }
     }
 }
 
@@ -80,7 +83,7 @@ impl Default for Box3dNoise {
 }
 
 /// The scene with simulated cues for each detection that has a true body, from the sources `depth` and `box3d`. Depths are the
-/// medians over rays that meet the body. The boxes of the detections stay as they are.
+/// medians over rays that meet the body; with a scale of each frame the scene says so. The boxes of the detections stay as they are.
 ///
 /// # Errors
 /// [`SceneError`] if the options give numbers that are out of range.
@@ -94,10 +97,17 @@ pub fn simulate_cues(
     parts.cue_sources = vec!["depth".to_owned(), "box3d".to_owned()];
     let mut depths = random::stream(seed, DEPTH_STREAM);
     let mut boxes = random::stream(seed, BOX_STREAM);
+    let mut scales = random::stream(seed, FRAME_SCALE_STREAM);
+    let spread = options.depth.map_or(0.0, |noise| noise.frame_scale);
+    let of_frame: Vec<f64> = scene.frames.iter().map(|_| (spread * random::normal(&mut scales)).exp()).collect();
+    if spread > 0.0 {
+        parts.scaled_by_frame.insert(0);
+    }
     for (index, detection) in parts.detections.iter_mut().enumerate() {
         let view = scene.view(&scene.detections[index]);
         let Some(body) = body_of(index, detection) else { continue };
-        let depth = options.depth.and_then(|noise| simulated_depth(&view, &body, &noise, &mut depths));
+        let scale = |noise: DepthNoise| DepthNoise { scale: noise.scale * of_frame[view.frame_index], ..noise };
+        let depth = options.depth.and_then(|noise| simulated_depth(&view, &body, &scale(noise), &mut depths));
         let box3d = options.box3d.and_then(|noise| simulated_box(&view, &body, &noise, &mut boxes));
         detection.cues = (depth.is_some() || box3d.is_some()).then(|| Box::new(Cues { depth, box3d }));
     }
@@ -155,7 +165,7 @@ mod tests {
         let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
         let exact =
             Box3dNoise { distance: 0.0, across: 0.0, size: 0.0, size_bias: 1.0, yaw: 0.0, flips: 0.0, outliers: 0.0 };
-        let depth = DepthNoise { noise: 0.0, scale: 1.0, outliers: 0.25 };
+        let depth = DepthNoise { noise: 0.0, scale: 1.0, outliers: 0.25, ..Default::default() };
         let scene =
             simulate_cues(&made.scene, body_of, &CueOptions { depth: Some(depth), box3d: Some(exact) }, 1).unwrap();
         let mut wrong = 0;

@@ -51,7 +51,7 @@ fn one_view_needs_to_know_how_far_the_object_is() {
     let made = made(1);
     let alone = localize(&made.scene, &options()).unwrap();
     assert!(alone.estimates.iter().all(|estimate| estimate.status == Status::TooFewViews));
-    let exact = DepthNoise { noise: 0.01, scale: 1.0, outliers: 0.0 };
+    let exact = DepthNoise { noise: 0.01, scale: 1.0, outliers: 0.0, ..Default::default() };
     for (depth, box3d) in [(Some(exact), None), (None, Some(Box3dNoise::default()))] {
         let scene = with_cues(&made, depth, box3d);
         let found = localize(&scene, &options()).unwrap();
@@ -87,7 +87,8 @@ fn the_scale_of_a_source_is_found_whatever_its_unit() {
     let (boxes, _) = scores(&made, &localize(&made.scene, &options()).unwrap(), &made.scene);
     // Depths in millimetres, where the world is in metres.
     for scale in [0.8, 1.0, 1000.0] {
-        let scene = with_cues(&made, Some(DepthNoise { noise: 0.02, scale, outliers: 0.1 }), None);
+        let scene =
+            with_cues(&made, Some(DepthNoise { noise: 0.02, scale, outliers: 0.1, ..Default::default() }), None);
         let found = localize(&scene, &options()).unwrap();
         let [depth] = found.cue_scales[..] else { panic!("{:?}", found.cue_scales) };
         assert_eq!((depth.quantity, depth.source), (ScaledQuantity::Depth, Some(0)));
@@ -100,7 +101,8 @@ fn the_scale_of_a_source_is_found_whatever_its_unit() {
 #[test]
 fn a_camera_that_stands_still_sees_objects_with_depths() {
     let made = made(1);
-    let scene = with_cues(&made, Some(DepthNoise { noise: 0.01, scale: 1.0, outliers: 0.0 }), None);
+    let scene =
+        with_cues(&made, Some(DepthNoise { noise: 0.01, scale: 1.0, outliers: 0.0, ..Default::default() }), None);
     let mut parts = scene.into_parts();
     for k in 1..4 {
         let mut frame = parts.frames[0].clone();
@@ -192,4 +194,61 @@ fn a_wrong_number_is_an_error() {
     assert!(scene.edit(|parts| parts.detections[0].cues = Some(Box::new(wrong))).is_err());
     let no_source = Cues { depth: Some(DepthCue { median: 1.0, sd: None, source: Some(3) }), box3d: None };
     assert!(scene.edit(|parts| parts.detections[0].cues = Some(Box::new(no_source))).is_err());
+}
+
+/// A network that estimates depth up to a scale in each image: half of the objects are seen once, where nothing but the scale that
+/// the others tell says how far they are.
+#[test]
+fn each_frame_has_its_own_scale() {
+    let made = made(4);
+    let noise = DepthNoise { noise: 0.02, scale: 40.0, outliers: 0.05, frame_scale: 0.3 };
+    let mut scene = with_cues(&made, Some(noise), None);
+    let is_seen_once = |object: u32| object % 2 == 1;
+    scene
+        .edit(|parts| {
+            parts.detections.retain(|d| {
+                let object = d.object_index.unwrap();
+                !is_seen_once(object) || d.frame_index == object / 2 % 4
+            });
+        })
+        .unwrap();
+    let error = |scene: &Scene| {
+        let found = localize(scene, &options()).unwrap();
+        let mut errors = Vec::new();
+        for estimate in found.estimates.iter().filter(|e| is_seen_once(e.object_index as u32)) {
+            let id = &scene.object_ids[estimate.object_index];
+            let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.ellipsoid();
+            let center = estimate.ellipsoid().map(|body| body.center);
+            errors.push(center.map_or(f64::INFINITY, |center| (center - truth.center).norm()));
+        }
+        errors.sort_by(f64::total_cmp);
+        (errors[errors.len() / 2], found)
+    };
+    let (with, found) = error(&scene);
+    let frames: Vec<_> =
+        found.cue_scales.iter().filter(|s| matches!(s.quantity, ScaledQuantity::DepthOfFrame { .. })).collect();
+    assert_eq!(frames.len(), 4);
+    let mut off = Vec::new();
+    for scale in &frames {
+        let ScaledQuantity::DepthOfFrame { frame } = scale.quantity else { unreachable!() };
+        // Measured over true depth of the centres.
+        let ratio = |d: &Detection| {
+            let id = &scene.object_ids[d.object_index.unwrap() as usize];
+            let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.ellipsoid();
+            d.cues.as_ref().unwrap().depth.unwrap().median / scene.frames[frame].projection.depth(&truth.center)
+        };
+        let mut ratios: Vec<f64> =
+            scene.detections.iter().filter(|d| d.frame_index as usize == frame).map(ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        off.push((scale.factor / ratios[ratios.len() / 2]).ln());
+        assert!(scale.log_sd < 0.03, "{scale:?}");
+    }
+    // Surfaces are nearer than centres by a few percent, about the same in all frames.
+    let mean = off.iter().sum::<f64>() / 4.0;
+    assert!((0.0..0.1).contains(&mean) && off.iter().all(|x| (x - mean).abs() < 0.03), "{off:?}");
+    // With one scale for all frames.
+    let mut same = scene.clone();
+    same.edit(|parts| parts.scaled_by_frame.clear()).unwrap();
+    let (without, _) = error(&same);
+    assert!(with < 0.5 * without, "{with} {without}");
 }

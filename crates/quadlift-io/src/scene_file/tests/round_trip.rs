@@ -61,13 +61,28 @@ fn camera() -> impl Strategy<Value = CameraRecord> {
         .prop_map(|(id, model, width, height, params, extra)| CameraRecord { id, model, width, height, params, extra })
 }
 
+fn depth_image() -> impl Strategy<Value = DepthImageRecord> {
+    (text(), number(), option::of(name()), extra()).prop_map(|(path, scale, source, extra)| DepthImageRecord {
+        path,
+        scale,
+        source,
+        extra,
+    })
+}
+
 fn frame() -> impl Strategy<Value = FrameRecord> {
     let posed = (option::of(text()), option::of(rows()), option::of(rows()));
-    let image = (option::of(number()), option::of(number()), option::of(text()), option::of(number()));
+    let image = (
+        option::of(number()),
+        option::of(number()),
+        option::of(text()),
+        option::of(depth_image().prop_map(Box::new)),
+        option::of(number()),
+    );
     (text(), posed, image, extra()).prop_map(|(id, posed, image, extra)| {
         let (camera, cam_from_world, projection) = posed;
-        let (width, height, image, time) = image;
-        FrameRecord { id, camera, cam_from_world, projection, width, height, image, time, extra }
+        let (width, height, image, depth, time) = image;
+        FrameRecord { id, camera, cam_from_world, projection, width, height, image, depth, time, extra }
     })
 }
 
@@ -228,15 +243,19 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
     )
 }
 
+fn cue_source() -> impl Strategy<Value = CueSourceRecord> {
+    (option::of(name()), extra()).prop_map(|(scale, extra)| CueSourceRecord { scale, extra })
+}
+
 fn scene() -> impl Strategy<Value = SceneFile> {
     let texts = (option::of(text()), option::of(text()), option::of(text()), option::of(numbers()));
     // In a file `null` and an absent field are one.
     let localization = option::of(value()).prop_map(|v| v.filter(|v| !v.is_null()));
-    let points = vec(numbers(), 0..3);
+    let points = (vec(numbers(), 0..3), btree_map(text(), cue_source(), 0..2));
     let lists = (vec(camera(), 0..3), vec(frame(), 0..4), points, vec(detection(), 0..5), vec(object(), 0..3));
     (texts, localization, lists, extra()).prop_map(|(texts, localization, lists, extra)| {
         let (name, length_unit, notes, up) = texts;
-        let (cameras, frames, points, detections, objects) = lists;
+        let (cameras, frames, (points, cue_sources), detections, objects) = lists;
         SceneFile {
             name,
             length_unit,
@@ -245,6 +264,7 @@ fn scene() -> impl Strategy<Value = SceneFile> {
             localization,
             cameras,
             frames,
+            cue_sources,
             points,
             detections,
             objects,

@@ -25,13 +25,14 @@ impl Fit {
             let view = &self.problem.views.views[cue.view];
             let mut axis = 0;
             for row in rows {
-                let Some(constant) = self.constant(view, row.group, &mut axis) else { continue };
                 let derivative = -cue.whitening(noise, row.group);
                 let weight = loss_weight * weights.of(row.group);
-                let term = terms.entry(constant).or_default();
-                term.information += weight * derivative * derivative;
-                term.gradient += weight * derivative * row.residual;
-                term.coupling += nalgebra::SVector::from(row.row) * (weight * derivative);
+                for constant in self.constants(view, row.group, &mut axis) {
+                    let term = terms.entry(constant).or_default();
+                    term.information += weight * derivative * derivative;
+                    term.gradient += weight * derivative * row.residual;
+                    term.coupling += nalgebra::SVector::from(row.row) * (weight * derivative);
+                }
             }
         });
         let step = -(covariance * self.equations.gradient());
@@ -62,24 +63,30 @@ impl Fit {
                 cue.rows(&self.body, noise, &mut rows);
                 let mut axis = 0;
                 for row in &rows {
-                    let Some(constant) = self.constant(view, row.group, &mut axis) else { continue };
-                    ratios.entry(constant).or_default().push(row.residual / cue.whitening(noise, row.group));
+                    for constant in self.constants(view, row.group, &mut axis) {
+                        ratios.entry(constant).or_default().push(row.residual / cue.whitening(noise, row.group));
+                    }
                 }
             }
         }
     }
 
-    /// The constant that a residual of a view's cue contains; `axis` counts those of sizes.
-    fn constant(&self, view: &View, group: NoiseGroup, axis: &mut usize) -> Option<Constant> {
+    /// The constants that a residual of a view's cue contains; `axis` counts those of sizes.
+    fn constants(&self, view: &View, group: NoiseGroup, axis: &mut usize) -> impl Iterator<Item = Constant> + use<> {
         let source = || view.cues.box3d.and_then(|measured| measured.source);
-        match group {
-            NoiseGroup::Depth => Some(Constant::Depth(view.cues.depth.and_then(|depth| depth.source))),
-            NoiseGroup::BoxDistance => Some(Constant::Distance(source())),
+        let (first, second) = match group {
+            NoiseGroup::Depth => {
+                let source = view.cues.depth.and_then(|depth| depth.source);
+                let of_frame = Constant::DepthOfFrame(source, view.frame_index);
+                (Some(Constant::Depth(source)), view.depth_scaled_by_frame.then_some(of_frame))
+            }
+            NoiseGroup::BoxDistance => (Some(Constant::Distance(source())), None),
             NoiseGroup::BoxSize => {
                 *axis += 1;
-                Some(Constant::Size(source(), self.problem.views.category_index, *axis - 1))
+                (Some(Constant::Size(source(), self.problem.views.category_index, *axis - 1)), None)
             }
-            _ => None,
-        }
+            _ => (None, None),
+        };
+        first.into_iter().chain(second)
     }
 }

@@ -1,17 +1,19 @@
 //! CueScales of the sources of cues: the scale of their depths and distances, the bias of their sizes, each a constant that
 //! is added to logarithms (docs/method.md, section 19.3).
 //!
-//! The constants are unknowns shared by the objects. A step of Gauss and Newton eliminates the objects (Schur complement), so
+//! The constants are unknowns shared by the objects; depths of a network that is right up to a scale in each image have one in each
+//! frame. A step of Gauss and Newton eliminates the objects (Schur complement), so
 //! that what boxes tell of an object counts as much as it is certain.
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector, SVector};
+use nalgebra::SVector;
 
+use super::scale_system::{ScaleCovariance, ScaleSystem, Told};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::scene::{Cues, ObjectViews};
 use crate::solve::estimate::Matrix9;
-use crate::tuning::{DEPTH_SCALE_SD, SIZE_BIAS_SD};
+use crate::tuning::{DEPTH_SCALE_SD, FRAME_SCALE_SD, SIZE_BIAS_SD};
 
 /// Number of measurements from which a median is taken.
 const ENOUGH_FOR_MEDIAN: usize = 5;
@@ -24,6 +26,8 @@ const LARGEST_STEP: f64 = 0.3;
 pub(crate) enum Constant {
     /// Scale of depths.
     Depth(Option<u32>),
+    /// Scale of the depths of one frame, beside that of the source.
+    DepthOfFrame(Option<u32>, usize),
     /// Scale of distances of 3D boxes.
     Distance(Option<u32>),
     /// Scale of an extent (0 to 2) of 3D boxes, of a category.
@@ -35,7 +39,16 @@ impl Constant {
     fn prior_sd(self) -> f64 {
         match self {
             Self::Depth(_) | Self::Distance(_) => DEPTH_SCALE_SD.get(),
+            Self::DepthOfFrame(..) => FRAME_SCALE_SD.get(),
             Self::Size(..) => SIZE_BIAS_SD.get(),
+        }
+    }
+
+    /// The constant of all frames that is added to that of one frame.
+    fn of_all_frames(self) -> Option<Self> {
+        match self {
+            Self::DepthOfFrame(source, _) => Some(Self::Depth(source)),
+            _ => None,
         }
     }
 }
@@ -68,17 +81,11 @@ pub(crate) struct ObjectTerms {
 }
 
 /// The constants of all sources with their covariance.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct CueScales {
     values: BTreeMap<Constant, f64>,
-    /// In the order of the constants.
-    covariance: DMatrix<f64>,
-}
-
-impl Default for CueScales {
-    fn default() -> Self {
-        Self { values: BTreeMap::new(), covariance: DMatrix::zeros(0, 0) }
-    }
+    /// In the order of the constants; empty before the first step.
+    covariance: ScaleCovariance,
 }
 
 impl CueScales {
@@ -88,18 +95,28 @@ impl CueScales {
         let median = |mut all: Vec<f64>| {
             all.retain(|x| x.is_finite());
             all.sort_by(f64::total_cmp);
-            if all.len() < ENOUGH_FOR_MEDIAN { 0.0 } else { all[all.len() / 2] }
+            if all.len() < ENOUGH_FOR_MEDIAN { None } else { Some(all[all.len() / 2]) }
         };
-        let values: BTreeMap<_, _> = ratios.into_iter().map(|(constant, all)| (constant, median(all))).collect();
-        let covariance = DMatrix::zeros(values.len(), values.len());
-        Self { values, covariance }
+        let medians: BTreeMap<_, _> = ratios.into_iter().map(|(constant, all)| (constant, median(all))).collect();
+        let start = |(constant, median): (&Constant, &Option<f64>)| {
+            let of_all = constant.of_all_frames().and_then(|all| *medians.get(&all)?).unwrap_or(0.0);
+            (*constant, median.map_or(0.0, |median| median - of_all))
+        };
+        Self { values: medians.iter().map(start).collect(), covariance: ScaleCovariance::default() }
     }
 
-    /// The constants with their standard deviations.
+    /// The constants with their standard deviations; that of a frame with what all frames of the source share.
     pub(crate) fn constants(&self) -> impl Iterator<Item = (Constant, f64, f64)> {
         self.values.iter().enumerate().map(|(k, (constant, value))| {
-            let variance = self.covariance.get((k, k)).copied().unwrap_or(0.0);
-            (*constant, *value, variance.max(0.0).sqrt())
+            let of_all = constant.of_all_frames().and_then(|all| {
+                let position = self.values.keys().position(|key| *key == all)?;
+                Some((position, self.values[&all]))
+            });
+            let entry = |k: usize, l: usize| self.covariance.entry(k, l);
+            let (value, variance) = of_all.map_or((*value, entry(k, k)), |(all, shared)| {
+                (value + shared, entry(k, k) + 2.0 * entry(k, all) + entry(all, all))
+            });
+            (*constant, value, variance.max(0.0).sqrt())
         })
     }
 
@@ -109,37 +126,33 @@ impl CueScales {
             object.terms.keys().for_each(|constant| _ = self.values.entry(*constant).or_insert(0.0));
         }
         let index: BTreeMap<Constant, usize> = self.values.keys().enumerate().map(|(k, c)| (*c, k)).collect();
-        let count = index.len();
-        let mut normal = DMatrix::<f64>::zeros(count, count);
-        let mut gradient = DVector::<f64>::zeros(count);
+        let of_frames = self.values.keys().map(|constant| constant.of_all_frames().is_some()).collect();
+        let mut system = ScaleSystem::new(of_frames);
         for (k, (constant, value)) in self.values.iter().enumerate() {
             // Usually about 1, but a source may have any scale: a heavy-tailed prior.
             let sd = constant.prior_sd();
             let precision = 1.0 / (sd * sd + value * value);
-            normal[(k, k)] += precision;
-            gradient[k] += precision * value;
+            system.add_prior(k, precision, precision * value);
         }
         for ObjectTerms { terms, covariance, step } in objects {
-            for (constant, term) in terms {
-                let k = index[constant];
-                normal[(k, k)] += term.information;
-                gradient[k] += term.gradient + term.coupling.dot(step);
-                let seen = covariance * term.coupling;
-                for (other, more) in terms {
-                    normal[(index[other], k)] -= more.coupling.dot(&seen);
-                }
-            }
+            let told = terms.iter().map(|(constant, term)| Told {
+                index: index[constant],
+                information: term.information,
+                gradient: term.gradient + term.coupling.dot(step),
+                coupling: term.coupling,
+                with: constant.of_all_frames().map(|all| index[&all]),
+            });
+            system.add_object(told.collect(), *covariance);
         }
-        let normal = (&normal + normal.transpose()) * 0.5;
-        let Some(cholesky) = normal.cholesky() else { return Self::default() };
-        let step = -cholesky.solve(&gradient).map(|x| x.clamp(-LARGEST_STEP, LARGEST_STEP));
-        self.covariance = cholesky.inverse();
+        let Some((step, covariance)) = system.solve() else { return Self::default() };
+        self.covariance = covariance;
         let mut change = BTreeMap::new();
         for (k, (constant, value)) in self.values.iter_mut().enumerate() {
-            *value += step[k];
-            change.insert(*constant, step[k]);
+            let step = -step[k].clamp(-LARGEST_STEP, LARGEST_STEP);
+            *value += step;
+            change.insert(*constant, step);
         }
-        Self { values: change, covariance: DMatrix::zeros(count, count) }
+        Self { values: change, covariance: ScaleCovariance::default() }
     }
 
     /// What the uncertainty of the constants adds to the covariance of an object.
@@ -149,13 +162,7 @@ impl CueScales {
             .iter()
             .filter_map(|(constant, term)| Some((*index.get(constant)?, covariance * term.coupling)))
             .collect();
-        let mut added = Matrix9::zeros();
-        for (k, gain) in &gains {
-            for (l, other) in &gains {
-                added += gain * other.transpose() * self.covariance[(*k, *l)];
-            }
-        }
-        added
+        self.covariance.between(&gains)
     }
 
     /// Takes the constants out of the measurements of an object.
@@ -165,11 +172,16 @@ impl CueScales {
         }
         let category = views.category_index;
         let factor = |constant: Constant| self.values.get(&constant).map_or(1.0, |value| (-value).exp());
-        for Cues { depth, box3d } in views.views.iter_mut().map(|view| &mut view.cues) {
+        for view in &mut views.views {
+            let (frame, scaled_by_frame) = (view.frame_index, view.depth_scaled_by_frame);
+            let Cues { depth, box3d } = &mut view.cues;
             if let Some(depth) = depth {
-                let factor = factor(Constant::Depth(depth.source));
-                depth.median *= factor;
-                depth.sd = depth.sd.map(|sd| sd * factor);
+                let mut factor_of_depth = factor(Constant::Depth(depth.source));
+                if scaled_by_frame {
+                    factor_of_depth *= factor(Constant::DepthOfFrame(depth.source, frame));
+                }
+                depth.median *= factor_of_depth;
+                depth.sd = depth.sd.map(|sd| sd * factor_of_depth);
             }
             let Some(box3d) = box3d else { continue };
             if let Some(center) = &mut box3d.center {

@@ -3,3 +3,4 @@
 pub(crate) mod cue_scales;
 pub(crate) mod ground;
 pub(crate) mod poses;
+mod scale_system;
