@@ -6,7 +6,7 @@ use quadlift::geometry::{quaternion_from_rotation, rotation_from_quaternion};
 
 use crate::scene_file::{Box3dRecord, SceneFile};
 
-/// Multiplies depths and 3D boxes where the correction changes the unit of the world, and mirrors the 3D boxes of the world where
+/// Multiplies depths, the scales of depth images and 3D boxes where the correction changes the unit of the world, and mirrors the 3D boxes of the world where
 /// it mirrors the world. Those in the frame of a camera stay where they are: its axes are OpenCV's in every file.
 pub(super) fn move_with_world(file: &mut SceneFile, correction: &Correction) {
     let origin = correction.world_point(&Point3::origin());
@@ -16,6 +16,7 @@ pub(super) fn move_with_world(file: &mut SceneFile, correction: &Correction) {
         return;
     }
     let factor = linear.determinant().abs().cbrt();
+    file.frames.iter_mut().filter_map(|frame| frame.depth.as_mut()).for_each(|depth| depth.scale *= factor);
     for record in &mut file.detections {
         if let Some(depth) = &mut record.depth {
             depth.median *= factor;
@@ -87,7 +88,7 @@ mod tests {
         let mut file: SceneFile = serde_json::from_value(json!({
             "format": "quadlift.scene", "version": 1,
             "cameras": [{"id": "c", "model": "PINHOLE", "width": 640, "height": 480, "params": [500, 500, 320, 240]}],
-            "frames": [{"id": "a", "camera": "c", "cam_from_world": POSE}],
+            "frames": [{"id": "a", "camera": "c", "cam_from_world": POSE, "depth": {"path": "a.png", "scale": 2.0}}],
             "detections": [{"frame": "a", "object": "b", "box": [300, 200, 340, 260], "box3d": box3d,
                 "depth": {"median": 8.5, "sd": 0.5, "source": "net"}}],
         }))
@@ -135,6 +136,7 @@ mod tests {
         let file = corrected("pose-unit mm", &box_of_world());
         let depth = file.detections[0].depth.as_deref().unwrap();
         assert!((depth.median - 0.0085).abs() < 1e-15 && (depth.sd.unwrap() - 0.0005).abs() < 1e-15, "{depth:?}");
+        assert_eq!(file.frames[0].depth.as_ref().unwrap().scale, 0.002);
         // Relative deviations do not change: the covariance is scaled with the distance.
         let sd = |file: &SceneFile| file.to_scene().unwrap().detections[0].cues.as_deref().unwrap().box3d.unwrap().sd;
         let (before, after) = (sd(&corrected("up z", &box_of_world())), sd(&file));

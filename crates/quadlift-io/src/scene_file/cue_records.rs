@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation, rotation_from_quaternion};
-use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneError};
+use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneBuilder, SceneError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
