@@ -7,7 +7,7 @@ use quadlift::scene::{Scene, SourceError};
 use quadlift::solve::{BodyKind, CategoryPriors, Method};
 use quadlift::{Localization, LocalizeError, LocalizeOptions, MeasurementKind, localize_observed};
 use quadlift_io::problems::Problems;
-use quadlift_io::scene_file::{DepthsFound, fitted_body_name, settings_record};
+use quadlift_io::scene_file::{DepthsFound, DetectionRecord, fitted_body_name, settings_record};
 use quadlift_io::{SceneFile, builtin_priors, read_priors};
 use serde_json::Value;
 
@@ -103,8 +103,9 @@ pub fn read_masks(
     }
     // An ambiguous source is reported by `localize`.
     let source = scene.source_index(options.source.as_deref()).unwrap_or_default();
-    if file.detections.iter().all(|detection| detection.mask.is_none()) {
-        bail!("no detection has a \"mask\"; `quadlift segment` finds masks in the images");
+    let has_lines = |d: &DetectionRecord| d.mask.is_some() || d.outline.is_some() || d.oriented_box.is_some();
+    if !file.detections.iter().any(has_lines) {
+        bail!("no detection has a \"mask\" or an \"outline\"; `quadlift segment` finds masks in the images");
     }
     let bar = counting_bar(title, "frames with masks", out);
     let problems = file.add_support_lines(path, scene, source, &shown_on(&bar));

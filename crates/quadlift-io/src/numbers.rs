@@ -95,6 +95,12 @@ pub fn lists<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Resu
     Ok(Vec::<List<f64, N>>::deserialize(deserializer)?.into_iter().map(|list| list.0).collect())
 }
 
+/// For `deserialize_with`: any number of lists of `N` numbers, or `null`.
+pub fn optional_lists<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<Box<[[f64; N]]>>, D::Error> {
+    let lists = Option::<Vec<List<f64, N>>>::deserialize(d)?;
+    Ok(lists.map(|lists| lists.into_iter().map(|list| list.0).collect()))
+}
+
 /// For `deserialize_with`: a matrix by rows.
 pub fn matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(d: D) -> Result<[[f64; C]; R], D::Error> {
     List::<List<f64, C>, R>::deserialize(d).map(|rows| rows.0.map(|row| row.0))

@@ -91,14 +91,16 @@ mod tests {
         let size = Some(Vector2::new(100.0, 100.0));
         let lines = frame.support_lines(&masks[0], size, None).unwrap();
         assert_eq!(lines.bounding_box().unwrap().edges(), [20.0, 20.0, 30.0, 30.0]);
-        assert_eq!(lines.cut_off, [false; 8]);
-        assert_eq!(lines.hidden, [true, true, true, false, false, false, true, true]);
+        let flags =
+            |lines: &SupportLines, of: fn(&OutlineEnd) -> bool| lines.lines().map(|l| of(&l.end)).collect::<Vec<_>>();
+        assert_eq!(flags(&lines, |end| end.cut_off), [false; 8]);
+        assert_eq!(flags(&lines, |end| end.hidden), [true, true, true, false, false, false, true, true]);
         let contacts = frame.contacts(&masks[0], [100, 100]);
         assert_eq!(contacts, Contacts { border: 0.0, others: 0.25 });
         let lines = frame.support_lines(&masks[2], size, None).unwrap();
-        assert_eq!(lines.cut_off, [false, false, true, true, true, true, true, false]);
-        assert_eq!(lines.hidden, [false; 8]);
-        assert_eq!(frame.support_lines(&masks[2], None, None).unwrap().cut_off, [false; 8]);
+        assert_eq!(flags(&lines, |end| end.cut_off), [false, false, true, true, true, true, true, false]);
+        assert_eq!(flags(&lines, |end| end.hidden), [false; 8]);
+        assert_eq!(flags(&frame.support_lines(&masks[2], None, None).unwrap(), |end| end.cut_off), [false; 8]);
         assert_eq!(FrameMasks::default().support_lines(&Mask::default(), size, None), None);
     }
 
@@ -107,7 +109,7 @@ mod tests {
         let masks = [square(20, 20), square(24, 20)];
         let frame = FrameMasks::new(masks.iter());
         assert!(frame.contacts(&masks[0], [100, 100]).touches_another());
-        assert!(frame.support_lines(&masks[0], None, None).unwrap().hidden[0]);
+        assert!(frame.support_lines(&masks[0], None, None).unwrap().line(0).end.hidden);
     }
 
     #[test]
@@ -117,6 +119,6 @@ mod tests {
         let frame = FrameMasks::new(std::iter::once(&mask));
         let lines = frame.support_lines(&mask, None, Some(&lens)).unwrap();
         let corner = lens.undistort_point(&Vector2::new(90.0, 45.0)).unwrap();
-        assert!((lines.reach[0] - corner.x).abs() < 1e-9 && corner.x > 91.0, "{lines:?}");
+        assert!((lines.line(0).reach - corner.x).abs() < 1e-9 && corner.x > 91.0, "{lines:?}");
     }
 }

@@ -84,6 +84,10 @@ struct Source {
     ellipses: usize,
     masks: usize,
     #[serde(skip_serializing_if = "is_zero")]
+    outlines: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    oriented_boxes: usize,
+    #[serde(skip_serializing_if = "is_zero")]
     depths: usize,
     #[serde(skip_serializing_if = "is_zero")]
     boxes3d: usize,
@@ -169,6 +173,8 @@ fn sources(file: &SceneFile, scene: &Scene) -> Vec<Source> {
         source.boxes += usize::from(detection.bounding_box.is_some());
         source.ellipses += usize::from(detection.ellipse.is_some());
         source.masks += usize::from(record.mask.is_some());
+        source.outlines += usize::from(record.outline.is_some());
+        source.oriented_boxes += usize::from(record.oriented_box.is_some());
         let cues = detection.cues.as_deref().copied().unwrap_or_default();
         source.depths += usize::from(cues.depth.is_some());
         source.boxes3d += usize::from(cues.box3d.is_some());
@@ -324,15 +330,17 @@ fn render(report: &Report) -> String {
         line("object ids", object_ids(report));
     }
     if !report.sources.is_empty() {
-        let (depths, boxes3d) = report.sources.iter().fold((0, 0), |sum, s| (sum.0 + s.depths, sum.1 + s.boxes3d));
+        let optional = |s: &Source| [s.outlines, s.oriented_boxes, s.depths, s.boxes3d];
+        let all = report.sources.iter().map(optional).fold([0; 4], |sum, of| std::array::from_fn(|k| sum[k] + of[k]));
+        let present = |numbers: [usize; 4]| numbers.into_iter().zip(all).filter(|(_, all)| *all > 0).map(|(n, _)| n);
         let usual = ["<source", "detections", "objects", "frames", "boxes", "ellipses", "masks"];
-        let more = [("depths", depths), ("3D boxes", boxes3d)].into_iter().filter(|(_, count)| *count > 0);
-        let mut table = Table::new(usual.into_iter().chain(more.map(|(title, _)| title)));
+        let titles = ["outlines", "turned boxes", "depths", "3D boxes"];
+        let titles = titles.into_iter().zip(all).filter(|(_, all)| *all > 0).map(|(title, _)| title);
+        let mut table = Table::new(usual.into_iter().chain(titles));
         for source in &report.sources {
             let numbers =
                 [source.detections, source.objects, source.frames, source.boxes, source.ellipses, source.masks];
-            let more = [(source.depths, depths), (source.boxes3d, boxes3d)];
-            let numbers = numbers.into_iter().chain(more.into_iter().filter(|(_, all)| *all > 0).map(|(n, _)| n));
+            let numbers = numbers.into_iter().chain(present(optional(source)));
             let name = source.name.as_deref().unwrap_or("(none)");
             table.push(std::iter::once(name.into()).chain(numbers.map(|n| n.to_string().into())).collect());
         }

@@ -1,9 +1,11 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
-//! frame.
+//! frame; outlines and turned boxes: simulated, on rendered scenes and on real images.
 
 mod frame_scales;
 mod fusion;
 mod kitti;
+mod occlusion;
+mod outlines;
 mod synthetic;
 
 use std::path::Path;
@@ -21,10 +23,16 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     let mut report = Report::new("cues", "Depths and 3D boxes beside boxes");
     synthetic::run(seed, progress, &mut report)?;
     frame_scales::run(seed, progress, &mut report)?;
-    match data_folder(data) {
-        Ok(folder) => kitti::run(&folder, seed, progress, &mut report)?,
-        Err(Error::NoData(_)) => report.text("Without the real data KITTI is left out.".to_owned()),
+    let folder = match data_folder(data) {
+        Ok(folder) => Some(folder),
+        Err(Error::NoData(_)) => None,
         Err(error) => return Err(error),
+    };
+    match &folder {
+        Some(folder) => kitti::run(folder, seed, progress, &mut report)?,
+        None => report.text("Without the real data KITTI and real images are left out.".to_owned()),
     }
+    outlines::run(seed, progress, &mut report)?;
+    occlusion::run(folder.as_deref(), seed, progress, &mut report)?;
     Ok(report)
 }

@@ -23,7 +23,7 @@ const VIEWS: [usize; 6] = [1, 2, 3, 5, 10, 20];
 /// Objects of a scene, and scenes of each row.
 pub(super) const OBJECTS: usize = 50;
 pub(super) const SCENES: u64 = 4;
-const FIRST_SEED: u64 = 21;
+pub(super) const FIRST_SEED: u64 = 21;
 
 /// Standard deviation of the edges of the boxes, in mean half sizes.
 pub(super) const EDGE_NOISE: f64 = 0.03;

@@ -8,6 +8,7 @@ mod scenes;
 
 use std::path::Path;
 
+use quadlift::scene::Scene;
 use quadlift::solve::{MapOptions, Method};
 use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_segment::{SegmentMethod, SegmentOptions};
@@ -289,10 +290,23 @@ impl ImageSet {
                 Measured::True => Ok(scene.with_true_masks()?),
             };
             let scenes: Vec<TrueScene> = self.scenes.iter().map(scene).collect::<Result<_, Error>>()?;
-            all.extend(run_rows(&rows(measured), &scenes, &protocol, steps)?);
+            // Rows of boxes and ellipses do not use the lines of masks.
+            let without_lines: Vec<TrueScene> = scenes.iter().map(without_lines).collect::<Result<_, _>>()?;
+            for row in rows(measured) {
+                let of_masks = row.options.measurements == MeasurementKind::Mask;
+                let scenes = if of_masks { &scenes } else { &without_lines };
+                all.extend(run_rows(&[row], scenes, &protocol, steps)?);
+            }
         }
         Ok(all)
     }
+}
+
+/// The scene without the supporting lines of masks.
+fn without_lines(scene: &TrueScene) -> Result<TrueScene, Error> {
+    let mut parts = scene.scene.clone().into_parts();
+    parts.detections.iter_mut().for_each(|detection| detection.support_lines = None);
+    Ok(TrueScene { scene: Scene::from_parts(parts)?, ..scene.clone() })
 }
 
 const MEASURES: [Measure; 3] = [Measure::O3d, Measure::EnclosingO3d, Measure::ThetaErr];
@@ -319,7 +333,8 @@ fn table_3d(sets: &[ImageSet], scores: &[Vec<RowScores>]) -> Table {
          together with the same boxes; without a reliable mask, the closed forms use the ellipse in the box, `map` \
          uses the box alone, and with masks the view is skipped. theta_err is over the objects with an ellipsoid: \
          with `pfd` they are few. `map` takes position and size from a box and the shape from the ellipse beside it; \
-         from a mask, `map` and `planes` use the supporting lines in eight directions.",
+         from a mask, `map` and `planes` use the supporting lines in eight directions; those along x and y of masks that \
+         were found in boxes are the edges of the boxes, and at other objects and at the border a line bounds the object from below.",
     );
     table.note(
         "If `map` on ellipses is not the best row, the ellipses are the cause: the ellipse of a partly occluded or \

@@ -157,22 +157,29 @@ impl ImageScene {
     /// The scene with what was found beside the boxes, as `quadlift localize` takes it from what `quadlift segment`
     /// writes: nothing where no mask could be trusted.
     pub fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> Result<TrueScene, SceneError> {
-        self.with_masks(found.iter().flatten().map(|view| {
+        let masks = found.iter().flatten().map(|view| {
             let trusted = !matches!(view.status, SegmentStatus::FellBack(_));
             trusted.then(|| (view.mask.clone(), view.ellipse))
-        }))
+        });
+        self.with_masks(masks, true)
     }
 
     /// The scene with the true masks and their ellipses.
     pub fn with_true_masks(&self) -> Result<TrueScene, SceneError> {
-        self.with_masks(self.objects.iter().flatten().map(|seen| {
+        let masks = self.objects.iter().flatten().map(|seen| {
             let ellipse = Moments::of_mask(&seen.truth, PixelTerm::Centers)?.ellipse()?;
             Some((seen.truth.clone(), ellipse))
-        }))
+        });
+        self.with_masks(masks, false)
     }
 
     /// The scene with masks and ellipses, in the order of the objects and their views.
-    fn with_masks(&self, masks: impl Iterator<Item = Option<(Mask, Ellipse)>>) -> Result<TrueScene, SceneError> {
+    /// `found_in_box` says that the masks were found in the boxes.
+    fn with_masks(
+        &self,
+        masks: impl Iterator<Item = Option<(Mask, Ellipse)>>,
+        found_in_box: bool,
+    ) -> Result<TrueScene, SceneError> {
         let mut scene = self.scene.scene.clone().into_parts();
         let mut frames: BTreeMap<u32, Vec<(usize, Mask, Ellipse)>> = BTreeMap::new();
         for (seen, found) in self.objects.iter().flatten().zip(masks) {
@@ -185,7 +192,12 @@ impl ImageScene {
             for (index, mask, ellipse) in &masks {
                 let detection = &mut scene.detections[*index];
                 detection.ellipse = Some(*ellipse);
-                detection.support_lines = all.support_lines(mask, size, None).map(Box::new);
+                let lines = all.support_lines(mask, size, None);
+                let lines = match detection.bounding_box.filter(|_| found_in_box) {
+                    Some(around) => lines.map(|lines| lines.beside_box(&around)),
+                    None => lines,
+                };
+                detection.support_lines = lines.map(Box::new);
                 let whole = size.map_or([u32::MAX; 2], |size| [size.x as u32, size.y as u32]);
                 detection.partial = all.contacts(mask, whole).is_partial();
             }

@@ -1,15 +1,15 @@
-//! Boxes, ellipses and polygons of detections, corrected.
+//! Boxes, turned boxes, ellipses and polygons of detections, corrected.
 
 use std::collections::HashMap;
 
 use nalgebra::Vector2;
 use quadlift::diagnosis::Correction;
-use quadlift::geometry::Ellipse;
+use quadlift::geometry::{Ellipse, OrientedBox};
 
 use crate::error::EntryError;
 use crate::scene_file::{DetectionRecord, SceneFile};
 
-/// Corrects the boxes, ellipses and polygons of all detections; returns their number. Label images and RLE are not
+/// Corrects the boxes, turned boxes, ellipses, outlines and polygons of all detections; returns their number. Label images and RLE are not
 /// changed: they have their own size.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<usize, EntryError> {
     let needs_size = matches!(correction, Correction::NormalizedBoxes | Correction::Letterbox(_));
@@ -64,6 +64,10 @@ pub(super) fn from_letterbox(file: &mut SceneFile, letterbox: [f64; 2]) -> Resul
             ellipse.center = [0, 1].map(|k| ellipse.center[k] / gain + shift[k]);
             ellipse.semi_axes = ellipse.semi_axes.map(|x| x / gain);
         }
+        if let Some(turned) = &mut record.oriented_box {
+            turned.center = [0, 1].map(|k| turned.center[k] / gain + shift[k]);
+            turned.size = turned.size.map(|x| x / gain);
+        }
         map_polygons(record, Vector2::repeat(1.0 / gain), shift);
         Ok(())
     })
@@ -108,11 +112,27 @@ fn map(
             ellipse.extra = extra;
         }
     }
+    if let Some(turned) = &mut record.oriented_box
+        // `to_scene` reports invalid ones.
+        && let Ok(given) = turned.turned_box()
+    {
+        // The corners that follow each other along the width and across it; a factor that differs makes a parallelogram of them.
+        let [a, b, c, d] = given.corners().map(|corner| corner.component_mul(&factor) + shift);
+        if let Some(corrected) = OrientedBox::of_corners([c, d, a, b]) {
+            let extra = std::mem::take(&mut turned.extra);
+            **turned = corrected.into();
+            turned.extra = extra;
+        }
+    }
     map_polygons(record, factor, shift);
     Ok(())
 }
 
+/// Maps the points of masks and outlines.
 fn map_polygons(record: &mut DetectionRecord, factor: Vector2<f64>, shift: Vector2<f64>) {
+    for [x, y] in record.outline.as_deref_mut().into_iter().flatten() {
+        (*x, *y) = (*x * factor.x + shift.x, *y * factor.y + shift.y);
+    }
     let polygons = record.mask.as_mut().and_then(|mask| mask.polygons.as_mut());
     for coordinates in polygons.into_iter().flatten() {
         for (index, x) in coordinates.iter_mut().enumerate() {

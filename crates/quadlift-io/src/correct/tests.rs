@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3x4, Rotation3, Vector2, Vector3};
 use quadlift::diagnosis::{BoxFormat, Correction, Mistake};
-use quadlift::geometry::{BoundingBox, Intrinsics};
+use quadlift::geometry::{BoundingBox, Intrinsics, OrientedBox};
 use serde_json::Value;
 
 use super::options::{POSE_CONVENTIONS, option_of};
@@ -255,6 +255,38 @@ fn other_cameras_are_corrected_as_well() {
             // A projection is known up to a factor.
             let (a, b) = (a / a.norm(), b / b.norm());
             assert!((a - b).norm() < 1e-9, "{option}: {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn outlines_and_turned_boxes_are_corrected_like_boxes() {
+    let mut file = scene();
+    let turned = OrientedBox::new(Vector2::new(300.0, 200.0), Vector2::new(80.0, 30.0), 0.6).unwrap();
+    let outline = [[100.0, 60.0], [180.0, 70.0], [140.0, 200.0]];
+    file.detections.truncate(1);
+    file.detections[0].bounding_box = Some([100.0, 60.0, 180.0, 200.0]);
+    file.detections[0].outline = Some(Box::new(outline));
+    file.detections[0].oriented_box = Some(Box::new(turned.into()));
+    for (name, value, factor, shift) in [
+        ("image-size", "640x360", 2.0, [0.0, 0.0]),
+        ("box-scale", "0.5", 0.5, [0.0, 0.0]),
+        ("letterbox", "640x640", 2.0, [0.0, -280.0]),
+        ("letterbox", "640x400", 2.0, [0.0, -40.0]),
+    ] {
+        let correction = RecordCorrection::from_option(name, value).unwrap().unwrap();
+        let mut changed = file.clone();
+        correct(&mut changed, &[correction]).unwrap();
+        let detection = &changed.detections[0];
+        let place = |p: [f64; 2]| [p[0] * factor + shift[0], p[1] * factor + shift[1]];
+        let edges = detection.bounding_box.unwrap();
+        assert_eq!([edges[0], edges[1]], place([100.0, 60.0]), "{name} {value}");
+        assert_eq!(**detection.outline.as_ref().unwrap(), outline.map(place), "{name} {value}");
+        let found = detection.oriented_box.as_ref().unwrap();
+        let found = [found.center[0], found.center[1], found.size[0], found.size[1], found.angle];
+        let [x, y] = place([300.0, 200.0]);
+        for (a, b) in found.iter().zip([x, y, 80.0 * factor, 30.0 * factor, 0.6]) {
+            assert!((a - b).abs() < 1e-9, "{name} {value}: {found:?}");
         }
     }
 }

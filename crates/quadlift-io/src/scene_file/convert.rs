@@ -7,7 +7,7 @@ use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
 use quadlift::scene::{DetectionInput, Scene, SceneBuilder, SceneError};
 
-use super::records::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, SegmentationRecord};
+use super::records::{CameraRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, SceneFile, SegmentationRecord};
 use super::suggest::known_names;
 use crate::error::EntryError;
 
@@ -63,6 +63,7 @@ impl SceneFile {
             let cues = detection.cues(|name| builder.cue_source(name), pose, entry)?;
             let input = DetectionInput { cues, ..detection_input(detection, entry)? };
             builder.add_detection(&input).map_err(|error| match error {
+                SceneError::Outline(error) => EntryError::new(entry(".outline"), error),
                 SceneError::UnknownFrame(id) => {
                     let hint = known_names(&id, self.frames.iter().map(|frame| frame.id.as_str()), "frames");
                     EntryError::new(entry(".frame"), format!("unknown frame \"{id}\"; {hint}"))
@@ -190,6 +191,7 @@ fn detection_input<'a>(
         Ellipse::new(Vector2::from(e.center), Vector2::from(e.semi_axes), e.angle)
             .map_err(|error| EntryError::new(entry(".ellipse"), format!("{error}; \"semi_axes\" is {:?}", e.semi_axes)))
     });
+    let oriented_box = record.oriented_box.as_deref().map(OrientedBoxRecord::turned_box).transpose();
     let segmentation = record.segmentation.as_deref();
     // Without a reliable mask the ellipse has no more information than the box.
     let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
@@ -201,6 +203,8 @@ fn detection_input<'a>(
         score: record.score,
         bounding_box,
         ellipse: ellipse.transpose()?.filter(|_| !of_box),
+        outline: record.outline.as_deref(),
+        oriented_box: oriented_box.map_err(|error| EntryError::new(entry(".oriented_box"), error))?,
         partial: segmentation.is_some_and(SegmentationRecord::is_partial),
         occluded: record.occluded,
         truncated: record.truncated,

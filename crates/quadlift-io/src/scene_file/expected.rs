@@ -5,6 +5,8 @@ pub fn expected(field: &str) -> Option<&'static str> {
     Some(match field {
         "box" => "\"box\": [x0, y0, x1, y1] in pixels",
         "ellipse" => "\"ellipse\": {\"center\": [x, y], \"semi_axes\": [a, b], \"angle\": radians}",
+        "outline" => "\"outline\": [[x, y], [x, y], ...] in pixels, the corners of a polygon",
+        "oriented_box" => "\"oriented_box\": {\"center\": [x, y], \"size\": [width, height], \"angle\": radians}",
         "cam_from_world" => "\"cam_from_world\": three rows [r, r, r, t], which map world points to camera points",
         "projection" => "\"projection\": three rows of four numbers, which map world points to pixels",
         "params" => "\"params\": a list of numbers in COLMAP's order, [fx, fy, cx, cy] for a PINHOLE camera",

@@ -12,7 +12,7 @@ use quadlift::scene::Scene;
 use quadlift_segment::image::RgbImage;
 use quadlift_segment::{LabelImage, Mask, Polygons, Rle};
 
-use super::records::{FrameRecord, MaskRecord, RleCounts, SceneFile};
+use super::records::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, SceneFile};
 use crate::error::{EntryError, ReadError};
 use crate::images::{check_pixels, read_image_of_size, read_label_image_of_size};
 use crate::video::{VideoFrames, file_of_image, frame_of_video};
@@ -87,21 +87,23 @@ impl SceneFile {
     ///
     /// # Errors
     /// [`EntryError`] names the first mask that is none: in no or in several forms, runs that do not fill their image,
-    /// polygons without points.
+    /// polygons without points. The outline of a detection without a mask is its mask.
     pub fn to_images(&self, path: &Path) -> Result<SceneImages, EntryError> {
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mask = |(index, record): (usize, &Option<Box<MaskRecord>>)| {
-            record
-                .as_deref()
-                .map(|record| mask_source(record, folder, &format!("detections[{index}].mask")))
-                .transpose()
-        };
+        let mask =
+            |(index, record): (usize, &DetectionRecord)| match (record.mask.as_deref(), record.outline.as_deref()) {
+                (Some(mask), _) => mask_source(mask, folder, &format!("detections[{index}].mask")).map(Some),
+                (None, Some(outline)) => Polygons::new(&[outline.as_flattened().to_vec()])
+                    .map(|polygon| Some(MaskSource::Polygons(polygon)))
+                    .map_err(|problem| EntryError::new(format!("detections[{index}].outline"), problem)),
+                (None, None) => Ok(None),
+            };
         Ok(SceneImages {
             scene_file: path.to_owned(),
             // `to_scene` reports invalid ones.
             boxes: self.detections.iter().map(|d| BoundingBox::new(d.bounding_box?).ok()).collect(),
             images: self.frames.iter().map(|frame| frame.image.as_ref().map(|image| folder.join(image))).collect(),
-            masks: self.detections.iter().map(|d| &d.mask).enumerate().map(mask).collect::<Result<_, _>>()?,
+            masks: self.detections.iter().enumerate().map(mask).collect::<Result<_, _>>()?,
             videos: VideoFrames::default(),
         })
     }

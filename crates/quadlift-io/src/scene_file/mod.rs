@@ -38,8 +38,8 @@ pub use paths::way_to_file;
 pub(crate) use read::parse_json_line;
 pub use read::{parse_scene_file, read_scene_file};
 pub use records::{
-    CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, REFERENCE, RIG_FRAME, RleCounts,
-    RleRecord, SceneFile, SegmentationRecord, VERSION,
+    CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, OrientedBoxRecord, REFERENCE,
+    RIG_FRAME, RleCounts, RleRecord, SceneFile, SegmentationRecord, VERSION,
 };
 pub use results::{Detail, cross_validation_of_object, estimates_to_objects};
 pub use run::{

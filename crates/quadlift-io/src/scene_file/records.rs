@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use quadlift::geometry::Ellipse;
+use quadlift::geometry::{Ellipse, OrientedBox, OrientedBoxError};
 use quadlift_segment::Contacts;
 use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
@@ -202,6 +202,12 @@ pub struct DetectionRecord {
     /// Ellipse in pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ellipse: Option<Box<EllipseRecord>>,
+    /// Corners of the outline in pixels, a polygon.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_lists")]
+    pub outline: Option<Box<[[f64; 2]]>>,
+    /// Turned box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub oriented_box: Option<Box<OrientedBoxRecord>>,
     /// Mask.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<Box<MaskRecord>>,
@@ -251,6 +257,36 @@ impl From<Ellipse> for EllipseRecord {
     }
 }
 
+/// A turned box in an image.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct OrientedBoxRecord {
+    /// Centre in pixels.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 2],
+    /// Width and height in pixels; the width has the direction of `angle`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub size: [f64; 2],
+    /// Direction of the width in radians, from x towards y.
+    pub angle: f64,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+impl From<OrientedBox> for OrientedBoxRecord {
+    fn from(turned: OrientedBox) -> Self {
+        Self { center: turned.center().into(), size: turned.size().into(), angle: turned.angle(), extra: Map::new() }
+    }
+}
+
+impl OrientedBoxRecord {
+    /// The checked box.
+    pub(crate) fn turned_box(&self) -> Result<OrientedBox, OrientedBoxError> {
+        OrientedBox::new(self.center.into(), self.size.into(), self.angle)
+    }
+}
+
 /// How the ellipse and the mask of a detection were found in its image (`quadlift segment`), and their quality.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}")]
@@ -282,6 +318,11 @@ impl SegmentationRecord {
     pub fn is_partial(&self) -> bool {
         let share = |share: Option<f64>| share.unwrap_or(0.0);
         Contacts { border: share(self.cut_by_border), others: share(self.touches_others) }.is_partial()
+    }
+
+    /// Whether the mask was found in the box of the detection; otherwise it was given.
+    pub fn found_in_box(&self) -> bool {
+        self.method != "masks"
     }
 
     /// Whether there is no reliable mask: ellipse and mask are those of the box.

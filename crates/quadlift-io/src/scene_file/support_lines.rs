@@ -31,10 +31,13 @@ impl SceneFile {
         let fell_back = |index: usize| {
             self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fell_back())
         };
+        let found_in_box = |index: usize| {
+            self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.found_in_box())
+        };
         let mut frames: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (index, detection) in scene.detections.iter().enumerate() {
             let chosen = source_index.is_none() || detection.source_index == source_index;
-            if chosen && images.masks[index].is_some() && !fell_back(index) {
+            if chosen && self.detections[index].mask.is_some() && !fell_back(index) {
                 frames.entry(detection.frame_index).or_default().push(index);
             }
         }
@@ -54,6 +57,12 @@ impl SceneFile {
             let frame = scene.frames[frame as usize].clone();
             for (index, mask) in &masks {
                 let lines = all.support_lines(mask, frame.image_size, frame.lens.as_ref());
+                // Masks that were found in a box know its edges from the box.
+                let box_of = |index: usize| scene.detections[index].bounding_box.filter(|_| found_in_box(index));
+                let lines = match box_of(*index) {
+                    Some(around) => lines.map(|lines| lines.beside_box(&around)),
+                    None => lines,
+                };
                 scene.set_support_lines(*index, lines);
             }
         }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer};
 pub const MOST_VALUES: usize = 10_000_000;
 
 /// Fields that hold records or lists of them, whose fields may be unknown in their turn.
-const RECORDS: [&str; 24] = [
+const RECORDS: [&str; 25] = [
     "alternatives",
     "box3d",
     "cameras",
@@ -29,6 +29,7 @@ const RECORDS: [&str; 24] = [
     "mask",
     "misfit",
     "objects",
+    "oriented_box",
     "rle",
     "sd",
     "segmentation",
@@ -38,11 +39,11 @@ const RECORDS: [&str; 24] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 66] = [
+const PLAIN: [&str; 67] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
     "counts", "cut_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
     "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
-    "notes", "object", "occluded", "odd_view", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
+    "notes", "object", "occluded", "odd_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
     "reason", "rejected_because", "relative", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
     "status", "support_exponent", "time", "touches_others", "truncated", "up", "value", "version", "views",
     "views_rejected", "views_used", "visible_fraction", "warnings", "width",

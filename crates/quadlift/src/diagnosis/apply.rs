@@ -10,7 +10,8 @@ use crate::scene::Scene;
 impl Correction {
     /// The corrected scene. Detections without a frame or a measurement are dropped; lenses are not changed
     /// (measurements undistorted with wrong intrinsics are not undistorted again). Depths and 3D boxes stay where they are in the
-    /// frame of the camera; their lengths are in the world's unit.
+    /// frame of the camera; their lengths are in the world's unit. Where the box changes, the supporting lines of an outline are
+    /// dropped: correct the scene file to keep them.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut corrected = rewrite(
             scene,
@@ -78,7 +79,11 @@ fn rewrite(
         let Some(to) = frames.as_ref().map_or(Some(from), |frames| frames[from]) else { return false };
         let (camera, size) = (given[from].as_ref(), scene.frames[from].image_size);
         detection.frame_index = to as u32;
-        detection.bounding_box = detection.bounding_box.and_then(|b| box_of(&b, camera?, size));
+        let given = detection.bounding_box;
+        detection.bounding_box = given.and_then(|b| box_of(&b, camera?, size));
+        if detection.bounding_box != given {
+            detection.support_lines = None;
+        }
         detection.ellipse = detection.ellipse.and_then(|e| ellipse_of(&e, size));
         detection.is_measured()
     });

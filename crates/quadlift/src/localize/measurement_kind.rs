@@ -6,7 +6,8 @@ use crate::scene::{Detection, View};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MeasurementKind {
     /// All measurements of the detection. With box and ellipse, `map` uses the box for position and size and the
-    /// ellipse for shape; `planes` uses the box; `lfd`, `pfd` and `reg` use the ellipse.
+    /// ellipse for shape; `planes` uses the box; `lfd`, `pfd` and `reg` use the ellipse. With an outline or a turned box
+    /// ([`Detection::support_lines`]), `map` and `planes` use its supporting lines instead of the edges of the box.
     #[default]
     Auto,
     /// The box; detections without one are skipped.
@@ -15,7 +16,7 @@ pub enum MeasurementKind {
     Ellipse,
     /// Box and ellipse, as with `Auto`; detections without either of them are skipped.
     BoxAndEllipse,
-    /// The supporting lines of the mask instead of the edges of the box, with `map` and `planes`; detections without
+    /// The supporting lines of mask, outline or turned box instead of the edges of the box, with `map` and `planes`; detections without
     /// any ([`Detection::support_lines`]) are skipped.
     Mask,
 }
@@ -34,7 +35,7 @@ impl MeasurementKind {
 
     /// Removes unused measurements from a view.
     pub(super) fn keep_only(self, view: &mut View) {
-        if self != Self::Mask {
+        if !matches!(self, Self::Auto | Self::Mask) {
             view.support_lines = None;
         }
         match self {

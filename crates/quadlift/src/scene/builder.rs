@@ -1,15 +1,16 @@
 //! Building a [`Scene`]: ids become indices, numbers are checked.
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::{Unit, Vector2, Vector3};
 
 use super::Scene;
 use super::cues::Cues;
 use super::error::SceneError;
+use super::outlines::{ImageOutline, box_around, touch, turned_lines};
 use super::parts::{Detection, Frame, SceneParts, Undistorted};
-use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, Projection};
+use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection, SupportLines};
 
 /// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
 #[derive(Debug, Clone, Copy, Default)]
@@ -28,6 +29,10 @@ pub struct DetectionInput<'a> {
     pub bounding_box: Option<BoundingBox>,
     /// Ellipse in pixels.
     pub ellipse: Option<Ellipse>,
+    /// Corners of the outline in pixels, a polygon in either direction. Parts outside of the image are cut off.
+    pub outline: Option<&'a [[f64; 2]]>,
+    /// Turned box in pixels; an outline comes first.
+    pub oriented_box: Option<OrientedBox>,
     /// Whether the ellipse may be of a part of the object: the border of the image or another object cuts it.
     pub partial: bool,
     /// Occlusion level.
@@ -48,6 +53,8 @@ pub struct SceneBuilder {
     sources: HashMap<String, u32>,
     cue_sources: HashMap<String, u32>,
     seen: HashMap<(u32, u32, Option<u32>), u32>,
+    /// By frame and source.
+    outlines: BTreeMap<(u32, Option<u32>), Vec<ImageOutline>>,
 }
 
 impl SceneBuilder {
@@ -153,10 +160,13 @@ impl SceneBuilder {
         let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
         let frame_index =
             *self.frames.get(input.frame).ok_or_else(|| SceneError::UnknownFrame(input.frame.to_owned()))?;
-        if input.bounding_box.is_none() && input.ellipse.is_none() && !input.cues.have_center() {
+        let measured = input.bounding_box.is_some() || input.ellipse.is_some() || input.cues.have_center();
+        if !measured && input.outline.is_none() && input.oriented_box.is_none() {
             return Err(SceneError::NothingMeasured);
         }
         input.cues.check()?;
+        let frame = &self.scene.frames[frame_index as usize];
+        let outline = input.outline.map(|corners| ImageOutline::new(index, corners, frame)).transpose()?;
         // A rejected detection adds no names. One with a new name is not a duplicate.
         let known = |name: Option<&str>, names: &HashMap<String, u32>| match name {
             Some(name) => names.get(name).copied().map(Some),
@@ -180,7 +190,30 @@ impl SceneBuilder {
             self.seen.insert((object, frame_index, source_index), next);
         }
         let frame = &self.scene.frames[frame_index as usize];
-        let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(input.bounding_box, input.ellipse);
+        let Undistorted { mut bounding_box, ellipse, mut box_in_image } =
+            frame.undistorted(input.bounding_box, input.ellipse);
+        let turned = input.oriented_box.filter(|_| outline.is_none());
+        let mut support_lines = match (&outline, &turned) {
+            (Some(outline), _) => outline.support_lines(),
+            (None, Some(turned)) => turned_lines(turned, frame),
+            (None, None) => None,
+        };
+        if outline.is_some() || turned.is_some() {
+            if let Some(given) = &bounding_box {
+                support_lines = support_lines.map(|lines| lines.beside_box(given));
+            } else if input.bounding_box.is_none() {
+                // Of the outline as it was given, also beyond the border of the image, as boxes are.
+                let around = input.outline.and_then(box_around).or_else(|| turned?.bounding_box());
+                bounding_box = match frame.lens {
+                    Some(_) => support_lines.as_ref().and_then(SupportLines::bounding_box),
+                    None => around,
+                };
+                box_in_image = box_in_image.or(around.filter(|_| frame.lens.is_some()));
+            }
+        }
+        if let Some(outline) = outline {
+            self.outlines.entry((frame_index, source_index)).or_default().push(outline);
+        }
         self.scene.detections.push(Detection {
             frame_index,
             object_index,
@@ -189,7 +222,7 @@ impl SceneBuilder {
             score: input.score,
             bounding_box,
             ellipse,
-            support_lines: None,
+            support_lines: support_lines.map(Box::new),
             partial: input.partial,
             box_in_image,
             hidden_edges: None,
@@ -201,7 +234,14 @@ impl SceneBuilder {
     }
 
     /// The finished scene.
-    pub fn build(self) -> Scene {
+    pub fn build(mut self) -> Scene {
+        for outlines in self.outlines.values() {
+            for (detection, hidden) in touch(outlines) {
+                if let Some(lines) = &mut self.scene.detections[detection].support_lines {
+                    **lines = lines.with_hidden(&hidden);
+                }
+            }
+        }
         Scene(self.scene)
     }
 }

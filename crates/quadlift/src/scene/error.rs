@@ -10,9 +10,14 @@ pub enum SceneError {
     /// A detection names a frame that does not exist.
     #[error("unknown frame \"{0}\"")]
     UnknownFrame(String),
-    /// A detection has neither a box nor an ellipse, nor a 3D box with a centre.
-    #[error("the detection has neither a \"box\" nor an \"ellipse\", nor a \"box3d\" with a centre")]
+    /// A detection has no box, outline, turned box or ellipse, and no 3D box with a centre.
+    #[error(
+        "the detection has none of \"box\", \"outline\", \"oriented_box\" and \"ellipse\", and no \"box3d\" with a centre"
+    )]
     NothingMeasured,
+    /// Points are no outline.
+    #[error(transparent)]
+    Outline(#[from] super::outlines::OutlineError),
     /// A cue of a detection is out of range.
     #[error(transparent)]
     Cue(#[from] super::cues::CueError),

@@ -91,8 +91,8 @@ pub struct Detection {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
-    /// The supporting lines of the mask in pixels, if computed: a scene is built without them. Boxed, because most
-    /// detections have none.
+    /// The supporting lines in pixels of the outline or the turned box; of a mask if computed, because a scene is built without them.
+    /// Boxed, because most detections have none.
     pub support_lines: Option<Box<SupportLines>>,
     /// Whether ellipse and mask may be of a part of the object: the border of the image or another object cuts them.
     pub partial: bool,

@@ -32,7 +32,7 @@ pub struct View {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
-    /// The supporting lines of the mask in pixels; if there are any, they replace the edges of the box.
+    /// The supporting lines of mask, outline or turned box in pixels; if there are any, they replace the edges of the box.
     pub support_lines: Option<SupportLines>,
     /// Whether the ellipse may be of a part of the object.
     pub partial: bool,
@@ -104,9 +104,10 @@ impl View {
         Ok(Self { cues, ..self })
     }
 
-    /// The measurement for the closed forms: the ellipse, or the one inscribed in the box.
+    /// The measurement for the closed forms: the ellipse, or the one inscribed in the turned box or in the box.
     pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
-        self.ellipse.or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
+        let turned = || self.support_lines.as_ref().and_then(SupportLines::inscribed_ellipse);
+        self.ellipse.or_else(turned).or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
     }
 
     /// The view with the edges cut off that lie within `tolerance` pixels of the image border; none if the image size
@@ -115,6 +116,7 @@ impl View {
     pub fn with_cut_off_edges(mut self, tolerance: f64) -> Self {
         let measured = self.measured_box().map(|measured| self.in_image(&measured));
         self.cut_off = measured.map_or([false; 4], |b| edges_at_border(&b, self.image_size, tolerance));
+        self.support_lines = self.support_lines.map(|lines| lines.with_cut_off_edges(self.cut_off));
         self
     }
 

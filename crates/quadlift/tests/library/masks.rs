@@ -1,7 +1,7 @@
 //! Objects from the supporting lines of masks, and from ellipses of which some are of parts.
 
 use nalgebra::{Rotation2, Vector2};
-use quadlift::geometry::{Ellipse, OutlineEnd, SupportLines};
+use quadlift::geometry::{Ellipse, OrientedBox, OutlineEnd, SupportLines};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, Method, RegOptions};
@@ -61,7 +61,41 @@ fn exact_masks_give_exact_bodies() {
 }
 
 #[test]
-fn what_the_border_cuts_off_tells_only_that_the_object_reaches_so_far() {
+fn exact_turned_boxes_give_exact_bodies() {
+    let synthetic = synthetic(Observations::Ellipses, Vec::new());
+    let mut scene = synthetic.scene.clone();
+    scene
+        .edit(|parts| {
+            for (index, detection) in parts.detections.iter_mut().enumerate() {
+                let ellipse = detection.ellipse.take().unwrap();
+                // The rectangle around the ellipse in another direction in each view.
+                let angle = 0.4 * index as f64;
+                let half = |turn: f64| {
+                    let normal = Vector2::new(turn.cos(), turn.sin());
+                    let [.., offset] = ellipse.tangent_line(&normal);
+                    -offset - normal.dot(&ellipse.center())
+                };
+                let size = Vector2::new(half(angle), half(angle + std::f64::consts::FRAC_PI_2)) * 2.0;
+                let turned = OrientedBox::new(ellipse.center(), size, angle).unwrap();
+                detection.bounding_box = turned.bounding_box();
+                detection.support_lines = Some(Box::new(SupportLines::of_oriented_box(&turned, None, 0.0)));
+            }
+        })
+        .unwrap();
+    for method in [Method::default(), Method::Planes] {
+        // Without a choice, turned boxes come before boxes.
+        let mut options = with_masks(method.clone());
+        options.measurements = MeasurementKind::Auto;
+        let iou = mean_iou(&synthetic, &scene, &options);
+        assert!(iou > 0.999, "{method:?} {iou}");
+        options.measurements = MeasurementKind::Box;
+        let loose = mean_iou(&synthetic, &scene, &options);
+        assert!(loose < 0.9, "boxes around the corners are too large: {loose}");
+    }
+}
+
+#[test]
+fn what_the_border_cuts_off_or_another_object_hides_tells_only_that_the_object_reaches_so_far() {
     let synthetic = synthetic(Observations::Ellipses, Vec::new());
     let mut scene = synthetic.scene.clone();
     // Half of the masks lose what lies right of a place inside of them.
@@ -79,10 +113,23 @@ fn what_the_border_cuts_off_tells_only_that_the_object_reaches_so_far() {
         let told = mean_iou(&synthetic, &scene, &with_masks(method.clone()));
         assert!(told > 0.98, "{method:?} {told}");
     }
+    let mut hidden = scene.clone();
+    let swapped = |end: OutlineEnd| OutlineEnd { cut_off: end.hidden, hidden: end.cut_off };
+    hidden
+        .edit(|parts| {
+            for lines in parts.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
+                **lines = lines.with_ends(|line| swapped(line.end));
+            }
+        })
+        .unwrap();
+    for method in [Method::default(), Method::Planes] {
+        let told = mean_iou(&synthetic, &hidden, &with_masks(method.clone()));
+        assert!(told > 0.98, "{method:?} {told}");
+    }
     scene
         .edit(|parts| {
             for lines in parts.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
-                lines.cut_off = [false; 8];
+                **lines = lines.with_ends(|_| OutlineEnd::default());
             }
         })
         .unwrap();

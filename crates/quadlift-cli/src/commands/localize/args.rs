@@ -78,8 +78,8 @@ pub struct Args {
     pub(super) source: Option<String>,
 
     /// Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for shape),
-    /// box, ellipse, box+ellipse, or mask (its outline, with map and planes). Detections without the selected
-    /// measurement are skipped
+    /// box, ellipse, box+ellipse, or mask (its outline, with map and planes; also outlines and turned boxes). Detections without the
+    /// selected measurement are skipped
     #[arg(long, value_name = "WHAT", default_value = "auto", value_parser = observations(), hide_possible_values = true)]
     observations: MeasurementKind,
 

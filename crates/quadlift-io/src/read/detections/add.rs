@@ -2,9 +2,10 @@
 
 use std::collections::HashSet;
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 use quadlift::diagnosis::Correction;
-use quadlift::geometry::{BoundingBox, Ellipse};
+use quadlift::geometry::{BoundingBox, Ellipse, OrientedBox};
+use quadlift::scene::check_outline;
 use quadlift_segment::Rle;
 
 use super::files::{Detected, DetectionFiles, ImageKey, Outline, extent};
@@ -242,14 +243,21 @@ fn scale_from(measured: Option<[f64; 2]>, of_camera: [f64; 2]) -> [f64; 2] {
 /// A detection in pixels from the corner of the image; `None` when its box has no width or no height.
 fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<DetectionRecord> {
     let place = |[x, y]: [f64; 2]| [x * scale[0] + shift[0], y * scale[1] + shift[1]];
-    let (mut around, mut ellipse, mut mask) = (None, None, None);
+    let (mut around, mut ellipse, mut mask, mut corners, mut turned) = (None, None, None, None, None);
     match &detected.outline {
         Outline::Unknown => {}
         Outline::Polygons(polygons) => {
             let placed = |p: &Vec<f64>| p.chunks_exact(2).flat_map(|xy| place([xy[0], xy[1]])).collect::<Vec<f64>>();
             let polygons: Vec<Vec<f64>> = polygons.iter().map(placed).collect();
             around = Some(extent(polygons.iter().flatten().copied()));
-            mask = Some(MaskRecord { polygons: Some(polygons), ..MaskRecord::default() });
+            let single: Option<Box<[[f64; 2]]>> = match &polygons[..] {
+                [polygon] => Some(polygon.chunks_exact(2).map(|xy| [xy[0], xy[1]]).collect()),
+                _ => None,
+            };
+            corners = single.filter(|corners| check_outline(corners).is_ok());
+            if corners.is_none() {
+                mask = Some(MaskRecord { polygons: Some(polygons), ..MaskRecord::default() });
+            }
         }
         Outline::Rle(rle) => {
             // Runs count pixels; files with shares of the image have none.
@@ -257,7 +265,12 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
             around = box_of_runs(rle).map(place);
             mask = Some(MaskRecord { rle: Some(rle.clone()), ..MaskRecord::default() });
         }
-        Outline::TurnedBox(corners) => ellipse = Some(ellipse_in(corners.map(place))?),
+        Outline::TurnedBox(corners) => {
+            let found = OrientedBox::of_corners(corners.map(|corner| Vector2::from(place(corner))))?;
+            // Not around the corners, where the object is not.
+            around = Some(found.inscribed_ellipse()?.bounding_box().edges());
+            turned = Some(Box::new(found.into()));
+        }
         Outline::Circle([x, y, radius]) => {
             let radii = Vector2::new(radius * scale[0], radius * scale[1]);
             ellipse = Some(Ellipse::new(place([*x, *y]).into(), radii, 0.0).ok()?);
@@ -279,6 +292,8 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
         bounding_box,
         box3d: detected.box3d.clone(),
         ellipse: ellipse.map(|ellipse| Box::new(ellipse.into())),
+        outline: corners,
+        oriented_box: turned,
         mask: mask.map(Box::new),
         occluded: detected.occluded,
         truncated: detected.truncated,
@@ -290,13 +305,6 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
 /// The object id of a track: `t` with the number; other ids are not changed.
 fn object_id(track: &str) -> String {
     if track.parse::<u64>().is_ok() { format!("t{track}") } else { track.to_owned() }
-}
-
-/// The ellipse that touches the four sides of a rotated box (or of any parallelogram) at their midpoints.
-fn ellipse_in(corners: [[f64; 2]; 4]) -> Option<Ellipse> {
-    let [a, b, c, d] = corners.map(Vector2::from);
-    let half_axes = Matrix2::from_columns(&[(b - a + c - d) * 0.25, (c - b + d - a) * 0.25]);
-    Ellipse::from_shape((a + b + c + d) * 0.25, &(half_axes * half_axes.transpose())).ok()
 }
 
 /// The bounding box of an RLE mask; `None` if it is empty. Does not decode the image.

@@ -49,7 +49,7 @@ fn shapes_of_images() {
     for (found, expected) in turned.iter().zip([15.0, 15.0, 25.0, 35.0]) {
         assert!((found - expected).abs() < 1e-9, "{turned:?}");
     }
-    assert!(records[1].ellipse.is_some());
+    assert!(records[1].oriented_box.is_some() && records[1].ellipse.is_none());
     assert_eq!(records[2].bounding_box, Some([1.0, 2.0, 15.0, 9.0]));
     assert_eq!(records[2].mask.as_ref().unwrap().polygons.as_ref().unwrap().len(), 2);
     assert_eq!(records[3].category.as_deref(), Some("dog"));
@@ -71,7 +71,7 @@ fn rotation_is_clockwise_in_the_image() {
     ));
     let records = added(files.unwrap(), &["a.png"]);
     // The y axis points down: a clockwise turn has a positive angle from x to y.
-    let angles: Vec<f64> = records.iter().map(|record| record.ellipse.as_ref().unwrap().angle).collect();
+    let angles: Vec<f64> = records.iter().map(|record| record.oriented_box.as_ref().unwrap().angle).collect();
     let degrees = |angle: f64| angle.to_degrees().rem_euclid(180.0);
     assert!((degrees(angles[0]) - 30.0).abs() < 1e-9 && (degrees(angles[1]) - 150.0).abs() < 1e-9, "{angles:?}");
 }

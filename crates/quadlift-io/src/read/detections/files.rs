@@ -105,7 +105,7 @@ pub enum Outline {
     Polygons(Vec<Vec<f64>>),
     /// A mask in COCO's runs.
     Rle(RleRecord),
-    /// The corners of a rotated box in order: the object is represented by the ellipse inscribed in it.
+    /// The corners of a rotated box in order.
     TurnedBox([[f64; 2]; 4]),
     /// Centre and radius.
     Circle([f64; 3]),

@@ -72,7 +72,8 @@ fn shapes_of_images() {
     close(&records[0], [16.0, 24.0, 24.0, 36.0]);
     close(&records[1], [4.0, 24.0, 16.0, 32.0]);
     close(&records[2], [0.0, 0.0, 32.0, 24.0]);
-    assert_eq!(records[2].mask.as_ref().unwrap().polygons.as_ref().unwrap()[0], [0.0, 0.0, 32.0, 0.0, 16.0, 24.0]);
+    assert_eq!(**records[2].outline.as_ref().unwrap(), [[0.0, 0.0], [32.0, 0.0], [16.0, 24.0]]);
+    assert!(records[2].mask.is_none());
     close(&records[3], [24.0, 12.0, 40.0, 36.0]);
     close(&records[4], [0.0, 0.0, 32.0, 24.0]);
     assert!(records.iter().all(|record| record.object.is_none() && record.score.is_none()));

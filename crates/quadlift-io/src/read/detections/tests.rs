@@ -81,6 +81,7 @@ fn coco_agrees_with_pycocotools() {
         assert_eq!(rle.counts(), serde_json::from_value::<Vec<u32>>(expected["runs"].clone()).unwrap());
         assert_eq!(rle.to_mask().count() as u64, expected["area"].as_u64().unwrap());
     }
+    // Several polygons stay a mask.
     let polygon = records.iter().find(|record| record.mask.as_ref().unwrap().polygons.is_some()).unwrap();
     assert_eq!(polygon.bounding_box, Some([5.25, 2.0, 50.0, 40.75]));
     assert_eq!(polygon.category.as_deref(), Some("cup"));
@@ -113,11 +114,12 @@ fn the_sinks_of_supervision_are_read() {
     }
     let turned = read_supervision(&fixture("turned.csv"), &TableOptions::default()).unwrap();
     let record = &added(turned, &["a.png"])[0];
-    let ellipse = record.ellipse.as_ref().unwrap();
-    assert_eq!(ellipse.center, [20.0, 20.0]);
-    // The circle in a square that stands on its corner.
+    let square = record.oriented_box.as_ref().unwrap();
+    assert_eq!(square.center, [20.0, 20.0]);
+    // A square that stands on its corner; the box is that around the circle in it.
     let radius = 50_f64.sqrt();
-    assert!(ellipse.semi_axes.iter().all(|axis| (axis - radius).abs() < 1e-12), "{ellipse:?}");
+    assert!(square.size.iter().all(|side| (side - 2.0 * radius).abs() < 1e-12), "{square:?}");
+    assert!(record.ellipse.is_none());
     close(record.bounding_box, &serde_json::json!([20.0 - radius, 20.0 - radius, 20.0 + radius, 20.0 + radius]), 1e-12);
     let error = parse_csv(Path::new("a.csv"), b"x_min,y_min,x_max,y_max,note\n1,2,3,4,x\n", &TableOptions::default());
     insta::assert_snapshot!(error.unwrap_err(), @r#"a.csv:1: no column identifies the image of a row ("frame", "image" or "time"; --frame-column NAME); the columns are x_min, y_min, x_max, y_max, note"#);
@@ -136,7 +138,8 @@ fn yolo_files_of_supervision_are_read() {
             for (record, expected) in found.iter().zip(boxes.as_array().unwrap()) {
                 // Five digits of a width of 64 pixels.
                 close(record.bounding_box, expected, tolerance);
-                assert_eq!(record.mask.is_some(), folder == "yolo_seg");
+                assert_eq!(record.outline.is_some(), folder == "yolo_seg");
+                assert!(record.mask.is_none());
             }
         }
         if folder == "yolo" {

@@ -116,9 +116,6 @@ pub fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Re
             .push(DetectedImage { key: ImageKey { name: Some(file.name.clone()), ..ImageKey::default() }, detections });
     }
     let mut notes = vec![columns.words()];
-    if columns.kind == YoloKind::TurnedBox {
-        notes.push("rotated boxes were replaced by the ellipse in them and its bounding box".to_owned());
-    }
     if repeated > 0 {
         notes.push(format!("{repeated} duplicate lines were ignored: a run may have been repeated"));
     }

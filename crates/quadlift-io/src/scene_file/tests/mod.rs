@@ -2,5 +2,6 @@
 
 mod images;
 mod messages;
+mod outlines;
 mod real_data;
 mod round_trip;

@@ -109,9 +109,13 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
             Box::new(record)
         },
     );
-    let seen = (option::of(ellipse), option::of(mask), option::of(segmentation));
+    let turned = (numbers(), numbers(), number(), extra())
+        .prop_map(|(center, size, angle, extra)| Box::new(OrientedBoxRecord { center, size, angle, extra }));
+    let outline = vec(numbers(), 0..5).prop_map(Vec::into_boxed_slice);
+    let outlines = (option::of(outline), option::of(turned));
+    let seen = (option::of(ellipse), outlines, option::of(mask), option::of(segmentation));
     (names, option::of(numbers()), seen, levels, extra()).prop_map(
-        |(names, bounding_box, (ellipse, mask, segmentation), levels, extra)| {
+        |(names, bounding_box, (ellipse, (outline, oriented_box), mask, segmentation), levels, extra)| {
             let (frame, object, category, source) = names;
             let (score, occluded, truncated, visible_fraction) = levels;
             DetectionRecord {
@@ -122,6 +126,8 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
                 score,
                 bounding_box,
                 ellipse,
+                outline,
+                oriented_box,
                 mask,
                 segmentation,
                 occluded,

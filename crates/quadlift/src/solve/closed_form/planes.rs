@@ -8,7 +8,7 @@ use nalgebra::{Matrix3x4, Vector3, Vector4};
 
 use super::lfd::ConditionedSolution;
 use super::streaming_qr::StreamingQr;
-use crate::geometry::{BoundingBox, DualQuadric, SUPPORT_DIRECTIONS, SupportLines, VECH4};
+use crate::geometry::{BoundingBox, DualQuadric, SupportLine, VECH4};
 use crate::scene::{BORDER_TOLERANCE_PX, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::Status;
@@ -30,11 +30,10 @@ pub fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -
     if edge < 2 { plane } else { -plane }
 }
 
-/// The plane through the camera and the supporting line with an index, positive on the side of the object, for a
-/// projection `p` of any frame.
-pub fn support_plane(p: &Matrix3x4<f64>, lines: &SupportLines, direction: usize) -> Vector4<f64> {
-    let normal = SupportLines::normal(direction);
-    p.transpose() * Vector3::new(-normal.x, -normal.y, lines.reach[direction])
+/// The plane through the camera and a supporting line, positive on the side of the object, for a projection `p` of any
+/// frame.
+pub fn support_plane(p: &Matrix3x4<f64>, line: &SupportLine) -> Vector4<f64> {
+    p.transpose() * Vector3::new(-line.normal.x, -line.normal.y, line.reach)
 }
 
 /// Solves for the quadric that the planes of the views' box edges touch best.
@@ -65,9 +64,9 @@ pub fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<DualQuadri
         // Depth of the frame's origin; its sign must not matter, a row may be multiplied by anything.
         let depth = p[(2, 3)].abs().max(f64::MIN_POSITIVE);
         if let Some(lines) = &view.support_lines {
-            let half = depth * bounding_box.mean_half_size();
-            let free = (0..SUPPORT_DIRECTIONS).filter(|&k| !lines.cut_off[k]);
-            rows.extend(free.map(|k| tangency_row(&(support_plane(&p, lines, k) / half))));
+            let half = depth * lines.mean_half_size();
+            let free = lines.lines().filter(|line| !line.end.is_open());
+            rows.extend(free.map(|line| tangency_row(&(support_plane(&p, &line) / half))));
             continue;
         }
         let half = bounding_box.size() * 0.5;

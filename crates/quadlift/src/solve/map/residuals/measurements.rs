@@ -8,7 +8,7 @@ use nalgebra::{Matrix3x4, Vector3, Vector4};
 use super::cues::MeasuredCue;
 use super::ellipse::EllipseMeasurement;
 use crate::body_model::BodyModel;
-use crate::geometry::{Body, SUPPORT_DIRECTIONS, SupportLines};
+use crate::geometry::{Body, SupportLines};
 use crate::scene::View;
 use crate::solve::closed_form::planes::{edge_plane, support_plane};
 use crate::solve::conditioning::ObjectFrame;
@@ -32,7 +32,8 @@ impl Plane {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Edge {
     pub plane: Plane,
-    /// At the image border the object is cut off: the edge only bounds the extent of the body from below.
+    /// At the image border, and for lines of outlines at other objects, the object goes on unseen: the edge only bounds the extent of the
+    /// body from below.
     pub one_sided: bool,
     /// Whether another box probably hides it.
     pub group: NoiseGroup,
@@ -109,8 +110,9 @@ impl Measurements {
                 beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some(), view.partial)),
             }
         }
-        if let (Some(lines), Some(bounding_box)) = (&view.support_lines, &view.bounding_box) {
-            self.push_support_lines(&p, lines, bounding_box.mean_half_size());
+        let lines = view.support_lines.as_ref().filter(|_| view.bounding_box.is_some());
+        if let Some(lines) = lines {
+            self.push_support_lines(&p, lines, lines.mean_half_size());
         } else if let Some(bounding_box) = &view.bounding_box {
             let half_size = bounding_box.mean_half_size();
             for edge in [0, 2, 1, 3] {
@@ -123,10 +125,11 @@ impl Measurements {
         self.views.push(MeasuredView {
             axis: Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]),
             offset: p[(2, 3)],
-            half_size: match (&view.bounding_box, &view.ellipse) {
-                (Some(bounding_box), _) => bounding_box.mean_half_size(),
-                (None, Some(ellipse)) => ellipse.semi_axes.mean(),
-                (None, None) => 1.0,
+            half_size: match (lines, &view.bounding_box, &view.ellipse) {
+                (Some(lines), ..) => lines.mean_half_size(),
+                (None, Some(bounding_box), _) => bounding_box.mean_half_size(),
+                (None, None, Some(ellipse)) => ellipse.semi_axes.mean(),
+                (None, None, None) => 1.0,
             },
             edges: first..self.edges.len(),
             ellipse,
@@ -134,10 +137,11 @@ impl Measurements {
     }
 
     fn push_support_lines(&mut self, p: &Matrix3x4<f64>, lines: &SupportLines, half_size: f64) {
-        for k in (0..SUPPORT_DIRECTIONS / 2).flat_map(|k| [k, k + SUPPORT_DIRECTIONS / 2]) {
-            let plane = Plane::new(support_plane(p, lines, k) / half_size);
-            let group = if lines.hidden[k] { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
-            self.edges.push(Edge { plane, one_sided: lines.cut_off[k], group });
+        let half = lines.count() / 2;
+        for line in (0..half).flat_map(|k| [k, k + half]).map(|k| lines.line(k)) {
+            let plane = Plane::new(support_plane(p, &line) / half_size);
+            // What another object hides goes on unseen, as beyond the border.
+            self.edges.push(Edge { plane, one_sided: line.end.is_open(), group: NoiseGroup::Edge });
         }
     }
 }
