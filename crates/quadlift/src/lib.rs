@@ -58,6 +58,7 @@ mod body_model;
 pub mod cross_validation;
 pub mod diagnosis;
 pub mod geometry;
+pub mod locate;
 mod localize;
 pub mod metrics;
 mod names;

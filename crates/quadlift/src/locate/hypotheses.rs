@@ -1,0 +1,191 @@
+//! Poses to try: from three boxes (two with gravity) that may show three objects.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::prepared::{Candidate, PreparedQuery};
+use super::refine::{Pose, refine};
+use super::score::{gain, predictions};
+
+/// Hypotheses that are examined at most; of more, evenly spread ones are.
+const MOST_HYPOTHESES: usize = 4000;
+
+/// Cost of the edges of a hypothesis' own boxes, for each, beyond which it is wrong: Student's t cost at 3.5 standard deviations.
+const MOST_COST: f64 = 8.6;
+
+/// Steps by which a hypothesis follows its own boxes.
+const STEPS: usize = 4;
+
+/// Poses that are refined with all boxes.
+const STARTS: usize = 24;
+
+/// Factor on the noise of boxes while a pose follows only some of them.
+const WIDEN: f64 = 3.0;
+
+/// Poses that explain many boxes, the best first.
+pub(super) fn starts(query: &PreparedQuery) -> Vec<Pose> {
+    let graph = Compatible::new(query);
+    let groups = if query.gravity.is_some() { graph.pairs() } else { graph.triples() };
+    let mut scored: Vec<(f64, Pose)> = groups
+        .iter()
+        .filter_map(|group| {
+            let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
+            let matches: Vec<(usize, usize)> = members.iter().map(|c| (c.query_box, c.landmark)).collect();
+            let refined = refine(query, aligned(query, &members)?, &matches, STEPS)?;
+            (refined.cost < MOST_COST * 4.0 * members.len() as f64).then(|| (quick_score(query, &refined.pose), refined.pose))
+        })
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut chosen: Vec<Pose> = Vec::new();
+    for (_, pose) in scored {
+        let is_new = |other: &Pose| match (pose.checked(), other.checked()) {
+            (Some(a), Some(b)) => !query.same_pose(&a, &b),
+            _ => false,
+        };
+        if chosen.iter().all(is_new) {
+            chosen.push(pose);
+        }
+        if chosen.len() == STARTS {
+            break;
+        }
+    }
+    chosen
+}
+
+/// The sum of the best gain of each box.
+fn quick_score(query: &PreparedQuery, pose: &Pose) -> f64 {
+    let predicted = predictions(query, pose);
+    let best = |(index, alike): (usize, &Vec<usize>)| {
+        let gains = alike.iter().filter_map(|&landmark| {
+            let prediction = predicted[landmark].as_ref()?;
+            let measured = &query.boxes[index];
+            let near = (prediction.edges[0] - measured.edges[0]).abs() < 2.0 * (measured.edges[2] - measured.edges[0]);
+            near.then(|| gain(query, pose, prediction, (index, landmark), WIDEN))
+        });
+        gains.fold(0.0, f64::max)
+    };
+    query.alike.iter().enumerate().map(best).sum()
+}
+
+/// Which candidates can be true together, as rows of bits.
+struct Compatible<'a> {
+    candidates: &'a [Candidate],
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl<'a> Compatible<'a> {
+    fn new(query: &'a PreparedQuery) -> Self {
+        let candidates = &query.candidates;
+        let words = candidates.len().div_ceil(64);
+        let mut bits = vec![0; words * candidates.len()];
+        for (i, a) in candidates.iter().enumerate() {
+            for (j, b) in candidates.iter().enumerate().skip(i + 1) {
+                if a.query_box == b.query_box || a.landmark == b.landmark {
+                    continue;
+                }
+                let distance = (query.map.center(a.landmark) - query.map.center(b.landmark)).norm();
+                let [least, most] = distances(a, b);
+                if least <= distance && distance <= most {
+                    bits[i * words + j / 64] |= 1 << (j % 64);
+                }
+            }
+        }
+        Self { candidates, words, bits }
+    }
+
+    /// The later candidates that go with one.
+    fn row(&self, index: usize) -> &[u64] {
+        &self.bits[index * self.words..(index + 1) * self.words]
+    }
+
+    fn pairs(&self) -> Vec<Vec<usize>> {
+        let all = || (0..self.candidates.len()).flat_map(|i| ones(self.row(i).iter().copied()).map(move |j| vec![i, j]));
+        spread(all().count(), all())
+    }
+
+    fn triples(&self) -> Vec<Vec<usize>> {
+        let common = |i: usize, j: usize| self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b);
+        let pairs = || (0..self.candidates.len()).flat_map(|i| ones(self.row(i).iter().copied()).map(move |j| (i, j)));
+        let count = pairs().map(|(i, j)| common(i, j).map(|bits| bits.count_ones() as usize).sum::<usize>()).sum();
+        spread(count, pairs().flat_map(|(i, j)| ones(common(i, j)).map(move |k| vec![i, j, k])))
+    }
+}
+
+/// At most [`MOST_HYPOTHESES`] of `count` items, evenly spread.
+fn spread(count: usize, all: impl Iterator<Item = Vec<usize>>) -> Vec<Vec<usize>> {
+    let most = MOST_HYPOTHESES.min(count);
+    let keeps = |k: usize| (k + 1) * most / count.max(1) > k * most / count.max(1);
+    all.enumerate().filter(|(k, _)| keeps(*k)).map(|(_, item)| item).collect()
+}
+
+/// Indices of the bits that are set.
+fn ones(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
+    words.enumerate().flat_map(|(word, bits)| {
+        let mut left = bits;
+        std::iter::from_fn(move || {
+            let bit = left.trailing_zeros();
+            (left != 0).then(|| {
+                left &= left - 1;
+                word * 64 + bit as usize
+            })
+        })
+    })
+}
+
+/// Smallest and largest distance between points on two rays, within the ranges of their depths.
+fn distances(a: &Candidate, b: &Candidate) -> [f64; 2] {
+    let distance = |x: f64, y: f64| (a.ray * x - b.ray * y).norm();
+    let ([a0, _, a1], [b0, _, b1]) = (a.depths, b.depths);
+    let most = [(a0, b0), (a0, b1), (a1, b0), (a1, b1)].map(|(x, y)| distance(x, y)).into_iter().fold(0.0, f64::max);
+    // The squared distance is convex: by turns the best depth of each ray, within its range.
+    let product = a.ray.dot(&b.ray);
+    let (mut x, mut y) = (a.depths[1], b.depths[1]);
+    for _ in 0..6 {
+        x = (product * y / a.ray.norm_squared()).clamp(a0, a1);
+        y = (product * x / b.ray.norm_squared()).clamp(b0, b1);
+    }
+    [distance(x, y) * (1.0 - 1e-3), most]
+}
+
+/// The pose that brings landmarks nearest to the points where sizes place them; about gravity where that is known.
+fn aligned(query: &PreparedQuery, members: &[&Candidate]) -> Option<Pose> {
+    let points: Vec<(Vector3<f64>, Vector3<f64>, f64)> = members
+        .iter()
+        .map(|c| (c.ray * c.depths[1], query.map.center(c.landmark), 1.0 / (c.depths[1] * c.depths[1])))
+        .collect();
+    let total: f64 = points.iter().map(|(_, _, weight)| weight).sum();
+    let mean = |of: fn(&(Vector3<f64>, Vector3<f64>, f64)) -> Vector3<f64>| {
+        points.iter().fold(Vector3::zeros(), |sum, point| sum + of(point) * point.2) / total
+    };
+    let (camera, world) = (mean(|p| p.0), mean(|p| p.1));
+    let spread = |turn: &Matrix3<f64>| {
+        points.iter().fold(Matrix3::zeros(), |sum: Matrix3<f64>, (p, x, weight)| {
+            sum + turn * (p - camera) * (x - world).transpose() * *weight
+        })
+    };
+    let rotation = match &query.gravity {
+        None => nearest_rotation(&spread(&Matrix3::identity()))?,
+        Some(gravity) => {
+            // The camera turned upright, then a turn about the vertical.
+            let up = gravity.up_in_world;
+            let upright = nalgebra::Rotation3::rotation_between(&gravity.up_in_camera, &up)
+                .unwrap_or_else(|| nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), std::f64::consts::PI));
+            let m = spread(upright.matrix());
+            // max tr(R^T m) over turns R about `up`.
+            let cosine = m.trace() - up.dot(&(m * up.into_inner()));
+            let axial = Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]);
+            let turn = nalgebra::Rotation3::from_axis_angle(&up, axial.dot(&up).atan2(cosine));
+            upright.matrix().transpose() * turn.matrix()
+        }
+    };
+    let translation = camera - rotation * world;
+    translation.iter().all(|x| x.is_finite()).then_some(Pose { rotation, translation })
+}
+
+/// The rotation with the largest `tr(R^T m)` (Kabsch).
+fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let svd = m.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let sign = (u * v_t).determinant().signum();
+    Some(u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t)
+}

@@ -1,0 +1,227 @@
+//! Where a camera is, from the objects that it sees: the boxes of one image against a map of objects (ours; docs/method.md,
+//! section 20).
+//!
+//! Appearance is not used: a map that was made from one side is found again from the other, in any light. An object's size and
+//! its box tell about how far it is, so that three objects give a pose ([`hypotheses`]); poses are refined with the edges of all
+//! boxes that they explain ([`refine`]), and compared by their evidence ([`score`]). Where another pose explains the image
+//! nearly as well, the answer is [`LocateStatus::Ambiguous`], and all of them are given.
+//!
+//! ```
+//! use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
+//! use quadlift::geometry::{CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+//! use quadlift::locate::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
+//!
+//! let landmark = |x: f64, y: f64, z: f64, size: f64| Landmark {
+//!     ellipsoid: Ellipsoid {
+//!         center: Point3::new(x, y, z),
+//!         semi_axes: Vector3::new(size, 0.8 * size, 0.6 * size),
+//!         rotation: Rotation3::identity(),
+//!     },
+//!     center_covariance: None,
+//!     category: Some(format!("thing {size}")),
+//! };
+//! let landmarks = vec![
+//!     landmark(0.0, 0.0, 5.0, 0.3),
+//!     landmark(1.0, 0.4, 6.0, 0.4),
+//!     landmark(-1.2, -0.3, 5.5, 0.5),
+//!     landmark(0.6, -0.8, 4.5, 0.2),
+//! ];
+//! let intrinsics = Intrinsics::new(600.0, 600.0, 320.0, 240.0)?;
+//! let truth = CamFromWorld::new(Matrix3x4::identity())?;
+//! let projection = Projection::from_camera(&intrinsics, &truth);
+//! let boxes = landmarks.iter().map(|landmark| {
+//!     let bounding_box = project_bounding_box(&projection, &landmark.ellipsoid)?;
+//!     Ok(QueryBox { bounding_box, category: landmark.category.clone() })
+//! });
+//! let boxes = boxes.collect::<Result<Vec<_>, quadlift::geometry::ProjectionError>>()?;
+//! let query = Query { intrinsics, image_size: Some([640.0, 480.0].into()), boxes };
+//! let map = LandmarkMap::new(landmarks);
+//! let found = map.locate(&query, &LocateOptions::default());
+//! assert_eq!(found.status, LocateStatus::Ok);
+//! assert!((found.poses[0].cam_from_world.matrix() - truth.matrix()).norm() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod hypotheses;
+mod prepared;
+mod refine;
+mod score;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
+
+use self::prepared::PreparedQuery;
+use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
+
+/// An object of the map whose place is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Landmark {
+    /// Its body, world frame.
+    pub ellipsoid: Ellipsoid,
+    /// Covariance of its centre, world units squared; without one it counts as exact.
+    pub center_covariance: Option<Matrix3<f64>>,
+    /// Boxes of other categories are not this object. Without one any box may be.
+    pub category: Option<String>,
+}
+
+/// A box of an image whose camera is sought.
+#[derive(Debug, Clone, PartialEq)]
+pub struct QueryBox {
+    /// The box, pixels without distortion.
+    pub bounding_box: BoundingBox,
+    /// Its category, if known.
+    pub category: Option<String>,
+}
+
+/// The boxes of one image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Query {
+    /// The camera, without distortion.
+    pub intrinsics: Intrinsics,
+    /// Width and height in pixels: boxes at the border may be cut off there. Without it none is.
+    pub image_size: Option<Vector2<f64>>,
+    /// Its boxes.
+    pub boxes: Vec<QueryBox>,
+}
+
+/// The direction against gravity, where a sensor tells it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gravity {
+    /// Upwards in the world.
+    pub up_in_world: Unit<Vector3<f64>>,
+    /// Upwards in the frame of the camera: x to the right, y down, z forwards.
+    pub up_in_camera: Unit<Vector3<f64>>,
+    /// Standard deviation of the angle between the two, each way, radians.
+    pub sd: f64,
+}
+
+/// Options of [`LandmarkMap::locate`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct LocateOptions {
+    /// Standard deviation of the edges of boxes, relative to their mean half size.
+    pub edge_sd: f64,
+    /// Direction against gravity: two objects are then enough.
+    pub gravity: Option<Gravity>,
+}
+
+impl Default for LocateOptions {
+    /// Edges with 5 % (docs/method/constants.md), gravity unknown.
+    fn default() -> Self {
+        Self { edge_sd: EDGE_SD, gravity: None }
+    }
+}
+
+/// Usual standard deviation of the edges of a detector's boxes, relative to the half size.
+const EDGE_SD: f64 = 0.05;
+
+/// How an image was located.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LocateStatus {
+    /// The first pose is the only one that explains the image.
+    Ok,
+    /// Several different poses explain it; they are all given, the most probable one first.
+    Ambiguous,
+    /// Fewer than three boxes (two with gravity) whose category is in the map.
+    TooFewObjects,
+    /// No pose explains it better than chance.
+    NoPose,
+}
+
+impl LocateStatus {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Ambiguous => "ambiguous",
+            Self::TooFewObjects => "too_few_objects",
+            Self::NoPose => "no_pose",
+        }
+    }
+}
+
+/// A pose that explains the boxes of an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LocatedPose {
+    /// The pose.
+    pub cam_from_world: CamFromWorld,
+    /// Covariance of the camera's errors, in the frame of the camera: rotation vector (radians) and position (world units).
+    pub covariance: Matrix6<f64>,
+    /// Which box shows which landmark (indices), for boxes that are explained.
+    pub matches: Vec<(usize, usize)>,
+    /// Logarithm of the odds against boxes that come from nowhere (nats): the larger, the better.
+    pub evidence: f64,
+}
+
+/// Where the camera of an image is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Located {
+    /// Whether the first pose can be trusted.
+    pub status: LocateStatus,
+    /// Poses that explain the image, the best first; with [`LocateStatus::Ok`] the others are less probable than 1 in 100.
+    pub poses: Vec<LocatedPose>,
+}
+
+/// Difference of the evidence of two poses from which the lesser one does not count: odds of 100 to 1.
+const CLEAR: f64 = 4.605;
+
+/// Poses that are told at most.
+const MOST_POSES: usize = 8;
+
+/// A map of objects in which images are located.
+#[derive(Debug, Clone)]
+pub struct LandmarkMap {
+    landmarks: Vec<Landmark>,
+    shapes: Vec<Matrix3<f64>>,
+    /// Diameter of the map, world units.
+    extent: f64,
+}
+
+impl LandmarkMap {
+    /// A map of these objects; those whose numbers are not finite are never found.
+    pub fn new(landmarks: Vec<Landmark>) -> Self {
+        let shapes: Vec<_> = landmarks.iter().map(|landmark| landmark.ellipsoid.shape()).collect();
+        let finite = || landmarks.iter().map(|l| l.ellipsoid.center.coords).filter(|c| c.iter().all(|x| x.is_finite()));
+        let low = finite().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+        let high = finite().reduce(|a, b| a.sup(&b)).unwrap_or_default();
+        Self { extent: (high - low).norm(), shapes, landmarks }
+    }
+
+    /// Its objects.
+    pub fn landmarks(&self) -> &[Landmark] {
+        &self.landmarks
+    }
+
+    /// The pose of the camera of an image. The same input gives the same answer.
+    pub fn locate(&self, query: &Query, options: &LocateOptions) -> Located {
+        let nowhere = |status| Located { status, poses: Vec::new() };
+        let prepared = PreparedQuery::new(self, query, options);
+        let needed = if options.gravity.is_some() { 2 } else { 3 };
+        if prepared.boxes_with_candidates() < needed {
+            return nowhere(LocateStatus::TooFewObjects);
+        }
+        let mut poses: Vec<LocatedPose> = Vec::new();
+        for start in hypotheses::starts(&prepared) {
+            let Some(pose) = score::located(&prepared, start) else { continue };
+            if pose.matches.len() < needed {
+                continue;
+            }
+            match poses.iter_mut().find(|other| prepared.same_pose(&other.cam_from_world, &pose.cam_from_world)) {
+                Some(other) if other.evidence < pose.evidence => *other = pose,
+                Some(_) => {}
+                None => poses.push(pose),
+            }
+        }
+        poses.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        poses.truncate(MOST_POSES);
+        match &poses[..] {
+            [] => nowhere(LocateStatus::NoPose),
+            [best, ..] if best.evidence < CLEAR => Located { status: LocateStatus::NoPose, poses },
+            [best, second, ..] if best.evidence - second.evidence < CLEAR => {
+                Located { status: LocateStatus::Ambiguous, poses }
+            }
+            _ => Located { status: LocateStatus::Ok, poses },
+        }
+    }
+}

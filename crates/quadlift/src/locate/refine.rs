@@ -1,0 +1,270 @@
+//! A pose that makes predicted boxes agree with measured ones: Levenberg-Marquardt over six parameters.
+
+use nalgebra::{Matrix3, Matrix3x4, Matrix6, Rotation3, Vector3, Vector6};
+
+use super::prepared::PreparedQuery;
+use crate::geometry::{CamFromWorld, skew};
+use crate::optimize::student_t::StudentT;
+
+/// Degrees of freedom of an edge's Student t distribution, as of `map`.
+pub(super) const DOF: f64 = 9.0;
+
+/// First damping, and the factor by which it changes.
+const DAMPING: f64 = 1e-4;
+const DAMPING_FACTOR: f64 = 8.0;
+
+/// Squared step (radians, mean depths) below which the search has ended.
+const SMALL_STEP: f64 = 1e-22;
+
+/// A pose, without checks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pose {
+    pub rotation: Matrix3<f64>,
+    pub translation: Vector3<f64>,
+}
+
+impl From<&CamFromWorld> for Pose {
+    fn from(pose: &CamFromWorld) -> Self {
+        let matrix = pose.matrix();
+        Self { rotation: matrix.fixed_columns::<3>(0).into_owned(), translation: matrix.column(3).into_owned() }
+    }
+}
+
+impl Pose {
+    /// The same as a checked one.
+    pub(super) fn checked(&self) -> Option<CamFromWorld> {
+        let mut matrix = Matrix3x4::zeros();
+        matrix.fixed_columns_mut::<3>(0).copy_from(&self.rotation);
+        matrix.set_column(3, &self.translation);
+        CamFromWorld::new(matrix).ok()
+    }
+
+    /// Centre of the camera in the world.
+    pub(super) fn center(&self) -> Vector3<f64> {
+        -self.rotation.tr_mul(&self.translation)
+    }
+
+    /// Angle between the rotations of two poses, radians.
+    pub(super) fn angle_to(&self, other: &Self) -> f64 {
+        2.0 * ((self.rotation - other.rotation).norm() / 8f64.sqrt()).min(1.0).asin()
+    }
+
+    /// The pose followed by a small motion in the frame of the camera: rotation vector, shift.
+    fn moved(&self, by: &Vector6<f64>) -> Self {
+        let turn = Rotation3::new(by.fixed_rows::<3>(0).into_owned());
+        Self {
+            rotation: turn.matrix() * self.rotation,
+            translation: turn.matrix() * self.translation + by.fixed_rows::<3>(3),
+        }
+    }
+}
+
+/// The box of a body in the frame of a camera, in coordinates (X / Z, Y / Z): left, top, right, bottom.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Predicted {
+    pub edges: [f64; 4],
+    pub center: Vector3<f64>,
+    /// `S - c c^T` of the shape and the centre: the dual conic of the outline.
+    conic: Matrix3<f64>,
+}
+
+impl Predicted {
+    /// `None` where the body is not wholly in front of the camera.
+    pub(super) fn new(pose: &Pose, center: &Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
+        let center = pose.rotation * center + pose.translation;
+        if center.z <= 0.0 {
+            return None;
+        }
+        let conic = pose.rotation * shape * pose.rotation.transpose() - center * center.transpose();
+        let last = conic[(2, 2)];
+        if last >= -1e-9 * center.z * center.z {
+            return None;
+        }
+        let mut edges = [0.0; 4];
+        for axis in 0..2 {
+            let middle = conic[(axis, 2)];
+            let root = (middle * middle - conic[(axis, axis)] * last).max(0.0).sqrt();
+            edges[axis] = (middle + root) / last;
+            edges[axis + 2] = (middle - root) / last;
+        }
+        Some(Self { edges, center, conic })
+    }
+
+    /// Derivatives of an edge by a motion of [`Pose::moved`].
+    fn slope(&self, edge: usize) -> Vector6<f64> {
+        let (axis, x) = (edge % 2, self.edges[edge]);
+        // The edge is a line l = (1, 0, -x) with l^T conic l = 0.
+        let mut line = Vector3::zeros();
+        line[axis] = 1.0;
+        line[2] = -x;
+        let seen = self.conic * line;
+        // d(conic) = W conic + (W conic)^T for turns, -(v c^T + c v^T) for shifts; d(line) = -dx e_z.
+        let by_turn = seen.cross(&line) * 2.0;
+        let by_shift = line * (-2.0 * self.center.dot(&line));
+        let by_edge = -2.0 * seen[2];
+        let mut slope = Vector6::zeros();
+        slope.fixed_rows_mut::<3>(0).copy_from(&by_turn);
+        slope.fixed_rows_mut::<3>(3).copy_from(&by_shift);
+        slope / -by_edge
+    }
+
+    /// Variance of an edge from that of the centre of the landmark (covariance in the world).
+    fn center_variance(&self, pose: &Pose, covariance: &Matrix3<f64>, axis: usize) -> f64 {
+        let z = self.center.z;
+        let mut direction = Vector3::zeros();
+        direction[axis] = 1.0 / z;
+        direction[2] = -self.center[axis] / (z * z);
+        let in_world = pose.rotation.tr_mul(&direction);
+        in_world.dot(&(covariance * in_world)).max(0.0)
+    }
+}
+
+/// An edge of a match: residual, and the standard deviation by which it is divided.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct EdgeResidual {
+    pub residual: f64,
+    pub sd: f64,
+}
+
+/// The four edges of a box against a predicted one. `None` where the edge says nothing: cut off, and the body reaches beyond the image.
+pub(super) fn edge_residuals(
+    query: &PreparedQuery,
+    pose: &Pose,
+    predicted: &Predicted,
+    (query_box, landmark): (usize, usize),
+) -> [Option<EdgeResidual>; 4] {
+    let measured = &query.boxes[query_box];
+    let covariance = query.map.landmarks()[landmark].center_covariance.as_ref();
+    let of_map = [0, 1].map(|axis| covariance.map_or(0.0, |c| 2.0 * predicted.center_variance(pose, c, axis)));
+    std::array::from_fn(|edge| {
+        let off = predicted.edges[edge] - measured.edges[edge];
+        let outwards = if edge < 2 { -off } else { off };
+        if measured.cut_off[edge] && outwards >= 0.0 {
+            return None;
+        }
+        // An error of the centre moves opposite edges together: twice its variance for each gives the centre its own.
+        let sd = (measured.sd[edge] * measured.sd[edge] + of_map[edge % 2]).sqrt();
+        Some(EdgeResidual { residual: off / sd, sd })
+    })
+}
+
+struct Equations {
+    hessian: Matrix6<f64>,
+    gradient: Vector6<f64>,
+    cost: f64,
+}
+
+fn equations(query: &PreparedQuery, pose: &Pose, matches: &[(usize, usize)]) -> Option<Equations> {
+    let mut all = Equations { hessian: Matrix6::zeros(), gradient: Vector6::zeros(), cost: 0.0 };
+    let student_t = StudentT::new(DOF);
+    for &(query_box, landmark) in matches {
+        let predicted = Predicted::new(pose, &query.map.center(landmark), query.map.shape(landmark))?;
+        let residuals = edge_residuals(query, pose, &predicted, (query_box, landmark));
+        for (edge, of_edge) in residuals.into_iter().enumerate() {
+            let Some(EdgeResidual { residual, sd }) = of_edge else { continue };
+            let slope = predicted.slope(edge) / sd;
+            let weight = student_t.weight(residual * residual);
+            all.cost += student_t.cost_of_one(residual * residual);
+            all.gradient += slope * (weight * residual);
+            all.hessian += slope * slope.transpose() * weight;
+        }
+    }
+    if let Some(gravity) = &query.gravity {
+        let up = pose.rotation * gravity.up_in_world.into_inner();
+        let measured = gravity.up_in_camera.into_inner();
+        let residual = up.cross(&measured) / gravity.sd;
+        let slope = skew(&measured) * skew(&up) / gravity.sd;
+        all.cost += residual.norm_squared();
+        let mut gradient = all.gradient.fixed_rows_mut::<3>(0);
+        gradient += slope.tr_mul(&residual);
+        let mut hessian = all.hessian.fixed_view_mut::<3, 3>(0, 0);
+        hessian += slope.tr_mul(&slope);
+    }
+    all.cost.is_finite().then_some(all)
+}
+
+/// A refined pose.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Refined {
+    pub pose: Pose,
+    /// Inverse covariance of a motion of the pose: rotation vector, shift, in the frame of the camera.
+    pub information: Matrix6<f64>,
+    pub cost: f64,
+}
+
+/// The pose near a start at which the matched boxes agree best; `None` where a body is not in front of the camera.
+pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[(usize, usize)], steps: usize) -> Option<Refined> {
+    let mut pose = start;
+    let mut now = equations(query, &pose, matches)?;
+    let mut damping = DAMPING;
+    for _ in 0..steps {
+        let mut damped = now.hessian;
+        (0..6).for_each(|k| damped[(k, k)] *= 1.0 + damping);
+        let Some(cholesky) = damped.cholesky() else { break };
+        let step = -cholesky.solve(&now.gradient);
+        let next = pose.moved(&step);
+        match equations(query, &next, matches).filter(|next| next.cost <= now.cost) {
+            Some(better) => {
+                (pose, now) = (next, better);
+                damping /= DAMPING_FACTOR;
+                let depth = pose.translation.norm_squared().max(f64::MIN_POSITIVE);
+                let turn = step.fixed_rows::<3>(0).norm_squared();
+                if turn + step.fixed_rows::<3>(3).norm_squared() / depth < SMALL_STEP {
+                    break;
+                }
+            }
+            None => damping *= DAMPING_FACTOR * DAMPING_FACTOR,
+        }
+    }
+    Some(Refined { pose, information: now.hessian, cost: now.cost })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Ellipsoid, Intrinsics, Projection, project_bounding_box};
+    use nalgebra::Point3;
+
+    fn pose() -> Pose {
+        let rotation = *Rotation3::from_euler_angles(0.2, -0.3, 0.1).matrix();
+        Pose { rotation, translation: Vector3::new(0.3, -0.2, 4.0) }
+    }
+
+    fn body() -> Ellipsoid {
+        Ellipsoid {
+            center: Point3::new(0.4, 0.1, 0.3),
+            semi_axes: Vector3::new(0.7, 0.4, 0.2),
+            rotation: Rotation3::from_euler_angles(0.5, 0.1, -0.8),
+        }
+    }
+
+    #[test]
+    fn the_predicted_box_is_that_of_the_projection() {
+        let predicted = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap();
+        let intrinsics = Intrinsics::new(1.0, 1.0, 0.0, 0.0).unwrap();
+        let projection = Projection::from_camera(&intrinsics, &pose().checked().unwrap());
+        let b = project_bounding_box(&projection, &body()).unwrap();
+        for (found, expected) in predicted.edges.into_iter().zip([b.x0, b.y0, b.x1, b.y1]) {
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
+        let behind = Pose { translation: -pose().translation, ..pose() };
+        assert!(Predicted::new(&behind, &body().center.coords, &body().shape()).is_none());
+    }
+
+    #[test]
+    fn slopes_are_those_of_differences() {
+        let edges = |by: Vector6<f64>| {
+            Predicted::new(&pose().moved(&by), &body().center.coords, &body().shape()).unwrap().edges
+        };
+        let predicted = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap();
+        for edge in 0..4 {
+            let slope = predicted.slope(edge);
+            for k in 0..6 {
+                let mut by = Vector6::zeros();
+                by[k] = 1e-6;
+                let numeric = (edges(by)[edge] - edges(-by)[edge]) / 2e-6;
+                assert!((numeric - slope[k]).abs() < 1e-8, "{edge} {k}: {numeric} {}", slope[k]);
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Which boxes a pose explains, and how well.
+
+use std::f64::consts::{PI, TAU};
+
+use super::prepared::PreparedQuery;
+use super::refine::{Pose, Predicted, edge_residuals, refine};
+use super::LocatedPose;
+use crate::optimize::matching::{Pair, best_pairs};
+use crate::optimize::student_t::StudentT;
+
+/// Probability that an object that should be seen is detected: low, because walls and other things hide objects of large maps.
+const SEEN: f64 = 0.6;
+
+/// Objects whose boxes would be smaller than this share of the smallest box are not expected.
+const EXPECTED_SIZE: f64 = 0.8;
+
+/// Logarithm of Student's t density with 9 degrees of freedom at zero.
+const LOG_PEAK: f64 = -0.946_66;
+
+/// Rounds of matching and refining, and steps of each.
+const ROUNDS: usize = 5;
+const STEPS: usize = 12;
+
+/// The predictions of all landmarks at a pose.
+pub(super) fn predictions(query: &PreparedQuery, pose: &Pose) -> Vec<Option<Predicted>> {
+    let map = query.map;
+    (0..map.landmarks().len()).map(|k| Predicted::new(pose, &map.center(k), map.shape(k))).collect()
+}
+
+/// Logarithm of the odds that a box shows a landmark, against a false box; `widen` multiplies standard deviations.
+pub(super) fn gain(
+    query: &PreparedQuery,
+    pose: &Pose,
+    predicted: &Predicted,
+    pair: (usize, usize),
+    widen: f64,
+) -> f64 {
+    let student_t = StudentT::new(super::refine::DOF);
+    let clutter = query.boxes[pair.0].log_clutter / 4.0;
+    let edges = edge_residuals(query, pose, predicted, pair).into_iter().flatten().map(|edge| {
+        let residual = edge.residual / widen;
+        LOG_PEAK - 0.5 * student_t.cost_of_one(residual * residual) - (edge.sd * widen).ln() - clutter
+    });
+    SEEN.ln() + edges.sum::<f64>()
+}
+
+/// The boxes that a pose explains with the landmarks that they show, and the sum of their gains.
+fn matches(query: &PreparedQuery, pose: &Pose, predicted: &[Option<Predicted>]) -> (Vec<(usize, usize)>, f64) {
+    let mut pairs = Vec::new();
+    for (index, alike) in query.alike.iter().enumerate() {
+        for &landmark in alike {
+            let Some(prediction) = &predicted[landmark] else { continue };
+            let gain = gain(query, pose, prediction, (index, landmark), 1.0);
+            if gain > 0.0 {
+                pairs.push(Pair { row: index as u32, column: landmark as u32, gain });
+            }
+        }
+    }
+    let chosen = best_pairs(&pairs);
+    let sum = chosen.iter().map(|&k| pairs[k].gain).sum();
+    (chosen.iter().map(|&k| (pairs[k].row as usize, pairs[k].column as usize)).collect(), sum)
+}
+
+/// Logarithm of the probability that the landmarks that a pose should show, and that have no box, are missed.
+fn log_missed(query: &PreparedQuery, matches: &[(usize, usize)], predicted: &[Option<Predicted>]) -> f64 {
+    let Some(image) = query.image else { return 0.0 };
+    let mut missed = 0usize;
+    for (landmark, prediction) in predicted.iter().enumerate() {
+        let Some(p) = prediction else { continue };
+        let [x0, y0, x1, y1] = p.edges;
+        let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
+        let in_image = x > image[0] && x < image[2] && y > image[1] && y < image[3];
+        let large = 0.25 * (x1 - x0) * (y1 - y0) > (EXPECTED_SIZE * query.smallest).powi(2);
+        if !in_image || !large || matches.iter().any(|&(_, matched)| matched == landmark) {
+            continue;
+        }
+        let hides = |other: &Predicted| {
+            let [a, b, c, d] = other.edges;
+            other.center.z < p.center.z && x > a && x < c && y > b && y < d
+        };
+        missed += usize::from(!predicted.iter().flatten().any(hides));
+    }
+    missed as f64 * (1.0 - SEEN).ln()
+}
+
+/// The pose near a start that explains most, with its evidence; `None` where it explains nothing.
+pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose> {
+    let mut pose = start;
+    let mut before = Vec::new();
+    let mut refined = None;
+    for _ in 0..ROUNDS {
+        let (matches, _) = matches(query, &pose, &predictions(query, &pose));
+        if matches.is_empty() {
+            return None;
+        }
+        if matches == before {
+            break;
+        }
+        let better = refine(query, pose, &matches, STEPS)?;
+        pose = better.pose;
+        before = matches;
+        refined = Some(better);
+    }
+    let information = refined?.information;
+    let predicted = predictions(query, &pose);
+    let (matches, gains) = matches(query, &pose, &predicted);
+    let cholesky = information.cholesky()?;
+    let log_determinant = 2.0 * cholesky.l().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+    let mut evidence = gains + log_missed(query, &matches, &predicted);
+    // Laplace's approximation: the share of all poses that this one takes.
+    evidence += 3.0 * TAU.ln() - 0.5 * log_determinant - log_volume(query);
+    if let Some(gravity) = &query.gravity {
+        let up = pose.rotation * gravity.up_in_world.into_inner();
+        let off = up.cross(&gravity.up_in_camera.into_inner()).norm() / gravity.sd;
+        // Against a direction that is anywhere on the sphere.
+        evidence += (4.0 * PI / (TAU * gravity.sd * gravity.sd)).ln() - 0.5 * off * off;
+    }
+    let covariance = cholesky.inverse();
+    evidence
+        .is_finite()
+        .then_some(())
+        .and_then(|()| pose.checked())
+        .map(|cam_from_world| LocatedPose { cam_from_world, covariance, matches, evidence })
+}
+
+/// Logarithm of the volume of all poses: rotations, and positions about as far from the map as its objects are seen.
+fn log_volume(query: &PreparedQuery) -> f64 {
+    let farthest = query.candidates.iter().map(|candidate| candidate.depths[1]).fold(0.0, f64::max);
+    (8.0 * PI * PI).ln() + 3.0 * (query.map.extent() + 2.0 * farthest).ln()
+}

@@ -1,0 +1,194 @@
+//! Images of synthetic rooms are located; hostile maps and images are answered.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Matrix3x4, Point3, Rotation3, Unit, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
+use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+
+/// Sizes of the image.
+const WIDTH: f64 = 1280.0;
+const HEIGHT: f64 = 720.0;
+
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let (a, b) = (rng.random_range(1e-12..1.0f64), rng.random_range(0.0..TAU));
+    (-2.0 * a.ln()).sqrt() * b.cos()
+}
+
+/// A room of 8 x 6 m with objects of so many categories on the floor, on tables and on the walls; z is up.
+fn room(rng: &mut ChaCha8Rng, objects: usize, categories: usize) -> Vec<Landmark> {
+    (0..objects)
+        .map(|k| {
+            let category = k % categories;
+            let center = Point3::new(
+                rng.random_range(-4.0..4.0),
+                rng.random_range(-3.0..3.0),
+                rng.random_range(0.2..1.6),
+            );
+            let size = 0.1 + 0.05 * category as f64;
+            let shape = Vector3::new(1.0, 0.6 + 0.05 * category as f64, 0.8);
+            let semi_axes = shape.map(|x| x * size * rng.random_range(0.9..1.1));
+            let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(0.0..TAU));
+            Landmark {
+                ellipsoid: Ellipsoid { center, semi_axes, rotation },
+                center_covariance: None,
+                category: Some(format!("category {category}")),
+            }
+        })
+        .collect()
+}
+
+/// A camera that looks at the middle of the room from its walls, at the height of a person.
+fn camera(rng: &mut ChaCha8Rng) -> CamFromWorld {
+    let angle = rng.random_range(0.0..TAU);
+    let eye = Point3::new(6.0 * angle.cos(), 5.0 * angle.sin(), rng.random_range(1.3..1.9));
+    let target = Point3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), 0.8);
+    looking(&eye, &target)
+}
+
+fn looking(eye: &Point3<f64>, target: &Point3<f64>) -> CamFromWorld {
+    let z = (target - eye).normalize();
+    let x = z.cross(&Vector3::z()).normalize();
+    let y = z.cross(&x);
+    let mut matrix = Matrix3x4::zeros();
+    for (row, axis) in [x, y, z].iter().enumerate() {
+        matrix.fixed_view_mut::<1, 3>(row, 0).copy_from(&axis.transpose());
+        matrix[(row, 3)] = -axis.dot(&eye.coords);
+    }
+    CamFromWorld::new(matrix).unwrap()
+}
+
+/// The boxes of an image: noise relative to the half size, misses, and false boxes in the place of so many.
+fn image(rng: &mut ChaCha8Rng, room: &[Landmark], pose: &CamFromWorld, noise: f64, missed: f64, wrong: f64) -> Query {
+    let intrinsics = Intrinsics::new(900.0, 900.0, WIDTH / 2.0, HEIGHT / 2.0).unwrap();
+    let projection = Projection::from_camera(&intrinsics, pose);
+    let mut boxes = Vec::new();
+    for landmark in room {
+        let Ok(b) = project_bounding_box(&projection, &landmark.ellipsoid) else { continue };
+        let center = b.center();
+        let inside = center.x > 0.0 && center.x < WIDTH && center.y > 0.0 && center.y < HEIGHT;
+        if !inside || rng.random_range(0.0..1.0) < missed {
+            continue;
+        }
+        let sd = noise * b.mean_half_size();
+        let mut edge = |at: f64, low: f64, high: f64| (at + sd * normal(rng)).clamp(low, high);
+        let edges =
+            [edge(b.x0, 0.0, WIDTH), edge(b.y0, 0.0, HEIGHT), edge(b.x1, 0.0, WIDTH), edge(b.y1, 0.0, HEIGHT)];
+        let Ok(bounding_box) = BoundingBox::new(edges) else { continue };
+        boxes.push(QueryBox { bounding_box, category: landmark.category.clone() });
+        if rng.random_range(0.0..1.0) < wrong {
+            let (x, y) = (rng.random_range(0.0..WIDTH - 100.0), rng.random_range(0.0..HEIGHT - 100.0));
+            let size = rng.random_range(20.0..100.0);
+            let category = room[rng.random_range(0..room.len())].category.clone();
+            let bounding_box = BoundingBox::new([x, y, x + size, y + size]).unwrap();
+            boxes.push(QueryBox { bounding_box, category });
+        }
+    }
+    Query { intrinsics, image_size: Some([WIDTH, HEIGHT].into()), boxes }
+}
+
+/// Errors of the position (metres) and the rotation (degrees).
+fn errors(found: &CamFromWorld, truth: &CamFromWorld) -> (f64, f64) {
+    let [a, b] = [found, truth].map(super::refine::Pose::from);
+    ((a.center() - b.center()).norm(), a.angle_to(&b).to_degrees())
+}
+
+/// Shares of images that are located, and of those that claim to be and are not; `gravity` is known to 1 degree.
+fn shares(seed: u64, images: usize, categories: usize, noise: f64, gravity: bool) -> (f64, f64) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (mut right, mut wrong) = (0, 0);
+    for _ in 0..images {
+        let landmarks = room(&mut rng, 30, categories);
+        let pose = camera(&mut rng);
+        let query = image(&mut rng, &landmarks, &pose, noise, 0.2, 0.2);
+        let up_in_camera = Unit::new_normalize(pose.matrix().fixed_columns::<3>(0) * Vector3::z());
+        let known = Gravity { up_in_world: Vector3::z_axis(), up_in_camera, sd: 0.017 };
+        let options = LocateOptions { gravity: gravity.then_some(known), ..Default::default() };
+        let found = LandmarkMap::new(landmarks).locate(&query, &options);
+        if std::env::var_os("SHOW").is_some() {
+            println!("{} {:?} {:?}", query.boxes.len(), found.status, found.poses.iter().map(|p| (p.matches.len(), p.evidence as i32, errors(&p.cam_from_world, &pose))).collect::<Vec<_>>());
+        }
+        if found.status == LocateStatus::Ok {
+            let (position, angle) = errors(&found.poses[0].cam_from_world, &pose);
+            let near = position < 0.25 && angle < 5.0;
+            right += usize::from(near);
+            wrong += usize::from(!near);
+        }
+    }
+    (right as f64 / images as f64, wrong as f64 / images as f64)
+}
+
+#[test]
+fn rooms_are_found_again() {
+    for (categories, gravity) in [(30, false), (6, false), (6, true)] {
+        let (right, wrong) = shares(1, 20, categories, 0.03, gravity);
+        assert!(right >= 0.9 && wrong == 0.0, "{categories} {gravity}: {right} {wrong}");
+    }
+}
+
+fn locate(landmarks: Vec<Landmark>, query: &Query) -> Located {
+    LandmarkMap::new(landmarks).locate(query, &LocateOptions::default())
+}
+
+#[test]
+fn what_cannot_be_told_is_not() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let all = room(&mut rng, 30, 6);
+    let pose = camera(&mut rng);
+    let query = image(&mut rng, &all, &pose, 0.02, 0.0, 0.0);
+    assert_eq!(locate(Vec::new(), &query).status, LocateStatus::TooFewObjects);
+    let nothing = Query { boxes: Vec::new(), ..query.clone() };
+    assert_eq!(locate(all.clone(), &nothing).status, LocateStatus::TooFewObjects);
+    // Two objects.
+    let two = all[..2].to_vec();
+    assert_eq!(locate(two.clone(), &image(&mut rng, &two, &pose, 0.02, 0.0, 0.0)).status, LocateStatus::TooFewObjects);
+    // A map of another room, in other units: no pose, or one that is not sure.
+    let other = room(&mut rng, 30, 6);
+    assert_ne!(locate(other, &query).status, LocateStatus::Ok);
+    // A ring of equal objects looks the same from six sides.
+    let ring: Vec<Landmark> = (0..6)
+        .map(|k| {
+            let angle = TAU / 6.0 * f64::from(k);
+            let center = Point3::new(angle.cos(), angle.sin(), 0.5);
+            let ellipsoid = Ellipsoid { center, semi_axes: Vector3::repeat(0.2), rotation: Rotation3::identity() };
+            Landmark { ellipsoid, center_covariance: None, category: None }
+        })
+        .collect();
+    let query = image(&mut rng, &ring, &pose, 0.01, 0.0, 0.0);
+    let found = locate(ring, &query);
+    assert_eq!(found.status, LocateStatus::Ambiguous);
+    assert!(found.poses.len() >= 6, "{}", found.poses.len());
+    // Numbers that are none.
+    let mut broken = all;
+    broken[0].ellipsoid.center.x = f64::NAN;
+    broken[1].ellipsoid.semi_axes.x = 0.0;
+    let _ = locate(broken, &query);
+}
+
+#[test]
+fn the_covariance_is_that_of_the_errors() {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut all = Vec::new();
+    for _ in 0..60 {
+        let landmarks = room(&mut rng, 30, 30);
+        let pose = camera(&mut rng);
+        let query = image(&mut rng, &landmarks, &pose, 0.05, 0.2, 0.0);
+        let found = LandmarkMap::new(landmarks).locate(&query, &LocateOptions::default());
+        let Some(best) = found.poses.first().filter(|_| found.status == LocateStatus::Ok) else { continue };
+        let [a, b] = [&best.cam_from_world, &pose].map(super::refine::Pose::from);
+        // The motion that leads from the estimate to the truth.
+        let turn = b.rotation * a.rotation.transpose();
+        let shift = b.translation - turn * a.translation;
+        let turn = Rotation3::from_matrix_unchecked(turn).scaled_axis();
+        let error = nalgebra::Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
+        all.push(error.dot(&(best.covariance.try_inverse().unwrap() * error)));
+    }
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    assert!(all.len() >= 50, "{}", all.len());
+    // Six parameters; 50 chi-square numbers have a mean of 6 +- 0.5.
+    assert!((4.0..8.0).contains(&mean), "{mean}");
+}
