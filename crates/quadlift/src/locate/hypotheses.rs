@@ -9,6 +9,12 @@ use super::score::{gain, predictions};
 /// Hypotheses that are examined at most; of more, evenly spread ones are.
 const MOST_HYPOTHESES: usize = 4000;
 
+/// Rounds in which they are examined: the search ends after one that explains most of the image.
+pub(super) const ROUNDS: usize = 16;
+
+/// Candidates that hypotheses are made of, about: of more, those of the boxes that may show the fewest landmarks.
+const MOST_CANDIDATES: usize = 800;
+
 /// Cost of the edges of a hypothesis' own boxes, for each, beyond which it is wrong: Student's t cost at 3.5 standard deviations.
 const MOST_COST: f64 = 8.6;
 
@@ -21,17 +27,24 @@ const STARTS: usize = 24;
 /// Factor on the noise of boxes while a pose follows only some of them.
 const WIDEN: f64 = 3.0;
 
-/// Poses that explain many boxes, the best first.
-pub(super) fn starts(query: &PreparedQuery) -> Vec<Pose> {
+/// Groups of candidates that may give a pose; each round has its share of all kinds.
+pub(super) fn groups(query: &PreparedQuery) -> Vec<Vec<usize>> {
     let graph = Compatible::new(query);
-    let groups = if query.gravity.is_some() { graph.pairs() } else { graph.triples() };
+    if query.gravity.is_some() { graph.pairs() } else { graph.triples() }
+}
+
+/// Poses of one group in [`ROUNDS`] that explain many boxes, the best first.
+pub(super) fn starts(query: &PreparedQuery, groups: &[Vec<usize>], round: usize) -> Vec<Pose> {
     let mut scored: Vec<(f64, Pose)> = groups
         .iter()
+        .skip(round)
+        .step_by(ROUNDS)
         .filter_map(|group| {
             let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
             let matches: Vec<(usize, usize)> = members.iter().map(|c| (c.query_box, c.landmark)).collect();
             let refined = refine(query, aligned(query, &members)?, &matches, STEPS)?;
-            (refined.cost < MOST_COST * 4.0 * members.len() as f64).then(|| (quick_score(query, &refined.pose), refined.pose))
+            (refined.cost < MOST_COST * 4.0 * members.len() as f64)
+                .then(|| (quick_score(query, &refined.pose), refined.pose))
         })
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -67,19 +80,20 @@ fn quick_score(query: &PreparedQuery, pose: &Pose) -> f64 {
 }
 
 /// Which candidates can be true together, as rows of bits.
-struct Compatible<'a> {
-    candidates: &'a [Candidate],
+struct Compatible {
+    /// Which candidate each row is.
+    places: Vec<usize>,
     words: usize,
     bits: Vec<u64>,
 }
 
-impl<'a> Compatible<'a> {
-    fn new(query: &'a PreparedQuery) -> Self {
-        let candidates = &query.candidates;
-        let words = candidates.len().div_ceil(64);
-        let mut bits = vec![0; words * candidates.len()];
-        for (i, a) in candidates.iter().enumerate() {
-            for (j, b) in candidates.iter().enumerate().skip(i + 1) {
+impl Compatible {
+    fn new(query: &PreparedQuery) -> Self {
+        let places = distinctive(query);
+        let words = places.len().div_ceil(64);
+        let mut bits = vec![0; words * places.len()];
+        for (i, a) in places.iter().map(|&k| &query.candidates[k]).enumerate() {
+            for (j, b) in places.iter().map(|&k| &query.candidates[k]).enumerate().skip(i + 1) {
                 if a.query_box == b.query_box || a.landmark == b.landmark {
                     continue;
                 }
@@ -90,7 +104,7 @@ impl<'a> Compatible<'a> {
                 }
             }
         }
-        Self { candidates, words, bits }
+        Self { places, words, bits }
     }
 
     /// The later candidates that go with one.
@@ -98,24 +112,48 @@ impl<'a> Compatible<'a> {
         &self.bits[index * self.words..(index + 1) * self.words]
     }
 
+    /// Pairs of candidates that go together, with what goes with both.
+    fn all_pairs(&self) -> impl Iterator<Item = (usize, usize)> {
+        (0..self.places.len()).flat_map(|i| ones(self.row(i).iter().copied()).map(move |j| (i, j)))
+    }
+
+    fn named(&self, places: &[usize]) -> Vec<usize> {
+        places.iter().map(|&place| self.places[place]).collect()
+    }
+
     fn pairs(&self) -> Vec<Vec<usize>> {
-        let all = || (0..self.candidates.len()).flat_map(|i| ones(self.row(i).iter().copied()).map(move |j| vec![i, j]));
-        spread(all().count(), all())
+        let count = self.all_pairs().count();
+        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count));
+        chosen.map(|(_, (i, j))| self.named(&[i, j])).collect()
     }
 
     fn triples(&self) -> Vec<Vec<usize>> {
         let common = |i: usize, j: usize| self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b);
-        let pairs = || (0..self.candidates.len()).flat_map(|i| ones(self.row(i).iter().copied()).map(move |j| (i, j)));
-        let count = pairs().map(|(i, j)| common(i, j).map(|bits| bits.count_ones() as usize).sum::<usize>()).sum();
-        spread(count, pairs().flat_map(|(i, j)| ones(common(i, j)).map(move |k| vec![i, j, k])))
+        let number = |i: usize, j: usize| common(i, j).map(|bits| bits.count_ones() as usize).sum::<usize>();
+        let count = self.all_pairs().map(|(i, j)| number(i, j)).sum();
+        let mut before = 0;
+        let mut chosen = Vec::new();
+        for (i, j) in self.all_pairs() {
+            let end = before + number(i, j);
+            if first_chosen(before, count) < end {
+                let of_pair = ones(common(i, j)).enumerate().filter(|(k, _)| is_chosen(before + k, count));
+                chosen.extend(of_pair.map(|(_, k)| self.named(&[i, j, k])));
+            }
+            before = end;
+        }
+        chosen
     }
 }
 
-/// At most [`MOST_HYPOTHESES`] of `count` items, evenly spread.
-fn spread(count: usize, all: impl Iterator<Item = Vec<usize>>) -> Vec<Vec<usize>> {
-    let most = MOST_HYPOTHESES.min(count);
-    let keeps = |k: usize| (k + 1) * most / count.max(1) > k * most / count.max(1);
-    all.enumerate().filter(|(k, _)| keeps(*k)).map(|(_, item)| item).collect()
+/// Whether the item with this index is one of at most [`MOST_HYPOTHESES`] of `count`, evenly spread.
+fn is_chosen(index: usize, count: usize) -> bool {
+    first_chosen(index, count) == index
+}
+
+/// The first such item from an index on.
+fn first_chosen(index: usize, count: usize) -> usize {
+    let step = count.div_ceil(MOST_HYPOTHESES).max(1);
+    index.div_ceil(step) * step
 }
 
 /// Indices of the bits that are set.
@@ -130,6 +168,22 @@ fn ones(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
             })
         })
     })
+}
+
+/// The candidates of the boxes that may show the fewest landmarks: all, or as many boxes as [`MOST_CANDIDATES`] allows, at least three.
+fn distinctive(query: &PreparedQuery) -> Vec<usize> {
+    let mut boxes: Vec<Vec<usize>> = vec![Vec::new(); query.boxes.len()];
+    query.candidates.iter().enumerate().for_each(|(k, candidate)| boxes[candidate.query_box].push(k));
+    boxes.retain(|of_box| !of_box.is_empty());
+    boxes.sort_by_key(Vec::len);
+    let mut chosen: Vec<usize> = Vec::new();
+    for (k, of_box) in boxes.iter().enumerate() {
+        if k >= 3 && chosen.len() + of_box.len() > MOST_CANDIDATES {
+            break;
+        }
+        chosen.extend(of_box);
+    }
+    chosen
 }
 
 /// Smallest and largest distance between points on two rays, within the ranges of their depths.
@@ -168,8 +222,9 @@ fn aligned(query: &PreparedQuery, members: &[&Candidate]) -> Option<Pose> {
         Some(gravity) => {
             // The camera turned upright, then a turn about the vertical.
             let up = gravity.up_in_world;
-            let upright = nalgebra::Rotation3::rotation_between(&gravity.up_in_camera, &up)
-                .unwrap_or_else(|| nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), std::f64::consts::PI));
+            let upright = nalgebra::Rotation3::rotation_between(&gravity.up_in_camera, &up).unwrap_or_else(|| {
+                nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), std::f64::consts::PI)
+            });
             let m = spread(upright.matrix());
             // max tr(R^T m) over turns R about `up`.
             let cosine = m.trace() - up.dot(&(m * up.into_inner()));

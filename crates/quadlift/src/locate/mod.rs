@@ -166,6 +166,9 @@ pub struct Located {
 /// Difference of the evidence of two poses from which the lesser one does not count: odds of 100 to 1.
 const CLEAR: f64 = 4.605;
 
+/// Matches of a pose that explains most boxes from which the search ends: chance does not explain as many.
+const ENOUGH_MATCHES: usize = 6;
+
 /// Poses that are told at most.
 const MOST_POSES: usize = 8;
 
@@ -202,15 +205,20 @@ impl LandmarkMap {
             return nowhere(LocateStatus::TooFewObjects);
         }
         let mut poses: Vec<LocatedPose> = Vec::new();
-        for start in hypotheses::starts(&prepared) {
-            let Some(pose) = score::located(&prepared, start) else { continue };
-            if pose.matches.len() < needed {
-                continue;
+        let groups = hypotheses::groups(&prepared);
+        for round in 0..hypotheses::ROUNDS {
+            for start in hypotheses::starts(&prepared, &groups, round) {
+                let found = score::located(&prepared, start).filter(|pose| pose.matches.len() >= needed);
+                let Some(pose) = found else { continue };
+                match poses.iter_mut().find(|other| prepared.same_pose(&other.cam_from_world, &pose.cam_from_world)) {
+                    Some(other) if other.evidence < pose.evidence => *other = pose,
+                    Some(_) => {}
+                    None => poses.push(pose),
+                }
             }
-            match poses.iter_mut().find(|other| prepared.same_pose(&other.cam_from_world, &pose.cam_from_world)) {
-                Some(other) if other.evidence < pose.evidence => *other = pose,
-                Some(_) => {}
-                None => poses.push(pose),
+            let explained = poses.iter().map(|pose| pose.matches.len()).max().unwrap_or(0);
+            if explained >= ENOUGH_MATCHES && 2 * explained > prepared.boxes_with_candidates() {
+                break;
             }
         }
         poses.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));

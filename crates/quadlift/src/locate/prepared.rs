@@ -74,14 +74,15 @@ impl<'a> PreparedQuery<'a> {
         let k = &query.intrinsics;
         let normalised = |x: f64, axis: usize| if axis == 0 { (x - k.cx) / k.fx } else { (x - k.cy) / k.fy };
         let focal = [k.fx, k.fy];
-        let image = query.image_size.map(|size| {
-            [normalised(0.0, 0), normalised(0.0, 1), normalised(size.x, 0), normalised(size.y, 1)]
-        });
+        let image = query
+            .image_size
+            .map(|size| [normalised(0.0, 0), normalised(0.0, 1), normalised(size.x, 0), normalised(size.y, 1)]);
         // Where the image has no size its boxes say about how large it is.
         let area = image.map_or_else(
             || {
                 let all = || query.boxes.iter().map(|b| &b.bounding_box);
-                let reach = |of: fn(&crate::geometry::BoundingBox) -> f64| all().map(of).fold(f64::NEG_INFINITY, f64::max);
+                let reach =
+                    |of: fn(&crate::geometry::BoundingBox) -> f64| all().map(of).fold(f64::NEG_INFINITY, f64::max);
                 let width = (reach(|b| b.x1) + reach(|b| -b.x0)) / k.fx;
                 let height = (reach(|b| b.y1) + reach(|b| -b.y0)) / k.fy;
                 (width * height).max(1e-6)

@@ -2,9 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::LocatedPose;
 use super::prepared::PreparedQuery;
 use super::refine::{Pose, Predicted, edge_residuals, refine};
-use super::LocatedPose;
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::optimize::student_t::StudentT;
 
@@ -28,13 +28,7 @@ pub(super) fn predictions(query: &PreparedQuery, pose: &Pose) -> Vec<Option<Pred
 }
 
 /// Logarithm of the odds that a box shows a landmark, against a false box; `widen` multiplies standard deviations.
-pub(super) fn gain(
-    query: &PreparedQuery,
-    pose: &Pose,
-    predicted: &Predicted,
-    pair: (usize, usize),
-    widen: f64,
-) -> f64 {
+pub(super) fn gain(query: &PreparedQuery, pose: &Pose, predicted: &Predicted, pair: (usize, usize), widen: f64) -> f64 {
     let student_t = StudentT::new(super::refine::DOF);
     let clutter = query.boxes[pair.0].log_clutter / 4.0;
     let edges = edge_residuals(query, pose, predicted, pair).into_iter().flatten().map(|edge| {
@@ -116,11 +110,12 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
         evidence += (4.0 * PI / (TAU * gravity.sd * gravity.sd)).ln() - 0.5 * off * off;
     }
     let covariance = cholesky.inverse();
-    evidence
-        .is_finite()
-        .then_some(())
-        .and_then(|()| pose.checked())
-        .map(|cam_from_world| LocatedPose { cam_from_world, covariance, matches, evidence })
+    evidence.is_finite().then_some(()).and_then(|()| pose.checked()).map(|cam_from_world| LocatedPose {
+        cam_from_world,
+        covariance,
+        matches,
+        evidence,
+    })
 }
 
 /// Logarithm of the volume of all poses: rotations, and positions about as far from the map as its objects are seen.

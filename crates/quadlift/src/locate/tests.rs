@@ -24,11 +24,8 @@ fn room(rng: &mut ChaCha8Rng, objects: usize, categories: usize) -> Vec<Landmark
     (0..objects)
         .map(|k| {
             let category = k % categories;
-            let center = Point3::new(
-                rng.random_range(-4.0..4.0),
-                rng.random_range(-3.0..3.0),
-                rng.random_range(0.2..1.6),
-            );
+            let center =
+                Point3::new(rng.random_range(-4.0..4.0), rng.random_range(-3.0..3.0), rng.random_range(0.2..1.6));
             let size = 0.1 + 0.05 * category as f64;
             let shape = Vector3::new(1.0, 0.6 + 0.05 * category as f64, 0.8);
             let semi_axes = shape.map(|x| x * size * rng.random_range(0.9..1.1));
@@ -76,8 +73,7 @@ fn image(rng: &mut ChaCha8Rng, room: &[Landmark], pose: &CamFromWorld, noise: f6
         }
         let sd = noise * b.mean_half_size();
         let mut edge = |at: f64, low: f64, high: f64| (at + sd * normal(rng)).clamp(low, high);
-        let edges =
-            [edge(b.x0, 0.0, WIDTH), edge(b.y0, 0.0, HEIGHT), edge(b.x1, 0.0, WIDTH), edge(b.y1, 0.0, HEIGHT)];
+        let edges = [edge(b.x0, 0.0, WIDTH), edge(b.y0, 0.0, HEIGHT), edge(b.x1, 0.0, WIDTH), edge(b.y1, 0.0, HEIGHT)];
         let Ok(bounding_box) = BoundingBox::new(edges) else { continue };
         boxes.push(QueryBox { bounding_box, category: landmark.category.clone() });
         if rng.random_range(0.0..1.0) < wrong {
@@ -109,12 +105,9 @@ fn shares(seed: u64, images: usize, categories: usize, noise: f64, gravity: bool
         let known = Gravity { up_in_world: Vector3::z_axis(), up_in_camera, sd: 0.017 };
         let options = LocateOptions { gravity: gravity.then_some(known), ..Default::default() };
         let found = LandmarkMap::new(landmarks).locate(&query, &options);
-        if std::env::var_os("SHOW").is_some() {
-            println!("{} {:?} {:?}", query.boxes.len(), found.status, found.poses.iter().map(|p| (p.matches.len(), p.evidence as i32, errors(&p.cam_from_world, &pose))).collect::<Vec<_>>());
-        }
         if found.status == LocateStatus::Ok {
             let (position, angle) = errors(&found.poses[0].cam_from_world, &pose);
-            let near = position < 0.25 && angle < 5.0;
+            let near = position < 0.1 && angle < 5.0;
             right += usize::from(near);
             wrong += usize::from(!near);
         }
@@ -162,6 +155,11 @@ fn what_cannot_be_told_is_not() {
     let found = locate(ring, &query);
     assert_eq!(found.status, LocateStatus::Ambiguous);
     assert!(found.poses.len() >= 6, "{}", found.poses.len());
+    // Hundreds of equal objects: whatever the answer, it ends.
+    let many: Vec<Landmark> = room(&mut rng, 300, 1);
+    let query = image(&mut rng, &many[..40], &pose, 0.02, 0.0, 0.0);
+    assert!(query.boxes.len() > 20);
+    let _ = locate(many, &query);
     // Numbers that are none.
     let mut broken = all;
     broken[0].ellipsoid.center.x = f64::NAN;
