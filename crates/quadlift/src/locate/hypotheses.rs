@@ -203,18 +203,24 @@ fn distances(a: &Candidate, b: &Candidate) -> [f64; 2] {
 
 /// The pose that brings landmarks nearest to the points where sizes place them; about gravity where that is known.
 fn aligned(query: &PreparedQuery, members: &[&Candidate]) -> Option<Pose> {
-    let points: Vec<(Vector3<f64>, Vector3<f64>, f64)> = members
-        .iter()
-        .map(|c| (c.ray * c.depths[1], query.map.center(c.landmark), 1.0 / (c.depths[1] * c.depths[1])))
-        .collect();
-    let total: f64 = points.iter().map(|(_, _, weight)| weight).sum();
-    let mean = |of: fn(&(Vector3<f64>, Vector3<f64>, f64)) -> Vector3<f64>| {
-        points.iter().fold(Vector3::zeros(), |sum, point| sum + of(point) * point.2) / total
+    struct Point {
+        camera: Vector3<f64>,
+        world: Vector3<f64>,
+        weight: f64,
+    }
+    let point = |c: &&Candidate| {
+        let depth = c.depths[1];
+        Point { camera: c.ray * depth, world: query.map.center(c.landmark), weight: 1.0 / (depth * depth) }
     };
-    let (camera, world) = (mean(|p| p.0), mean(|p| p.1));
+    let points: Vec<Point> = members.iter().map(point).collect();
+    let total: f64 = points.iter().map(|point| point.weight).sum();
+    let mean = |of: fn(&Point) -> Vector3<f64>| {
+        points.iter().fold(Vector3::zeros(), |sum, point| sum + of(point) * point.weight) / total
+    };
+    let (camera, world) = (mean(|p| p.camera), mean(|p| p.world));
     let spread = |turn: &Matrix3<f64>| {
-        points.iter().fold(Matrix3::zeros(), |sum: Matrix3<f64>, (p, x, weight)| {
-            sum + turn * (p - camera) * (x - world).transpose() * *weight
+        points.iter().fold(Matrix3::zeros(), |sum: Matrix3<f64>, p| {
+            sum + turn * (p.camera - camera) * (p.world - world).transpose() * p.weight
         })
     };
     let rotation = match &query.gravity {
