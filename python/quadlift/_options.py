@@ -57,8 +57,9 @@ class Options(TypedDict, total=False):
     """Associate detections first: if any lack an id (`auto`), never or always."""
     ids: Ids | None
     """How far to trust existing ids (`trust`; with `associate="always"`: `evidence`)."""
-    priors: Path | Mapping[str, Prior] | None
-    """Priors on categories: "builtin" (for scenes in metres), a TOML file, or a mapping."""
+    priors: Path | Mapping[str, Prior] | Sequence[Path | Mapping[str, Prior]] | None
+    """Priors on categories: "builtin" (for scenes in metres), a TOML file, a mapping, or "scene": the size of each category is
+    learnt from its other objects. A list of "scene" and one of the others has both; that one then wins."""
     cross_validate: bool
     """Leave out each view of each object and predict it from the others: a measure of quality without ground truth.
     Takes several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""
@@ -141,7 +142,8 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         keywords[name] = _checks.flag(name, keywords[name])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
-    keywords["priors"], keywords["priors_text"] = _priors(keywords["priors"])
+    others, keywords["learn_sizes"] = _without_scene(keywords["priors"])
+    keywords["priors"], keywords["priors_text"] = _priors(others)
     return keywords, threads, progress
 
 
@@ -264,6 +266,16 @@ def _calibration(pairs: Any) -> list[tuple[_core.Scene, _core.Scene]]:
         result, truth = _checks.scene(f"calibration[{k}][0]", result), _checks.scene(f"calibration[{k}][1]", truth)
         scenes.append((result, truth))
     return scenes
+
+
+def _without_scene(priors: Any) -> tuple[Any, bool]:
+    """The source of priors besides "scene", and whether that is given."""
+    if isinstance(priors, str | os.PathLike | Mapping) or not isinstance(priors, Sequence):
+        return (None, True) if priors == "scene" else (priors, False)
+    others = [given for given in priors if given != "scene"]
+    if len(others) > 1:
+        raise QuadliftError(f'priors has {len(others)} sources beside "scene"; expected one at most')
+    return (others[0] if others else None), len(others) < len(priors)
 
 
 def _priors(priors: Any) -> tuple[str | None, str | None]:

@@ -96,6 +96,11 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "body": ({"body": "ball"}, 'body is "ball"; expected "auto", "ellipsoid"'),
     "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
     "method of a body": ({"method": "lfd", "body": "cuboid"}, "only the method map fits bodies other than ellipsoids"),
+    "priors, two sources": (
+        {"priors": ["builtin", "scene", "a.toml"]},
+        'priors has 2 sources beside "scene"; expected one at most',
+    ),
+    "method of learnt sizes": ({"method": "lfd", "priors": "scene"}, 'priors is an argument of method="map" only'),
     "method of priors": ({"method": "lfd", "priors": "builtin"}, 'priors is an argument of method="map" only'),
     "lambda": ({"reg_lambda": 1.0}, 'reg_lambda is an argument of method="reg" only'),
     "seed": ({"seed": -1}, "seed is -1; expected a whole number from 0"),

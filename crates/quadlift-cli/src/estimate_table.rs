@@ -7,7 +7,7 @@ use quadlift::Localization;
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
-use quadlift::solve::{CueScale, Estimate, Method, ScaledQuantity, Status};
+use quadlift::solve::{CueScale, Estimate, LearntCategorySize, Method, ScaledQuantity, SizePrior, Status};
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
 
@@ -180,6 +180,27 @@ pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<(String, bo
         lines.push((format!("depths{source} in single frames are {least:.3} to {most:.3} of the true ones"), false));
     }
     lines
+}
+
+/// The sizes of categories that were learnt from the scene, one line each.
+pub fn learnt_sizes(scene: &Scene, localization: &Localization) -> Vec<String> {
+    let line = |found: &LearntCategorySize| {
+        let category = &scene.categories[found.category];
+        let objects = format!("{} ({})", count(found.objects, "object"), found.body);
+        let worth = found.well_determined;
+        let Some(SizePrior { mean, sd }) = found.size else {
+            return format!(
+                "{category}: no size is learnt from {objects}, worth {worth:.1} well-determined ones; they are too few or too different"
+            );
+        };
+        let extents = |x: [f64; 3]| x.map(|x| format!("{x:.3}")).join(" x ");
+        format!(
+            "{category}: size {} (standard deviations {}), learnt from {objects}, worth {worth:.1} well-determined ones",
+            extents(mean),
+            extents(sd)
+        )
+    };
+    localization.learnt_sizes.iter().map(line).collect()
 }
 
 fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {

@@ -82,7 +82,9 @@ impl Settings {
 
     /// Categories of the scene that have no prior although priors are used.
     pub fn categories_without_prior<'a>(&self, scene: &'a Scene) -> Vec<&'a str> {
-        let none = matches!(self.priors, PriorSource::None);
+        // Where sizes are learnt, the result says which.
+        let learns = self.options.method.map_options().is_some_and(|map| map.learn_sizes);
+        let none = learns || matches!(self.priors, PriorSource::None);
         let priors = self.priors_on_categories();
         let unknown = |name: &&str| !none && priors.of(name).is_none();
         scene.categories.iter().map(String::as_str).filter(unknown).collect()

@@ -32,6 +32,8 @@ pub struct LocalizeKeywords {
     priors: Option<String>,
     /// The text of a file of priors, in the place of a path.
     priors_text: Option<String>,
+    /// Whether sizes of categories are learnt from the scene.
+    learn_sizes: bool,
     /// All views (true), a sample (false), none.
     cross_validate: Option<bool>,
     min_views: usize,
@@ -67,7 +69,7 @@ impl LocalizeKeywords {
         let mut method: Method = named("method", &self.method)?;
         if method.map_options().is_none() {
             let given = [
-                ("priors", self.priors.is_some() || self.priors_text.is_some()),
+                ("priors", self.priors.is_some() || self.priors_text.is_some() || self.learn_sizes),
                 ("ground_plane", self.ground_plane),
                 ("camera_height", self.camera_height.is_some()),
                 ("pose_noise", self.pose_noise.is_some()),
@@ -87,6 +89,7 @@ impl LocalizeKeywords {
         if let Some(map) = method.map_options_mut() {
             map.body = body;
             map.upright = self.upright;
+            map.learn_sizes = self.learn_sizes;
             map.ground_plane = self.ground_plane;
             map.camera_height = self.camera_height;
             let sds = self.pose_noise;

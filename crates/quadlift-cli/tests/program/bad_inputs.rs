@@ -580,6 +580,11 @@ fn choices() -> Vec<Case> {
         priors,
         called("a file of priors that does not exist", 1, "localize scene.json -o out.json --priors no.toml"),
         called("priors for a closed form", 2, "localize scene.json -o out.json --method lfd --priors builtin"),
+        called(
+            "two sources of priors",
+            2,
+            "localize scene.json -o out.json --priors builtin --priors scene --priors a.toml",
+        ),
         called("lambda for another method", 2, "localize scene.json -o out.json --lambda 1"),
         called("a negative lambda", 2, "localize scene.json -o out.json --method reg --lambda=-1"),
         called("sigmas for another method", 2, "localize scene.json -o out.json --method lfd --sigmas edge_relative=1"),

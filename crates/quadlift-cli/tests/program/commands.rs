@@ -222,6 +222,40 @@ fn occluded_and_truncated_detections_can_be_left_out() {
 }
 
 #[test]
+fn sizes_are_learnt_from_the_scene() {
+    let folder = Folder::new();
+    folder.succeed("synth -q -o scene.json --objects 8 --views 4 --noise box:0.02");
+    let mut scene = folder.json("scene.json");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        let is_last = detection["object"] == "object_007";
+        detection["category"] = if is_last { "lamp" } else { "stone" }.into();
+    }
+    folder.write_json("scene.json", &scene);
+    // Stones of any size: whether they teach anything is up to them.
+    let run = folder.run("localize scene.json --priors scene --body ellipsoid -o out.json -v");
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let result = folder.json("out.json");
+    assert_eq!(result["localization"]["settings"]["learn_sizes"], true);
+    let learnt = result["localization"]["learnt_sizes"].as_array().unwrap();
+    assert_eq!(learnt.len(), 2, "{learnt:?}");
+    let of = |category: &str| learnt.iter().find(|found| found["category"] == category).unwrap();
+    assert_eq!((&of("stone")["objects"], &of("lamp")["objects"]), (&7.into(), &1.into()));
+    assert!(of("lamp")["size"].is_null() && of("lamp")["well_determined"].as_f64().unwrap() <= 1.0);
+    let text = format!("{}{}", run.stdout, run.stderr);
+    assert!(text.contains("lamp: no size is learnt from 1 object (ellipsoid)"), "{text}");
+    // A size that is given is not learnt.
+    folder.write("priors.toml", "[stone]\nsize = [5.0, 4.0, 3.0]\nsize_sd = [2.0, 2.0, 2.0]\n");
+    folder.succeed("localize scene.json --priors priors.toml --priors scene --body ellipsoid -o both.json");
+    let both = folder.json("both.json");
+    let learnt = both["localization"]["learnt_sizes"].as_array().unwrap();
+    assert_eq!(learnt.len(), 1, "{learnt:?}");
+    assert_eq!(
+        (&learnt[0]["category"], &both["localization"]["settings"]["priors"]),
+        (&"lamp".into(), &"priors.toml".into())
+    );
+}
+
+#[test]
 fn priors_act_where_the_unit_is_known() {
     let folder = Folder::new();
     let mut scene = folder.small_scene();

@@ -1,11 +1,13 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
-//! frame; outlines and turned boxes: simulated, on rendered scenes and on real images.
+//! frame; outlines and turned boxes: simulated, on rendered scenes and on real images;
+//! sizes that are learnt from the scene.
 
 mod frame_scales;
 mod fusion;
 mod kitti;
 mod occlusion;
 mod outlines;
+mod sizes;
 mod synthetic;
 
 use std::path::Path;
@@ -23,13 +25,17 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     let mut report = Report::new("cues", "Depths and 3D boxes beside boxes");
     synthetic::run(seed, progress, &mut report)?;
     frame_scales::run(seed, progress, &mut report)?;
+    sizes::run(seed, progress, &mut report)?;
     let folder = match data_folder(data) {
         Ok(folder) => Some(folder),
         Err(Error::NoData(_)) => None,
         Err(error) => return Err(error),
     };
     match &folder {
-        Some(folder) => kitti::run(folder, seed, progress, &mut report)?,
+        Some(folder) => {
+            kitti::run(folder, seed, progress, &mut report)?;
+            sizes::run_real(folder, seed, progress, &mut report)?;
+        }
         None => report.text("Without the real data KITTI and real images are left out.".to_owned()),
     }
     outlines::run(seed, progress, &mut report)?;

@@ -2,7 +2,7 @@
 
 use quadlift::cross_validation::Extent;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, CueScale, Estimate, Method, ScaledQuantity, Sigmas, Status};
+use quadlift::solve::{BodyKind, CueScale, Estimate, LearntCategorySize, Method, ScaledQuantity, Sigmas, Status};
 use quadlift::{Localization, LocalizeOptions};
 use serde_json::{Map, Value, json};
 
@@ -35,6 +35,9 @@ pub fn settings_record(options: &LocalizeOptions, priors: Option<&str>) -> Value
         json["camera_height"] = map.camera_height.into();
         json["pose_noise"] = map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
         json["priors"] = priors.into();
+        if map.learn_sizes {
+            json["learn_sizes"] = true.into();
+        }
         let levels = |sigmas: &Sigmas| sigmas.levels().map(|(name, x)| (name.to_owned(), x.into())).collect();
         json["sigmas"] = map.sigmas.as_ref().map_or(Value::Null, |sigmas| Value::Object(levels(sigmas)));
     }
@@ -76,6 +79,26 @@ pub fn cue_scales_record(scene: &Scene, localization: &Localization) -> Value {
         json
     };
     localization.cue_scales.iter().map(record).collect()
+}
+
+/// The sizes of categories that were learnt from the scene; those without a `size` have too few objects, or objects that differ
+/// too much.
+pub fn learnt_sizes_record(scene: &Scene, localization: &Localization) -> Value {
+    let record = |found: &LearntCategorySize| {
+        let mut json = json!({
+            "category": scene.categories[found.category],
+            "body": found.body.to_string(),
+            "objects": found.objects,
+            "well_determined": found.well_determined,
+        });
+        if let Some(size) = &found.size {
+            json["size"] = size.mean.into();
+            json["size_sd"] = size.sd.into();
+            json["axes"] = if found.named { "length_width_height" } else { "by_length" }.into();
+        }
+        json
+    };
+    localization.learnt_sizes.iter().map(record).collect()
 }
 
 /// The cross-validation of a scene; null if no view could be predicted.
@@ -157,6 +180,9 @@ impl SceneFile {
         });
         if !localization.cue_scales.is_empty() {
             about["cue_scales"] = cue_scales_record(scene, localization);
+        }
+        if !localization.learnt_sizes.is_empty() {
+            about["learnt_sizes"] = learnt_sizes_record(scene, localization);
         }
         self.with_results(Vec::new(), about)
     }

@@ -125,6 +125,17 @@ impl BodyModel for EllipsoidModel {
         }
     }
 
+    fn log_shape_along(&self, axes: &Matrix3<f64>) -> Option<[(f64, Row); 6]> {
+        let local = self.axes.tr_mul(axes);
+        Some([(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)].map(|(i, j)| {
+            let factor = if i == j { 1.0 } else { std::f64::consts::SQRT_2 };
+            let (value, row) = self.log_shape(&local.column(i).into(), &local.column(j).into(), factor);
+            (factor * value, row)
+        }))
+    }
+
+    fn add_spin_prior(&self, _: &mut NormalEquations) {}
+
     fn log_axes_gradient(&self) -> [Row; 3] {
         std::array::from_fn(|i| {
             let mut row = [0.0; 9];

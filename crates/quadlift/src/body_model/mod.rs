@@ -78,6 +78,11 @@ pub(crate) trait BodyModel: Clone + Send + Sync {
     fn retract(&self, step: &SVector<f64, 9>) -> Option<Self>;
     /// Adds the prior on the deviation of the log semi-axes from their mean, weight 1/sd.
     fn add_shape_prior(&self, weight: f64, equations: &mut NormalEquations);
+    /// The entries of `1/2 log A` of an ellipsoid between these directions (orthonormal columns): the diagonal, then those of rows and
+    /// columns (1, 0), (2, 0), (2, 1) times the root of two, with their derivatives; `None` for other bodies.
+    fn log_shape_along(&self, axes: &Matrix3<f64>) -> Option<[(f64, Row); 6]>;
+    /// Adds what is known about the spin of a cylinder about its axis.
+    fn add_spin_prior(&self, equations: &mut NormalEquations);
     /// Derivatives of the logarithms of the three semi-axes by the parameters.
     fn log_axes_gradient(&self) -> [Row; 3];
     /// How far the visible surface lies before the centre, the median over the outline, seen from far along the unit vector

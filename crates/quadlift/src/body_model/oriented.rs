@@ -140,6 +140,14 @@ impl BodyModel for OrientedModel {
             }
             equations.add_quadratic(weight * (log[i] - mean), &row);
         }
+        self.add_spin_prior(equations);
+    }
+
+    fn log_shape_along(&self, _: &Matrix3<f64>) -> Option<[(f64, Row); 6]> {
+        None
+    }
+
+    fn add_spin_prior(&self, equations: &mut NormalEquations) {
         if self.form == Form::Cylinder {
             let mut row = [0.0; 9];
             row[5] = 1.0;

@@ -15,8 +15,8 @@ use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, OptionError, POSE_NOISE_NAMES, PoseNoise,
-    Sigmas, Status, ViewReport, predict_fold, solve_closed_form,
+    BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, OptionError,
+    POSE_NOISE_NAMES, PoseNoise, Sigmas, Status, ViewReport, predict_fold, solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.
@@ -47,6 +47,8 @@ pub struct Localization {
     pub pose_noise: Option<PoseNoise>,
     /// Scales of the sources of depths and 3D boxes, if there are any and noise levels are not given.
     pub cue_scales: Vec<CueScale>,
+    /// Sizes of categories, where [`crate::solve::MapOptions::learn_sizes`] asks for them: one for each category and kind of body.
+    pub learnt_sizes: Vec<LearntCategorySize>,
     /// The fitted kind of body, given or selected.
     pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
@@ -143,7 +145,7 @@ pub fn localize_observed(
     };
     let folds_of =
         |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
-    let mut cue_scales = Vec::new();
+    let (mut cue_scales, mut learnt_sizes) = (Vec::new(), Vec::new());
     let (mut estimates, noise, pose_noise, body, folds, predicted) = if let Some(map_options) = map_options {
         let context = MapContext {
             categories: &scene.categories,
@@ -156,7 +158,7 @@ pub fn localize_observed(
             watch: &watch,
         };
         let solution = map(objects.len(), &views_of, &context, &folds_of);
-        cue_scales = solution.cue_scales;
+        (cue_scales, learnt_sizes) = (solution.cue_scales, solution.learnt_sizes);
         (solution.estimates, solution.noise, solution.pose_noise, solution.body, solution.folds, solution.predicted)
     } else {
         let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
@@ -201,5 +203,15 @@ pub fn localize_observed(
     if !diagnosis.consistent && !options.accept_inconsistent {
         estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
     }
-    Ok(Localization { estimates, skipped, noise, pose_noise, cue_scales, body, cross_validation, diagnosis })
+    Ok(Localization {
+        estimates,
+        skipped,
+        noise,
+        pose_noise,
+        cue_scales,
+        learnt_sizes,
+        body,
+        cross_validation,
+        diagnosis,
+    })
 }

@@ -6,6 +6,7 @@ mod cue_scale;
 mod enclosing;
 mod estimate;
 mod estimator;
+mod learnt_size;
 pub(crate) mod map;
 mod options;
 pub(crate) mod plausible;
@@ -25,6 +26,7 @@ pub use estimate::{
     Alternative, Covariance, CovarianceCoordinates, Estimate, Matrix9, Misfit, Rejection, Status, ViewReport, Warning,
 };
 pub use estimator::Estimator;
+pub use learnt_size::LearntCategorySize;
 pub(crate) use options::BORDER_MARGIN;
 pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
 pub(crate) use prediction::LARGE_ERROR;

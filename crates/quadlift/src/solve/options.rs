@@ -134,6 +134,10 @@ pub struct MapOptions {
     pub body: Option<BodyKind>,
     /// Priors by category; empty by default.
     pub priors: CategoryPriors,
+    /// Whether the sizes of categories are learnt from the objects of the scene: each object gets the size of the others of its
+    /// category as a prior (docs/method.md, section 21). Categories whose size [`MapOptions::priors`] tells keep that. Has no effect
+    /// on [`super::Estimator`], which knows one object.
+    pub learn_sizes: bool,
     /// Shape prior: standard deviation of the log semi-axes about their mean. Tuned: with 0.5 the covariance of narrow
     /// baselines is too wide (median NEES 7.0 of 8.3; with 0.4 it is 7.2), and real boxes gain nothing.
     pub shape_sd: f64,
@@ -174,6 +178,7 @@ impl Default for MapOptions {
         Self {
             body: None,
             priors: CategoryPriors::default(),
+            learn_sizes: false,
             shape_sd: 0.4,
             robust: true,
             border_margin: BORDER_MARGIN,

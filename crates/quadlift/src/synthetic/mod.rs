@@ -5,6 +5,7 @@
 //! positives, make realistic scenes. The world's z axis points up.
 
 mod cameras;
+mod categories;
 mod cues;
 mod detections;
 mod detector;
@@ -17,6 +18,7 @@ mod scene;
 mod tests;
 mod tracks;
 
+pub use categories::{CategoryOptions, CategorySizes, generate_categories};
 pub use cues::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
 pub use options::{Detector, Noise, Observations, SyntheticError, SyntheticIds, SyntheticOptions, Trajectory};
 pub use scene::{SyntheticFrame, SyntheticScene};
@@ -42,6 +44,15 @@ const POSE_NOISE_STREAM: u64 = 9;
 /// [`SyntheticError`] when an option is out of its range, or if an object does not lie in front of a camera (on
 /// trajectories that require it).
 pub fn generate(options: &SyntheticOptions) -> Result<SyntheticScene, SyntheticError> {
+    generate_objects(options, |_| (), |_| None)
+}
+
+/// [`generate()`] with objects that are changed before they are placed, and with the category of each.
+fn generate_objects(
+    options: &SyntheticOptions,
+    change: impl FnOnce(&mut Vec<Object>),
+    category_of: impl Fn(usize) -> Option<String>,
+) -> Result<SyntheticScene, SyntheticError> {
     options.check()?;
     let mut builder = SceneBuilder::new("synthetic");
     builder.up([0.0, 0.0, 1.0])?;
@@ -72,11 +83,12 @@ pub fn generate(options: &SyntheticOptions) -> Result<SyntheticScene, SyntheticE
     }
 
     let mut rng = random::stream(options.seed, OBJECT_STREAM);
-    let draw = |index| {
-        let object = Object::draw(index, options.trajectory, options.cube_side, &mut rng);
-        if options.standing { object.standing() } else { object }
-    };
-    let objects: Vec<Object> = (0..options.objects).map(draw).collect();
+    let draw = |index| Object::draw(index, options.trajectory, options.cube_side, &mut rng);
+    let mut objects: Vec<Object> = (0..options.objects).map(draw).collect();
+    change(&mut objects);
+    if options.standing {
+        objects = objects.into_iter().map(Object::standing).collect();
+    }
     let truth: Vec<(String, Body)> = objects
         .iter()
         .enumerate()
@@ -85,9 +97,11 @@ pub fn generate(options: &SyntheticOptions) -> Result<SyntheticScene, SyntheticE
     let found = detect(options, &objects, &truth, &frames, &projections)?;
     let names = names(options, &found, &truth);
     for (detection, name) in found.iter().zip(&names) {
+        let category = detection.object.and_then(&category_of);
         builder.add_detection(&DetectionInput {
             frame: &frames[detection.frame].id,
             object: name.as_deref(),
+            category: category.as_deref(),
             bounding_box: detection.bounding_box,
             ellipse: detection.ellipse,
             ..Default::default()

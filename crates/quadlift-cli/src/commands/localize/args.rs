@@ -92,9 +92,10 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT", hide_possible_values = true)]
     pub(super) ids: Option<IdsName>,
 
-    /// Priors on categories: "builtin" (for scenes in metres) or a TOML file
-    #[arg(long, value_name = "builtin|FILE.toml")]
-    priors: Option<PathBuf>,
+    /// Priors on categories: "builtin" (for scenes in metres), a TOML file, or "scene": the size of each category is learnt
+    /// from its other objects. May be repeated for "scene" beside one of the others, which then wins
+    #[arg(long, value_name = "builtin|FILE.toml|scene")]
+    priors: Vec<PathBuf>,
 
     /// Skip objects with fewer views
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
@@ -179,7 +180,7 @@ impl Args {
             ),
             (self.no_upright, "--no-upright is an option"),
             (self.sigmas.is_some(), "--sigmas is an option"),
-            (self.priors.is_some(), "--priors is an option"),
+            (!self.priors.is_empty(), "--priors is an option"),
         ];
         match &mut method {
             Method::Map(map) => {
@@ -189,6 +190,7 @@ impl Args {
                 map.camera_height = self.camera_height;
                 map.pose_noise = self.pose_noise;
                 map.sigmas = self.sigmas.as_ref().map(read_sigmas).transpose()?;
+                map.learn_sizes = self.priors.iter().any(|name| name.as_os_str() == "scene");
             }
             _ => {
                 if let Some((_, what)) = options_of_map.into_iter().find(|(given, _)| *given) {
@@ -206,10 +208,18 @@ impl Args {
             (_, Some(_)) => return usage("--lambda is an option of --method reg only"),
             _ => {}
         }
-        let priors = match &self.priors {
-            None => PriorSource::None,
-            Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
-            Some(path) => PriorSource::File(path.clone()),
+        let given: Vec<&PathBuf> = self.priors.iter().filter(|name| name.as_os_str() != "scene").collect();
+        let priors = match given[..] {
+            [] => PriorSource::None,
+            [name] if name.as_os_str() == "builtin" => PriorSource::Builtin,
+            [path] => PriorSource::File(path.clone()),
+            [first, second, ..] => {
+                return usage(format!(
+                    "--priors is given as {} and as {}; expected one file or builtin, and scene beside it",
+                    first.display(),
+                    second.display()
+                ));
+            }
         };
         let mut options = LocalizeOptions {
             method,

@@ -11,7 +11,7 @@ use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::{Detail, write_localized_file};
 use quadlift_io::scene_file::{
-    count_localised, cross_validation_record, cue_scales_record, noise_record, skipped_record,
+    count_localised, cross_validation_record, cue_scales_record, learnt_sizes_record, noise_record, skipped_record,
 };
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
@@ -22,7 +22,7 @@ use crate::association::{associate_and_check, associated_scene, localize_in_word
 use crate::corrections::{CorrectedScene, corrected_in_words};
 use crate::diagnosis::Check;
 use crate::error::Outcome;
-use crate::estimate_table::{cue_scales, noise_levels, render, summaries};
+use crate::estimate_table::{cue_scales, learnt_sizes, noise_levels, render, summaries};
 use crate::localization::{
     Settings, localize_scene, read_depths, read_masks, result_file, result_file_without_objects,
 };
@@ -169,6 +169,9 @@ pub fn one_scene(
             out.detail(&one_line(&line));
         }
     }
+    for line in learnt_sizes(&scene, &localization) {
+        out.detail(&one_line(&line));
+    }
     out.detail(&format!("read in {}, localised in {}", duration(read), duration(solved - read)));
     if out.json {
         document["objects"] = serde_json::to_value(summaries(&scene, &localization))?;
@@ -176,6 +179,9 @@ pub fn one_scene(
         document["noise"] = noise_record(&localization).into();
         if !localization.cue_scales.is_empty() {
             document["cue_scales"] = cue_scales_record(&scene, &localization);
+        }
+        if !localization.learnt_sizes.is_empty() {
+            document["learnt_sizes"] = learnt_sizes_record(&scene, &localization);
         }
         document["cross_validation"] = cross_validation_record(&localization);
         document["skipped"] = skipped_record(&localization);

@@ -20,6 +20,7 @@ use self::scene::body_selection::BodyKinds;
 use self::scene::scene_fit::SceneFit;
 use super::cue_scale::CueScale;
 use super::estimate::Estimate;
+use super::learnt_size::LearntCategorySize;
 use super::options::{BodyKind, PoseNoise};
 use super::prediction::{Fold, FoldPrediction, predict_fold};
 use super::sigmas::Sigmas;
@@ -40,6 +41,8 @@ pub(crate) struct MapSolution {
     pub pose_noise: Option<PoseNoise>,
     /// The scales of cues.
     pub cue_scales: Vec<CueScale>,
+    /// The learnt sizes of categories.
+    pub learnt_sizes: Vec<LearntCategorySize>,
     /// The fitted kind of body; `None` if objects differ.
     pub body: Option<BodyKind>,
     /// The chosen folds.
@@ -82,7 +85,7 @@ pub(crate) fn map(
             (if as_they_are { ellipsoids } else { together(body_kinds.of_each()) }, body_kinds)
         }
     };
-    let scene = scene.with_upright(context);
+    let scene = scene.with_upright(context).with_learnt_sizes(context);
     let kind_of = |index: usize| match body_kinds.of_each().get(index / stride) {
         Some(kind) if index.is_multiple_of(stride) => *kind,
         _ => body_kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &body_kinds, context)),
@@ -116,5 +119,6 @@ pub(crate) fn map(
     });
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
     let cue_scales = scene.scales().constants().map(CueScale::from).collect();
-    MapSolution { estimates, noise, pose_noise, cue_scales, body: body_kinds.of_all(), folds, predicted }
+    let learnt_sizes = scene.sizes().report();
+    MapSolution { estimates, noise, pose_noise, cue_scales, learnt_sizes, body: body_kinds.of_all(), folds, predicted }
 }

@@ -37,6 +37,9 @@ const MAX_COST_GAP: f64 = 20.0;
 /// similar scenes have the same result.
 const MIN_SWAP_LOG_ODDS: f64 = 5.0;
 
+/// How often an alternative may replace the fit.
+const MAX_SWAPS: usize = 8;
+
 /// The minimum of another answer, in the object's frame.
 struct Other {
     model: Model,
@@ -52,16 +55,18 @@ impl Fit {
         noise: &NoiseLevels,
         reference: Reference,
         scales: &CueScales,
+        swaps: usize,
         context: &MapContext,
     ) -> Estimate {
         let Some(body) = estimate.body.filter(|_| self.problem.kind == BodyKind::Cuboid) else { return estimate };
         let found = self.alternatives(&body, noise, context);
         if let Some((_, Other { model, equations })) =
-            found.first().filter(|(found, _)| found.log_odds > MIN_SWAP_LOG_ODDS)
+            found.first().filter(|(found, _)| found.log_odds > MIN_SWAP_LOG_ODDS && swaps < MAX_SWAPS)
         {
-            // The rounds ended in a worse minimum. The odds grow with each step, so that this ends.
+            // The rounds ended in a worse minimum. The odds grow with each step, but for priors with kinks (learnt sizes), whose
+            // determinant does not tell them.
             let better = Self { body: model.clone(), equations: *equations, converged: true, ..self.clone() };
-            return better.estimate(noise, reference, scales, context);
+            return better.estimate_after(noise, reference, scales, swaps + 1, context);
         }
         let found: Vec<Alternative> = found.into_iter().map(|(found, _)| found).collect();
         let Some(most_probable) = found.first() else { return estimate };

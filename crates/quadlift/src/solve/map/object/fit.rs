@@ -360,13 +360,24 @@ impl Fit {
 
     /// The covariance of noise, of common errors and of the scales of cues.
     fn covariance(&self, noise: &NoiseLevels, scales: &CueScales, context: &MapContext) -> Option<Covariance> {
+        let local = self.local_covariance(noise, scales, context)?;
+        covariance::in_world(&local, &self.body.world_map(&self.problem.measurements.frame), self.body.coordinates())
+    }
+
+    /// The same in the parameters of the fit.
+    pub(crate) fn local_covariance(
+        &self,
+        noise: &NoiseLevels,
+        scales: &CueScales,
+        context: &MapContext,
+    ) -> Option<Matrix9> {
         let of_noise = invert_spd(&self.equations.hessian())?;
         let mut local =
             if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
         if let Some(terms) = self.scale_terms(noise) {
             local += scales.added_covariance(&terms);
         }
-        covariance::in_world(&local, &self.body.world_map(&self.problem.measurements.frame), self.body.coordinates())
+        Some(local)
     }
 
     /// A covariance of noise with what its inverse normal equations do not know.
@@ -389,6 +400,18 @@ impl Fit {
         noise: &NoiseLevels,
         reference: Reference,
         scales: &CueScales,
+        context: &MapContext,
+    ) -> Estimate {
+        self.estimate_after(noise, reference, scales, 0, context)
+    }
+
+    /// The same after so many fits that an alternative has replaced.
+    pub(crate) fn estimate_after(
+        &self,
+        noise: &NoiseLevels,
+        reference: Reference,
+        scales: &CueScales,
+        swaps: usize,
         context: &MapContext,
     ) -> Estimate {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
@@ -416,6 +439,6 @@ impl Fit {
         if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
             estimate.status = Status::Inconsistent;
         }
-        self.with_alternatives(estimate, noise, reference, scales, context)
+        self.with_alternatives(estimate, noise, reference, scales, swaps, context)
     }
 }

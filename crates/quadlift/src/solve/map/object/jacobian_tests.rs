@@ -3,8 +3,10 @@
 use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
 use proptest::prelude::*;
 
+use super::learnt_size::LearntSize;
 use super::objective::Objective;
 use super::prior::ObjectPrior;
+use super::size_site::{Matrix6, ShapeInformation, SizeSite, Vector6};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
@@ -15,6 +17,7 @@ use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::measurements::{Measurements, Plane};
 use crate::solve::map::residuals::view_rows::view_rows;
+use crate::solve::map::shared::size_model::SizeDistribution;
 use crate::solve::sigmas::Sigmas;
 
 const STEP: f64 = 1e-6;
@@ -136,7 +139,21 @@ fn prior(up: Vector3<f64>) -> ObjectPrior {
         upright_weight: 20.0,
         on_ground: true,
         axes_are_named: true,
+        ..Default::default()
     }
+}
+
+/// A learnt size in the place of that of the category: of an oriented body, and of an ellipsoid.
+fn learnt(up: Vector3<f64>, ellipsoid: bool) -> ObjectPrior {
+    let prior = ObjectPrior { log_size: None, shape_weight: 0.0, ..prior(up) };
+    let covariance = Matrix3::new(0.02, 0.01, 0.0, 0.01, 0.03, -0.01, 0.0, -0.01, 0.04);
+    let size = SizeDistribution { mean: Vector3::new(0.4, 0.0, -0.3), covariance, dof: 8.0, named: false };
+    if !ellipsoid {
+        return ObjectPrior { learnt_size: LearntSize::new(&size, None, 0.6), ..prior };
+    }
+    let (information, axes) = (Matrix6::identity() * 20.0, rotation(0.3, 0.2, -0.4));
+    let told = ShapeInformation { axes, information, vector: Vector6::new(0.5, 0.1, -0.2, 0.1, 0.0, 0.2) * 20.0 };
+    ObjectPrior { size_site: SizeSite::new(&told, &size, None, 2.5, 0.7, 1), ..prior }
 }
 
 fn rotation(a: f64, b: f64, c: f64) -> Matrix3<f64> {
@@ -209,6 +226,20 @@ proptest! {
     fn priors_of_a_superellipsoid(a in -3.0..3.0f64, b in -1.5..1.5f64, up in -1.0..1.0f64) {
         let body = OrientedModel::new(Vector3::new(0.1, 0.2, 0.3), rotation(a, b, 0.7), Vector3::new(1.7, 1.1, 0.6), Form::Exponent(1.4));
         check_priors(&prior(Vector3::new(up, 0.3, 0.8)), &body);
+    }
+}
+
+proptest! {
+    #[test]
+    fn learnt_sizes(a in -3.0..3.0f64, b in -1.5..1.5f64, up in -1.0..1.0f64) {
+        let (center, axes, up) = (Vector3::new(0.1, 0.2, 0.3), rotation(a, b, 0.7), Vector3::new(up, 0.3, 0.8));
+        let sizes = Vector3::new(1.7, 1.1, 0.6);
+        let prior = learnt(up, false);
+        prop_assert!(prior.learnt_size.is_some());
+        check_priors(&prior, &OrientedModel::new(center, axes, sizes, Form::Cuboid));
+        let prior = learnt(up, true);
+        prop_assert!(prior.size_site.is_some());
+        check_priors(&prior, &EllipsoidModel::from_axes(center, axes, sizes));
     }
 }
 

@@ -14,6 +14,7 @@ pub(crate) mod fit;
 pub(crate) mod fit_tests;
 #[cfg(test)]
 pub(crate) mod jacobian_tests;
+pub(crate) mod learnt_size;
 pub(crate) mod model;
 pub(crate) mod objective;
 pub(crate) mod outliers;
@@ -22,4 +23,5 @@ pub(crate) mod problem;
 #[cfg(test)]
 pub(crate) mod residual_tests;
 mod scale_terms;
+pub(crate) mod size_site;
 pub(crate) mod starts;

@@ -65,6 +65,14 @@ impl BodyModel for Model {
         either!(self, model => model.add_shape_prior(weight, equations));
     }
 
+    fn log_shape_along(&self, axes: &Matrix3<f64>) -> Option<[(f64, Row); 6]> {
+        either!(self, model => model.log_shape_along(axes))
+    }
+
+    fn add_spin_prior(&self, equations: &mut NormalEquations) {
+        either!(self, model => model.add_spin_prior(equations));
+    }
+
     fn log_axes_gradient(&self) -> [Row; 3] {
         either!(self, model => model.log_axes_gradient())
     }
@@ -97,6 +105,18 @@ impl Model {
         let center = (body.center() - frame.origin) / frame.unit;
         let semi_axes = body.half_extents() / frame.unit;
         Self::Oriented(OrientedModel::new(center, *body.rotation().matrix(), semi_axes, form))
+    }
+
+    /// A body of the same kind about the same axes with other semi-axes.
+    pub(crate) fn of_size(&self, semi_axes: Vector3<f64>) -> Self {
+        match self {
+            Self::Ellipsoid(model) => {
+                Self::Ellipsoid(EllipsoidModel::from_axes(*model.center(), *model.axes(), semi_axes))
+            }
+            Self::Oriented(model) => {
+                Self::Oriented(OrientedModel::new(*model.center(), *model.axes(), semi_axes, model.form()))
+            }
+        }
     }
 
     /// The body in the world.

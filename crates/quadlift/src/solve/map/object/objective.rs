@@ -347,6 +347,12 @@ impl Objective<'_> {
                 equations.add_quadratic(weight * (semi_axes[axis].ln() - mean), &row);
             }
         }
+        if let Some(learnt_size) = &self.prior.learnt_size {
+            learnt_size.add_to(body, equations);
+        }
+        if let Some(site) = &self.prior.size_site {
+            site.add_to(body, equations);
+        }
         if let Some((plane, weight)) = &self.ground {
             // Of the lowest point.
             let (height, row) = body.distance_to_plane(&plane.n, plane.d);

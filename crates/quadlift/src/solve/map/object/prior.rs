@@ -2,6 +2,8 @@
 
 use nalgebra::{Unit, Vector3};
 
+use super::learnt_size::LearntSize;
+use super::size_site::SizeSite;
 use crate::body_model::{BodyModel, descending};
 use crate::scene::ObjectViews;
 use crate::solve::conditioning::ObjectFrame;
@@ -18,6 +20,9 @@ pub(crate) struct ObjectPrior {
     pub shape_weight: f64,
     /// Mean and 1/sd of the log semi-axes: length, width, height.
     pub log_size: Option<[(f64, f64); 3]>,
+    /// The size learnt from the other objects of the category, in the place of the shape prior: of an oriented body, of an ellipsoid.
+    pub learnt_size: Option<LearntSize>,
+    pub size_site: Option<SizeSite>,
     /// Direction against gravity.
     pub up: Option<Vector3<f64>>,
     /// 1/sd of the angle between an axis and `up`.

@@ -1,7 +1,8 @@
 //! All objects of a scene together: rounds of noise levels and refits ([`scene_fit`]), upright objects ([`upright`]), the kind of
-//! body of each object ([`body_evidence`], [`body_selection`]).
+//! body of each object ([`body_evidence`], [`body_selection`]), sizes of categories ([`learnt_sizes`]).
 
 pub(crate) mod body_evidence;
 pub(crate) mod body_selection;
+pub(crate) mod learnt_sizes;
 pub(crate) mod scene_fit;
 pub(crate) mod upright;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
+use super::learnt_sizes::SceneSizes;
 use super::upright::{share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -25,6 +26,7 @@ use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::cue_scales::{CueScales, ObjectTerms};
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::poses::PoseCorrections;
+use crate::solve::map::shared::size_model::SizeInformation;
 use crate::solve::options::{BodyKind, PoseNoise};
 use crate::solve::sigmas::Sigmas;
 
@@ -56,6 +58,10 @@ const SMALLEST_LEVEL: f64 = 1e-2;
 /// The small noise, relative to the default.
 const SMALL_NOISE_FACTOR: f64 = 0.05;
 
+/// The same where sizes of categories are learnt: detectors are not more exact than that against the usual level, and a body that
+/// follows two boxes leaves residuals that show less noise than there is.
+const LEAST_LEVEL: f64 = 0.3;
+
 /// Largest standard deviation of an object's distance from its nearest camera, relative to that, with which it tells a scale.
 const WELL_LOCATED: f64 = 0.1;
 
@@ -74,6 +80,8 @@ pub(crate) struct SceneFit {
     ground: Option<GroundPlane>,
     poses: PoseCorrections,
     scales: CueScales,
+    /// Learnt sizes of categories.
+    pub(super) sizes: SceneSizes,
     /// Fraction of upright objects.
     upright_share: f64,
     /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
@@ -174,13 +182,14 @@ impl SceneFit {
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
         let (upright_share, upright_noise) = (UPRIGHT_SHARE.get(), noise);
-        let ground = None;
-        Self { fits, noise, statistics, reference, ground, poses, scales, upright_share, upright_noise }.again(context)
+        let (ground, sizes) = (None, SceneSizes::default());
+        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share, upright_noise }
+            .again(context)
     }
 
     /// Rounds of noise levels and refits, from these fits and levels.
-    fn again(self, context: &MapContext) -> Self {
-        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, .. } = self;
+    pub(super) fn again(self, context: &MapContext) -> Self {
+        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, sizes, .. } = self;
         let (upright_share, upright_noise) = (self.upright_share, self.upright_noise);
         let mut started = noise;
         for round in 0..ROUNDS {
@@ -244,7 +253,38 @@ impl SceneFit {
         if context.options.sigmas.is_none() && context.options.common_errors {
             noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
         }
-        Self { fits, noise, statistics, reference, ground, poses, scales, upright_share, upright_noise }
+        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share, upright_noise }
+    }
+
+    /// What the measurements of an object tell about its size; `None` where they contradict each other.
+    pub(super) fn size_information(&self, index: usize, context: &MapContext) -> Option<SizeInformation> {
+        let fit = self.fits[index].as_ref().ok()?;
+        let level = self.size_level();
+        let consistent = fit.misfit(&self.noise).is_none_or(|found| !is_inconsistent(&self.reference.against(found)));
+        let covariance = fit.local_covariance(&self.noise, &self.scales, context).filter(|_| consistent)?;
+        let told = fit.size_information(&covariance, context)?;
+        Some(told.scaled(1.0 / (level * level)))
+    }
+
+    /// What the residuals show of the noise, at most all of it: in few views the levels are drawn towards the default, and
+    /// beside measurements that seem noisier than they are a prior would count too much.
+    fn size_level(&self) -> f64 {
+        median_level(self.fits().filter_map(|fit| fit.misfit(&self.noise))).clamp(LEAST_LEVEL, 1.0)
+    }
+
+    /// The fits of the objects with these sizes, before the noise levels are estimated again.
+    pub(super) fn with_sizes(mut self, sizes: SceneSizes, context: &MapContext) -> Self {
+        let level = self.size_level();
+        let sized = |k: usize| {
+            let fit = self.fits[k].as_ref().map_err(Clone::clone)?;
+            Ok(sizes.of(fit).map_or_else(
+                || fit.without_learnt_size(context),
+                |size| fit.with_learnt_size(size, level, &self.noise, &self.scales, context),
+            ))
+        };
+        let fits = map_indices(self.fits.len(), sized);
+        (self.fits, self.sizes) = (fits, sizes);
+        self
     }
 
     /// Number of the objects.
@@ -330,6 +370,9 @@ impl SceneFit {
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on(ground, up);
         }
+        if let Some((size, level)) = self.sizes.of(&fit).zip(Some(self.size_level())) {
+            fit = fit.with_learnt_size(size, level, &self.noise, &self.scales, context);
+        }
         Some(fit.refined(&self.noise, true).body.body_in_world(&frame))
     }
 
@@ -354,6 +397,12 @@ impl SceneFit {
         let upright =
             fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
         let fit = upright.map_or(fit, |(upright, _)| retry_starts_and_outliers(upright));
+        let fit = match self.sizes.of(&fit).zip(Some(self.size_level())) {
+            Some((size, level)) => {
+                retry_starts_and_outliers(fit.with_learnt_size(size, level, &self.noise, &self.scales, context))
+            }
+            None => fit,
+        };
         Ok(self.finished(&fit, context))
     }
 
@@ -377,6 +426,11 @@ impl SceneFit {
     /// The scales of cues.
     pub(crate) fn scales(&self) -> &CueScales {
         &self.scales
+    }
+
+    /// The learnt sizes of categories.
+    pub(crate) fn sizes(&self) -> &SceneSizes {
+        &self.sizes
     }
 
     /// Root mean square corrections of the poses, if estimated.

@@ -1,0 +1,238 @@
+//! The size of an object and its category: the prior learnt from the others, and what the object itself tells
+//! (docs/method.md, section 21).
+
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::fit::Fit;
+use super::model::Model;
+use super::prior::ObjectPrior;
+use super::problem::{FROM_START, ObjectProblem};
+use super::size_site::{ShapeInformation, SizeSite, Vector6, shape_precision};
+use crate::body_model::{BodyModel, descending};
+use crate::geometry::linalg::{cholesky, invert_spd};
+use crate::optimize::levenberg_marquardt::minimise;
+use crate::optimize::normal_equations::{NormalEquations, Row};
+use crate::optimize::student_t::StudentT;
+use crate::solve::estimate::Matrix9;
+use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::shared::cue_scales::CueScales;
+use crate::solve::map::shared::size_model::{SizeDistribution, SizeInformation, across, orders};
+
+/// Added to the covariance of what an object tells, relative to it, so that it has an inverse.
+const REGULAR: f64 = 1e-9;
+
+/// A learnt size as a prior of an oriented body, in an object's frame.
+#[derive(Debug, Clone)]
+pub(crate) struct LearntSize {
+    /// Logarithms of the half extents, object units.
+    mean: Vector3<f64>,
+    /// W with W^T W the inverse of the covariance.
+    root: Matrix3<f64>,
+    loss: StudentT,
+    /// How much it counts, like the measurements ([`Fit::with_learnt_size`]).
+    factor: f64,
+    /// Direction against gravity, if the third axis is the vertical one.
+    up: Option<Vector3<f64>>,
+}
+
+impl LearntSize {
+    /// In object units; `None` where the covariance is singular.
+    pub(crate) fn new(size: &SizeDistribution, up: Option<Vector3<f64>>, factor: f64) -> Option<Self> {
+        let root = cholesky(&invert_spd(&size.covariance)?)?.transpose();
+        Some(Self { mean: size.mean, root, loss: StudentT::new(size.dof), factor, up })
+    }
+
+    /// For each name (length, width, height) the axis of a body that has it: the order that suits best, with its whitened
+    /// residuals.
+    fn named_axes(&self, body: &impl BodyModel) -> ([usize; 3], Vector3<f64>) {
+        let log = body.semi_axes().map(f64::ln);
+        let first = first_order(&log, body.axes(), self.up.as_ref());
+        let mut best = (f64::INFINITY, first, Vector3::zeros());
+        for order in orders(self.up.is_some()) {
+            let axes = order.map(|k| first[k]);
+            let residuals = self.root * (Vector3::from(axes.map(|axis| log[axis])) - self.mean);
+            if residuals.norm_squared() < best.0 {
+                best = (residuals.norm_squared(), axes, residuals);
+            }
+        }
+        (best.1, best.2)
+    }
+
+    /// Adds the prior to the objective.
+    pub(crate) fn add_to(&self, body: &impl BodyModel, equations: &mut NormalEquations) {
+        let gradients = body.log_axes_gradient();
+        let (axes, residuals) = self.named_axes(body);
+        let squares = residuals.norm_squared();
+        let weight = self.loss.weight_of(squares, 3) * self.factor;
+        equations.cost += self.loss.cost_of(squares, 3) * self.factor;
+        for i in 0..3 {
+            let row: Row = std::array::from_fn(|p| (0..3).map(|k| self.root[(i, k)] * gradients[axes[k]][p]).sum());
+            equations.add_row(residuals[i], &row, weight);
+        }
+        body.add_spin_prior(equations);
+    }
+
+    /// The precision of the logarithms of the semi-axes at a body, and that times their mean.
+    fn precision(&self, body: &impl BodyModel) -> (Matrix3<f64>, Vector3<f64>) {
+        let (axes, residuals) = self.named_axes(body);
+        let named =
+            self.root.transpose() * self.root * (self.loss.weight_of(residuals.norm_squared(), 3) * self.factor);
+        let (mut precision, mut mean) = (Matrix3::zeros(), Vector3::zeros());
+        for i in 0..3 {
+            mean[axes[i]] = self.mean[i];
+            for j in 0..3 {
+                precision[(axes[i], axes[j])] = named[(i, j)];
+            }
+        }
+        (precision, precision * mean)
+    }
+}
+
+/// The axes in the order length, width, height with a vertical height, or from the longest to the shortest.
+pub(crate) fn first_order(log: &Vector3<f64>, axes: &Matrix3<f64>, up: Option<&Vector3<f64>>) -> [usize; 3] {
+    let Some(up) = up else { return descending(log) };
+    let vertical = axes.tr_mul(up).iamax();
+    let (a, b) = ((vertical + 1) % 3, (vertical + 2) % 3);
+    if log[a] >= log[b] { [a, b, vertical] } else { [b, a, vertical] }
+}
+
+impl Fit {
+    /// What the measurements tell about the size, in the order of the body's own axes; `None` where the normal equations are
+    /// singular. `covariance` is that of the parameters of the fit, which may be larger than the inverse of the normal equations.
+    pub(crate) fn size_information(&self, covariance: &Matrix9, context: &MapContext) -> Option<SizeInformation> {
+        let (information, vector) = match self.shape_information(covariance) {
+            // Where it is open which way the axes point, as the shape prior has it.
+            Some(told) => {
+                let beside = invert_spd(&(told.information.fixed_view::<3, 3>(3, 3) + any_shape(context)))?;
+                let coupling = told.information.fixed_view::<3, 3>(0, 3) * beside;
+                (
+                    told.information.fixed_view::<3, 3>(0, 0) - coupling * told.information.fixed_view::<3, 3>(3, 0),
+                    told.vector.fixed_rows::<3>(0) - coupling * told.vector.fixed_rows::<3>(3),
+                )
+            }
+            None => {
+                let prior = &self.problem.prior;
+                let prior = match &prior.learnt_size {
+                    Some(learnt) => learnt.precision(&self.body),
+                    None => (across() * (prior.shape_weight * prior.shape_weight), Vector3::zeros()),
+                };
+                let gradients = SMatrix::<f64, 3, 9>::from_rows(&self.body.log_axes_gradient().map(|row| row.into()));
+                self.told(covariance, &gradients, &self.body.semi_axes().map(f64::ln), &prior)?
+            }
+        };
+        let unit = self.problem.measurements.frame.unit.ln();
+        let information = (information + information.transpose()) * 0.5;
+        Some(SizeInformation { information, vector: vector + information * Vector3::repeat(unit) })
+    }
+
+    /// What the measurements of an ellipsoid tell about `W = 1/2 log A`; `None` for other bodies.
+    fn shape_information(&self, covariance: &Matrix9) -> Option<ShapeInformation> {
+        let axes = *self.body.axes();
+        let entries = self.body.log_shape_along(&axes)?;
+        let gradients = SMatrix::<f64, 6, 9>::from_rows(&entries.map(|(_, row)| row.into()));
+        let prior = &self.problem.prior;
+        let prior = match &prior.size_site {
+            Some(site) => site.along(&axes),
+            None => (shape_precision(prior.shape_weight), Vector6::zeros()),
+        };
+        let at = Vector6::from(entries.map(|(value, _)| value));
+        let (information, vector) = self.told(covariance, &gradients, &at, &prior)?;
+        Some(ShapeInformation { axes, information, vector })
+    }
+
+    /// Information about quantities with these values and gradients, and that times the estimate, without a prior on them (its
+    /// precision, and that times its mean).
+    fn told<const N: usize>(
+        &self,
+        covariance: &Matrix9,
+        gradients: &SMatrix<f64, N, 9>,
+        at: &SVector<f64, N>,
+        (precision, told): &(SMatrix<f64, N, N>, SVector<f64, N>),
+    ) -> Option<(SMatrix<f64, N, N>, SVector<f64, N>)> {
+        let inverse = invert_spd(&self.equations.hessian())?;
+        let seen = |covariance: &Matrix9| gradients * covariance * gradients.transpose();
+        let of_fit = seen(&inverse);
+        let posterior = invert_spd(&of_fit)?;
+        let minimum = at - gradients * inverse * self.equations.gradient();
+        // The prior is a factor of the posterior: what is left without it.
+        let information = posterior - precision;
+        let vector = posterior * minimum - told;
+        // The variance of the vector: of noise, and of errors that the normal equations do not know.
+        let added = posterior * (seen(covariance) - of_fit) * posterior;
+        let least = posterior.trace() * REGULAR;
+        let variance = information + added + SMatrix::<f64, N, N>::identity() * (2.0 * least);
+        let weight = information * invert_spd(&variance)?;
+        let (information, vector) = (weight * information, weight * vector);
+        let finite = information.iter().chain(vector.iter()).all(|x| x.is_finite());
+        finite.then_some(((information + information.transpose()) * 0.5, vector))
+    }
+
+    /// The order of this body's axes by which objects of a category are compared.
+    pub(crate) fn order_of_axes(&self, up: Option<&Vector3<f64>>) -> [usize; 3] {
+        first_order(&self.body.semi_axes().map(f64::ln), self.body.axes(), up)
+    }
+
+    /// The fit with the shape prior in the place of a size that was learnt before, if there was one.
+    pub(crate) fn without_learnt_size(&self, context: &MapContext) -> Self {
+        let ObjectPrior { learnt_size, size_site, .. } = &self.problem.prior;
+        if learnt_size.is_none() && size_site.is_none() {
+            return self.clone();
+        }
+        let mut problem = ObjectProblem::clone(&self.problem);
+        problem.prior.shape_weight = 1.0 / context.options.shape_sd;
+        (problem.prior.learnt_size, problem.prior.size_site) = (None, None);
+        Self { problem: Arc::new(problem), ..self.clone() }
+    }
+
+    /// The fit with a learnt size in the place of the shape prior; as it was where the size says nothing that can be used.
+    pub(crate) fn with_learnt_size(
+        &self,
+        size: &SizeDistribution,
+        level: f64,
+        noise: &NoiseLevels,
+        scales: &CueScales,
+        context: &MapContext,
+    ) -> Self {
+        let unit = self.problem.measurements.frame.unit;
+        let size = SizeDistribution { mean: size.mean.map(|x| x - unit.ln()), ..*size };
+        let up = self.problem.prior.up.filter(|_| size.named);
+        let mut problem = ObjectProblem::clone(&self.problem);
+        let mut starts = vec![self.body.clone()];
+        if matches!(self.body, Model::Ellipsoid(_)) {
+            let site = || {
+                let told = self.shape_information(&self.local_covariance(noise, scales, context)?)?;
+                let (weight, seed) = (1.0 / context.options.shape_sd, self.problem.seed(context));
+                SizeSite::new(&told, &size, up.as_ref(), weight, level * level, seed)
+            };
+            problem.prior.size_site = site();
+            problem.prior.shape_weight =
+                if problem.prior.size_site.is_some() { 0.0 } else { 1.0 / context.options.shape_sd };
+        } else {
+            // No category differs more than any objects do.
+            let of_any = 0.5 * (across() * size.covariance).trace() / context.options.shape_sd.powi(2);
+            let Some(learnt) = LearntSize::new(&size, up, (level * level).max(of_any)) else { return self.clone() };
+            let first = self.order_of_axes(up.as_ref());
+            starts.extend(orders(size.named).iter().map(|order| {
+                let mut semi_axes = Vector3::zeros();
+                (0..3).for_each(|k| semi_axes[first[order[k]]] = size.mean[k].exp());
+                self.body.of_size(semi_axes)
+            }));
+            problem.prior.learnt_size = Some(learnt);
+            problem.prior.shape_weight = 0.0;
+        }
+        let fit = Self { problem: Arc::new(problem), ..self.clone() };
+        let objective = fit.objective(noise, self.outlier_scale);
+        let descend = |start: Model| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract);
+        let ends = starts.into_iter().filter_map(descend);
+        let Some((body, equations)) = ends.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost)) else { return self.clone() };
+        Self { body, equations, ..fit }
+    }
+}
+
+/// The precision of the shape prior beside the diagonal.
+fn any_shape(context: &MapContext) -> Matrix3<f64> {
+    Matrix3::from_diagonal_element(context.options.shape_sd.powi(-2))
+}
