@@ -73,9 +73,12 @@ fn header(scene: &SceneFile) -> Map<String, Value> {
     ];
     header
         .extend(entries.into_iter().filter(|(_, value)| !value.is_null()).map(|(key, value)| (key.to_owned(), value)));
-    // Points are no column: they are kept as JSON with the fields that have none.
+    // Points and sources are no columns: they are kept as JSON with the fields that have none.
     if !scene.points.is_empty() {
         header.insert("points".to_owned(), json!(scene.points));
+    }
+    if !scene.cue_sources.is_empty() {
+        header.insert("cue_sources".to_owned(), json!(scene.cue_sources));
     }
     // A direction that is not finite becomes a list with null, which is refused later.
     header.extend(scene.up.map(|up| ("up".to_owned(), json!(up))));
