@@ -94,7 +94,7 @@ pub struct Args {
 
     /// Priors on categories: "builtin" (for scenes in metres), a TOML file, or "scene": the size of each category is learnt
     /// from its other objects. May be repeated for "scene" beside one of the others, which then wins
-    #[arg(long, value_name = "builtin|FILE.toml|scene")]
+    #[arg(long, value_name = "builtin|FILE|scene")]
     priors: Vec<PathBuf>,
 
     /// Skip objects with fewer views
