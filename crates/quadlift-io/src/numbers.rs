@@ -95,8 +95,11 @@ pub fn lists<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Resu
     Ok(Vec::<List<f64, N>>::deserialize(deserializer)?.into_iter().map(|list| list.0).collect())
 }
 
+/// Any number of lists of `N` numbers.
+type Lists<const N: usize> = Box<[[f64; N]]>;
+
 /// For `deserialize_with`: any number of lists of `N` numbers, or `null`.
-pub fn optional_lists<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<Box<[[f64; N]]>>, D::Error> {
+pub fn optional_lists<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<Lists<N>>, D::Error> {
     let lists = Option::<Vec<List<f64, N>>>::deserialize(d)?;
     Ok(lists.map(|lists| lists.into_iter().map(|list| list.0).collect()))
 }

@@ -100,8 +100,11 @@ fn scene_of(made: &SyntheticScene, column: usize, seed: u64) -> Result<Scene, Er
     Ok(Scene::from_parts(parts)?)
 }
 
+/// O3D and NEES of an object.
+type Score = (f64, Option<f64>);
+
 /// O3D and NEES of each column's objects; absent where there is no estimate.
-fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<(f64, Option<f64>)>>>, Error> {
+fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
     let made = generate(&SyntheticOptions {
         seed,
         objects: OBJECTS,

@@ -49,13 +49,16 @@ fn options(learn_sizes: bool, body: Option<BodyKind>, seed: u64) -> LocalizeOpti
     LocalizeOptions { seed, ..MapOptions { learn_sizes, body, ..Default::default() }.into() }
 }
 
+/// O3D and NEES of each object.
+type Scores = (Vec<f64>, Vec<f64>);
+
 /// O3D of each object of a synthetic scene, without and with learnt sizes, and the NEES of ellipsoids.
 fn synthetic(
     views: usize,
     (_, body, standing): (&str, BodyKind, bool),
     sizes: CategorySizes,
     seed: u64,
-) -> Result<[(Vec<f64>, Vec<f64>); 2], Error> {
+) -> Result<[Scores; 2], Error> {
     let scene = generate_categories(
         &SyntheticOptions {
             seed,

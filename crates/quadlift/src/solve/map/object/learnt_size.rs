@@ -202,12 +202,10 @@ impl Fit {
         let mut problem = ObjectProblem::clone(&self.problem);
         let mut starts = vec![self.body.clone()];
         if matches!(self.body, Model::Ellipsoid(_)) {
-            let site = || {
-                let told = self.shape_information(&self.local_covariance(noise, scales, context)?)?;
-                let (weight, seed) = (1.0 / context.options.shape_sd, self.problem.seed(context));
-                SizeSite::new(&told, &size, up.as_ref(), weight, level * level, seed)
-            };
-            problem.prior.size_site = site();
+            let told = self.local_covariance(noise, scales, context).and_then(|c| self.shape_information(&c));
+            let (weight, seed) = (1.0 / context.options.shape_sd, self.problem.seed(context));
+            problem.prior.size_site =
+                told.and_then(|told| SizeSite::new(&told, &size, up.as_ref(), weight, level * level, seed));
             problem.prior.shape_weight =
                 if problem.prior.size_site.is_some() { 0.0 } else { 1.0 / context.options.shape_sd };
         } else {

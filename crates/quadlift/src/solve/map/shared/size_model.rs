@@ -97,7 +97,7 @@ impl LearntSizes {
     /// From objects whose axes are length, width, height (`named`), or in the order of their lengths. `shape_sd` is the standard
     /// deviation of the shape prior: shapes of a category differ less than shapes of any objects.
     pub(crate) fn of(objects: &[SizeInformation], named: bool, shape_sd: f64) -> Self {
-        let stride = objects.len().min(LEFT_OUT_ALONE).max(1);
+        let stride = objects.len().clamp(1, LEFT_OUT_ALONE);
         let without = |left_out: Option<usize>| {
             let kept =
                 objects.iter().enumerate().filter(|(k, _)| left_out != Some(k % stride)).map(|(_, object)| object);
