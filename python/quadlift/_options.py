@@ -58,8 +58,8 @@ class Options(TypedDict, total=False):
     ids: Ids | None
     """How far to trust existing ids (`trust`; with `associate="always"`: `evidence`)."""
     priors: Path | Mapping[str, Prior] | Sequence[Path | Mapping[str, Prior]] | None
-    """Priors on categories: "builtin" (for scenes in metres), a TOML file, a mapping, or "scene": the size of each category is
-    learnt from its other objects. A list of "scene" and one of the others has both; that one then wins."""
+    """Priors on categories: "builtin" (for scenes in metres), a TOML file, a mapping, or "scene": the size of each
+    category is learnt from its other objects. A list of "scene" and one of the others has both; that one then wins."""
     cross_validate: bool
     """Leave out each view of each object and predict it from the others: a measure of quality without ground truth.
     Takes several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""

@@ -68,8 +68,8 @@ class Settings:
         )
         if known == OF_OBJECTS and settings.keywords["learn_sizes"]:
             raise QuadliftError(
-                'priors: sizes that are learnt from the scene ("scene") need its other objects; tables of objects, which are '
-                "solved one by one, do not take it"
+                'priors: sizes that are learnt from the scene ("scene") need its other objects; tables of objects, '
+                "which are solved one by one, do not take it"
             )
         if known == OF_OBJECTS and up is not None and _may_share_ground(options.get("priors")):
             raise QuadliftError(
