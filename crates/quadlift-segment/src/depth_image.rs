@@ -79,7 +79,7 @@ impl DepthImage {
     /// The median depth of the visible surface of an object; `None` if too few pixels have a depth.
     ///
     /// In a mask it is the median of its pixels. In a box some pixels show what is behind the object, or before it: of all windows
-    /// of depth as long as the object probably is, [`WINDOW`] half sizes, the one with most pixels is taken, where pixels near the
+    /// of depth as long as the object probably is, two half sizes, the one with most pixels is taken, where pixels near the
     /// middle of the box count more (Epanechnikov); then the median of those pixels of the window that lie in the ellipse inscribed
     /// in the box.
     pub fn surface(&self, patch: &Patch) -> Option<SurfaceDepth> {

@@ -2,8 +2,8 @@
 //! section 20).
 //!
 //! Appearance is not used: a map that was made from one side is found again from the other, in any light. An object's size and
-//! its box tell about how far it is, so that three objects give a pose ([`hypotheses`]); poses are refined with the edges of all
-//! boxes that they explain ([`refine`]), and compared by their evidence ([`score`]). Where another pose explains the image
+//! its box tell about how far it is, so that three objects give a pose (`hypotheses`); poses are refined with the edges of all
+//! boxes that they explain (`refine`), and compared by their evidence (`score`). Where another pose explains the image
 //! nearly as well, the answer is [`LocateStatus::Ambiguous`], and all of them are given.
 //!
 //! ```
