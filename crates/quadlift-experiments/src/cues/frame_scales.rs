@@ -3,11 +3,11 @@
 use quadlift::metrics::nees;
 use quadlift::scene::Detection;
 use quadlift::solve::{BodyKind, MapOptions, Status};
-use quadlift::synthetic::{CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, generate, simulate_cues};
+use quadlift::synthetic::{CueOptions, DepthNoise, simulate_cues};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
 
-use super::synthetic::{CUBE, DISTANCE, EDGE_NOISE, OBJECTS, SCENES, median};
+use super::synthetic::{OBJECTS, SCENES, median, noisy_boxes};
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::Report;
@@ -26,16 +26,7 @@ const DEPTHS: [&str; 3] = ["one scale", "a scale in each frame, not told", "a sc
 
 /// Errors of the centres of objects that are seen once, in mean semi-axes, and their NEES.
 fn errors(frames: usize, column: usize, seed: u64) -> Result<Vec<[f64; 2]>, Error> {
-    let made = generate(&SyntheticOptions {
-        seed,
-        objects: OBJECTS,
-        views: frames,
-        cube_side: CUBE,
-        distance: DISTANCE,
-        observations: Observations::Boxes,
-        noise: vec![Noise::BoxEdges(EDGE_NOISE)],
-        ..Default::default()
-    })?;
+    let made = noisy_boxes(frames, seed)?;
     let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
     let frame_scale = if column == 0 { 0.0 } else { SPREAD };
     let depth = DepthNoise { outliers: 0.05, frame_scale, ..Default::default() };

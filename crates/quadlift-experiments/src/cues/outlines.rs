@@ -5,13 +5,13 @@ use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::nalgebra::{Rotation2, Vector2};
 use quadlift::scene::Scene;
 use quadlift::solve::{BodyKind, MapOptions, Status};
-use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, generate};
+use quadlift::synthetic::SyntheticScene;
 use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::synthetic::{CUBE, DISTANCE, EDGE_NOISE, FIRST_SEED, OBJECTS, SCENES, median};
+use super::synthetic::{EDGE_NOISE, FIRST_SEED, SCENES, median, noisy_boxes};
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
@@ -105,16 +105,7 @@ type Score = (f64, Option<f64>);
 
 /// O3D and NEES of each column's objects; absent where there is no estimate.
 fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
-    let made = generate(&SyntheticOptions {
-        seed,
-        objects: OBJECTS,
-        views,
-        cube_side: CUBE,
-        distance: DISTANCE,
-        observations: Observations::Boxes,
-        noise: vec![Noise::BoxEdges(EDGE_NOISE)],
-        ..Default::default()
-    })?;
+    let made = noisy_boxes(views, seed)?;
     let of_column = |column: usize| -> Result<Vec<_>, Error> {
         let scene = scene_of(&made, column, seed)?;
         let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };

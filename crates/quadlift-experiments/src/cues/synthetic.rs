@@ -73,9 +73,9 @@ fn scene_of(made: &SyntheticScene, column: usize, seed: u64) -> Result<Scene, Er
     Ok(simulate_cues(&made.scene, body_of, &cue_options(column), seed)?)
 }
 
-/// The scores of each column's objects; absent where there is no estimate.
-fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
-    let made = generate(&SyntheticOptions {
+/// A scene of ellipsoids with noisy boxes.
+pub(super) fn noisy_boxes(views: usize, seed: u64) -> Result<SyntheticScene, Error> {
+    Ok(generate(&SyntheticOptions {
         seed,
         objects: OBJECTS,
         views,
@@ -84,7 +84,12 @@ fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
         observations: Observations::Boxes,
         noise: vec![Noise::BoxEdges(EDGE_NOISE)],
         ..Default::default()
-    })?;
+    })?)
+}
+
+/// The scores of each column's objects; absent where there is no estimate.
+fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
+    let made = noisy_boxes(views, seed)?;
     let truth: Vec<Ellipsoid> = made.truth.iter().map(|(_, body)| body.ellipsoid()).collect();
     let of_column = |column: usize| -> Result<Vec<Option<Score>>, Error> {
         let scene = scene_of(&made, column, seed)?;

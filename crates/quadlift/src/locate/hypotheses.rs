@@ -50,11 +50,7 @@ pub(super) fn starts(query: &PreparedQuery, groups: &[Vec<usize>], round: usize)
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut chosen: Vec<Pose> = Vec::new();
     for (_, pose) in scored {
-        let is_new = |other: &Pose| match (pose.checked(), other.checked()) {
-            (Some(a), Some(b)) => !query.same_pose(&a, &b),
-            _ => false,
-        };
-        if chosen.iter().all(is_new) {
+        if !chosen.iter().any(|other| query.same_pose(&pose, other)) {
             chosen.push(pose);
         }
         if chosen.len() == STARTS {

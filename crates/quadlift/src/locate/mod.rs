@@ -52,6 +52,7 @@ mod tests;
 use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
 
 use self::prepared::PreparedQuery;
+use self::refine::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
 
 /// An object of the map whose place is known.
@@ -210,7 +211,9 @@ impl LandmarkMap {
             for start in hypotheses::starts(&prepared, &groups, round) {
                 let found = score::located(&prepared, start).filter(|pose| pose.matches.len() >= needed);
                 let Some(pose) = found else { continue };
-                match poses.iter_mut().find(|other| prepared.same_pose(&other.cam_from_world, &pose.cam_from_world)) {
+                let at = Pose::from(&pose.cam_from_world);
+                let is_same = |other: &LocatedPose| prepared.same_pose(&Pose::from(&other.cam_from_world), &at);
+                match poses.iter_mut().find(|other| is_same(other)) {
                     Some(other) if other.evidence < pose.evidence => *other = pose,
                     Some(_) => {}
                     None => poses.push(pose),

@@ -4,7 +4,6 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::refine::Pose;
 use super::{Gravity, LandmarkMap, LocateOptions, Query};
-use crate::geometry::CamFromWorld;
 
 /// Part of the error of an edge that does not depend on the size of the box, pixels.
 const EDGE_PX: f64 = 1.0;
@@ -67,6 +66,8 @@ pub(super) struct PreparedQuery<'a> {
     pub image: Option<[f64; 4]>,
     /// Half size (geometric mean) of the smallest box.
     pub smallest: f64,
+    /// Median depth of the candidates.
+    distance: f64,
 }
 
 impl<'a> PreparedQuery<'a> {
@@ -133,7 +134,8 @@ impl<'a> PreparedQuery<'a> {
         }
         let size = |b: &MeasuredBox| (b.half_size().x * b.half_size().y).sqrt();
         let smallest = boxes.iter().map(size).fold(f64::INFINITY, f64::min);
-        Self { map, boxes, candidates, alike, gravity: options.gravity, image, smallest }
+        let distance = median_depth(&candidates);
+        Self { map, distance, boxes, candidates, alike, gravity: options.gravity, image, smallest }
     }
 
     /// Number of boxes that may show something.
@@ -144,14 +146,16 @@ impl<'a> PreparedQuery<'a> {
     }
 
     /// Whether two poses differ by less than what matters.
-    pub(super) fn same_pose(&self, a: &CamFromWorld, b: &CamFromWorld) -> bool {
-        let [a, b] = [Pose::from(a), Pose::from(b)];
-        let angle = a.angle_to(&b);
-        let mut depths: Vec<f64> = self.candidates.iter().map(|candidate| candidate.depths[1]).collect();
-        depths.sort_by(f64::total_cmp);
-        let distance = depths.get(depths.len() / 2).copied().unwrap_or(0.0);
-        angle < SAME_ANGLE && (a.center() - b.center()).norm() < SAME_SHARE * distance
+    pub(super) fn same_pose(&self, a: &Pose, b: &Pose) -> bool {
+        a.angle_to(b) < SAME_ANGLE && (a.center() - b.center()).norm() < SAME_SHARE * self.distance
     }
+}
+
+/// The median depth of the candidates.
+fn median_depth(candidates: &[Candidate]) -> f64 {
+    let mut depths: Vec<f64> = candidates.iter().map(|candidate| candidate.depths[1]).collect();
+    depths.sort_by(f64::total_cmp);
+    depths.get(depths.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Logarithm of the ratio of the largest to the smallest width (and height) of false boxes.

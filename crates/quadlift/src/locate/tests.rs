@@ -9,15 +9,11 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+use crate::synthetic::random::normal;
 
 /// Sizes of the image.
 const WIDTH: f64 = 1280.0;
 const HEIGHT: f64 = 720.0;
-
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let (a, b) = (rng.random_range(1e-12..1.0f64), rng.random_range(0.0..TAU));
-    (-2.0 * a.ln()).sqrt() * b.cos()
-}
 
 /// A room of 8 x 6 m with objects of so many categories on the floor, on tables and on the walls; z is up.
 fn room(rng: &mut ChaCha8Rng, objects: usize, categories: usize) -> Vec<Landmark> {

@@ -245,7 +245,7 @@ impl Fit {
     /// The same, with depths compared with what perspective shows of its body.
     fn looked_at(&self) -> Self {
         let mut problem = self.problem.clone();
-        if !problem.measurements.cues.is_empty() {
+        if problem.measurements.has_depths() {
             let world = self.body.body_in_world(&problem.measurements.frame);
             let ObjectProblem { measurements, views, .. } = Arc::make_mut(&mut problem);
             measurements.look_at(&self.body, &world, &views.views);
@@ -263,9 +263,9 @@ impl Fit {
         match minimum(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
             Some(Minimum { state: body, equations, end }) => {
                 let converged = !matches!(end, End::UsedUp { promised } if promised > LARGEST_PROMISE);
-                Self { body, equations, outlier_scale: scale, converged, ..fit.clone() }
+                Self { body, equations, outlier_scale: scale, converged, ..fit }
             }
-            None => Self { equations: NormalEquations::nowhere(), ..fit.clone() },
+            None => Self { equations: NormalEquations::nowhere(), ..fit },
         }
     }
 

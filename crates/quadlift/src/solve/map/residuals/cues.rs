@@ -93,6 +93,11 @@ impl MeasuredCue {
         depth.into_iter().chain(measured).map(|kind| Self { view: index, kind }).collect()
     }
 
+    /// Whether it is a depth.
+    pub(crate) fn is_depth(&self) -> bool {
+        matches!(self.kind, Kind::Depth(_))
+    }
+
     /// Sees a body as perspective does, where its view is this one: `world` is the body in the world. The closed form of
     /// [`BodyModel::near_side`] is that of parallel rays, and a mean; a car 6 m away has a median that is up to a fifth nearer.
     pub(crate) fn look_at(&mut self, body: &impl BodyModel, world: &Body, view: &View, frame: &ObjectFrame) {

@@ -86,6 +86,11 @@ impl Measurements {
         Cow::Owned(Self::new(self.frame, views, true, false))
     }
 
+    /// Whether a view has a depth, which depends on what of the body is seen.
+    pub(crate) fn has_depths(&self) -> bool {
+        self.cues.iter().any(MeasuredCue::is_depth)
+    }
+
     /// Sees a body as perspective does ([`MeasuredCue::look_at`]).
     pub(crate) fn look_at(&mut self, body: &impl BodyModel, world: &Body, views: &[View]) {
         for cue in &mut self.cues {
