@@ -73,6 +73,8 @@ class Options(TypedDict, total=False):
     """Detect which objects stand upright, with an axis along the scene's `up`; the default."""
     ground_plane: bool
     """All objects stand on a common ground plane; needs the scene's `up`."""
+    supporting_surfaces: bool
+    """Find level surfaces from the objects that stand on them (tables, shelves, the floor); needs the scene's `up`."""
     camera_height: float | None
     """Height of the cameras above the ground plane, world units."""
     pose_noise: tuple[float, float] | None
@@ -109,6 +111,7 @@ DEFAULTS: dict[str, Any] = {
     "max_truncated": None,
     "upright": True,
     "ground_plane": False,
+    "supporting_surfaces": False,
     "camera_height": None,
     "pose_noise": None,
     "sigmas": None,
@@ -138,7 +141,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     if keywords["sigmas"] is not None:
         keywords["sigmas"] = _sigmas(keywords["sigmas"])
     keywords["calibration"] = _calibration(keywords["calibration"])
-    for name in ("cross_validate", "upright", "ground_plane", "accept_inconsistent"):
+    for name in ("cross_validate", "upright", "ground_plane", "supporting_surfaces", "accept_inconsistent"):
         keywords[name] = _checks.flag(name, keywords[name])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)

@@ -36,7 +36,10 @@ const GROUPS: [(&str, &[&str]); 5] = [
         "Selection of detections and measurements",
         &["observations", "ids", "min_views", "max_occluded", "max_truncated"],
     ),
-    ("Knowledge about the scene", &["no_upright", "ground_plane", "camera_height", "pose_noise", "sigmas"]),
+    (
+        "Knowledge about the scene",
+        &["no_upright", "ground_plane", "supporting_surfaces", "camera_height", "pose_noise", "sigmas"],
+    ),
     ("Quality of the result", &["cross_validate", "calibration"]),
     ("Running", &["detail", "seed", "threads"]),
     ("For research (the defaults are better)", &["method", "lambda"]),

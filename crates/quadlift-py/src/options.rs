@@ -41,6 +41,7 @@ pub struct LocalizeKeywords {
     max_truncated: Option<f64>,
     upright: bool,
     ground_plane: bool,
+    supporting_surfaces: bool,
     camera_height: Option<f64>,
     pose_noise: Option<[f64; 2]>,
     reg_lambda: Option<f64>,
@@ -71,6 +72,7 @@ impl LocalizeKeywords {
             let given = [
                 ("priors", self.priors.is_some() || self.priors_text.is_some() || self.learn_sizes),
                 ("ground_plane", self.ground_plane),
+                ("supporting_surfaces", self.supporting_surfaces),
                 ("camera_height", self.camera_height.is_some()),
                 ("pose_noise", self.pose_noise.is_some()),
                 ("sigmas", self.sigmas.is_some()),
@@ -91,6 +93,7 @@ impl LocalizeKeywords {
             map.upright = self.upright;
             map.learn_sizes = self.learn_sizes;
             map.ground_plane = self.ground_plane;
+            map.supporting_surfaces = self.supporting_surfaces;
             map.camera_height = self.camera_height;
             let sds = self.pose_noise;
             map.pose_noise = sds.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });

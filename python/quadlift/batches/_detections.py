@@ -27,6 +27,7 @@ OF_SCENES = OF_OBJECTS | {
     "ids",
     "upright",
     "ground_plane",
+    "supporting_surfaces",
     "camera_height",
     "pose_noise",
     "accept_inconsistent",

@@ -1,6 +1,6 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
 //! frame; outlines and turned boxes: simulated, on rendered scenes and on real images;
-//! sizes that are learnt from the scene.
+//! sizes that are learnt from the scene; surfaces on which objects stand.
 
 mod frame_scales;
 mod fusion;
@@ -8,6 +8,7 @@ mod kitti;
 mod occlusion;
 mod outlines;
 mod sizes;
+mod surfaces;
 mod synthetic;
 
 use std::path::Path;
@@ -26,6 +27,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     synthetic::run(seed, progress, &mut report)?;
     frame_scales::run(seed, progress, &mut report)?;
     sizes::run(seed, progress, &mut report)?;
+    surfaces::run(seed, progress, &mut report)?;
     let folder = match data_folder(data) {
         Ok(folder) => Some(folder),
         Err(Error::NoData(_)) => None,
@@ -35,6 +37,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
         Some(folder) => {
             kitti::run(folder, seed, progress, &mut report)?;
             sizes::run_real(folder, seed, progress, &mut report)?;
+            surfaces::run_real(folder, seed, progress, &mut report)?;
         }
         None => report.text("Without the real data KITTI and real images are left out.".to_owned()),
     }

@@ -145,14 +145,14 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
 }
 
 /// A row of the real scenes: its name, its scenes, their source, whether KITTI's protocol holds.
-struct RealRow {
-    name: &'static str,
-    scenes: Vec<TrueScene>,
-    source: &'static str,
-    cars: bool,
+pub(super) struct RealRow {
+    pub name: &'static str,
+    pub scenes: Vec<TrueScene>,
+    pub source: &'static str,
+    pub cars: bool,
 }
 
-fn real_rows(data: &Path) -> Result<Vec<RealRow>, Error> {
+pub(super) fn real_rows(data: &Path) -> Result<Vec<RealRow>, Error> {
     let kitti = |poses: &str| -> Result<Vec<TrueScene>, Error> {
         AVERAGED.iter().map(|name| TrueScene::read(data, &format!("kitti_{name}_{poses}"), name)).collect()
     };
@@ -174,10 +174,10 @@ fn real_rows(data: &Path) -> Result<Vec<RealRow>, Error> {
 }
 
 /// Every view of each object, or one in so many.
-const STRIDES: [usize; 3] = [1, 3, 6];
+pub(super) const STRIDES: [usize; 3] = [1, 3, 6];
 
 /// The scene with one in `stride` of the views of each object.
-fn thinned(scene: &TrueScene, source: &str, stride: usize) -> Result<TrueScene, Error> {
+pub(super) fn thinned(scene: &TrueScene, source: &str, stride: usize) -> Result<TrueScene, Error> {
     let mut thinned = scene.clone();
     let index = scene.scene.sources.iter().position(|name| name == source);
     let mut seen = vec![0; scene.scene.object_ids.len()];

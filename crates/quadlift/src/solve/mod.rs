@@ -13,6 +13,7 @@ pub(crate) mod plausible;
 mod prediction;
 mod report;
 mod sigmas;
+mod supporting_surface;
 mod triangulate;
 mod validate;
 
@@ -34,6 +35,7 @@ pub use prediction::Prediction;
 pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};
 pub(crate) use sigmas::POSE_NOISE_NAMES;
 pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
+pub use supporting_surface::SupportingSurface;
 pub use triangulate::triangulate;
 pub use validate::OptionError;
 pub(crate) use validate::refuse;

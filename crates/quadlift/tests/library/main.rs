@@ -16,6 +16,7 @@ mod masks;
 mod observer;
 mod pfd_reference;
 mod sigmas;
+mod supporting_surfaces;
 mod surroundings;
 mod trust;
 mod upright;

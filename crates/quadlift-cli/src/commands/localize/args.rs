@@ -117,6 +117,11 @@ pub struct Args {
     #[arg(long)]
     ground_plane: bool,
 
+    /// Find level surfaces (tables, shelves, the floor) from the objects that stand on them, and put each object on that of the
+    /// others (the scene needs `up`)
+    #[arg(long)]
+    supporting_surfaces: bool,
+
     /// Height of the cameras above the ground plane in world units, if known
     #[arg(long, value_name = "H", value_parser = args::positive)]
     camera_height: Option<f64>,
@@ -178,6 +183,7 @@ impl Args {
                 self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some(),
                 "--ground-plane, --camera-height and --pose-noise are options",
             ),
+            (self.supporting_surfaces, "--supporting-surfaces is an option"),
             (self.no_upright, "--no-upright is an option"),
             (self.sigmas.is_some(), "--sigmas is an option"),
             (!self.priors.is_empty(), "--priors is an option"),
@@ -187,6 +193,7 @@ impl Args {
                 map.body = self.body.0;
                 map.upright = !self.no_upright;
                 map.ground_plane = self.ground_plane;
+                map.supporting_surfaces = self.supporting_surfaces;
                 map.camera_height = self.camera_height;
                 map.pose_noise = self.pose_noise;
                 map.sigmas = self.sigmas.as_ref().map(read_sigmas).transpose()?;

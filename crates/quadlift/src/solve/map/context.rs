@@ -36,10 +36,11 @@ impl MapContext<'_> {
         (stands && category.size.is_some()).then_some(category)
     }
 
-    /// Whether the objects share more than noise levels: the ground plane, corrected poses, or sizes.
+    /// Whether the objects share more than noise levels: surfaces, corrected poses, or sizes.
     pub(super) fn has_shared_unknowns(&self) -> bool {
-        let MapOptions { ground_plane, priors, pose_noise, learn_sizes, .. } = self.options;
+        let MapOptions { ground_plane, priors, pose_noise, learn_sizes, supporting_surfaces, .. } = self.options;
         let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);
-        pose_noise.is_some() || *learn_sizes || (on_ground && self.up.is_some())
+        let stand = on_ground || *supporting_surfaces;
+        pose_noise.is_some() || *learn_sizes || (stand && self.up.is_some())
     }
 }

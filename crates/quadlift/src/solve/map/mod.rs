@@ -24,6 +24,7 @@ use super::learnt_size::LearntCategorySize;
 use super::options::{BodyKind, PoseNoise};
 use super::prediction::{Fold, FoldPrediction, predict_fold};
 use super::sigmas::Sigmas;
+use super::supporting_surface::SupportingSurface;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
@@ -43,6 +44,8 @@ pub(crate) struct MapSolution {
     pub cue_scales: Vec<CueScale>,
     /// The learnt sizes of categories.
     pub learnt_sizes: Vec<LearntCategorySize>,
+    /// Surfaces on which objects stand.
+    pub supporting_surfaces: Vec<SupportingSurface>,
     /// The fitted kind of body; `None` if objects differ.
     pub body: Option<BodyKind>,
     /// The chosen folds.
@@ -85,7 +88,7 @@ pub(crate) fn map(
             (if as_they_are { ellipsoids } else { together(body_kinds.of_each()) }, body_kinds)
         }
     };
-    let scene = scene.with_upright(context).with_learnt_sizes(context);
+    let scene = scene.with_upright(context).with_learnt_sizes(context).with_surfaces(context);
     let kind_of = |index: usize| match body_kinds.of_each().get(index / stride) {
         Some(kind) if index.is_multiple_of(stride) => *kind,
         _ => body_kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &body_kinds, context)),
@@ -120,5 +123,16 @@ pub(crate) fn map(
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
     let cue_scales = scene.scales().constants().map(CueScale::from).collect();
     let learnt_sizes = scene.sizes().report();
-    MapSolution { estimates, noise, pose_noise, cue_scales, learnt_sizes, body: body_kinds.of_all(), folds, predicted }
+    let supporting_surfaces = scene.surfaces().report();
+    MapSolution {
+        estimates,
+        noise,
+        pose_noise,
+        cue_scales,
+        learnt_sizes,
+        supporting_surfaces,
+        body: body_kinds.of_all(),
+        folds,
+        predicted,
+    }
 }

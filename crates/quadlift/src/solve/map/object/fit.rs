@@ -27,6 +27,7 @@ use crate::solve::map::residuals::measurements::Plane;
 use crate::solve::map::residuals::row::ResidualRow;
 use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
+use crate::solve::map::shared::surfaces::Support;
 use crate::solve::report::{describe, is_a_body};
 
 /// Between two estimates of the noise levels.
@@ -60,7 +61,7 @@ pub(crate) struct Fit {
     pub equations: NormalEquations,
     /// Set if the views contain outliers.
     pub outlier_scale: Option<f64>,
-    /// The ground plane in the object frame, if the object stands on it.
+    /// The plane on which the object stands, the ground or another surface, in the object frame, and 1/sd of the distance from it.
     pub ground: Option<(Plane, f64)>,
     /// Whether the last iteration ended at a minimum.
     pub converged: bool,
@@ -94,12 +95,9 @@ impl Fit {
         Objective { ground: self.ground, ..self.problem.objective(noise, outlier_scale) }
     }
 
-    /// The lowest point of the body along `up`, for the ground plane; `None` if it does not stand on it.
+    /// The lowest point of the body along `up`, as the object's own measurements have it.
     pub(crate) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
-        let ObjectProblem { views, measurements, prior, .. } = &*self.problem;
-        if !prior.on_ground {
-            return None;
-        }
+        let ObjectProblem { views, measurements, .. } = &*self.problem;
         let frame = &measurements.frame;
         let level = Plane { n: up.into_inner(), d: 0.0 };
         let (reach, _) = self.body.support_gradient(&level.n);
@@ -126,13 +124,26 @@ impl Fit {
         })
     }
 
-    /// Puts the body on the ground plane.
-    pub(crate) fn stand_on(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
-        self.ground = self.lowest_point(up).map(|lowest| {
+    /// Whether the object stands on the ground plane.
+    pub(crate) fn is_on_ground(&self) -> bool {
+        self.problem.prior.on_ground
+    }
+
+    /// Puts the body on the ground plane, if it stands there.
+    pub(crate) fn stand_on_ground(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
+        let lowest = self.is_on_ground().then(|| self.lowest_point(up)).flatten();
+        self.ground = lowest.map(|lowest| {
             let frame = &self.problem.measurements.frame;
             let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
             (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / (ground.unevenness * lowest.unevenness()))
         });
+    }
+
+    /// Puts the body on a surface that others stand on.
+    pub(crate) fn stand_on(&mut self, support: &Support) {
+        let frame = &self.problem.measurements.frame;
+        let height = support.normal.dot(&(frame.origin - support.reference)) + support.offset;
+        self.ground = Some((Plane { n: support.normal, d: height / frame.unit }, frame.unit / support.sd));
     }
 
     /// Whether the prior has it that the object stands.

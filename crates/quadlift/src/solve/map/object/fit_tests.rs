@@ -144,7 +144,7 @@ fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
         assert!((lowest.point - (center - up.into_inner() * radius)).norm() < 1e-9 * radius, "{lowest:?}");
         assert!((lowest.height - 2.0 * radius).abs() < 1e-9 * radius);
         let mut standing = fit.clone();
-        standing.stand_on(&plane, &up);
+        standing.stand_on_ground(&plane, &up);
         let (local, weight) = standing.ground.unwrap();
         let found = fit.body.distance_to_plane(&local.n, local.d).0 * weight;
         // Of a ball the point nearest to the plane lies along its normal.
@@ -172,7 +172,7 @@ fn the_grounds_own_pull_is_taken_out_of_what_an_object_tells_of_it() {
             unevenness: 1.0,
         };
         let mut standing = free.clone();
-        standing.stand_on(&plane, &up);
+        standing.stand_on_ground(&plane, &up);
         let standing = standing.refined(&noise, true);
         let bottom = |fit: &Fit| {
             let frame = &fit.problem.measurements.frame;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
 use super::learnt_sizes::SceneSizes;
+use super::scene_surfaces::SceneSurfaces;
 use super::upright::{share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -82,6 +83,8 @@ pub(crate) struct SceneFit {
     scales: CueScales,
     /// Learnt sizes of categories.
     pub(super) sizes: SceneSizes,
+    /// Surfaces on which objects stand.
+    pub(super) surfaces: SceneSurfaces,
     /// Fraction of upright objects.
     upright_share: f64,
     /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
@@ -182,14 +185,26 @@ impl SceneFit {
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
         let (upright_share, upright_noise) = (UPRIGHT_SHARE.get(), noise);
-        let (ground, sizes) = (None, SceneSizes::default());
-        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share, upright_noise }
-            .again(context)
+        let (ground, sizes, surfaces) = (None, SceneSizes::default(), SceneSurfaces::default());
+        Self {
+            fits,
+            noise,
+            statistics,
+            reference,
+            ground,
+            poses,
+            scales,
+            sizes,
+            surfaces,
+            upright_share,
+            upright_noise,
+        }
+        .again(context)
     }
 
     /// Rounds of noise levels and refits, from these fits and levels.
     pub(super) fn again(self, context: &MapContext) -> Self {
-        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, sizes, .. } = self;
+        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, sizes, surfaces, .. } = self;
         let (upright_share, upright_noise) = (self.upright_share, self.upright_noise);
         let mut started = noise;
         for round in 0..ROUNDS {
@@ -212,7 +227,7 @@ impl SceneFit {
             noise = updated;
             ground = ground_plane(&fits, context);
             if let (Some(ground), Some(up)) = (&ground, &context.up) {
-                fits.iter_mut().flatten().for_each(|fit| fit.stand_on(ground, up));
+                fits.iter_mut().flatten().for_each(|fit| fit.stand_on_ground(ground, up));
             }
             let moved = context.options.pose_noise.map(|prior| {
                 poses.update(|take| fits.iter().flatten().for_each(|fit| fit.each_pose_row(&noise, &mut *take)), prior)
@@ -253,7 +268,19 @@ impl SceneFit {
         if context.options.sigmas.is_none() && context.options.common_errors {
             noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
         }
-        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share, upright_noise }
+        Self {
+            fits,
+            noise,
+            statistics,
+            reference,
+            ground,
+            poses,
+            scales,
+            sizes,
+            surfaces,
+            upright_share,
+            upright_noise,
+        }
     }
 
     /// What the measurements of an object tell about its size; `None` where they contradict each other.
@@ -284,6 +311,17 @@ impl SceneFit {
         };
         let fits = map_indices(self.fits.len(), sized);
         (self.fits, self.sizes) = (fits, sizes);
+        self
+    }
+
+    /// The same with fits that `change` has changed, refitted under the noise levels of the scene.
+    pub(super) fn refitted(mut self, change: impl Fn(&mut Fit) + Sync) -> Self {
+        let changed = |k: usize| {
+            let mut fit = self.fits[k].as_ref().map_err(Clone::clone)?.clone();
+            change(&mut fit);
+            Ok(fit.refined(&self.noise, false))
+        };
+        self.fits = map_indices(self.fits.len(), changed);
         self
     }
 
@@ -367,9 +405,7 @@ impl SceneFit {
             ground: None,
             converged: false,
         };
-        if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
-            fit.stand_on(ground, up);
-        }
+        self.put_down(&mut fit, context);
         if let Some((size, level)) = self.sizes.of(&fit).zip(Some(self.size_level())) {
             fit = fit.with_learnt_size(size, level, &self.noise, &self.scales, context);
         }
@@ -387,9 +423,7 @@ impl SceneFit {
         self.poses.apply(&mut views);
         self.scales.apply(&mut views);
         let mut fit = Fit::first(ObjectProblem::new(views, kind, context)?, &self.noise, context)?;
-        if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
-            fit.stand_on(ground, up);
-        }
+        self.put_down(&mut fit, context);
         let rounds = if fit.problem.has_several_starts() { RETRY_ROUNDS } else { 1 };
         let retry_starts_and_outliers =
             |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.retry_starts_and_outliers(&self.noise, round, context));
@@ -410,12 +444,19 @@ impl SceneFit {
     fn finished(&self, fit: &Fit, context: &MapContext) -> Fit {
         let mut fit = fit.refined(&self.noise, true);
         if let Some(mut without) = fit.without_one_view(&self.noise, self.reference, context) {
-            if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
-                without.stand_on(ground, up);
-            }
+            self.put_down(&mut without, context);
             fit = without.refined(&self.noise, true);
         }
         fit.without_far_views(&self.noise, self.reference, context)
+    }
+
+    /// Puts an object on the ground, or on the surface that it probably stands on.
+    fn put_down(&self, fit: &mut Fit, context: &MapContext) {
+        let Some(up) = &context.up else { return };
+        match &self.ground {
+            Some(ground) if fit.is_on_ground() => fit.stand_on_ground(ground, up),
+            _ => self.surfaces.put_down(fit, up),
+        }
     }
 
     /// The given noise levels, or those of groups with data.
@@ -426,6 +467,11 @@ impl SceneFit {
     /// The scales of cues.
     pub(crate) fn scales(&self) -> &CueScales {
         &self.scales
+    }
+
+    /// The surfaces on which objects stand.
+    pub(crate) fn surfaces(&self) -> &SceneSurfaces {
+        &self.surfaces
     }
 
     /// The learnt sizes of categories.
@@ -471,6 +517,7 @@ fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -
 /// The ground plane under the objects that stand on it.
 fn ground_plane(fits: &[Result<Fit, Box<Estimate>>], context: &MapContext) -> Option<GroundPlane> {
     let up = context.up?;
-    let lowest: Vec<LowestPoint> = fits.iter().flatten().filter_map(|fit| fit.lowest_point(&up)).collect();
+    let standing = fits.iter().flatten().filter(|fit| fit.is_on_ground());
+    let lowest: Vec<LowestPoint> = standing.filter_map(|fit| fit.lowest_point(&up)).collect();
     GroundPlane::fit(&up, &lowest, &context.cameras, context.options.camera_height)
 }
