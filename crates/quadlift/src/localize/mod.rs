@@ -16,7 +16,8 @@ use crate::solve::map::{MapContext, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
     BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, OptionError,
-    POSE_NOISE_NAMES, PoseNoise, Sigmas, Status, SupportingSurface, ViewReport, predict_fold, solve_closed_form,
+    POSE_NOISE_NAMES, PoseNoise, RefinedPose, Sigmas, Status, SupportingSurface, ViewReport, predict_fold,
+    solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.
@@ -45,6 +46,9 @@ pub struct Localization {
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, where [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub pose_noise: Option<PoseNoise>,
+    /// Corrections of the poses of the frames that show objects, where [`crate::solve::MapOptions::refine_poses`] or
+    /// [`crate::solve::MapOptions::pose_noise`] asks for them.
+    pub refined_poses: Vec<RefinedPose>,
     /// Scales of the sources of depths and 3D boxes, if there are any and noise levels are not given.
     pub cue_scales: Vec<CueScale>,
     /// Sizes of categories, where [`crate::solve::MapOptions::learn_sizes`] asks for them: one for each category and kind of body.
@@ -147,6 +151,7 @@ pub fn localize_observed(
     };
     let folds_of =
         |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
+    let mut refined_poses = Vec::new();
     let (mut cue_scales, mut learnt_sizes, mut supporting_surfaces) = (Vec::new(), Vec::new(), Vec::new());
     let (mut estimates, noise, pose_noise, body, folds, predicted) = if let Some(map_options) = map_options {
         let context = MapContext {
@@ -162,6 +167,7 @@ pub fn localize_observed(
         let solution = map(objects.len(), &views_of, &context, &folds_of);
         (cue_scales, learnt_sizes) = (solution.cue_scales, solution.learnt_sizes);
         supporting_surfaces = solution.supporting_surfaces;
+        refined_poses = solution.refined_poses;
         (solution.estimates, solution.noise, solution.pose_noise, solution.body, solution.folds, solution.predicted)
     } else {
         let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
@@ -211,6 +217,7 @@ pub fn localize_observed(
         skipped,
         noise,
         pose_noise,
+        refined_poses,
         cue_scales,
         learnt_sizes,
         supporting_surfaces,

@@ -11,6 +11,7 @@ pub(crate) mod map;
 mod options;
 pub(crate) mod plausible;
 mod prediction;
+mod refined_pose;
 mod report;
 mod sigmas;
 mod supporting_surface;
@@ -29,10 +30,13 @@ pub use estimate::{
 pub use estimator::Estimator;
 pub use learnt_size::LearntCategorySize;
 pub(crate) use options::BORDER_MARGIN;
-pub use options::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseNoise, RegOptions, SizePrior};
+pub use options::{
+    BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseMotion, PoseNoise, RegOptions, SizePrior,
+};
 pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::Prediction;
 pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};
+pub use refined_pose::RefinedPose;
 pub(crate) use sigmas::POSE_NOISE_NAMES;
 pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
 pub use supporting_surface::SupportingSurface;

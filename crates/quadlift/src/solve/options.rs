@@ -123,6 +123,16 @@ pub struct PoseNoise {
     pub translation_sd: f64,
 }
 
+/// How the errors of camera poses change from frame to frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PoseMotion {
+    /// Each frame has an error of its own: structure from motion, AR frameworks.
+    Independent,
+    /// Errors change slowly, over about 100 frames: GPS, odometry that drifts.
+    Slow,
+}
+
 /// The default of [`MapOptions::border_margin`].
 pub(crate) const BORDER_MARGIN: f64 = 0.025;
 
@@ -170,6 +180,9 @@ pub struct MapOptions {
     /// Prior of pose corrections, one per frame, which are then estimated. `None` takes the poses as exact. It helps only if
     /// each frame shows several objects.
     pub pose_noise: Option<PoseNoise>,
+    /// Whether poses are corrected with levels of their errors that are estimated, too (those of [`MapOptions::pose_noise`], where it is
+    /// given), and how the errors change from frame to frame.
+    pub refine_poses: Option<PoseMotion>,
     /// Whether covariances include errors that the views of an object share, and differences between objects. Estimates do not
     /// depend on it.
     pub common_errors: bool,
@@ -195,6 +208,7 @@ impl Default for MapOptions {
             camera_height: None,
             hidden_edges: true,
             pose_noise: None,
+            refine_poses: None,
             common_errors: true,
             sigmas: None,
         }

@@ -15,6 +15,7 @@ mod lens;
 mod masks;
 mod observer;
 mod pfd_reference;
+mod refined_poses;
 mod sigmas;
 mod supporting_surfaces;
 mod surroundings;

@@ -36,11 +36,16 @@ impl MapContext<'_> {
         (stands && category.size.is_some()).then_some(category)
     }
 
+    /// Whether poses are corrected.
+    pub(super) fn corrects_poses(&self) -> bool {
+        self.options.pose_noise.is_some() || self.options.refine_poses.is_some()
+    }
+
     /// Whether the objects share more than noise levels: surfaces, corrected poses, or sizes.
     pub(super) fn has_shared_unknowns(&self) -> bool {
-        let MapOptions { ground_plane, priors, pose_noise, learn_sizes, supporting_surfaces, .. } = self.options;
+        let MapOptions { ground_plane, priors, learn_sizes, supporting_surfaces, .. } = self.options;
         let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);
         let stand = on_ground || *supporting_surfaces;
-        pose_noise.is_some() || *learn_sizes || (stand && self.up.is_some())
+        self.corrects_poses() || *learn_sizes || (stand && self.up.is_some())
     }
 }

@@ -23,6 +23,7 @@ use super::estimate::Estimate;
 use super::learnt_size::LearntCategorySize;
 use super::options::{BodyKind, PoseNoise};
 use super::prediction::{Fold, FoldPrediction, predict_fold};
+use super::refined_pose::RefinedPose;
 use super::sigmas::Sigmas;
 use super::supporting_surface::SupportingSurface;
 use crate::parallel::map_indices;
@@ -40,6 +41,8 @@ pub(crate) struct MapSolution {
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, if estimated.
     pub pose_noise: Option<PoseNoise>,
+    /// Corrections of the poses.
+    pub refined_poses: Vec<RefinedPose>,
     /// The scales of cues.
     pub cue_scales: Vec<CueScale>,
     /// The learnt sizes of categories.
@@ -128,6 +131,7 @@ pub(crate) fn map(
         estimates,
         noise,
         pose_noise,
+        refined_poses: scene.refined_poses(),
         cue_scales,
         learnt_sizes,
         supporting_surfaces,

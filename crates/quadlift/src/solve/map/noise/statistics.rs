@@ -41,6 +41,16 @@ impl NoiseStatistics {
         self.inverse_views[1] += 1.0;
     }
 
+    /// Takes off so many degrees of freedom, which what the objects share has taken of the residuals, of all groups by their shares; at most
+    /// nine in ten.
+    pub(crate) fn take(&mut self, parameters: f64) {
+        let all: f64 = self.dof.iter().sum();
+        if all > 0.0 {
+            let left = (1.0 - parameters / all).max(0.1);
+            self.dof.iter_mut().for_each(|dof| *dof *= left);
+        }
+    }
+
     /// The correlation of edges in views that follow each other, times the number of pairs, and that number.
     pub(crate) fn neighbours_of_edges(&self) -> [f64; 2] {
         self.neighbours[0]

@@ -19,7 +19,7 @@ use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Estimate, Warning};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
-use crate::solve::map::shared::cue_scales::CueScales;
+use crate::solve::map::shared::SharedErrors;
 use crate::solve::options::BodyKind;
 
 /// Maximum number of alternatives that are refined and reported.
@@ -54,7 +54,7 @@ impl Fit {
         mut estimate: Estimate,
         noise: &NoiseLevels,
         reference: Reference,
-        scales: &CueScales,
+        shared: SharedErrors,
         swaps: usize,
         context: &MapContext,
     ) -> Estimate {
@@ -66,7 +66,7 @@ impl Fit {
             // The rounds ended in a worse minimum. The odds grow with each step, but for priors with kinks (learnt sizes), whose
             // determinant does not tell them.
             let better = Self { body: model.clone(), equations: *equations, converged: true, ..self.clone() };
-            return better.estimate_after(noise, reference, scales, swaps + 1, context);
+            return better.estimate_after(noise, reference, shared, swaps + 1, context);
         }
         let found: Vec<Alternative> = found.into_iter().map(|(found, _)| found).collect();
         let Some(most_probable) = found.first() else { return estimate };

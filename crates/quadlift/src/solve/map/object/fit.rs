@@ -1,5 +1,6 @@
 //! A fitted object: refits under new noise levels, outliers, covariance, estimate.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{Unit, Vector3, Vector6};
@@ -25,8 +26,9 @@ use crate::solve::map::noise::object_spread::{ObjectAgreement, scaled_covariance
 use crate::solve::map::noise::statistics::NoiseStatistics;
 use crate::solve::map::residuals::measurements::Plane;
 use crate::solve::map::residuals::row::ResidualRow;
-use crate::solve::map::shared::cue_scales::CueScales;
+use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
+use crate::solve::map::shared::poses::{FrameTerm, ObjectPoseTerms};
 use crate::solve::map::shared::surfaces::Support;
 use crate::solve::report::{describe, is_a_body};
 
@@ -139,6 +141,14 @@ impl Fit {
         });
     }
 
+    /// Distance of the centre from the nearest camera, world units.
+    pub(crate) fn distance(&self) -> Option<f64> {
+        let ObjectProblem { views, measurements, .. } = &*self.problem;
+        let center = measurements.frame.point_in_world(self.body.center());
+        let of = |view: &View| Some((view.projection.center_in_world()? - center).norm());
+        views.views.iter().filter_map(of).min_by(f64::total_cmp)
+    }
+
     /// Puts the body on a surface that others stand on.
     pub(crate) fn stand_on(&mut self, support: &Support) {
         let frame = &self.problem.measurements.frame;
@@ -151,24 +161,37 @@ impl Fit {
         self.problem.prior.upright_weight > 0.0
     }
 
-    /// For every residual of the last fit: index of the frame, residual, its derivatives by a motion of the camera
-    /// (rotation vector about its centre, shift; world axes and units) and its weight. That the body is seen from
-    /// another side when the camera turns is left out: it is small against where the body appears.
-    pub(crate) fn each_pose_row(&self, noise: &NoiseLevels, mut take: impl FnMut(usize, f64, Vector6<f64>, f64)) {
+    /// What the measurements tell about the cameras (rotation vector about its centre, shift; world axes and units); `None` where the normal
+    /// equations are singular. That the body is seen from another side when the camera turns is left out: it is small against where
+    /// the body appears.
+    pub(crate) fn pose_terms(&self, noise: &NoiseLevels) -> Option<ObjectPoseTerms> {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
+        let objective = self.objective(noise, self.outlier_scale);
+        // Under these noise levels: what cameras and object share must be less than what each has.
+        let equations = objective.linearise(&self.body)?;
+        let covariance = invert_spd(&equations.hessian())?;
         let center = measurements.frame.point_in_world(self.body.center());
         let cameras: Vec<_> = views.views.iter().map(|view| view.projection.center_in_world()).collect();
-        let objective = self.objective(noise, self.outlier_scale);
+        let weights = noise.weights(measurements.views.len());
+        let mut frames: BTreeMap<usize, FrameTerm> = BTreeMap::new();
         let mut of_row = |view: usize, row: &ResidualRow, weight: f64| {
             let Some(camera) = cameras[view] else { return };
             // Moving the camera is moving the body the other way.
             let by_point = Vector3::new(row.row[0], row.row[1], row.row[2]) / measurements.frame.unit;
             let by_turn = -(center - camera).cross(&by_point);
-            let derivative = Vector6::new(by_turn.x, by_turn.y, by_turn.z, -by_point.x, -by_point.y, -by_point.z);
-            take(views.views[view].frame_index, row.residual, derivative, weight);
+            let by_motion = Vector6::new(by_turn.x, by_turn.y, by_turn.z, -by_point.x, -by_point.y, -by_point.z);
+            let frame = views.views[view].frame_index;
+            frames.entry(frame).or_insert_with(|| FrameTerm::new(frame)).add(
+                row.residual,
+                &by_motion,
+                &row.row,
+                weight * weights.of(row.group),
+            );
         };
         objective.each_row(&self.body, &mut of_row);
         objective.each_cue_row(&self.body, of_row);
+        let step = -(covariance * equations.gradient());
+        Some(ObjectPoseTerms { frames: frames.into_values().collect(), covariance, step })
     }
 
     /// Residual statistics under the noise levels of the last fit.
@@ -369,9 +392,9 @@ impl Fit {
         (CommonStatistics::of_object(&rows, &covariance), ObjectAgreement::new(&rows, &covariance))
     }
 
-    /// The covariance of noise, of common errors and of the scales of cues.
-    fn covariance(&self, noise: &NoiseLevels, scales: &CueScales, context: &MapContext) -> Option<Covariance> {
-        let local = self.local_covariance(noise, scales, context)?;
+    /// The covariance of noise, of common errors, of the scales of cues and of corrected poses.
+    fn covariance(&self, noise: &NoiseLevels, shared: SharedErrors, context: &MapContext) -> Option<Covariance> {
+        let local = self.local_covariance(noise, shared, context)?;
         covariance::in_world(&local, &self.body.world_map(&self.problem.measurements.frame), self.body.coordinates())
     }
 
@@ -379,14 +402,19 @@ impl Fit {
     pub(crate) fn local_covariance(
         &self,
         noise: &NoiseLevels,
-        scales: &CueScales,
+        shared: SharedErrors,
         context: &MapContext,
     ) -> Option<Matrix9> {
         let of_noise = invert_spd(&self.equations.hessian())?;
         let mut local =
             if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
         if let Some(terms) = self.scale_terms(noise) {
-            local += scales.added_covariance(&terms);
+            local += shared.scales.added_covariance(&terms);
+        }
+        if context.corrects_poses()
+            && let Some(terms) = self.pose_terms(noise)
+        {
+            local += shared.poses.added_covariance(&terms);
         }
         Some(local)
     }
@@ -410,10 +438,10 @@ impl Fit {
         &self,
         noise: &NoiseLevels,
         reference: Reference,
-        scales: &CueScales,
+        shared: SharedErrors,
         context: &MapContext,
     ) -> Estimate {
-        self.estimate_after(noise, reference, scales, 0, context)
+        self.estimate_after(noise, reference, shared, 0, context)
     }
 
     /// The same after so many fits that an alternative has replaced.
@@ -421,7 +449,7 @@ impl Fit {
         &self,
         noise: &NoiseLevels,
         reference: Reference,
-        scales: &CueScales,
+        shared: SharedErrors,
         swaps: usize,
         context: &MapContext,
     ) -> Estimate {
@@ -439,7 +467,7 @@ impl Fit {
         for (view, deviations) in estimate.views.iter_mut().zip(self.view_deviations(noise)) {
             view.deviations = deviations.map(|x| x / reference.factor());
         }
-        estimate.covariance = self.covariance(noise, scales, context);
+        estimate.covariance = self.covariance(noise, shared, context);
         if estimate.covariance.is_none() {
             estimate.warnings.push(Warning::NoCovariance);
         }
@@ -450,6 +478,6 @@ impl Fit {
         if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
             estimate.status = Status::Inconsistent;
         }
-        self.with_alternatives(estimate, noise, reference, scales, swaps, context)
+        self.with_alternatives(estimate, noise, reference, shared, swaps, context)
     }
 }

@@ -17,8 +17,10 @@ use crate::scene::ObjectViews;
 use crate::solve::estimate::Status;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::ground::GroundPlane;
+use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::options::{BodyKind, MapOptions, PoseNoise};
 use crate::synthetic::{Observations, SyntheticOptions, generate};
@@ -55,33 +57,46 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
     test(&fit, &noise, &context);
 }
 
-/// Residuals of all views after the camera of a frame has been moved.
-fn residuals(fit: &Fit, noise: &NoiseLevels, by: Vector6<f64>) -> Vec<f64> {
-    let moved = PoseCorrections::of_frames(BTreeMap::from([(2, by)]));
-    let problem = fit.problem.corrected(&moved, &CueScales::default());
-    let mut all = Vec::new();
-    problem.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
-    all
-}
-
 #[test]
 fn residuals_follow_a_camera_that_turns_or_moves() {
     ball(|fit, noise, _| {
+        let terms = fit.pose_terms(noise).unwrap();
+        assert_eq!(terms.frames.iter().map(|term| term.frame).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+        // Half of the weighted sum of squares has the gradient of the terms; a ball looks the same from all sides, so that turns have no
+        // other effect than to move it.
+        let weights = noise.weights(5);
+        let residuals = |frame: usize, moved: Vector6<f64>| {
+            let corrections = PoseCorrections::of_frames(&BTreeMap::from([(frame, moved)]));
+            let problem = fit.problem.corrected(&corrections, &CueScales::default());
+            let mut all = Vec::new();
+            problem.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
+            all
+        };
         let mut rows = Vec::new();
-        fit.each_pose_row(noise, |frame, _, derivative, _| rows.push((frame, derivative)));
-        assert_eq!(rows.len(), 20);
-        for k in 0..6 {
-            // A ball looks the same from all sides: turns have no other effect than to move it.
-            let step = if k < 3 { 1e-6 } else { 1e-4 };
-            let mut by = Vector6::zeros();
-            by[k] = step;
-            let (plus, minus) = (residuals(fit, noise, by), residuals(fit, noise, -by));
-            for (row, (frame, derivative)) in rows.iter().enumerate() {
-                let numeric = (plus[row] - minus[row]) / (2.0 * step);
-                let analytic = if *frame == 2 { derivative[k] } else { 0.0 };
-                let scale = derivative.fixed_rows::<3>(k / 3 * 3).amax();
-                assert!((numeric - analytic).abs() < 1e-3 * scale, "{row} {k}: {numeric} {analytic}");
+        fit.objective(noise, None).each_row(&fit.body, |view, row, weight| {
+            rows.push((view, row.residual, weight * weights.of(row.group), row.row));
+        });
+        for term in &terms.frames {
+            let mut gradient = Vector6::zeros();
+            let mut coupling = nalgebra::SMatrix::<f64, 6, 9>::zeros();
+            let mut information = Vector6::zeros();
+            for k in 0..6 {
+                let step = if k < 3 { 1e-6 } else { 1e-4 };
+                let mut by = Vector6::zeros();
+                by[k] = step;
+                let (plus, minus) = (residuals(term.frame, by), residuals(term.frame, -by));
+                for (row, (_, residual, weight, by_object)) in rows.iter().enumerate() {
+                    let derivative = (plus[row] - minus[row]) / (2.0 * step);
+                    gradient[k] += weight * residual * derivative;
+                    information[k] += weight * derivative * derivative;
+                    for (column, of_object) in by_object.iter().enumerate() {
+                        coupling[(k, column)] += weight * derivative * of_object;
+                    }
+                }
             }
+            assert!((gradient - term.gradient).norm() < 2e-3 * term.gradient.norm(), "{gradient} {}", term.gradient);
+            assert!((coupling - term.coupling).norm() < 2e-3 * coupling.norm());
+            assert!((information - term.information.diagonal()).norm() < 2e-3 * information.norm());
         }
     });
 }
@@ -90,12 +105,14 @@ fn residuals_follow_a_camera_that_turns_or_moves() {
 fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
     ball(|fit, noise, _| {
         let moved = Vector6::new(0.01, -0.02, 0.03, 0.4, 0.5, -0.6);
-        let mut poses = PoseCorrections::of_frames(BTreeMap::from([(2, moved)]));
-        let prior = PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 };
+        let mut poses = PoseCorrections::of_frames(&BTreeMap::from([(2, moved)]));
+        let pose_noise = Some(PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 });
+        let prior = PosePrior::new(&MapOptions { pose_noise, ..Default::default() }, 1.0).unwrap();
         // With this noise measurements are worth nothing.
-        let step = poses.update(|take| fit.each_pose_row(&noise.scaled(1e9), take), prior);
-        assert!((step.of_frame(2).unwrap() + moved).norm() < 1e-6);
-        assert!(poses.of_frame(2).unwrap().norm() < 1e-6);
+        let step = poses.update(vec![fit.pose_terms(&noise.scaled(1e9)).unwrap()], &prior);
+        assert!((step.motion_of(2).unwrap() + moved).norm() < 1e-6);
+        assert!(poses.motion_of(2).unwrap().norm() < 1e-6);
+        assert!(poses.determined() < 1e-6);
     });
 }
 
@@ -107,7 +124,7 @@ fn bodies_that_have_run_away_have_diverged() {
             fit.estimate(
                 noise,
                 Reference::among(noise, std::iter::empty(), context.options),
-                &CueScales::default(),
+                SharedErrors { scales: &CueScales::default(), poses: &PoseCorrections::default() },
                 context,
             )
         };

@@ -18,7 +18,7 @@ use crate::optimize::student_t::StudentT;
 use crate::solve::estimate::Matrix9;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
-use crate::solve::map::shared::cue_scales::CueScales;
+use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::size_model::{SizeDistribution, SizeInformation, across, orders};
 
 /// Added to the covariance of what an object tells, relative to it, so that it has an inverse.
@@ -193,7 +193,7 @@ impl Fit {
         size: &SizeDistribution,
         level: f64,
         noise: &NoiseLevels,
-        scales: &CueScales,
+        shared: SharedErrors,
         context: &MapContext,
     ) -> Self {
         let unit = self.problem.measurements.frame.unit;
@@ -202,7 +202,7 @@ impl Fit {
         let mut problem = ObjectProblem::clone(&self.problem);
         let mut starts = vec![self.body.clone()];
         if matches!(self.body, Model::Ellipsoid(_)) {
-            let told = self.local_covariance(noise, scales, context).and_then(|c| self.shape_information(&c));
+            let told = self.local_covariance(noise, shared, context).and_then(|c| self.shape_information(&c));
             let (weight, seed) = (1.0 / context.options.shape_sd, self.problem.seed(context));
             problem.prior.size_site =
                 told.and_then(|told| SizeSite::new(&told, &size, up.as_ref(), weight, level * level, seed));

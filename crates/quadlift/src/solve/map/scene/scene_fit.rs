@@ -24,11 +24,14 @@ use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
 use crate::solve::map::object::problem::ObjectProblem;
+use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::{CueScales, ObjectTerms};
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
+use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::map::shared::size_model::SizeInformation;
 use crate::solve::options::{BodyKind, PoseNoise};
+use crate::solve::refined_pose::RefinedPose;
 use crate::solve::sigmas::Sigmas;
 
 /// Rounds of noise estimation, at most.
@@ -207,6 +210,7 @@ impl SceneFit {
         let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, sizes, surfaces, .. } = self;
         let (upright_share, upright_noise) = (self.upright_share, self.upright_noise);
         let mut started = noise;
+        let pose_prior = PosePrior::new(context.options, usual_distance(&fits));
         for round in 0..ROUNDS {
             if context.watch.is_cancelled() {
                 break;
@@ -222,6 +226,7 @@ impl SceneFit {
                     statistics.merge(&fit.statistics(&noise, context));
                 }
             }
+            statistics.take(poses.determined());
             let updated = if context.options.sigmas.is_some() { noise } else { noise.updated(&statistics) };
             let settled = updated.change(&noise, &statistics) < SETTLED_CHANGE;
             noise = updated;
@@ -229,8 +234,10 @@ impl SceneFit {
             if let (Some(ground), Some(up)) = (&ground, &context.up) {
                 fits.iter_mut().flatten().for_each(|fit| fit.stand_on_ground(ground, up));
             }
-            let moved = context.options.pose_noise.map(|prior| {
-                poses.update(|take| fits.iter().flatten().for_each(|fit| fit.each_pose_row(&noise, &mut *take)), prior)
+            // Poses would follow what the objects have not yet.
+            let moved = pose_prior.filter(|_| round > 0).map(|prior| {
+                let terms = map_indices(fits.len(), |k| fits[k].as_ref().ok().and_then(|fit| fit.pose_terms(&noise)));
+                poses.update(terms.into_iter().flatten().collect(), &prior)
             });
             let scaled = scale_terms(&fits, &noise, context).map(|terms| scales.update(&terms));
             let cues = scaled.is_some();
@@ -258,7 +265,7 @@ impl SceneFit {
                 };
                 Ok(if restart { fit.restarted(&noise, context) } else { fit })
             });
-            let shared = ground.is_some() || context.options.pose_noise.is_some() || cues;
+            let shared = ground.is_some() || pose_prior.is_some() || cues;
             if settled && (!shared || round >= SHARED_ROUNDS) {
                 break;
             }
@@ -288,7 +295,7 @@ impl SceneFit {
         let fit = self.fits[index].as_ref().ok()?;
         let level = self.size_level();
         let consistent = fit.misfit(&self.noise).is_none_or(|found| !is_inconsistent(&self.reference.against(found)));
-        let covariance = fit.local_covariance(&self.noise, &self.scales, context).filter(|_| consistent)?;
+        let covariance = fit.local_covariance(&self.noise, self.shared(), context).filter(|_| consistent)?;
         let told = fit.size_information(&covariance, context)?;
         Some(told.scaled(1.0 / (level * level)))
     }
@@ -306,7 +313,7 @@ impl SceneFit {
             let fit = self.fits[k].as_ref().map_err(Clone::clone)?;
             Ok(sizes.of(fit).map_or_else(
                 || fit.without_learnt_size(context),
-                |size| fit.with_learnt_size(size, level, &self.noise, &self.scales, context),
+                |size| fit.with_learnt_size(size, level, &self.noise, self.shared(), context),
             ))
         };
         let fits = map_indices(self.fits.len(), sized);
@@ -323,6 +330,11 @@ impl SceneFit {
         };
         self.fits = map_indices(self.fits.len(), changed);
         self
+    }
+
+    /// What the objects share whose errors are part of their covariances.
+    fn shared(&self) -> SharedErrors<'_> {
+        SharedErrors { scales: &self.scales, poses: &self.poses }
     }
 
     /// Number of the objects.
@@ -356,7 +368,7 @@ impl SceneFit {
     /// The estimate of a fitted object.
     pub(crate) fn estimate(&self, index: usize, context: &MapContext) -> Estimate {
         match &self.fits[index] {
-            Ok(fit) => self.finished(fit, context).estimate(&self.noise, self.reference, &self.scales, context),
+            Ok(fit) => self.finished(fit, context).estimate(&self.noise, self.reference, self.shared(), context),
             Err(failed) => (**failed).clone(),
         }
     }
@@ -364,7 +376,7 @@ impl SceneFit {
     /// The estimate of another object of the scene.
     pub(crate) fn estimate_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Estimate {
         self.fit_other(views, kind, context)
-            .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, &self.scales, context))
+            .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, self.shared(), context))
     }
 
     /// The body of another object of the scene, in the world.
@@ -407,7 +419,7 @@ impl SceneFit {
         };
         self.put_down(&mut fit, context);
         if let Some((size, level)) = self.sizes.of(&fit).zip(Some(self.size_level())) {
-            fit = fit.with_learnt_size(size, level, &self.noise, &self.scales, context);
+            fit = fit.with_learnt_size(size, level, &self.noise, self.shared(), context);
         }
         Some(fit.refined(&self.noise, true).body.body_in_world(&frame))
     }
@@ -433,7 +445,7 @@ impl SceneFit {
         let fit = upright.map_or(fit, |(upright, _)| retry_starts_and_outliers(upright));
         let fit = match self.sizes.of(&fit).zip(Some(self.size_level())) {
             Some((size, level)) => {
-                retry_starts_and_outliers(fit.with_learnt_size(size, level, &self.noise, &self.scales, context))
+                retry_starts_and_outliers(fit.with_learnt_size(size, level, &self.noise, self.shared(), context))
             }
             None => fit,
         };
@@ -479,6 +491,15 @@ impl SceneFit {
         &self.sizes
     }
 
+    /// The corrections of the poses.
+    pub(crate) fn refined_poses(&self) -> Vec<RefinedPose> {
+        let of = |frame_index: usize| {
+            let (turn, shift, covariance) = self.poses.of_frame(frame_index)?;
+            Some(RefinedPose { frame_index, turn, shift, covariance })
+        };
+        self.poses.frames().filter_map(of).collect()
+    }
+
     /// Root mean square corrections of the poses, if estimated.
     pub(crate) fn pose_noise(&self) -> Option<PoseNoise> {
         self.poses.size().map(|(rotation_sd, translation_sd)| PoseNoise { rotation_sd, translation_sd })
@@ -512,6 +533,13 @@ fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -
     all.iter().for_each(|(statistics, _)| sums.merge(statistics));
     let agreements: Vec<_> = all.into_iter().map(|(_, agreement)| agreement).collect();
     CovarianceLevels { common: sums.deviations(), spread: Spread::of(&agreements) }
+}
+
+/// The median distance of objects from their nearest cameras.
+fn usual_distance(fits: &[Result<Fit, Box<Estimate>>]) -> f64 {
+    let mut distances: Vec<f64> = fits.iter().flatten().filter_map(Fit::distance).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(1.0)
 }
 
 /// The ground plane under the objects that stand on it.

@@ -2,8 +2,21 @@
 //! sizes of categories, surfaces on which objects stand.
 
 pub(crate) mod cue_scales;
+mod envelope;
 pub(crate) mod ground;
+pub(crate) mod pose_prior;
+mod pose_system;
 pub(crate) mod poses;
 mod scale_system;
 pub(crate) mod size_model;
 pub(crate) mod surfaces;
+
+use self::cue_scales::CueScales;
+use self::poses::PoseCorrections;
+
+/// What the objects share whose errors are part of their covariances.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SharedErrors<'a> {
+    pub scales: &'a CueScales,
+    pub poses: &'a PoseCorrections,
+}

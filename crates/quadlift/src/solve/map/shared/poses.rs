@@ -1,87 +1,177 @@
-//! Corrections of the camera poses: one small motion per frame, estimated from all objects in it (docs/method.md,
-//! section 11.2).
+//! Corrections of the camera poses: one small motion per frame, estimated with all objects (docs/method.md, section 11.2).
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix6, Rotation3, Vector6};
+use nalgebra::{Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
 
-use crate::geometry::linalg::solve_spd;
+use super::pose_prior::PosePrior;
+use super::pose_system::PoseSystem;
+use crate::optimize::normal_equations::{PARAMETERS, Row};
 use crate::scene::ObjectViews;
+use crate::solve::estimate::Matrix9;
 use crate::solve::options::PoseNoise;
 
 /// Correction of a camera: a rotation about its centre (rotation vector, radians) and a shift (world units), both in
 /// world axes.
-type Motion = Vector6<f64>;
+pub(crate) type Motion = Vector6<f64>;
+
+/// What the measurements of an object in one frame tell about the camera.
+#[derive(Debug, Clone)]
+pub(crate) struct FrameTerm {
+    /// Index of the frame.
+    pub frame: usize,
+    /// Sum of weighted products of the derivatives by the motion.
+    pub information: Matrix6<f64>,
+    /// Sum of weighted products of residuals and derivatives.
+    pub gradient: Motion,
+    /// Products of the derivatives by the motion and by the object's parameters.
+    pub coupling: SMatrix<f64, 6, PARAMETERS>,
+}
+
+impl FrameTerm {
+    /// Nothing about a frame.
+    pub(crate) fn new(frame: usize) -> Self {
+        Self { frame, information: Matrix6::zeros(), gradient: Motion::zeros(), coupling: SMatrix::zeros() }
+    }
+
+    /// Adds a residual with its derivatives by the motion and by the object's parameters.
+    pub(crate) fn add(&mut self, residual: f64, by_motion: &Motion, by_object: &Row, weight: f64) {
+        self.information += by_motion * by_motion.transpose() * weight;
+        self.gradient += by_motion * (residual * weight);
+        self.coupling += by_motion * SVector::from(*by_object).transpose() * weight;
+    }
+}
+
+/// What an object tells about the cameras that see it.
+#[derive(Debug, Clone)]
+pub(crate) struct ObjectPoseTerms {
+    /// By frame, each once.
+    pub frames: Vec<FrameTerm>,
+    /// Covariance of the object's parameters were the cameras known.
+    pub covariance: Matrix9,
+    /// The step that its parameters are still from their minimum.
+    pub step: SVector<f64, PARAMETERS>,
+}
+
+/// The correction of one camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Correction {
+    turn: Rotation3<f64>,
+    shift: Vector3<f64>,
+}
+
+impl Correction {
+    fn of(motion: &Motion) -> Self {
+        Self {
+            turn: Rotation3::new(motion.fixed_rows::<3>(0).into_owned()),
+            shift: motion.fixed_rows::<3>(3).into_owned(),
+        }
+    }
+
+    fn motion(&self) -> Motion {
+        let turn = self.turn.scaled_axis();
+        Motion::new(turn.x, turn.y, turn.z, self.shift.x, self.shift.y, self.shift.z)
+    }
+
+    fn after(&self, before: Option<&Self>) -> Self {
+        before.map_or(*self, |b| Self { turn: self.turn * b.turn, shift: self.shift + b.shift })
+    }
+}
 
 /// Corrections of the cameras, by frame index.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PoseCorrections {
-    frames: BTreeMap<usize, Motion>,
-}
-
-#[cfg(test)]
-impl PoseCorrections {
-    /// Corrected frames.
-    pub(crate) fn of_frames(frames: BTreeMap<usize, Motion>) -> Self {
-        Self { frames }
-    }
-
-    /// The correction of a frame.
-    pub(crate) fn of_frame(&self, frame: usize) -> Option<Motion> {
-        self.frames.get(&frame).copied()
-    }
+    frames: BTreeMap<usize, Correction>,
+    /// Covariance of the motions of two frames.
+    covariance: Option<PoseSystem>,
+    /// Standard deviations of the motions, given or estimated.
+    levels: Option<PoseNoise>,
+    /// Number of parameters of the motions that the measurements determine.
+    determined: f64,
 }
 
 impl PoseCorrections {
-    /// Corrects the frames from the fitted objects and the prior. Returns the new corrections, which the objects then
-    /// follow.
-    ///
-    /// `each_row` gives every residual of the objects: index of its frame, residual, its derivatives by a motion of the
-    /// camera, weight.
-    pub(crate) fn update(
-        &mut self,
-        each_row: impl FnOnce(&mut dyn FnMut(usize, f64, Motion, f64)),
-        prior: PoseNoise,
-    ) -> Self {
-        let precision = Matrix6::from_diagonal(&Motion::from_fn(|k, _| {
-            if k < 3 { prior.rotation_sd.powi(-2) } else { prior.translation_sd.powi(-2) }
-        }));
-        // One step of Gauss and Newton for each frame; the objects stay where they are.
-        let mut systems: BTreeMap<usize, (Matrix6<f64>, Motion)> = BTreeMap::new();
-        each_row(&mut |frame, residual, row, weight| {
-            let (normal, right) = systems.entry(frame).or_insert_with(|| {
-                (precision, self.frames.get(&frame).map_or_else(Motion::zeros, |moved| precision * moved))
-            });
-            *normal += row * row.transpose() * weight;
-            *right += row * (residual * weight);
-        });
+    /// Corrects the frames from the fitted objects and the prior: one step of Gauss and Newton for cameras and objects together. Returns
+    /// what is new in the corrections, which the objects then follow.
+    pub(crate) fn update(&mut self, objects: Vec<ObjectPoseTerms>, prior: &PosePrior) -> Self {
+        let levels = self.levels.unwrap_or(prior.levels);
+        let before = |frame: usize| self.frames.get(&frame).map_or_else(Motion::zeros, Correction::motion);
+        let Some(system) = PoseSystem::new(objects, prior, levels, before) else { return Self::default() };
         let mut step = Self::default();
-        for (frame, (normal, right)) in systems {
-            if let Some(more) = solve_spd(&normal, &-right).filter(|more| more.iter().all(|x| x.is_finite())) {
-                *self.frames.entry(frame).or_insert_with(Motion::zeros) += more;
-                step.frames.insert(frame, more);
-            }
+        for (frame, more) in system.frames().iter().zip(system.step()) {
+            let more = Correction::of(more);
+            self.frames.insert(*frame, more.after(self.frames.get(frame)));
+            step.frames.insert(*frame, more);
         }
+        let motions: Vec<Motion> = system.frames().iter().map(|frame| self.frames[frame].motion()).collect();
+        let (updated, determined) = system.levels(&motions, prior, levels);
+        self.levels = Some(if prior.estimated { updated } else { levels });
+        self.determined = determined;
+        self.covariance = Some(system);
         step
     }
 
     /// Moves the cameras of an object's views.
     pub(crate) fn apply(&self, views: &mut ObjectViews) {
         for view in &mut views.views {
-            let Some(motion) = self.frames.get(&view.frame_index) else { continue };
-            // Small turns: in which order they are made does not matter.
-            let turn = Rotation3::new(motion.fixed_rows::<3>(0).into_owned());
-            let shift = motion.fixed_rows::<3>(3).into_owned();
-            if let Some(moved) = view.projection.with_moved_camera(&turn, &shift) {
+            let Some(Correction { turn, shift }) = self.frames.get(&view.frame_index) else { continue };
+            if let Some(moved) = view.projection.with_moved_camera(turn, shift) {
                 view.projection = moved;
             }
         }
     }
 
+    /// The correction of a frame, and its covariance.
+    pub(crate) fn of_frame(&self, frame: usize) -> Option<(Rotation3<f64>, Vector3<f64>, Option<Matrix6<f64>>)> {
+        let Correction { turn, shift } = self.frames.get(&frame)?;
+        Some((*turn, *shift, self.covariance.as_ref().and_then(|system| system.covariance(frame, frame))))
+    }
+
+    /// Corrected frames.
+    pub(crate) fn frames(&self) -> impl Iterator<Item = usize> {
+        self.frames.keys().copied()
+    }
+
+    /// What the errors of the corrected cameras add to the covariance of an object's parameters.
+    pub(crate) fn added_covariance(&self, object: &ObjectPoseTerms) -> Matrix9 {
+        let Some(system) = &self.covariance else { return Matrix9::zeros() };
+        let follow: Vec<(usize, SMatrix<f64, PARAMETERS, 6>)> =
+            object.frames.iter().map(|term| (term.frame, object.covariance * term.coupling.transpose())).collect();
+        let mut added = Matrix9::zeros();
+        for (frame, a) in &follow {
+            for (other, b) in &follow {
+                if let Some(covariance) = system.covariance(*frame, *other) {
+                    added += a * covariance * b.transpose();
+                }
+            }
+        }
+        (added + added.transpose()) * 0.5
+    }
+
+    /// Number of parameters of the cameras that the measurements determine: they took as many degrees of freedom of the residuals.
+    pub(crate) fn determined(&self) -> f64 {
+        self.determined
+    }
+
     /// Root mean square rotation (radians) and shift (world units) of the corrected frames.
     pub(crate) fn size(&self) -> Option<(f64, f64)> {
         let count = self.frames.len() as f64;
-        let squares = |first: usize| self.frames.values().map(|m| m.fixed_rows::<3>(first).norm_squared()).sum::<f64>();
+        let motions = || self.frames.values().map(Correction::motion);
+        let squares = |first: usize| motions().map(|m| m.fixed_rows::<3>(first).norm_squared()).sum::<f64>();
         (count > 0.0).then(|| ((squares(0) / count).sqrt(), (squares(3) / count).sqrt()))
+    }
+}
+
+#[cfg(test)]
+impl PoseCorrections {
+    /// Corrected frames.
+    pub(crate) fn of_frames(frames: &BTreeMap<usize, Motion>) -> Self {
+        let frames = frames.iter().map(|(frame, motion)| (*frame, Correction::of(motion))).collect();
+        Self { frames, ..Self::default() }
+    }
+
+    /// The motion of a frame.
+    pub(crate) fn motion_of(&self, frame: usize) -> Option<Motion> {
+        self.frames.get(&frame).map(Correction::motion)
     }
 }

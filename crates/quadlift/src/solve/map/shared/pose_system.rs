@@ -1,0 +1,237 @@
+//! The normal equations of pose corrections, from which the objects are eliminated (Schur complement).
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix6, SMatrix, Vector6};
+
+use super::envelope::{Envelope, Factor};
+use super::pose_prior::PosePrior;
+use super::poses::{Motion, ObjectPoseTerms};
+use crate::optimize::normal_equations::PARAMETERS;
+use crate::solve::options::PoseNoise;
+
+/// Block multiplications of one factor, at most. With more (thousands of frames that all see the same objects) frames are divided into
+/// segments, whose factors precondition conjugate gradients; covariances are then those within a segment.
+const MOST_WORK: f64 = 6e6;
+
+/// Most iterations of conjugate gradients, and the norm of the residual, relative to that of the right side, at which they end.
+const ITERATIONS: usize = 60;
+const TOLERANCE: f64 = 1e-8;
+
+/// Smallest and largest estimated level, relative to the first one.
+const SMALLEST: f64 = 1e-4;
+const LARGEST: f64 = 4.0;
+
+/// The solved equations.
+#[derive(Debug, Clone)]
+pub(crate) struct PoseSystem {
+    /// Frames, ascending.
+    frames: Vec<usize>,
+    step: Vec<Motion>,
+    covariance: Envelope,
+}
+
+/// What an object couples: positions of frames, and their couplings in units in which the object's information is 1.
+struct Coupling {
+    frames: Vec<(usize, SMatrix<f64, 6, PARAMETERS>)>,
+}
+
+impl PoseSystem {
+    /// Builds and solves the equations; `None` where they are singular or nothing is seen. `before` is the correction of a frame so far.
+    pub(crate) fn new(
+        objects: Vec<ObjectPoseTerms>,
+        prior: &PosePrior,
+        levels: PoseNoise,
+        before: impl Fn(usize) -> Motion,
+    ) -> Option<Self> {
+        let mut frames: Vec<usize> = objects.iter().flat_map(|o| o.frames.iter().map(|term| term.frame)).collect();
+        frames.sort_unstable();
+        frames.dedup();
+        let position: BTreeMap<usize, usize> = frames.iter().enumerate().map(|(k, frame)| (*frame, k)).collect();
+        let mut diagonal = vec![Matrix6::zeros(); frames.len()];
+        let mut right = vec![Motion::zeros(); frames.len()];
+        // The prior.
+        let scale = scale_of(levels);
+        let precision = prior.precision(&frames);
+        let motions: Vec<Motion> = frames.iter().map(|frame| before(*frame)).collect();
+        for (k, (with_itself, with_before)) in precision.iter().enumerate() {
+            diagonal[k] += Matrix6::from_diagonal(&(scale * *with_itself));
+            right[k] -= scale.component_mul(&motions[k]) * *with_itself;
+            if k > 0 {
+                right[k] -= scale.component_mul(&motions[k - 1]) * *with_before;
+                right[k - 1] -= scale.component_mul(&motions[k]) * *with_before;
+            }
+        }
+        let mut couplings = Vec::with_capacity(objects.len());
+        for object in &objects {
+            let Some(root) = nalgebra::Cholesky::new(object.covariance) else { continue };
+            let mut coupled = Vec::with_capacity(object.frames.len());
+            for term in &object.frames {
+                let k = position[&term.frame];
+                diagonal[k] += term.information;
+                right[k] -= term.gradient + term.coupling * object.step;
+                coupled.push((k, term.coupling * root.l()));
+            }
+            coupled.sort_by_key(|(k, _)| *k);
+            couplings.push(Coupling { frames: coupled });
+        }
+        let equations = Equations { diagonal, precision, scale, couplings, is_correlated: prior.is_correlated() };
+        let (step, covariance) = equations.solve(&right)?;
+        let is_finite = step.iter().all(|motion| motion.iter().all(|x| x.is_finite()));
+        is_finite.then_some(Self { frames, step, covariance })
+    }
+
+    /// The frames, ascending.
+    pub(crate) fn frames(&self) -> &[usize] {
+        &self.frames
+    }
+
+    /// The step of each.
+    pub(crate) fn step(&self) -> &[Motion] {
+        &self.step
+    }
+
+    /// Covariance of the motions of two frames (rows, columns); `None` where no object couples them.
+    pub(crate) fn covariance(&self, frame: usize, other: usize) -> Option<Matrix6<f64>> {
+        let place = |frame: usize| self.frames.binary_search(&frame).ok();
+        self.covariance.block(place(frame)?, place(other)?)
+    }
+
+    /// The levels of the prior that these motions show (MacKay's rule), and the number of parameters that the measurements determine.
+    pub(crate) fn levels(&self, motions: &[Motion], prior: &PosePrior, levels: PoseNoise) -> (PoseNoise, f64) {
+        let precision = prior.precision(&self.frames);
+        let (mut squares, mut spread) = (Motion::zeros(), Motion::zeros());
+        for (k, (with_itself, with_before)) in precision.iter().enumerate() {
+            squares += motions[k].component_mul(&motions[k]) * *with_itself;
+            spread += self.covariance.block(k, k).map_or_else(Motion::zeros, |z| z.diagonal()) * *with_itself;
+            if k > 0 {
+                squares += motions[k].component_mul(&motions[k - 1]) * (2.0 * with_before);
+                let z = self.covariance.block(k, k - 1).map_or_else(Motion::zeros, |z| z.diagonal());
+                spread += z * (2.0 * with_before);
+            }
+        }
+        let all = 3.0 * self.frames.len() as f64;
+        let of = |first: usize, level: f64, usual: f64| {
+            let sum = |of: &Motion| of.fixed_rows::<3>(first).sum();
+            let determined = (all - sum(&spread) / (level * level)).clamp(0.0, all);
+            // The levels may at most halve or double: noise levels and objects follow.
+            let updated = (sum(&squares) / determined.max(1e-3 * all)).sqrt().clamp(0.5 * level, 2.0 * level);
+            (updated.clamp(SMALLEST * usual, LARGEST * usual), determined)
+        };
+        let first = prior.levels;
+        let (rotation_sd, rotations) = of(0, levels.rotation_sd, first.rotation_sd);
+        let (translation_sd, shifts) = of(3, levels.translation_sd, first.translation_sd);
+        (PoseNoise { rotation_sd, translation_sd }, rotations + shifts)
+    }
+}
+
+/// Precision of each component of a motion.
+fn scale_of(levels: PoseNoise) -> Motion {
+    Motion::from_fn(|k, _| if k < 3 { levels.rotation_sd.powi(-2) } else { levels.translation_sd.powi(-2) })
+}
+
+/// The equations: information of measurements and prior less what the objects take.
+struct Equations {
+    diagonal: Vec<Matrix6<f64>>,
+    precision: Vec<(f64, f64)>,
+    scale: Motion,
+    couplings: Vec<Coupling>,
+    is_correlated: bool,
+}
+
+impl Equations {
+    /// The first column of each row if only rows of the same segment are coupled.
+    fn first_columns(&self, segment: usize) -> Vec<usize> {
+        let start = |k: usize| k / segment * segment;
+        let mut first: Vec<usize> = (0..self.diagonal.len()).collect();
+        for (k, first) in first.iter_mut().enumerate() {
+            if self.is_correlated && k > start(k) {
+                *first = k - 1;
+            }
+        }
+        for coupling in &self.couplings {
+            let mut least = usize::MAX;
+            for (k, _) in &coupling.frames {
+                if least == usize::MAX || least < start(*k) {
+                    least = *k;
+                }
+                first[*k] = first[*k].min(least);
+            }
+        }
+        // The selected inverse needs the columns between: an envelope has them.
+        first
+    }
+
+    fn envelope(&self, segment: usize) -> Envelope {
+        let first = self.first_columns(segment);
+        let mut matrix = Envelope::zeros(&first);
+        for (k, block) in self.diagonal.iter().enumerate() {
+            matrix.add(k, k, block);
+            if self.is_correlated && first[k] < k {
+                matrix.add(k, k - 1, &Matrix6::from_diagonal(&(self.scale * self.precision[k].1)));
+            }
+        }
+        for Coupling { frames } in &self.couplings {
+            for (place, (row, a)) in frames.iter().enumerate() {
+                for (column, b) in frames[..=place].iter().filter(|(column, _)| *column / segment == *row / segment) {
+                    matrix.add(*row, *column, &-(a * b.transpose()));
+                }
+            }
+        }
+        matrix
+    }
+
+    fn times(&self, x: &[Motion]) -> Vec<Motion> {
+        let mut product: Vec<Motion> = self.diagonal.iter().zip(x).map(|(block, x)| block * x).collect();
+        if self.is_correlated {
+            for k in 1..x.len() {
+                let with_before = self.scale * self.precision[k].1;
+                product[k] += with_before.component_mul(&x[k - 1]);
+                product[k - 1] += with_before.component_mul(&x[k]);
+            }
+        }
+        for Coupling { frames } in &self.couplings {
+            let sum: nalgebra::SVector<f64, PARAMETERS> = frames.iter().map(|(k, block)| block.tr_mul(&x[*k])).sum();
+            frames.iter().for_each(|(k, block)| product[*k] -= block * sum);
+        }
+        product
+    }
+
+    /// The solution and the covariance.
+    fn solve(&self, right: &[Motion]) -> Option<(Vec<Motion>, Envelope)> {
+        let mut segment = self.diagonal.len().max(1);
+        while Envelope::work(&self.first_columns(segment)) > MOST_WORK {
+            segment = segment.div_ceil(2);
+        }
+        let factor = self.envelope(segment).factor()?;
+        let step =
+            if segment >= self.diagonal.len() { factor.solve(right) } else { self.conjugate_gradients(&factor, right) };
+        Some((step, factor.inverse()))
+    }
+
+    fn conjugate_gradients(&self, preconditioner: &Factor, right: &[Motion]) -> Vec<Motion> {
+        let dot = |a: &[Motion], b: &[Motion]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+        let mut x = vec![Vector6::zeros(); right.len()];
+        let mut residual = right.to_vec();
+        let mut z = preconditioner.solve(&residual);
+        let mut direction = z.clone();
+        let mut rho = dot(&residual, &z);
+        let enough = TOLERANCE * TOLERANCE * rho;
+        for _ in 0..ITERATIONS {
+            if !(rho > enough) {
+                break;
+            }
+            let product = self.times(&direction);
+            let length = rho / dot(&direction, &product);
+            for (k, x) in x.iter_mut().enumerate() {
+                *x += direction[k] * length;
+                residual[k] -= product[k] * length;
+            }
+            z = preconditioner.solve(&residual);
+            let next = dot(&residual, &z);
+            direction.iter_mut().zip(&z).for_each(|(d, z)| *d = z + *d * (next / rho));
+            rho = next;
+        }
+        x
+    }
+}

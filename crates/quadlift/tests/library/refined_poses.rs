@@ -1,0 +1,104 @@
+//! Poses that are refined with the objects.
+
+use quadlift::geometry::Projection;
+use quadlift::metrics::{iou3d_bodies, nees};
+use quadlift::nalgebra::{Rotation3, Vector3, Vector6};
+use quadlift::solve::{BodyKind, MapOptions, PoseMotion};
+use quadlift::synthetic::random::{normal, stream};
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
+use quadlift::{Localization, localize};
+
+/// Cars along a street, with noisy boxes.
+fn street(noise: f64) -> SyntheticScene {
+    generate(&SyntheticOptions {
+        seed: 4,
+        objects: 24,
+        views: 60,
+        trajectory: Trajectory::Street,
+        observations: Observations::Boxes,
+        noise: if noise > 0.0 { vec![Noise::BoxEdges(noise)] } else { Vec::new() },
+        ..Default::default()
+    })
+    .unwrap()
+}
+
+/// The scene with errors of its poses (rotation in radians, shift), and the errors.
+fn with_errors(made: &SyntheticScene, sd: [f64; 2], memory: f64) -> (SyntheticScene, Vec<Vector6<f64>>) {
+    let mut rng = stream(9, 77);
+    let rho = if memory > 0.0 { (-1.0 / memory).exp() } else { 0.0 };
+    let mut error = Vector6::from_fn(|_, _| normal(&mut rng));
+    let mut errors = Vec::new();
+    for _ in &made.scene.frames {
+        error = error * rho + Vector6::from_fn(|_, _| normal(&mut rng)) * (1.0 - rho * rho).sqrt();
+        errors.push(Vector6::from_fn(|k, _| error[k] * sd[k / 3]));
+    }
+    let mut made = made.clone();
+    made.scene
+        .edit(|parts| {
+            for (frame, error) in parts.frames.iter_mut().zip(&errors) {
+                let turn = Rotation3::new(error.fixed_rows::<3>(0).into_owned());
+                let shift = error.fixed_rows::<3>(3).into_owned();
+                frame.projection = frame.projection.with_moved_camera(&turn, &shift).unwrap();
+            }
+        })
+        .unwrap();
+    (made, errors)
+}
+
+fn found(made: &SyntheticScene, refine_poses: Option<PoseMotion>) -> Localization {
+    let options = MapOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() };
+    localize(&made.scene, &options.into()).unwrap()
+}
+
+/// Mean IoU and median NEES.
+fn scores(made: &SyntheticScene, found: &Localization) -> (f64, f64) {
+    let (mut sum, mut errors) = (0.0, Vec::new());
+    for estimate in &found.estimates {
+        let id = &made.scene.object_ids[estimate.object_index];
+        let truth = &made.truth.iter().find(|(name, _)| name == id).unwrap().1;
+        sum += estimate.body.map_or(0.0, |body| iou3d_bodies(&body, truth));
+        let ellipsoid = estimate.ellipsoid().zip(estimate.covariance);
+        errors.extend(ellipsoid.and_then(|(e, c)| nees(&e, &truth.ellipsoid(), &c.matrix)));
+    }
+    errors.sort_by(f64::total_cmp);
+    (sum / found.estimates.len() as f64, errors[errors.len() / 2])
+}
+
+/// Root mean square rotation error of poses, less the mean (which no measurement shows).
+fn rotation_error(made: &SyntheticScene, given: &SyntheticScene, found: &Localization) -> f64 {
+    let turn_of = |p: &Projection| p.world_from_cam_rotation().unwrap();
+    let errors: Vec<Vector3<f64>> = (0..made.scene.frames.len())
+        .map(|k| {
+            let projection = &given.scene.frames[k].projection;
+            let refined = found.refined_poses.iter().find(|refined| refined.frame_index == k);
+            let moved = refined.and_then(|r| projection.with_moved_camera(&r.turn, &r.shift));
+            let difference =
+                turn_of(&moved.unwrap_or(*projection)) * turn_of(&made.scene.frames[k].projection).transpose();
+            Rotation3::from_matrix(&difference).scaled_axis()
+        })
+        .collect();
+    let mean = errors.iter().sum::<Vector3<f64>>() / errors.len() as f64;
+    (errors.iter().map(|e| (e - mean).norm_squared()).sum::<f64>() / errors.len() as f64).sqrt()
+}
+
+#[test]
+fn independent_errors_of_poses_are_halved_and_objects_gain() {
+    let exact = street(0.02);
+    let (given, _) = with_errors(&exact, [0.01, 0.05], 0.0);
+    let (before, after) = (found(&given, None), found(&given, Some(PoseMotion::Independent)));
+    let (a, b) = (rotation_error(&exact, &given, &before), rotation_error(&exact, &given, &after));
+    let (without, with) = (scores(&given, &before), scores(&given, &after));
+    println!("independent: rotation {a:.4} -> {b:.4}, IoU and NEES {without:?} -> {with:?}");
+    assert!(b < 0.5 * a, "{a} {b}");
+    assert!(with.0 > without.0, "{without:?} {with:?}");
+}
+
+#[test]
+fn slow_errors_of_poses_are_followed() {
+    let exact = street(0.02);
+    let (given, _) = with_errors(&exact, [0.02, 0.3], 100.0);
+    let of = |motion| {
+        let found = found(&given, motion);
+        (rotation_error(&exact, &given, &found), scores(&given, &found))
+    };
+    let (none, slow) = (of(None), of(Some(PoseMotion::Slow)));
