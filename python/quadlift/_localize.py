@@ -78,7 +78,7 @@ def localize(
     **options : Options
         The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `associate`, `ids`,
         `cross_validate`, `min_views`, `upright`, `ground_plane`, `supporting_surfaces`, `camera_height`,
-        `pose_noise`, `sigmas`, `calibration`, `accept_inconsistent`, `reg_lambda`, `seed`, `threads`, `progress`.
+        `refine_poses`, `pose_noise`, `sigmas`, `calibration`, `accept_inconsistent`, `reg_lambda`, `seed`, `threads`, `progress`.
 
     Returns
     -------

@@ -77,6 +77,9 @@ class Options(TypedDict, total=False):
     """Find level surfaces from the objects that stand on them (tables, shelves, the floor); needs the scene's `up`."""
     camera_height: float | None
     """Height of the cameras above the ground plane, world units."""
+    refine_poses: Literal["independent", "slow"] | None
+    """Correct the poses together with the objects: errors of frames are independent, or slow (GPS, drifting odometry).
+    `Estimates.to_scene` has the corrected poses."""
     pose_noise: tuple[float, float] | None
     """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame."""
     sigmas: Mapping[str, float] | None
@@ -113,6 +116,7 @@ DEFAULTS: dict[str, Any] = {
     "ground_plane": False,
     "supporting_surfaces": False,
     "camera_height": None,
+    "refine_poses": None,
     "pose_noise": None,
     "sigmas": None,
     "calibration": (),
@@ -132,7 +136,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     keywords = {**DEFAULTS, **given}
     for name in ("method", "body", "observations", "associate"):
         _checks.text(name, keywords[name])
-    for name in ("source", "ids"):
+    for name in ("source", "ids", "refine_poses"):
         _checks.optional(_checks.text, name, keywords[name])
     for name in ("max_occluded", "max_truncated", "camera_height", "reg_lambda"):
         keywords[name] = _checks.optional(_checks.number, name, keywords[name])

@@ -44,6 +44,7 @@ pub struct LocalizeKeywords {
     supporting_surfaces: bool,
     camera_height: Option<f64>,
     pose_noise: Option<[f64; 2]>,
+    refine_poses: Option<String>,
     reg_lambda: Option<f64>,
     sigmas: Option<HashMap<String, f64>>,
     accept_inconsistent: bool,
@@ -75,6 +76,7 @@ impl LocalizeKeywords {
                 ("supporting_surfaces", self.supporting_surfaces),
                 ("camera_height", self.camera_height.is_some()),
                 ("pose_noise", self.pose_noise.is_some()),
+                ("refine_poses", self.refine_poses.is_some()),
                 ("sigmas", self.sigmas.is_some()),
                 ("calibration", !self.calibration.is_empty()),
             ];
@@ -95,6 +97,7 @@ impl LocalizeKeywords {
             map.ground_plane = self.ground_plane;
             map.supporting_surfaces = self.supporting_surfaces;
             map.camera_height = self.camera_height;
+            map.refine_poses = self.refine_poses.as_deref().map(|name| named("refine_poses", name)).transpose()?;
             let sds = self.pose_noise;
             map.pose_noise = sds.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
             if let Some(levels) = &self.sigmas {

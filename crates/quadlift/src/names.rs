@@ -4,7 +4,7 @@ use std::fmt::{Display, Formatter, Result as FmtResult};
 use std::str::FromStr;
 
 use crate::localize::MeasurementKind;
-use crate::solve::{BodyKind, MapOptions, Method, RegOptions};
+use crate::solve::{BodyKind, MapOptions, Method, PoseMotion, RegOptions};
 
 /// A name that stands for none of the choices.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -85,6 +85,34 @@ impl FromStr for MeasurementKind {
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
         found.ok_or_else(|| unknown(name, "kind of measurement", &Self::NAMES))
+    }
+}
+
+impl PoseMotion {
+    /// All motions, in the order of their names.
+    pub const ALL: [Self; 2] = [Self::Independent, Self::Slow];
+
+    /// The names of all motions, as [`Display`] writes and [`FromStr`] reads them.
+    pub const NAMES: [&str; 2] = ["independent", "slow"];
+
+    /// The name of the motion.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl Display for PoseMotion {
+    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for PoseMotion {
+    type Err = UnknownName;
+
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|motion| motion.name() == name);
+        found.ok_or_else(|| unknown(name, "motion of pose errors", &Self::NAMES))
     }
 }
 

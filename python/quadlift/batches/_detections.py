@@ -29,6 +29,7 @@ OF_SCENES = OF_OBJECTS | {
     "ground_plane",
     "supporting_surfaces",
     "camera_height",
+    "refine_poses",
     "pose_noise",
     "accept_inconsistent",
 }

@@ -279,6 +279,30 @@ fn surfaces_are_found_from_what_stands_on_them() {
 }
 
 #[test]
+fn refined_poses_are_in_the_result_beside_the_given_ones() {
+    let folder = Folder::new();
+    folder.succeed("synth -q -o scene.json --objects 12 --views 8 --noise box:0.01 --pose-noise 0.3");
+    let scene = folder.json("scene.json");
+    for (option, motion) in [("--refine-poses", "independent"), ("--refine-poses=slow", "slow")] {
+        folder.succeed(&format!("localize scene.json {option} -o out.json"));
+        let result = folder.json("out.json");
+        assert_eq!(result["localization"]["settings"]["refine_poses"], motion);
+        assert!(result["localization"]["noise"]["pose_rotation"].as_f64().unwrap() > 1e-4);
+        let frames = result["frames"].as_array().unwrap();
+        for (frame, given) in frames.iter().zip(scene["frames"].as_array().unwrap()) {
+            assert_eq!(frame["given_cam_from_world"], given["cam_from_world"]);
+            assert_ne!(frame["cam_from_world"], given["cam_from_world"]);
+            let covariance = frame["pose_covariance"].as_array().unwrap();
+            assert!(covariance.len() == 6 && covariance[0][0].as_f64().unwrap() > 0.0);
+        }
+    }
+    // A result is a scene: its poses are used.
+    folder.succeed("export out.json tum poses.txt");
+    assert_eq!(folder.run("localize scene.json --refine-poses=fast").code, 2);
+    assert!(folder.run("localize scene.json --refine-poses --method lfd").stderr.contains("--method map only"));
+}
+
+#[test]
 fn priors_act_where_the_unit_is_known() {
     let folder = Folder::new();
     let mut scene = folder.small_scene();

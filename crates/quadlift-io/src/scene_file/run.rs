@@ -1,6 +1,8 @@
 //! The run of a result: settings, counts and noise levels (`localization` in the file).
 
 use quadlift::cross_validation::Extent;
+use quadlift::geometry::{CamFromWorld, Projection};
+use quadlift::nalgebra::Matrix3x4;
 use quadlift::scene::Scene;
 use quadlift::solve::{
     BodyKind, CueScale, Estimate, LearntCategorySize, Method, ScaledQuantity, Sigmas, Status, SupportingSurface,
@@ -36,6 +38,9 @@ pub fn settings_record(options: &LocalizeOptions, priors: Option<&str>) -> Value
         json["ground_plane"] = map.ground_plane.into();
         json["camera_height"] = map.camera_height.into();
         json["pose_noise"] = map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
+        if let Some(motion) = map.refine_poses {
+            json["refine_poses"] = motion.name().into();
+        }
         json["priors"] = priors.into();
         if map.learn_sizes {
             json["learn_sizes"] = true.into();
@@ -173,6 +178,33 @@ impl SceneFile {
         Sigmas::new(levels).map_err(|error| EntryError::new(entry, error))
     }
 
+    /// The same with the corrected poses of its frames, in the order of the scene; the given ones are kept beside them.
+    fn with_refined_poses(mut self, localization: &Localization) -> Self {
+        for refined in &localization.refined_poses {
+            let Some(frame) = self.frames.get_mut(refined.frame_index) else { continue };
+            let matrix = |rows: &[[f64; 4]; 3]| Matrix3x4::from_fn(|i, j| rows[i][j]);
+            let rows = |matrix: &Matrix3x4<f64>| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)]));
+            if let Some(given) = frame.cam_from_world {
+                let corrected = CamFromWorld::new(matrix(&given)).and_then(|given| refined.cam_from_world(&given));
+                let Ok(corrected) = corrected else { continue };
+                frame.cam_from_world = Some(rows(corrected.matrix()));
+                frame.extra.insert("given_cam_from_world".to_owned(), json!(given));
+            } else if let Some(given) = frame.projection {
+                let corrected = Projection::from_matrix(matrix(&given))
+                    .ok()
+                    .and_then(|given| given.with_moved_camera(&refined.turn, &refined.shift));
+                let Some(corrected) = corrected else { continue };
+                frame.projection = Some(rows(corrected.matrix()));
+                frame.extra.insert("given_projection".to_owned(), json!(given));
+            }
+            if let Some(covariance) = &refined.covariance {
+                let rows: Vec<Vec<f64>> = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
+                frame.extra.insert("pose_covariance".to_owned(), json!(rows));
+            }
+        }
+        self
+    }
+
     /// The result of a localisation of this file's scene, with what [`settings_record`] gives.
     #[must_use]
     pub fn localized(&self, scene: &Scene, localization: &Localization, settings: Value) -> Self {
@@ -205,6 +237,6 @@ impl SceneFile {
         if !localization.supporting_surfaces.is_empty() {
             about["supporting_surfaces"] = supporting_surfaces_record(scene, localization);
         }
-        self.with_results(Vec::new(), about)
+        self.with_results(Vec::new(), about).with_refined_poses(localization)
     }
 }

@@ -102,3 +102,22 @@ fn slow_errors_of_poses_are_followed() {
         (rotation_error(&exact, &given, &found), scores(&given, &found))
     };
     let (none, slow) = (of(None), of(Some(PoseMotion::Slow)));
+    println!("slow: {none:?} -> {slow:?}");
+    assert!(slow.0 < 0.5 * none.0, "{none:?} {slow:?}");
+    assert!(slow.1.0 > none.1.0 + 0.2 && (4.0..14.0).contains(&slow.1.1), "{none:?} {slow:?}");
+}
+
+#[test]
+fn exact_poses_stay() {
+    for (noise, most) in [(0.0, 1e-6), (0.03, 2e-3)] {
+        let exact = street(noise);
+        let refined = found(&exact, Some(PoseMotion::Independent));
+        assert!(refined.refined_poses.len() > 50);
+        let moved = refined.refined_poses.iter().map(|r| r.turn.angle()).fold(0.0, f64::max);
+        let shifted = refined.refined_poses.iter().map(|r| r.shift.norm()).fold(0.0, f64::max);
+        println!("{noise}: {moved:.2e} {shifted:.2e}");
+        assert!(moved < most && shifted < 50.0 * most, "{noise}: {moved} {shifted}");
+        let (without, with) = (scores(&exact, &found(&exact, None)), scores(&exact, &refined));
+        assert!(with.0 > without.0 - 0.005, "{without:?} {with:?}");
+    }
+}

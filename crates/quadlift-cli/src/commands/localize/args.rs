@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use quadlift::cross_validation::Extent;
-use quadlift::solve::{BodyKind, Method, PoseNoise, Sigmas};
+use quadlift::solve::{BodyKind, Method, PoseMotion, PoseNoise, Sigmas};
 use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_io::read_scene_file;
 
@@ -126,6 +126,12 @@ pub struct Args {
     #[arg(long, value_name = "H", value_parser = args::positive)]
     camera_height: Option<f64>,
 
+    /// Correct the poses together with the objects: errors of frames are independent (default) or slow (GPS, drifting
+    /// odometry). Results have the corrected poses
+    #[arg(long, value_name = "MOTION", num_args = 0..=1, require_equals = true, default_missing_value = "independent",
+          value_parser = pose_motion(), hide_possible_values = true)]
+    refine_poses: Option<PoseMotion>,
+
     /// Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame
     #[arg(long, value_name = "RAD,LENGTH", value_parser = args::pose_noise)]
     pose_noise: Option<PoseNoise>,
@@ -183,6 +189,7 @@ impl Args {
                 self.ground_plane || self.camera_height.is_some() || self.pose_noise.is_some(),
                 "--ground-plane, --camera-height and --pose-noise are options",
             ),
+            (self.refine_poses.is_some(), "--refine-poses is an option"),
             (self.supporting_surfaces, "--supporting-surfaces is an option"),
             (self.no_upright, "--no-upright is an option"),
             (self.sigmas.is_some(), "--sigmas is an option"),
@@ -196,6 +203,7 @@ impl Args {
                 map.supporting_surfaces = self.supporting_surfaces;
                 map.camera_height = self.camera_height;
                 map.pose_noise = self.pose_noise;
+                map.refine_poses = self.refine_poses;
                 map.sigmas = self.sigmas.as_ref().map(read_sigmas).transpose()?;
                 map.learn_sizes = self.priors.iter().any(|name| name.as_os_str() == "scene");
             }
@@ -254,6 +262,11 @@ fn method() -> impl TypedValueParser<Value = Method> {
 /// Reads a kind of measurement by its name.
 fn observations() -> impl TypedValueParser<Value = MeasurementKind> {
     PossibleValuesParser::new(MeasurementKind::NAMES).try_map(|name| name.parse::<MeasurementKind>())
+}
+
+/// Reads a motion of pose errors by its name.
+fn pose_motion() -> impl TypedValueParser<Value = PoseMotion> {
+    PossibleValuesParser::new(PoseMotion::NAMES).try_map(|name| name.parse::<PoseMotion>())
 }
 
 /// Noise levels that were given, or those of an earlier result.
