@@ -150,7 +150,7 @@ class FromOtherPackages(SceneData):
         frames: Sequence[str] | None = None,
         source: str = "yolo",
     ) -> Self:
-        """Cameras with the boxes of Ultralytics results.
+        """Cameras with the boxes of Ultralytics results, the outlines of segmentation and turned boxes of OBB.
 
         Parameters
         ----------
@@ -271,9 +271,14 @@ class _Table:
         self.categories: list[str | None] = []
         self.object: list[str | None] = []
         self.masks: list[Any] = []
+        self.outline: list[Any] = []
+        self.oriented_box: list[Any] = []
 
     def add(self, frame: int, found: _found.Found) -> None:
-        edges = _checks.array(f'xyxy of frame "{self.frame_ids[frame]}"', found.boxes, ("M", 4))
+        turned = found.oriented_box
+        edges = _checks.array(
+            f'xyxy of frame "{self.frame_ids[frame]}"', found.boxes, ("M", 4), nan=turned is not None
+        )
         scores, classes, tracks, masks = found.scores, found.categories, found.object, found.masks
         for row in range(len(edges)):
             self.frame.append(frame)
@@ -282,8 +287,11 @@ class _Table:
             self.categories.append(None if classes is None else str(classes[row]))
             self.object.append(None if tracks is None else tracks[row])
             self.masks.append(None if masks is None else masks[row])
+            self.outline.append(None if found.outline is None else found.outline[row])
+            self.oriented_box.append(np.full(5, np.nan) if turned is None else turned[row])
 
     def arrays(self) -> dict[str, Any]:
+        turned = np.array(self.oriented_box, dtype=np.float64).reshape(-1, 5)
         return {
             "frame": np.array(self.frame, dtype=np.int64),
             "boxes": np.array(self.boxes, dtype=np.float64).reshape(-1, 4),
@@ -291,4 +299,6 @@ class _Table:
             "categories": np.array(self.categories, dtype=object),
             "object": np.array(self.object, dtype=object),
             "masks": self.masks if any(mask is not None for mask in self.masks) else None,
+            "outline": self.outline if any(outline is not None for outline in self.outline) else None,
+            "oriented_box": turned if np.isfinite(turned).any() else None,
         }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
-from . import _checks, _cues
+from . import _checks, _cues, _outlines
 from ._core import QuadliftError
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ class DetectionArrays(TypedDict, total=False):
     source: str | None
     hidden_edges: NDArray[np.bool_] | None
     """(M, 4)."""
+    outlines: _outlines.OutlineArrays | None
     cues: _cues.CueArrays | None
 
 
@@ -89,6 +90,7 @@ class BoxArrays(TypedDict):
     category: Names
     scores: NDArray[np.float64] | None
     """(M,)."""
+    outlines: _outlines.OutlineArrays | None
     cues: _cues.CueArrays | None
 
 
@@ -275,7 +277,8 @@ def _camera(camera: Any, size: list[float] | None) -> tuple[tuple[str | None, st
 
 def map_detections(found: Found) -> BoxArrays:
     """The detections of a frame of an object map."""
-    boxes = _checks.array("boxes", found.boxes, ("M", 4))
+    shaped = found.outline is not None or found.oriented_box is not None
+    boxes = _checks.array("boxes", found.boxes, ("M", 4), nan=shaped)
     count, scores = len(boxes), found.scores
     if scores is not None:
         scores = _checks.array("scores", scores, ("M",), nan=True)
@@ -285,6 +288,7 @@ def map_detections(found: Found) -> BoxArrays:
         "object": _checks.names("object", found.object, count, "boxes"),
         "category": _checks.names("categories", found.categories, count, "boxes"),
         "scores": scores,
+        "outlines": _outlines.outlines(found.outline, found.oriented_box, count, "boxes"),
         "cues": _cues.cues(found.depth, found.box3d, count, "boxes"),
     }
 
@@ -311,6 +315,8 @@ def detections(
     boxes: ArrayLike | None,
     ellipses: ArrayLike | None,
     masks: Sequence[Any] | None,
+    outline: Sequence[Any] | None,
+    oriented_box: ArrayLike | None,
     object: ArrayLike | None,
     scores: ArrayLike | None,
     categories: ArrayLike | None,
@@ -321,7 +327,7 @@ def detections(
     """Detections of the arguments of `Scene.with_detections`."""
     indices = _checks.indices("frame", frame)
     count = len(indices)
-    if boxes is None and ellipses is None and box3d is None:
+    if all(given is None for given in (boxes, ellipses, outline, oriented_box, box3d)):
         raise QuadliftError("expected boxes or ellipses; found none of them")
 
     def rows(name: str, value: ArrayLike | None, *width: int) -> NDArray[np.float64] | None:
@@ -340,6 +346,7 @@ def detections(
         "object": _checks.names("object", object, count, "frame"),
         "category": _checks.names("categories", categories, count, "frame"),
         "source": _checks.optional(_checks.text, "source", source),
+        "outlines": _outlines.outlines(outline, oriented_box, count, "frame"),
         "cues": _cues.cues(depth, box3d, count, "frame"),
     }
 

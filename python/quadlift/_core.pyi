@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arrays import BoxArrays, DetectionArrays, FrameArrays, MapFrame
+from ._outlines import OutlineArrays
 
 __all__ = [
     "Localized",
@@ -17,6 +18,7 @@ __all__ = [
     "__version__",
     "frame_problems",
     "hidden_edges",
+    "hidden_lines",
     "set_max_pixels",
     "write_text",
 ]
@@ -29,6 +31,7 @@ class QuadliftError(ValueError):
 def set_max_pixels(pixels: int) -> None: ...
 def write_text(path: str | PathLike[str], text: str) -> None: ...
 def frame_problems(frames: FrameArrays) -> list[tuple[int, str]]: ...
+def hidden_lines(frame: NDArray[np.int64], outlines: OutlineArrays) -> NDArray[np.bool_]: ...
 def hidden_edges(frame: NDArray[np.int64], boxes: NDArray[np.float64]) -> NDArray[np.bool_]: ...
 
 @final

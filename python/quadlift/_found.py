@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from . import _outlines
 from ._core import QuadliftError
 
 
@@ -24,6 +25,9 @@ class Found:
     object: Any = None
     """Object ids: whole numbers or texts."""
     masks: Any = None
+    outline: Any = None
+    oriented_box: Any = None
+    """(M, 5)."""
     depth: Any = None
     box3d: Any = None
 
@@ -32,17 +36,32 @@ def of_supervision(found: Any) -> Found:
     """`supervision.Detections`; tracker ids are ``t7`` for 7."""
     data = getattr(found, "data", None) or {}
     classes = data.get("class_name", found.class_id)
-    return Found(found.xyxy, found.confidence, classes, _tracks(found.tracker_id), found.mask)
+    boxes, turned = found.xyxy, None
+    if data.get("xyxyxyxy") is not None:
+        # Turned boxes: their bounding boxes say nothing more.
+        turned = _outlines.of_corners(data["xyxyxyxy"])
+        boxes = np.full((len(turned), 4), np.nan)
+    return Found(boxes, found.confidence, classes, _tracks(found.tracker_id), found.mask, oriented_box=turned)
 
 
 def of_ultralytics(result: Any, name: str) -> Found:
     """`ultralytics.engine.results.Results`; track ids are ``t7`` for 7. `name` is the argument, for messages."""
-    boxes = result.boxes
+    turned, masks = getattr(result, "obb", None), getattr(result, "masks", None)
+    boxes = result.boxes if turned is None else turned
     if boxes is None:
-        raise QuadliftError(f"{name} has no boxes; expected those of detection, segmentation or tracking")
+        raise QuadliftError(f"{name} has no boxes; expected those of detection, segmentation, OBB or tracking")
     classes = [result.names[int(k)] for k in _numpy(boxes.cls)]
     tracks = None if boxes.id is None else _numpy(boxes.id).astype(np.int64)
-    return Found(_numpy(boxes.xyxy), _numpy(boxes.conf), classes, _tracks(tracks))
+    found = Found(None, _numpy(boxes.conf), classes, _tracks(tracks))
+    if turned is None:
+        found.boxes = _numpy(boxes.xyxy)
+    else:
+        # Centre, width, height, angle; the boxes around say nothing more.
+        found.oriented_box = _numpy(turned.xywhr).astype(np.float64)
+        found.boxes = np.full((len(found.oriented_box), 4), np.nan)
+    if masks is not None:
+        found.outline = [_polygon(_numpy(polygon)) for polygon in masks.xy]
+    return found
 
 
 def of_any(detections: Any) -> Found:
@@ -61,6 +80,13 @@ def _numpy(tensor: Any) -> Any:
     """Converts a tensor on any device to an array."""
     tensor = tensor.cpu() if hasattr(tensor, "cpu") else tensor
     return np.asarray(tensor)
+
+
+def _polygon(corners: Any) -> Any:
+    """The outline of a mask; None for less than a triangle: a mask that is empty or a line."""
+    spread = corners - corners[:1]
+    is_flat = len(corners) < 3 or np.linalg.matrix_rank(spread) < 2
+    return None if is_flat else corners
 
 
 def _tracks(numbers: Any) -> list[str | None] | None:

@@ -28,6 +28,8 @@ def localize(
     boxes: ArrayLike | None = None,
     ellipses: ArrayLike | None = None,
     masks: Sequence[Any] | None = None,
+    outline: Sequence[ArrayLike | None] | None = None,
+    oriented_box: ArrayLike | None = None,
     object: ArrayLike | None = None,
     scores: ArrayLike | None = None,
     categories: ArrayLike | None = None,
@@ -55,9 +57,14 @@ def localize(
         ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
     ellipses : array_like, shape (M, 5), optional
         Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
-        means none. Each detection needs a box or an ellipse.
+        means none. Each detection needs a box, an ellipse, an outline or a turned box.
     masks : sequence of (H, W) arrays or None, length M, optional
         Non-zero pixels are the object; for ``observations="mask"``.
+    outline : sequence of (K, 2) array_like or None, length M, optional
+        Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
+    oriented_box : array_like, shape (M, 5), optional
+        Turned boxes: centre x and y, width, height, and the angle of the width (radians, from x towards y); pixels. A
+        row of NaN means none. With an outline it is not used.
     object : array_like of int or str, shape (M,), optional
         The objects of the detections; negative numbers, None and "" mean unknown. If any is unknown, or without this
         argument, the detections are associated first.
@@ -112,6 +119,8 @@ def localize(
         boxes=boxes,
         ellipses=ellipses,
         masks=masks,
+        outline=outline,
+        oriented_box=oriented_box,
         object=object,
         scores=scores,
         categories=categories,

@@ -284,6 +284,8 @@ class ObjectMap:
         categories: ArrayLike | None = None,
         scores: ArrayLike | None = None,
         object: ArrayLike | None = None,
+        outline: Sequence[ArrayLike | None] | None = None,
+        oriented_box: ArrayLike | None = None,
         depth: Depths | ArrayLike | None = None,
         box3d: Boxes3d | None = None,
     ) -> FrameUpdate:
@@ -322,9 +324,10 @@ class ObjectMap:
             Scores of the detector; NaN means none.
         object : array_like of int or str, shape (M,), optional
             Ids of a tracker; unknown ones as for categories.
-        depth, box3d : optional
-            Depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map keeps them with its views,
-            for `localize`.
+        outline, oriented_box, depth, box3d : optional
+            Outlines, turned boxes, depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map keeps
+            them with its views, for `localize`. With an outline or a turned box the row of `boxes` may be NaN,
+            or all of `boxes` missing.
 
         Raises
         ------
@@ -333,6 +336,8 @@ class ObjectMap:
         """
         frame_id = _frame_id("frame_id", frame_id)
         try:
+            if detections is None and boxes is None and (outline is not None or oriented_box is not None):
+                boxes = np.full((len(np.asarray(oriented_box)) if outline is None else len(outline), 4), np.nan)
             found = _found_in_frame(detections, boxes, categories, scores, object)
             frame = _arrays.map_frame(
                 frame_id,
@@ -347,6 +352,8 @@ class ObjectMap:
                 pose_noise=pose_noise,
             )
             found.depth, found.box3d = depth, box3d
+            found.outline = found.outline if outline is None else outline
+            found.oriented_box = found.oriented_box if oriented_box is None else oriented_box
             arrays = _arrays.map_detections(found)
         except QuadliftError as error:
             raise QuadliftError(f'frame "{frame_id}": {error}') from error

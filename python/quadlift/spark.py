@@ -54,8 +54,8 @@ def localize(
     detections : DataFrame
         One row per detection, with the columns `frame` and `object` (whole numbers or texts), `x0`, `y0`, `x1`, `y1`
         (pixels) or `box`, an array of these four, and optionally `scene` (whole numbers or texts), `category` (texts)
-        and `score`, and the columns of depths and 3D boxes of `quadlift.batches.localize_objects`. Without the column
-        `object`, detections are associated scene by scene.
+        and `score`, and the columns of outlines, turned boxes, depths and 3D boxes of
+        `quadlift.batches.localize_objects`. Without the column `object`, detections are associated scene by scene.
     cameras : DataFrame
         One row per frame, with the columns of `quadlift.batches.Cameras`: `scene` if the detections have it, `frame`,
         `projection` or `intrinsics` and `cam_from_world`, optionally `width` and `height`.
@@ -201,7 +201,7 @@ def _schema(flat: DataFrame, object_type: T.DataType) -> T.StructType:
 
 # Columns
 
-_OF_DETECTIONS = ("scene", "frame", "object", "box", *_tables.BOX, "category", "score", *_tables.CUES)
+_OF_DETECTIONS = ("scene", "frame", "object", "box", *_tables.BOX, "category", "score", *_tables.SHAPES, *_tables.CUES)
 
 
 def _keys(frame: DataFrame, *names: str) -> list[str]:
@@ -243,19 +243,19 @@ def _flat(detections: DataFrame) -> DataFrame:
         columns.append(F.col("category").cast("string"))
     if "score" in names:
         columns.append(_number(detections, "score", "detections").cast("double").alias("score"))
-    columns += [_cue(detections, name) for name in _tables.CUES if name in names]
+    columns += [_cue(detections, name) for name in (*_tables.SHAPES, *_tables.CUES) if name in names]
     return detections.select(*columns)
 
 
 def _cue(detections: DataFrame, name: str) -> Column:
-    """A column of depths and 3D boxes: texts, lists of numbers, or numbers."""
+    """A column of outlines, turned boxes, depths and 3D boxes: texts, lists of numbers, or numbers."""
     if name.endswith(("_source", "_frame")):
         return F.col(name).cast("string")
-    if name not in _tables.LISTS:
+    if name not in _tables.LISTS and name != "outline":
         return _number(detections, name, "detections").cast("double").alias(name)
     kind = detections.schema[name].dataType
     if not (isinstance(kind, T.ArrayType) and isinstance(kind.elementType, T.NumericType)):
-        expected = f"an array of {_tables.LISTS[name]} numbers"
+        expected = f"an array of {_tables.LISTS[name]} numbers" if name in _tables.LISTS else "an array of numbers"
         raise QuadliftError(f"the column {name!r} of detections is {kind.simpleString()}; expected {expected}")
     return F.col(name).cast("array<double>").alias(name)
 
@@ -312,14 +312,15 @@ def _lists(rows: DataFrame, keys: Sequence[str], names: Sequence[str]) -> DataFr
 
 
 def _with_hidden_edges(flat: DataFrame) -> DataFrame:
-    """The detections with one more column, `hidden_edges`."""
+    """The detections with the column `hidden_edges` and, if there are outlines, `hidden_lines`."""
     keys = _keys(flat, "frame")
     names = [name for name in flat.columns if name not in keys]
     frames = flat.groupBy(*keys).agg(F.collect_list(F.struct(*names)).alias("views"))
     rows = _lists(frames, keys, names)
-    schema = T.StructType(
-        [*(flat.schema[name] for name in (*keys, *names)), T.StructField("hidden_edges", T.ByteType())]
-    )
+    hidden = [T.StructField("hidden_edges", T.ByteType())]
+    if "outline" in names:
+        hidden.append(T.StructField("hidden_lines", T.ShortType()))
+    schema = T.StructType([*(flat.schema[name] for name in (*keys, *names)), *hidden])
     return _map(rows, _hide, schema)
 
 

@@ -4,12 +4,13 @@ use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
-use quadlift::scene::{self, Cues, Detection, Frame, Scene, SceneError, SceneParts, Undistorted};
+use quadlift::scene::{self, Cues, Detection, Frame, Outlines, Scene, SceneError, SceneParts, Undistorted};
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord, cue_records};
 
 use crate::cues::CueArrays;
 use crate::error::refuse;
+use crate::outlines::{OutlineArrays, RowShape};
 use crate::rows::{Names, value, values};
 
 /// Height and width, and runs of a mask, as in COCO.
@@ -42,6 +43,9 @@ pub struct DetectionArrays<'py> {
     /// (M, 4): edges that are known to be hidden, see [`Detection::hidden_edges`]. A scene file does not hold them.
     #[pyo3(default)]
     hidden_edges: Option<PyReadonlyArray2<'py, bool>>,
+    /// Outlines and turned boxes.
+    #[pyo3(default)]
+    outlines: Option<OutlineArrays<'py>>,
     /// Depths and 3D boxes.
     #[pyo3(default)]
     cues: Option<CueArrays<'py>>,
@@ -51,12 +55,15 @@ pub struct DetectionArrays<'py> {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct BoxArrays<'py> {
-    /// (M, 4).
+    /// (M, 4); a row of NaN is no box.
     boxes: PyReadonlyArray2<'py, f64>,
     object: Names<'py>,
     category: Names<'py>,
     /// (M,); NaN for none.
     scores: Option<PyReadonlyArray1<'py, f64>>,
+    /// Outlines and turned boxes.
+    #[pyo3(default)]
+    outlines: Option<OutlineArrays<'py>>,
     /// Depths and 3D boxes.
     #[pyo3(default)]
     cues: Option<CueArrays<'py>>,
@@ -67,15 +74,19 @@ impl BoxArrays<'_> {
     pub fn records(&self, frame: &str) -> Result<Vec<DetectionRecord>, String> {
         let boxes = self.boxes.as_array();
         let record = |row: usize| {
+            let shape = self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default();
             let edges: [f64; 4] = std::array::from_fn(|k| boxes[[row, k]]);
-            BoundingBox::new(edges).map_err(|error| format!("boxes[{row}]: {error}"))?;
+            let edges = Some(edges).filter(|edges| shape.is_empty() || !edges.iter().all(|x| x.is_nan()));
+            edges.map(BoundingBox::new).transpose().map_err(|error| format!("boxes[{row}]: {error}"))?;
             let (depth, box3d) = self.cues.as_ref().map_or((None, None), |cues| cues.records(row));
             Ok(DetectionRecord {
                 frame: frame.into(),
                 object: self.object.of_row(row).map(Into::into),
                 category: self.category.of_row(row).map(Into::into),
                 score: value(&self.scores, row),
-                bounding_box: Some(edges),
+                bounding_box: edges,
+                outline: shape.outline,
+                oriented_box: shape.oriented_box.map(|turned| Box::new(turned.into())),
                 depth,
                 box3d,
                 ..Default::default()
@@ -88,10 +99,22 @@ impl BoxArrays<'_> {
 /// A box and an ellipse, measured in the image as it is.
 type Measured = (Option<BoundingBox>, Option<Ellipse>);
 
+/// A row, checked, measured in the image as it is.
+struct Row {
+    frame_index: u32,
+    bounding_box: Option<BoundingBox>,
+    ellipse: Option<Ellipse>,
+    shape: RowShape,
+    cues: Cues,
+}
+
 /// Data of detections in a scene file that is not in a scene.
 pub struct Originals {
-    /// What was measured, where a lens has been taken out of it since; empty where no frame has one.
+    /// What was measured, where a lens has been taken out of it since, or where a scene has the boxes around outlines; empty where no
+    /// frame has a lens and no detection an outline or a turned box.
     measured: Vec<Measured>,
+    /// Empty where there are none.
+    shapes: Vec<RowShape>,
     /// Empty where there are none.
     masks: Vec<Option<Runs>>,
 }
@@ -109,9 +132,12 @@ impl Originals {
         let (bounding_box, ellipse) = self.measured.get(row).copied().unwrap_or(as_it_is);
         let cues = detection.cues.as_deref().map(|cues| cue_records(cues, &scene.cue_sources));
         let (depth, box3d) = cues.unwrap_or_default();
+        let shape = self.shapes.get(row).cloned().unwrap_or_default();
         DetectionRecord {
             depth,
             box3d,
+            outline: shape.outline,
+            oriented_box: shape.oriented_box.map(|turned| Box::new(turned.into())),
             frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: name(detection.object_index, &scene.object_ids),
             category: name(detection.category_index, &scene.categories),
@@ -146,19 +172,22 @@ impl DetectionArrays<'_> {
         let categories = self.category.indices(&mut scene.categories);
         let hidden = self.hidden_edges.as_ref().map(|edges| edges.as_array());
         let has_lens = scene.frames.iter().any(|frame| frame.lens.is_some());
-        let mut measured = Vec::with_capacity(if has_lens { count } else { 0 });
+        let has_shapes = self.outlines.is_some();
+        let mut measured = Vec::with_capacity(if has_lens || has_shapes { count } else { 0 });
+        let mut shapes = Vec::with_capacity(if has_shapes { count } else { 0 });
+        let mut outlines = Outlines::default();
         scene.detections.reserve(count);
         for row in 0..count {
             let sources = &mut scene.cue_sources;
             let source_of = |name: &str| cue_source(sources, name);
-            let (frame_index, (bounding_box, ellipse), cues) =
+            let Row { frame_index, bounding_box, ellipse, shape, cues } =
                 self.row(row, &scene.frames, source_of).map_err(refuse)?;
-            if has_lens {
+            if has_lens || has_shapes {
                 measured.push((bounding_box, ellipse));
             }
-            let frame = &scene.frames[frame_index as usize];
+            let (has_box, frame) = (bounding_box.is_some(), &scene.frames[frame_index as usize]);
             let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(bounding_box, ellipse);
-            scene.detections.push(Detection {
+            let mut detection = Detection {
                 frame_index,
                 object_index: objects.get(row).copied().flatten(),
                 category_index: categories.get(row).copied().flatten(),
@@ -170,9 +199,15 @@ impl DetectionArrays<'_> {
                 hidden_edges: hidden.map(|edges| std::array::from_fn(|k| edges[[row, k]])),
                 cues: (!cues.is_empty()).then(|| Box::new(cues)),
                 ..Default::default()
-            });
+            };
+            outlines.add(first + row, &mut detection, has_box, frame, &shape.shape()).map_err(refuse)?;
+            scene.detections.push(detection);
+            if has_shapes {
+                shapes.push(shape);
+            }
         }
-        Ok(Originals { measured, masks: self.masks.unwrap_or_default() })
+        outlines.hide(&mut scene.detections);
+        Ok(Originals { measured, shapes, masks: self.masks.unwrap_or_default() })
     }
 
     /// All rows whose frame or measurements are wrong, and why.
@@ -187,7 +222,7 @@ impl DetectionArrays<'_> {
         row: usize,
         frames: &[Frame],
         source_of: impl FnMut(&str) -> Result<u32, SceneError>,
-    ) -> Result<(u32, Measured, Cues), String> {
+    ) -> Result<Row, String> {
         let frame = self.frame.as_array()[row];
         let frame_index = u32::try_from(frame).ok().filter(|index| (*index as usize) < frames.len());
         let frame_index = frame_index.ok_or_else(|| match frames.len() {
@@ -202,12 +237,14 @@ impl DetectionArrays<'_> {
         let pose = || frames[frame_index as usize].projection.camera_pose();
         let cues = self.cues.as_ref().map(|cues| cues.of_row(row, pose, source_of)).transpose()?.unwrap_or_default();
         let has_center = cues.box3d.is_some_and(|box3d| box3d.center.is_some());
-        if bounding_box.is_none() && ellipse.is_none() && !has_center {
+        let shape = self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default();
+        if bounding_box.is_none() && ellipse.is_none() && shape.is_empty() && !has_center {
+            let or_outline = if self.outlines.is_some() { " nor an outline nor a turned box" } else { "" };
             let or_center = if self.cues.is_some() { " nor a 3D box with a centre" } else { "" };
-            let measured = format!("neither a box nor an ellipse{or_center}");
+            let measured = format!("neither a box nor an ellipse{or_outline}{or_center}");
             return Err(format!("row {row} has {measured} (all of its numbers are NaN)"));
         }
-        Ok((frame_index, (bounding_box, ellipse), cues))
+        Ok(Row { frame_index, bounding_box, ellipse, shape, cues })
     }
 }
 

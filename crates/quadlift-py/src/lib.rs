@@ -12,6 +12,7 @@ mod loaded;
 mod localized;
 mod object_map;
 mod options;
+mod outlines;
 mod recording;
 mod rows;
 mod run;
@@ -29,6 +30,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(scene_methods::write_text, module)?)?;
     module.add_function(wrap_pyfunction!(scene_methods::frame_problems, module)?)?;
     module.add_function(wrap_pyfunction!(detections::hidden_edges, module)?)?;
+    module.add_function(wrap_pyfunction!(outlines::hidden_lines, module)?)?;
     module.add_class::<scene::PyScene>()?;
     module.add_class::<localized::PyLocalized>()?;
     module.add_class::<object_map::PyObjectMap>()?;

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import _checks
+from .. import _checks, _outlines
 from .._arrow import pa, pc
 from .._core import QuadliftError
 from .._estimates import EstimateArrays
@@ -111,7 +111,11 @@ def localize_objects(
         - `scene` (optional) and `object`: whole numbers or texts; null, "" and negative numbers mean no object,
         - `frame`, `x0`, `y0`, `x1`, `y1`: lists of equal length with one entry per view: its frame (whole numbers or
           texts) and the box in pixels,
-        - `category` (texts) and `hidden_edges` (see `with_hidden_edges`), optional: lists of the same length,
+        - `category` (texts), `hidden_edges` and `hidden_lines` (see `with_hidden_edges`), optional: lists of the same
+          length,
+        - outlines and turned boxes, optional: lists of the same length `outline` (lists of x and y of the corners in
+          turn) and `oriented_box_x`, `oriented_box_y`, `oriented_box_width`, `oriented_box_height`,
+          `oriented_box_angle`; a box of nulls is the one around them,
         - depths and 3D boxes, optional: lists of the same length `depth_median`, `depth_sd`, `depth_source`,
           `box3d_center`, `box3d_half_extents`, `box3d_rotation` (lists of 3, 3 and 4 numbers), `box3d_frame`,
           `box3d_sd_distance`, `box3d_sd_direction`, `box3d_sd_size`, `box3d_sd_rotation`, `box3d_covariance` (81
@@ -300,8 +304,8 @@ def localize_scenes(
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
         One row per scene: `scene` (without it there may be only one row), and lists of equal length `frame`, `x0`,
-        `y0`, `x1`, `y1` with one entry per detection, optionally `category` and `score`. Also `cameras`, depths and 3D
-        boxes, as in `localize_objects`.
+        `y0`, `x1`, `y1` with one entry per detection, optionally `category` and `score`. Also `cameras`, outlines,
+        turned boxes, depths and 3D boxes, as in `localize_objects`.
     cameras : Cameras or pyarrow.Table, optional
         The cameras of all frames, including those without detections.
     up : array_like, shape (3,), optional
@@ -331,6 +335,8 @@ def localize_scenes(
     cameras, detections, problems = read(table, cameras)
     codes = detections.category[0]
     ties = [x for x in (codes, detections.scores) if x is not None]
+    if detections.outlines is not None:
+        ties += list(_outlines.around(detections.outlines).T[::-1])
     order = np.lexsort((*ties, *detections.boxes.T[::-1], detections.camera, detections.row))
     kept = check_boxes(cameras, detections, order[~np.isin(order, list(problems.of_detection))], problems)
     scenes = _tables.column(table, "scene") if "scene" in table.column_names else None

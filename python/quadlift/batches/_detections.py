@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from .. import _checks, _core, _cues, _options
+from .. import _checks, _core, _cues, _options, _outlines
 from .._arrow import pa, pc
 from .._core import QuadliftError
 from . import _tables
@@ -124,6 +124,7 @@ class Detections:
     hidden: NDArray[np.int64] | None
     """Sums of `EDGES`, (M,)."""
     cues: _cues.CueArrays | None = None
+    outlines: _outlines.OutlineArrays | None = None
 
     def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Detections:
         """The detections at some indices, or where a mask is true."""
@@ -137,12 +138,19 @@ class Detections:
             category=(None if codes is None else codes[places], names),
             hidden=None if self.hidden is None else self.hidden[places],
             cues=None if self.cues is None else _cues.taken(self.cues, places),
+            outlines=None if self.outlines is None else _outlines.taken(self.outlines, places),
         )
 
     def dictionary(
         self, frame: NDArray[np.int64], names: list[str] | None, hidden_edges: NDArray[np.bool_] | None
     ) -> DetectionArrays:
-        """Detections for the core; with names, the names of the rows are the object ids."""
+        """Detections for the core; with names, the names of the rows are the object ids. Without hidden edges, these and
+        hidden lines are computed from the other detections."""
+        outlines = None if self.outlines is None else self.outlines.copy()
+        if outlines is not None and hidden_edges is None:
+            outlines["hidden_lines"] = None
+        elif outlines is not None and outlines["hidden_lines"] is None:
+            outlines["hidden_lines"] = np.zeros((len(frame), 8), dtype=np.bool_)
         return {
             "frame": frame,
             "boxes": np.ascontiguousarray(self.boxes),
@@ -150,6 +158,7 @@ class Detections:
             "category": self.category,
             "scores": self.scores,
             "hidden_edges": hidden_edges,
+            "outlines": outlines,
             "cues": self.cues,
         }
 
@@ -210,7 +219,7 @@ def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections,
     """The detections of a table; those with invalid frames are among the problems."""
     names = rows.column_names
     _tables.require(names, ["frame", *_tables.BOX], "rows")
-    others = ("category", "score", "hidden_edges", *_tables.CUES)
+    others = ("category", "score", "hidden_edges", "hidden_lines", *_tables.SHAPES, *_tables.CUES)
     views = _tables.Views(rows, ["frame", *_tables.BOX, *(n for n in others if n in names)])
     frame = _tables.ids(views["frame"], "frame")
     scene = _tables.column(rows, "scene") if "scene" in names else None
@@ -237,6 +246,7 @@ def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections,
         category=views.codes("category"),
         hidden=None if hidden is None else np.nan_to_num(hidden).astype(np.int64),
         cues=views.cues(),
+        outlines=views.outlines(),
     )
     return cameras, detections, found
 
@@ -281,11 +291,13 @@ def objects_of(table: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Dete
 
 
 def check_boxes(cameras: Cameras, detections: Detections, order: NDArray[np.int64], problems: Problems) -> Detections:
-    """The detections in this order with valid boxes, depths and 3D boxes."""
+    """The detections in this order with valid boxes, outlines, depths and 3D boxes."""
     absent = np.isnan(detections.boxes[order]).all(axis=1)
     centers = None if detections.cues is None else detections.cues["center"]
     if centers is not None:
         absent &= np.isnan(centers[order]).any(axis=1)
+    if detections.outlines is not None:
+        absent &= np.isnan(_outlines.around(detections.outlines)[order]).any(axis=1)
     problems.add_detections(order[absent], 7, "there is no box")
     order = order[~absent]
     kept = detections.take(order)

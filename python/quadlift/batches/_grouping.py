@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core
+from .. import _core, _outlines
 from .._arrow import pa
 from .._core import QuadliftError
 from . import _tables
@@ -80,19 +80,28 @@ def with_hidden_edges(rows: Any) -> Any:
     Parameters
     ----------
     rows : pyarrow.Table or pyarrow.RecordBatch
-        One row for each frame (see `group`), with lists `x0`, `y0`, `x1`, `y1` of all its boxes, of any object. Invalid
-        boxes neither hide nor are hidden.
+        One row for each frame (see `group`), with lists `x0`, `y0`, `x1`, `y1` of all its boxes, of any object, and
+        optionally of their outlines and turned boxes. Invalid boxes neither hide nor are hidden.
 
     Returns
     -------
     pyarrow.Table
         The rows with one more column, `hidden_edges`: lists of int8, 1 for a hidden left edge plus 4 for a right one.
+        With a column `outline` also `hidden_lines`: lists of int16, with a bit for each supporting line that another
+        outline may hide.
     """
     rows = _tables.table(rows, "rows")
     _tables.require(rows.column_names, _tables.BOX, "rows")
-    views = _tables.Views(rows, _tables.BOX)
+    views = _tables.Views(rows, [*_tables.BOX, *(name for name in _tables.SHAPES if name in rows.column_names)])
     views.refuse_ragged()
-    hidden = _core.hidden_edges(views.row, np.ascontiguousarray(views.boxes()))
-    offsets = np.searchsorted(views.row, np.arange(len(rows) + 1)).astype(np.int32)
+    boxes, outlines = views.boxes(), views.outlines()
+    if outlines is not None:
+        boxes = np.where(np.isnan(boxes).all(axis=1, keepdims=True), _outlines.around(outlines), boxes)
+    hidden = _core.hidden_edges(views.row, np.ascontiguousarray(boxes))
+    offsets = pa.array(np.searchsorted(views.row, np.arange(len(rows) + 1)).astype(np.int32))
     masks = pa.array((hidden @ EDGES).astype(np.int8))
-    return rows.append_column("hidden_edges", pa.ListArray.from_arrays(pa.array(offsets), masks))
+    rows = rows.append_column("hidden_edges", pa.ListArray.from_arrays(offsets, masks))
+    if outlines is None or outlines["corners"] is None:
+        return rows
+    lines = _core.hidden_lines(views.row, outlines) @ _tables.LINES
+    return rows.append_column("hidden_lines", pa.ListArray.from_arrays(offsets, pa.array(lines.astype(np.int16))))

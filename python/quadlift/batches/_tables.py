@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import _cues
+from .. import _cues, _outlines
 from .._arrow import pa, pc
 from .._core import QuadliftError
 
@@ -22,6 +22,12 @@ LISTS = {"box3d_center": 3, "box3d_half_extents": 3, "box3d_rotation": 4, "box3d
 """Columns of lists, and the lengths of these."""
 CUES = ("depth_median", "depth_sd", "depth_source", *LISTS, "box3d_frame", *DEVIATIONS, "box3d_source")
 """Columns of depths and 3D boxes, as in the tables of `quadlift export parquet`."""
+
+ORIENTED_BOX = tuple(f"oriented_box_{name}" for name in ("x", "y", "width", "height", "angle"))
+SHAPES = ("outline", *ORIENTED_BOX)
+"""Columns of outlines and turned boxes, as in these tables."""
+LINES = 2 ** np.arange(8)
+"""Bits of the supporting lines in a column `hidden_lines`."""
 
 
 def table(rows: Any, name: str) -> Any:
@@ -156,6 +162,33 @@ class Views:
     def boxes(self) -> NDArray[np.float64]:
         """The boxes, shape (M, 4)."""
         return np.column_stack([numbers(self[name], name) for name in BOX])
+
+    def outlines(self) -> _outlines.OutlineArrays | None:
+        """Outlines and turned boxes; None without any."""
+        turned = [numbers(self[name], name) for name in ORIENTED_BOX if name in self]
+        if turned and len(turned) < len(ORIENTED_BOX):
+            missing = next(name for name in ORIENTED_BOX if name not in self)
+            raise QuadliftError(f"there is no column {missing!r}; expected all of {', '.join(ORIENTED_BOX)}")
+        if not turned and "outline" not in self:
+            return None
+        found: _outlines.OutlineArrays = {
+            "corners": None,
+            "offsets": None,
+            "oriented_boxes": np.column_stack(turned) if turned else None,
+            "hidden_lines": None,
+        }
+        if "outline" in self:
+            values = as_lists(self["outline"], "outline")
+            counts = lengths(values)
+            odd = np.flatnonzero(counts % 2)
+            if len(odd):
+                raise QuadliftError(f"outline has a list of {counts[odd[0]]} numbers; expected x and y of each corner")
+            found["corners"] = numbers(pc.list_flatten(values), "outline").reshape(-1, 2)
+            found["offsets"] = np.concatenate([[0], np.cumsum(counts // 2)])
+        if "hidden_lines" in self:
+            hidden = np.nan_to_num(numbers(self["hidden_lines"], "hidden_lines")).astype(np.int64)
+            found["hidden_lines"] = (hidden[:, np.newaxis] & LINES) != 0
+        return found
 
     def cues(self) -> _cues.CueArrays | None:
         """Depths and 3D boxes; None without any."""

@@ -8,7 +8,7 @@ use clap::builder::RangedU64ValueParser;
 use nalgebra::Vector3;
 use quadlift::solve::BodyKind;
 use quadlift::synthetic::{
-    Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
+    Detector, Noise, Observations, ShapeOptions, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
 use quadlift_io::write_scene_file;
 use quadlift_segment::render::{ObjectKind, RenderOptions, render};
@@ -40,7 +40,11 @@ Noise (--noise, may be repeated):
   se:0.3     size of the ellipse, uniform; one factor for both axes (se2: one for each axis)
   te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
 
-Errors of depths and 3D boxes (--cue-noise, may be repeated; the defaults are those of networks for single images):
+Errors of what detections carry (--cue-noise, may be repeated; the defaults are those of networks for single images):
+  outline:0.03
+             radius of each outline, smooth (size, place, elongation), relative to the box's mean half size
+  angle:3 sides:0.03
+             angle of each turned box, degrees; its sides, relative to the box's mean half size
   depth:0.05 depth-scale:1.1 depth-outliers:0
              noise of each depth, relative; measured over true depth of all; share that shows something behind
   distance:0.04 across:0.01
@@ -66,6 +70,7 @@ Examples:
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
   quadlift synth -o table.json --trajectory random --body cuboid,cylinder,ellipsoid --standing --edge-bias 0.04
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
+  quadlift synth -o outlines.json --views 3 --cues outline --cue-noise outline:0.05
   quadlift synth -o cues.json --views 2 --cues depth,box3d --cue-noise depth:0.1 --cue-noise yaw:20
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
@@ -354,17 +359,19 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
         Ok(synthetic) => synthetic,
         Err(error) => return usage(error.to_string()),
     };
+    let mut shapes = ShapeOptions::default();
     if args.cues.is_used() {
-        let with_cues = args
-            .cues
-            .options()
-            .and_then(|options| cues::with_cues(&synthetic, &options, args.seed).map_err(|error| error.to_string()));
+        let with_cues = args.cues.options().and_then(|(cues, found)| {
+            shapes = found;
+            cues::with_cues(&synthetic, &cues, args.seed).map_err(|error| error.to_string())
+        });
         match with_cues {
             Ok(scene) => synthetic.scene = scene,
             Err(problem) => return usage(problem),
         }
     }
     let mut file = scene_file(&synthetic);
+    cues::add_shapes(&mut file, &synthetic, &shapes, args.seed);
     if let Some(truth) = &args.ids.truth {
         write_scene_file(truth, &with_true_ids(file.clone(), &synthetic))?;
         file.objects = Vec::new();

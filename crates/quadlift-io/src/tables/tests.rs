@@ -11,8 +11,9 @@ use parquet::schema::parser::parse_message_type;
 use proptest::prelude::*;
 use serde_json::json;
 
-use super::columns::{DETECTIONS, Kind, OBJECTS, SCENE};
+use super::columns::{Column, DETECTIONS, Kind, OBJECTS, SCENE, Table};
 use super::values::Cell;
+use super::write::write_table;
 use super::*;
 use crate::scene_file::{SceneFile, parse_scene_file, read_scene_file};
 
@@ -84,6 +85,9 @@ fn numbers_that_other_programs_look_for_stand_in_columns_of_their_own() {
     assert_eq!(of("detections.parquet", 3, &sd), [0.1, 0.02, 0.15, 0.25].map(Some));
     assert_eq!(of("detections.parquet", 4, &["depth_median", "depth_sd"]), [Some(3.5), None]);
     assert_eq!(of("detections.parquet", 5, &sd), [None, None, Some(0.5), None]);
+    let turned = ["x", "y", "width", "height", "angle"].map(|name| format!("oriented_box_{name}"));
+    let turned: Vec<&str> = turned.iter().map(String::as_str).collect();
+    assert_eq!(of("detections.parquet", 7, &turned), [50.0, 60.0, 20.0, 10.0, 0.25].map(Some));
     assert_eq!(of("objects.parquet", 0, &["center_x", "center_y", "center_z"]), [1.0, 2.0, 3.0].map(Some));
     assert_eq!(of("objects.parquet", 1, &["center_x", "center_y", "center_z"]), [None; 3]);
     assert_eq!(of("scene.parquet", 0, &["up_x", "up_y", "up_z"]), [0.0, 0.0, 1.5].map(Some));
@@ -99,6 +103,21 @@ fn numbers_that_other_programs_look_for_stand_in_columns_of_their_own() {
             column.put(&cells, &mut record).unwrap_err();
         }
     }
+}
+
+/// Before they had columns, outlines and turned boxes were among the unknown fields.
+#[test]
+fn outlines_of_older_tables_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tables");
+    let scene = full();
+    write_tables(&path, &scene).unwrap();
+    let is_older = |column: &&Column| !matches!(column.path[0], "outline" | "oriented_box");
+    let columns: Vec<Column> = DETECTIONS.columns.iter().filter(is_older).copied().collect();
+    assert_eq!(columns.len() + 4, DETECTIONS.columns.len());
+    let older = Table { columns: columns.leak(), ..DETECTIONS };
+    write_table(&path, &older, scene.detections.iter()).unwrap();
+    assert_eq!(read_tables(&path).unwrap().scene, scene);
 }
 
 /// More rows than are turned into columns at a time.

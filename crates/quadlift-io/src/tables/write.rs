@@ -85,7 +85,12 @@ fn header(scene: &SceneFile) -> Map<String, Value> {
     header
 }
 
-fn write_table<T: Serialize>(folder: &Path, table: &Table, records: impl Iterator<Item = T>) -> Result<(), WriteError> {
+/// Writes one table into a folder.
+pub(super) fn write_table<T: Serialize>(
+    folder: &Path,
+    table: &Table,
+    records: impl Iterator<Item = T>,
+) -> Result<(), WriteError> {
     let path = folder.join(table.file);
     let fail = |problem: String| WriteError::new(Path::new(table.file), problem);
     let failed = |error: ParquetError| fail(error.to_string());

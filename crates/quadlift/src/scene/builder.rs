@@ -1,16 +1,16 @@
 //! Building a [`Scene`]: ids become indices, numbers are checked.
 
+use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::{Unit, Vector2, Vector3};
 
 use super::Scene;
 use super::cues::Cues;
 use super::error::SceneError;
-use super::outlines::{ImageOutline, box_around, touch, turned_lines};
+use super::outlines::{Outlines, Shape, check_outline};
 use super::parts::{Detection, Frame, SceneParts, Undistorted};
-use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection, SupportLines};
+use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection};
 
 /// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
 #[derive(Debug, Clone, Copy, Default)]
@@ -53,8 +53,7 @@ pub struct SceneBuilder {
     sources: HashMap<String, u32>,
     cue_sources: HashMap<String, u32>,
     seen: HashMap<(u32, u32, Option<u32>), u32>,
-    /// By frame and source.
-    outlines: BTreeMap<(u32, Option<u32>), Vec<ImageOutline>>,
+    outlines: Outlines,
 }
 
 impl SceneBuilder {
@@ -165,8 +164,7 @@ impl SceneBuilder {
             return Err(SceneError::NothingMeasured);
         }
         input.cues.check()?;
-        let frame = &self.scene.frames[frame_index as usize];
-        let outline = input.outline.map(|corners| ImageOutline::new(index, corners, frame)).transpose()?;
+        input.outline.map(check_outline).transpose()?;
         // A rejected detection adds no names. One with a new name is not a duplicate.
         let known = |name: Option<&str>, names: &HashMap<String, u32>| match name {
             Some(name) => names.get(name).copied().map(Some),
@@ -190,31 +188,8 @@ impl SceneBuilder {
             self.seen.insert((object, frame_index, source_index), next);
         }
         let frame = &self.scene.frames[frame_index as usize];
-        let Undistorted { mut bounding_box, ellipse, mut box_in_image } =
-            frame.undistorted(input.bounding_box, input.ellipse);
-        let turned = input.oriented_box.filter(|_| outline.is_none());
-        let mut support_lines = match (&outline, &turned) {
-            (Some(outline), _) => outline.support_lines(),
-            (None, Some(turned)) => turned_lines(turned, frame),
-            (None, None) => None,
-        };
-        if outline.is_some() || turned.is_some() {
-            if let Some(given) = &bounding_box {
-                support_lines = support_lines.map(|lines| lines.beside_box(given));
-            } else if input.bounding_box.is_none() {
-                // Of the outline as it was given, also beyond the border of the image, as boxes are.
-                let around = input.outline.and_then(box_around).or_else(|| turned?.bounding_box());
-                bounding_box = match frame.lens {
-                    Some(_) => support_lines.as_ref().and_then(SupportLines::bounding_box),
-                    None => around,
-                };
-                box_in_image = box_in_image.or(around.filter(|_| frame.lens.is_some()));
-            }
-        }
-        if let Some(outline) = outline {
-            self.outlines.entry((frame_index, source_index)).or_default().push(outline);
-        }
-        self.scene.detections.push(Detection {
+        let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(input.bounding_box, input.ellipse);
+        let mut detection = Detection {
             frame_index,
             object_index,
             category_index,
@@ -222,26 +197,23 @@ impl SceneBuilder {
             score: input.score,
             bounding_box,
             ellipse,
-            support_lines: support_lines.map(Box::new),
+            support_lines: None,
             partial: input.partial,
             box_in_image,
             hidden_edges: None,
             occluded: input.occluded,
             truncated: input.truncated,
             cues: (!input.cues.is_empty()).then(|| Box::new(input.cues)),
-        });
+        };
+        let shape = Shape { outline: input.outline, oriented_box: input.oriented_box, hidden_lines: None };
+        self.outlines.add(index, &mut detection, input.bounding_box.is_some(), frame, &shape)?;
+        self.scene.detections.push(detection);
         Ok(index)
     }
 
     /// The finished scene.
     pub fn build(mut self) -> Scene {
-        for outlines in self.outlines.values() {
-            for (detection, hidden) in touch(outlines) {
-                if let Some(lines) = &mut self.scene.detections[detection].support_lines {
-                    **lines = lines.with_hidden(&hidden);
-                }
-            }
-        }
+        self.outlines.hide(&mut self.scene.detections);
         Scene(self.scene)
     }
 }

@@ -1,12 +1,13 @@
 //! Outlines and turned boxes of detections: from the image to supporting lines (docs/method.md, section 2.2).
 
+use std::collections::BTreeMap;
 use std::ops::Index;
 
 use nalgebra::Vector2;
 
-use super::parts::Frame;
+use super::parts::{Detection, Frame};
 use super::views::BORDER_TOLERANCE_PX;
-use crate::geometry::{BoundingBox, Camera, OrientedBox, OutlineEnd, SupportLine, SupportLines};
+use crate::geometry::{BoundingBox, Camera, OrientedBox, OutlineEnd, SUPPORT_DIRECTIONS, SupportLine, SupportLines};
 
 /// Distance in pixels up to which an outline touches another one: outlines of networks keep a gap of a pixel or two.
 const TOUCHING_PX: f64 = 2.0;
@@ -53,11 +54,104 @@ pub fn check_outline(corners: &[[f64; 2]]) -> Result<(), OutlineError> {
     if width > FLAT * far.norm_squared() { Ok(()) } else { Err(OutlineError::Flat) }
 }
 
+/// Outline and turned box of a detection, in the image as it is.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Shape<'a> {
+    /// Corners of the outline in pixels, a polygon in either direction. Parts outside of the image are cut off.
+    pub outline: Option<&'a [[f64; 2]]>,
+    /// Turned box in pixels; an outline comes first.
+    pub oriented_box: Option<OrientedBox>,
+    /// Which lines of the outline end where another outline of the image begins, if precomputed ([`hidden_lines`]): the other one need
+    /// not be in the scene. Otherwise computed from the outlines of the scene.
+    pub hidden_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
+}
+
+/// Outlines and turned boxes on their way into a scene: each gives its detection supporting lines; outlines of one image and source
+/// that touch each other hide lines.
+#[derive(Debug, Default)]
+pub struct Outlines {
+    /// By frame and source.
+    by_image: BTreeMap<(u32, Option<u32>), Vec<ImageOutline>>,
+}
+
+impl Outlines {
+    /// Gives a detection the lines of its shape and, unless a box was measured, the box around it. `index` is the place of the detection
+    /// in the scene; its box is undistorted already, and `has_box` says whether one was measured.
+    ///
+    /// # Errors
+    /// [`OutlineError`]; the detection is unchanged then.
+    pub fn add(
+        &mut self,
+        index: usize,
+        detection: &mut Detection,
+        has_box: bool,
+        frame: &Frame,
+        shape: &Shape,
+    ) -> Result<(), OutlineError> {
+        let outline = shape.outline.map(|corners| ImageOutline::new(index, corners, frame)).transpose()?;
+        let turned = shape.oriented_box.filter(|_| outline.is_none());
+        let mut lines = match (&outline, &turned) {
+            (Some(outline), _) => outline.support_lines(),
+            (None, Some(turned)) => turned_lines(turned, frame),
+            (None, None) => return Ok(()),
+        };
+        if let Some(given) = &detection.bounding_box {
+            lines = lines.map(|lines| lines.beside_box(given));
+        } else if !has_box {
+            // Of the outline as it was given, also beyond the border of the image, as boxes are.
+            let around = shape.outline.and_then(box_around).or_else(|| turned?.bounding_box());
+            detection.bounding_box = match frame.lens {
+                Some(_) => lines.as_ref().and_then(SupportLines::bounding_box),
+                None => around,
+            };
+            detection.box_in_image = detection.box_in_image.or(around.filter(|_| frame.lens.is_some()));
+        }
+        if let Some(outline) = outline {
+            match &shape.hidden_lines {
+                Some(hidden) => lines = lines.map(|lines| lines.with_hidden(hidden)),
+                None => {
+                    let image = (detection.frame_index, detection.source_index);
+                    self.by_image.entry(image).or_default().push(outline);
+                }
+            }
+        }
+        detection.support_lines = lines.map(Box::new);
+        Ok(())
+    }
+
+    /// Marks the lines that other outlines of the image may hide, in the detections to which the indices lead.
+    pub fn hide(&self, detections: &mut [Detection]) {
+        for outlines in self.by_image.values() {
+            for (detection, hidden) in touch(outlines) {
+                if let Some(lines) = &mut detections[detection].support_lines {
+                    **lines = lines.with_hidden(&hidden);
+                }
+            }
+        }
+    }
+}
+
+/// Which lines (in [`SUPPORT_DIRECTIONS`]) of outlines end where another outline of the same frame begins. Outlines that are wrong neither
+/// hide nor are hidden. The size of the image is not known here: lines that its border cuts off may count as hidden.
+pub fn hidden_lines<F: Ord>(outlines: &[Option<(F, &[[f64; 2]])>]) -> Vec<[bool; SUPPORT_DIRECTIONS]> {
+    let mut by_frame: BTreeMap<&F, Vec<ImageOutline>> = BTreeMap::new();
+    for (index, (frame, corners)) in outlines.iter().enumerate().filter_map(|(k, found)| Some((k, found.as_ref()?))) {
+        if let Ok(outline) = ImageOutline::in_image(index, corners, None, None) {
+            by_frame.entry(frame).or_default().push(outline);
+        }
+    }
+    let mut hidden = vec![[false; SUPPORT_DIRECTIONS]; outlines.len()];
+    for (index, lines) in by_frame.values().flat_map(|outlines| touch(outlines)) {
+        hidden[index].iter_mut().zip(lines).for_each(|(place, line)| *place = line);
+    }
+    hidden
+}
+
 /// An outline in its image, which [`touch`] compares with others.
 #[derive(Debug)]
-pub(super) struct ImageOutline {
+struct ImageOutline {
     /// Index of its detection.
-    pub detection: usize,
+    detection: usize,
     /// Its corners in the image.
     corners: Vec<Vector2<f64>>,
     /// The same in pixels of the pinhole camera.
@@ -66,21 +160,31 @@ pub(super) struct ImageOutline {
 
 impl ImageOutline {
     /// The corners of an outline inside of the image, checked.
-    pub(super) fn new(detection: usize, corners: &[[f64; 2]], frame: &Frame) -> Result<Self, OutlineError> {
+    fn new(detection: usize, corners: &[[f64; 2]], frame: &Frame) -> Result<Self, OutlineError> {
+        Self::in_image(detection, corners, frame.image_size, frame.lens.as_ref())
+    }
+
+    /// The same with the size of the image and the lens of the frame.
+    fn in_image(
+        detection: usize,
+        corners: &[[f64; 2]],
+        image_size: Option<Vector2<f64>>,
+        lens: Option<&Camera>,
+    ) -> Result<Self, OutlineError> {
         check_outline(corners)?;
         let mut corners: Vec<Vector2<f64>> = corners.iter().map(|corner| Vector2::from(*corner)).collect();
-        if let Some(size) = frame.image_size {
+        if let Some(size) = image_size {
             corners = clipped(corners, size);
         }
         let at_border = |p: &Vector2<f64>| {
             let near = |size: Vector2<f64>| p.min() <= BORDER_TOLERANCE_PX || (size - p).min() <= BORDER_TOLERANCE_PX;
-            frame.image_size.is_some_and(near)
+            image_size.is_some_and(near)
         };
-        if frame.lens.is_some() {
+        if lens.is_some() {
             corners = divided(&corners);
         }
         let ends = corners.iter().map(|p| OutlineEnd { cut_off: at_border(p), hidden: false });
-        let points = match &frame.lens {
+        let points = match lens {
             Some(lens) => lens.undistort_outline(&corners).unwrap_or_default(),
             None => corners.clone(),
         };
@@ -89,12 +193,12 @@ impl ImageOutline {
     }
 
     /// The supporting lines; `None` outside of the image, and if the lens has no pinhole pixels for it.
-    pub(super) fn support_lines(&self) -> Option<SupportLines> {
+    fn support_lines(&self) -> Option<SupportLines> {
         SupportLines::of_outline(&self.points)
     }
 
     /// The box around it in the image.
-    pub(super) fn box_in_image(&self) -> Option<BoundingBox> {
+    fn box_in_image(&self) -> Option<BoundingBox> {
         box_around(&self.corners)
     }
 
@@ -117,7 +221,7 @@ impl ImageOutline {
 }
 
 /// The box around points; `None` without an extent.
-pub(super) fn box_around<P: Index<usize, Output = f64>>(points: &[P]) -> Option<BoundingBox> {
+fn box_around<P: Index<usize, Output = f64>>(points: &[P]) -> Option<BoundingBox> {
     let mut edges = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     for p in points {
         edges = [edges[0].min(p[0]), edges[1].min(p[1]), edges[2].max(p[0]), edges[3].max(p[1])];
@@ -165,7 +269,7 @@ fn divided(corners: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
 }
 
 /// Indices of the detections of outlines of one image that touch another one, and which of their lines are hidden there.
-pub(super) fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
+fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
     if outlines.len() < 2 || outlines.len() > MOST_OUTLINES {
         return Vec::new();
     }
@@ -194,7 +298,7 @@ pub(super) fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
 
 /// The lines of the sides of a turned box, undistorted like a box: by the ellipse in it. `None` if the lens has no pinhole pixels
 /// for it.
-pub(super) fn turned_lines(turned: &OrientedBox, frame: &Frame) -> Option<SupportLines> {
+fn turned_lines(turned: &OrientedBox, frame: &Frame) -> Option<SupportLines> {
     let lines = SupportLines::of_oriented_box(turned, frame.image_size, BORDER_TOLERANCE_PX);
     let undistorted = |lens: &Camera| {
         let ellipse = lens.undistort_ellipse(&turned.inscribed_ellipse()?)?;
@@ -252,6 +356,28 @@ mod tests {
         assert_eq!(scene.detections[0].bounding_box.unwrap().edges(), [80.0, 20.0, 120.0, 40.0]);
         let outside = self::scene(&[("a", &[[180.0, 20.0], [220.0, 20.0], [220.0, 40.0]])]);
         assert!(outside.detections[0].support_lines.is_none() && outside.detections[0].bounding_box.is_some());
+    }
+
+    #[test]
+    fn lines_that_are_hidden_can_be_computed_without_a_scene() {
+        let right: [[f64; 2]; 4] = [[41.0, 30.0], [60.0, 30.0], [60.0, 60.0], [41.0, 60.0]];
+        let of_scene = scene(&[("a", &SQUARE), ("a", &right), ("b", &SQUARE)]);
+        let outlines: [(u8, &[[f64; 2]]); 3] = [(0, &SQUARE), (0, &right), (1, &SQUARE)];
+        let flat = [[0.0, 0.0], [1.0, 1.0]];
+        let [a, b, c] = outlines.map(Some);
+        let found = hidden_lines(&[a, None, b, c, Some((0, flat.as_slice()))]);
+        for (index, found) in [0, 2, 3].into_iter().map(|k| found[k]).enumerate() {
+            let expected: Vec<usize> = (0..8).filter(|&k| found[k]).collect();
+            assert_eq!(flags(&of_scene, index, |end| end.hidden), expected, "{index}");
+        }
+        assert!(found[0].contains(&true) && found[2].contains(&true));
+        assert_eq!([found[1], found[4]], [[false; 8]; 2]);
+        // They count where the other outline is not in the scene.
+        let frame = &of_scene.frames[0];
+        let mut detection = Detection::default();
+        let shape = Shape { outline: Some(&SQUARE), hidden_lines: Some(found[0]), ..Default::default() };
+        Outlines::default().add(0, &mut detection, false, frame, &shape).unwrap();
+        assert_eq!(detection.support_lines, of_scene.detections[0].support_lines);
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod objects;
 mod options;
 pub mod random;
 mod scene;
+mod shapes;
 #[cfg(test)]
 mod tests;
 mod tracks;
@@ -22,6 +23,7 @@ pub use categories::{CategoryOptions, CategorySizes, generate_categories};
 pub use cues::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
 pub use options::{Detector, Noise, Observations, SyntheticError, SyntheticIds, SyntheticOptions, Trajectory};
 pub use scene::{SyntheticFrame, SyntheticScene};
+pub use shapes::{ShapeOptions, SimulatedShape, TurnedNoise, simulate_shapes};
 
 use nalgebra::Vector3;
 

@@ -1,32 +1,42 @@
-//! `quadlift synth --cues`: depths and 3D boxes of detectors of single images.
+//! `quadlift synth --cues`: outlines, turned boxes, depths and 3D boxes of detectors of single images.
 
 use clap::ValueEnum;
-use quadlift::scene::{Scene, SceneError};
-use quadlift::synthetic::{Box3dNoise, CueOptions, DepthNoise, SyntheticScene, simulate_cues};
+use quadlift::geometry::Body;
+use quadlift::scene::{Detection, Scene, SceneError};
+use quadlift::synthetic::{
+    Box3dNoise, CueOptions, DepthNoise, ShapeOptions, SyntheticScene, TurnedNoise, simulate_cues, simulate_shapes,
+};
+use quadlift_io::SceneFile;
 
 use crate::args;
 
-/// Depths and 3D boxes.
+/// Standard deviation of the radius of outlines, unless the user says otherwise: as good as the edges of boxes.
+const OUTLINE_NOISE: f64 = 0.03;
+
+/// Outlines, turned boxes, depths and 3D boxes.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Depths and 3D boxes")]
+#[command(next_help_heading = "Outlines, depths and 3D boxes")]
 pub struct CueArgs {
-    /// What each detection carries besides its box: depth, box3d, or both
+    /// What each detection carries besides its box: any of outline, oriented_box, depth, box3d
     #[arg(long, value_name = "CUE,...", value_delimiter = ',', value_enum)]
     cues: Vec<Cue>,
 
-    /// Error of the depths or 3D boxes and its amount, such as depth:0.05 (see below)
+    /// Error of what --cues names and its amount, such as depth:0.05 (see below)
     #[arg(long, value_name = "KIND:AMOUNT", value_parser = cue_noise, requires = "cues")]
     cue_noise: Vec<CueNoise>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "lower")]
+#[value(rename_all = "snake_case")]
 enum Cue {
+    Outline,
+    OrientedBox,
     Depth,
+    #[value(name = "box3d")]
     Box3d,
 }
 
-/// An error of depths or 3D boxes, and its amount.
+/// An error, and its amount.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CueNoise {
     kind: Kind,
@@ -35,6 +45,9 @@ struct CueNoise {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
+    Outline,
+    Angle,
+    Sides,
     Depth,
     DepthScale,
     DepthOutliers,
@@ -48,7 +61,10 @@ enum Kind {
 }
 
 /// The kinds by the names of the command line, with the cue that has them.
-const KINDS: [(&str, Kind, Cue); 10] = [
+const KINDS: [(&str, Kind, Cue); 13] = [
+    ("outline", Kind::Outline, Cue::Outline),
+    ("angle", Kind::Angle, Cue::OrientedBox),
+    ("sides", Kind::Sides, Cue::OrientedBox),
     ("depth", Kind::Depth, Cue::Depth),
     ("depth-scale", Kind::DepthScale, Cue::Depth),
     ("depth-outliers", Kind::DepthOutliers, Cue::Depth),
@@ -80,22 +96,26 @@ fn cue_noise(text: &str) -> Result<CueNoise, String> {
 }
 
 impl CueArgs {
-    /// Whether detections carry depths or 3D boxes.
+    /// Whether detections carry more than boxes.
     pub fn is_used(&self) -> bool {
         !self.cues.is_empty()
     }
 
-    /// The errors; or what does not fit together.
-    pub fn options(&self) -> Result<CueOptions, String> {
+    /// The errors of depths and 3D boxes, and of outlines and turned boxes; or what does not fit together.
+    pub fn options(&self) -> Result<(CueOptions, ShapeOptions), String> {
         let (mut depth, mut box3d) = (DepthNoise::default(), Box3dNoise::default());
+        let (mut outline, mut turned) = (OUTLINE_NOISE, TurnedNoise::default());
         for &CueNoise { kind, amount } in &self.cue_noise {
             for (name, known, cue) in KINDS {
                 if known == kind && !self.cues.contains(&cue) {
-                    let cue = if cue == Cue::Depth { "depth" } else { "box3d" };
+                    let cue = cue.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
                     return Err(format!("--cue-noise {name} is an error of {cue}, which --cues does not name"));
                 }
             }
             match kind {
+                Kind::Outline => outline = amount,
+                Kind::Angle => turned.angle = amount.to_radians(),
+                Kind::Sides => turned.sides = amount,
                 Kind::Depth => depth.noise = amount,
                 Kind::DepthScale => depth.scale = amount,
                 Kind::DepthOutliers => depth.outliers = amount,
@@ -109,18 +129,33 @@ impl CueArgs {
             }
         }
         let has = |cue| self.cues.contains(&cue);
-        Ok(CueOptions { depth: has(Cue::Depth).then_some(depth), box3d: has(Cue::Box3d).then_some(box3d) })
+        let cues = CueOptions { depth: has(Cue::Depth).then_some(depth), box3d: has(Cue::Box3d).then_some(box3d) };
+        let (outline, oriented_box) = (has(Cue::Outline).then_some(outline), has(Cue::OrientedBox).then_some(turned));
+        Ok((cues, ShapeOptions { outline, oriented_box }))
+    }
+}
+
+/// The true body of each detection; false and wrong boxes have none.
+fn bodies(synthetic: &SyntheticScene) -> impl Fn(usize, &Detection) -> Option<Body> {
+    |index, _| {
+        let object = synthetic.true_objects.get(index).copied().flatten()?;
+        let is_wrong = synthetic.outliers.get(index).is_some_and(|wrong| *wrong);
+        (!is_wrong).then(|| synthetic.truth[object].1)
+    }
+}
+
+/// Gives the detections of true objects in a scene file outlines and turned boxes.
+pub fn add_shapes(file: &mut SceneFile, synthetic: &SyntheticScene, options: &ShapeOptions, seed: u64) {
+    let shapes = simulate_shapes(&synthetic.scene, bodies(synthetic), options, seed);
+    for (record, shape) in file.detections.iter_mut().zip(shapes) {
+        record.outline = shape.outline.map(Vec::into_boxed_slice);
+        record.oriented_box = shape.oriented_box.map(|turned| Box::new(turned.into()));
     }
 }
 
 /// The scene whose detections of true objects carry depths and 3D boxes; false and wrong boxes have none.
 pub fn with_cues(synthetic: &SyntheticScene, options: &CueOptions, seed: u64) -> Result<Scene, SceneError> {
-    let body_of = |index: usize, _: &_| {
-        let object = synthetic.true_objects.get(index).copied().flatten()?;
-        let is_wrong = synthetic.outliers.get(index).is_some_and(|wrong| *wrong);
-        (!is_wrong).then(|| synthetic.truth[object].1)
-    };
-    simulate_cues(&synthetic.scene, body_of, options, seed)
+    simulate_cues(&synthetic.scene, bodies(synthetic), options, seed)
 }
 
 #[cfg(test)]
@@ -135,11 +170,16 @@ mod tests {
         }
         let noise = |texts: &[&str]| texts.iter().map(|text| cue_noise(text).unwrap()).collect();
         let both = CueArgs { cues: vec![Cue::Depth, Cue::Box3d], cue_noise: noise(&["depth:0.2", "yaw:90"]) };
-        let options = both.options().unwrap();
+        let (options, shapes) = both.options().unwrap();
+        assert_eq!(shapes, ShapeOptions::default());
         assert_eq!(options.depth, Some(DepthNoise { noise: 0.2, ..Default::default() }));
         assert_eq!(options.box3d.unwrap().yaw, std::f64::consts::FRAC_PI_2);
         let depth = CueArgs { cues: vec![Cue::Depth], cue_noise: Vec::new() };
-        assert_eq!(depth.options().unwrap().box3d, None);
+        assert_eq!(depth.options().unwrap().0.box3d, None);
+        let cues = vec![Cue::Outline, Cue::OrientedBox];
+        let shapes = CueArgs { cues, cue_noise: noise(&["outline:0.1", "angle:90"]) }.options().unwrap().1;
+        let turned = TurnedNoise { angle: std::f64::consts::FRAC_PI_2, ..Default::default() };
+        assert_eq!(shapes, ShapeOptions { outline: Some(0.1), oriented_box: Some(turned) });
         let other = CueArgs { cues: vec![Cue::Depth], cue_noise: noise(&["flips:0.5"]) };
         assert!(other.options().unwrap_err().contains("flips is an error of box3d"));
     }
