@@ -208,7 +208,7 @@ impl PyObjectMap {
         let map = ObjectMap::new(options).map_err(refuse)?;
         let mut scene = StreamedScene::default();
         let MapKeywords { name, up, length_unit, .. } = keywords;
-        let about = AboutRecord { name, length_unit, up, cameras: Vec::new() };
+        let about = AboutRecord { name, length_unit, up, ..AboutRecord::default() };
         scene.take_in(&about).map_err(|error| refuse(format!("{}: {}", error.entry, error.problem)))?;
         let state = Mutex::new(StreamState { map, scene, poses_since: 0 }.into());
         Ok(Self { options: lasting, pose_noise, state })

@@ -33,12 +33,12 @@ pub fn by_frame(scene: &Scene) -> Vec<Vec<usize>> {
 pub fn observed(scene: &Scene, index: usize) -> Option<Detection<'_>> {
     let detection = &scene.detections[index];
     Some(Detection {
-        bounding_box: detection.bounding_box?,
         category: detection.category_index.map(|c| scene.categories[c as usize].as_str()),
         score: detection.score,
         id: detection.object_index.map(|o| scene.object_ids[o as usize].as_str()),
         cues: detection.cues.as_deref(),
         cue_sources: &scene.cue_sources,
+        ..Detection::from_box(detection.bounding_box?)
     })
 }
 

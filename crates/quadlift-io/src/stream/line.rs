@@ -1,5 +1,6 @@
 //! A line of the input as records. What the records say is checked by [`super::StreamedScene`].
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use quadlift::scene::Scene;
@@ -12,7 +13,8 @@ use crate::error::{EntryError, ReadError, escape};
 use crate::instants::instants;
 use crate::numbers;
 use crate::scene_file::{
-    Box3dRecord, CameraRecord, DepthRecord, DetectionRecord, FrameRecord, SceneFile, parse_json_line,
+    Box3dRecord, CameraRecord, CueSourceRecord, DepthRecord, DetectionRecord, FrameRecord, OrientedBoxRecord,
+    SceneFile, parse_json_line,
 };
 
 /// What a line says.
@@ -41,6 +43,9 @@ pub struct AboutRecord {
     /// Cameras that frames name.
     #[serde(default)]
     pub cameras: Vec<CameraRecord>,
+    /// What is known of sources of depths, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub cue_sources: BTreeMap<String, CueSourceRecord>,
 }
 
 /// A frame with its detections.
@@ -125,6 +130,8 @@ struct Members {
     up: Option<[f64; 3]>,
     #[serde(default)]
     cameras: Vec<CameraRecord>,
+    #[serde(default)]
+    cue_sources: BTreeMap<String, CueSourceRecord>,
     frame: Option<String>,
     time: Option<f64>,
     camera: Option<CameraMember>,
@@ -144,8 +151,11 @@ struct Members {
 #[derive(Deserialize)]
 #[serde(expecting = "an object {...}")]
 struct DetectionMember {
-    #[serde(rename = "box", deserialize_with = "numbers::list")]
-    bounding_box: [f64; 4],
+    #[serde(rename = "box", default, deserialize_with = "numbers::optional_list")]
+    bounding_box: Option<[f64; 4]>,
+    #[serde(default, deserialize_with = "numbers::optional_lists")]
+    outline: Option<Box<[[f64; 2]]>>,
+    oriented_box: Option<Box<OrientedBoxRecord>>,
     category: Option<Box<str>>,
     score: Option<f64>,
     object: Option<Box<str>>,
@@ -206,6 +216,7 @@ pub fn parse_line(bytes: &[u8]) -> Result<Line, LineError> {
         length_unit: members.length_unit.take(),
         up: members.up.take(),
         cameras: std::mem::take(&mut members.cameras),
+        cue_sources: std::mem::take(&mut members.cue_sources),
     };
     let poses = members.poses.take();
     let list = members.frames.take();
@@ -251,7 +262,9 @@ impl Members {
             object: member.object,
             category: member.category,
             score: member.score,
-            bounding_box: Some(member.bounding_box),
+            bounding_box: member.bounding_box,
+            outline: member.outline,
+            oriented_box: member.oriented_box,
             depth: member.depth,
             box3d: member.box3d,
             ..Default::default()
@@ -275,11 +288,11 @@ impl Members {
     }
 }
 
-/// The frames of a scene with the detections of one source (all where it is `None`) that have a box or an ellipse, in the order of their times; frames of
+/// The frames of a scene with the detections of one source (all where it is `None`) that have a box, an outline, a turned box or an ellipse, in the order of their times; frames of
 /// the same time stay in the order of the file. Where not every frame has a time, it is the index of the frame, or of its rig's
 /// frame. `scene` is that of the file.
 pub fn scene_to_frames(file: SceneFile, scene: &Scene, source: Option<u32>) -> (AboutRecord, Vec<FrameLine>) {
-    let SceneFile { name, length_unit, up, cameras, frames, detections, .. } = file;
+    let SceneFile { name, length_unit, up, cameras, frames, detections, cue_sources, .. } = file;
     let has_times = frames.iter().all(|frame| frame.time.is_some_and(f64::is_finite));
     let instants = instants(&frames);
     let mut lines: Vec<FrameLine> = frames
@@ -292,13 +305,14 @@ pub fn scene_to_frames(file: SceneFile, scene: &Scene, source: Option<u32>) -> (
         .collect();
     for (record, detection) in detections.into_iter().zip(&scene.detections) {
         // The map finds objects by their boxes.
-        let has_box = record.bounding_box.is_some() || record.ellipse.is_some();
+        let has_shape = record.outline.is_some() || record.oriented_box.is_some();
+        let has_box = record.bounding_box.is_some() || record.ellipse.is_some() || has_shape;
         if has_box && (source.is_none() || detection.source_index == source) {
             lines[detection.frame_index as usize].detections.push(record);
         }
     }
     lines.sort_by(|a, b| a.record.time.unwrap_or_default().total_cmp(&b.record.time.unwrap_or_default()));
-    (AboutRecord { name, length_unit, up, cameras }, lines)
+    (AboutRecord { name, length_unit, up, cameras, cue_sources }, lines)
 }
 
 #[cfg(test)]

@@ -2,13 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use quadlift::geometry::{BoundingBox, Ellipse};
-use quadlift::online::{Detection, Frame, ObjectMap, PoseUpdate};
-use quadlift::scene::{self, Cues};
+use quadlift::geometry::{BoundingBox, Ellipse, OrientedBox};
+use quadlift::online::{Detection, Frame, MapShape, ObjectMap, PoseUpdate};
+use quadlift::scene::{self, Cues, Shape};
 
 use super::line::{AboutRecord, CameraOfFrame, FrameLine, PoseRecord};
 use crate::error::EntryError;
-use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, cue_records, known_names};
+use crate::scene_file::{
+    CameraRecord, CueSourceRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, SceneFile, cue_records, known_names,
+};
 
 /// Cameras with an id, at most; others can be given in their frames.
 const MOST_CAMERAS: usize = 10_000;
@@ -42,6 +44,7 @@ pub struct CheckedFrame {
     /// Depths and 3D boxes in the frame of the camera; `None` where a detection has none.
     cues: Vec<Option<Box<Cues>>>,
     cue_sources: Vec<String>,
+    scaled_by_frame: BTreeSet<u32>,
 }
 
 impl CheckedFrame {
@@ -55,11 +58,18 @@ impl CheckedFrame {
         (self.detections.iter().zip(&self.boxes).zip(&self.cues))
             .map(|((record, &bounding_box), cues)| Detection {
                 bounding_box,
+                has_box: record.bounding_box.is_some() || record.ellipse.is_some(),
+                shape: Shape {
+                    outline: record.outline.as_deref(),
+                    oriented_box: record.oriented_box.as_deref().and_then(|turned| turned.turned_box().ok()),
+                    hidden_lines: None,
+                },
                 category: record.category.as_deref(),
                 score: record.score,
                 id: record.object.as_deref(),
                 cues: cues.as_deref(),
                 cue_sources: &self.cue_sources,
+                scaled_by_frame: Some(&self.scaled_by_frame),
             })
             .collect()
     }
@@ -124,13 +134,16 @@ impl StreamedScene {
             }
         }
         // Where all are new the places are those of the line.
-        SceneFile { up, cameras: new.values().map(|&camera| camera.clone()).collect(), ..SceneFile::default() }
-            .to_scene()
-            .map_err(|error| match new.len() == about.cameras.len() && new.len() == 1 || error.entry == "up" {
+        let (cameras, cue_sources) = (new.values().map(|&camera| camera.clone()).collect(), about.cue_sources.clone());
+        SceneFile { up, cameras, cue_sources, ..SceneFile::default() }.to_scene().map_err(|error| {
+            let is_placed = error.entry == "up" || error.entry.starts_with("cue_sources");
+            match new.len() == about.cameras.len() && new.len() == 1 || is_placed {
                 true => error,
                 false => EntryError::new("cameras", error.problem),
-            })?;
+            }
+        })?;
         self.cameras.extend(new.into_iter().map(|(id, camera)| (id.to_owned(), camera.clone())));
+        self.about.cue_sources.extend(about.cue_sources.clone());
         self.about.up = up;
         self.about.name = about.name.clone().or(self.about.name.take());
         self.about.length_unit = about.length_unit.clone().or(self.about.length_unit.take());
@@ -157,9 +170,13 @@ impl StreamedScene {
             record.camera = Some(camera.id.clone());
         }
         let scene = self.scene_of(&record, camera.as_ref().map(|(camera, _)| camera), &detections)?;
-        let scene::SceneParts { frames, detections: checked, cue_sources, .. } = scene.into_parts();
+        let scene::SceneParts { frames, detections: checked, cue_sources, scaled_by_frame, .. } = scene.into_parts();
         let cues = checked.into_iter().map(|detection| detection.cues).collect();
-        let boxes = detections.iter().filter_map(box_of).collect();
+        let found = detections.iter().enumerate().map(|(index, record)| {
+            let problem = "there is no \"box\"; expected [x0, y0, x1, y1], an \"outline\" or an \"oriented_box\"";
+            box_of(record).ok_or_else(|| EntryError::new(format!("detections[{index}]"), problem))
+        });
+        let boxes = found.collect::<Result<_, _>>()?;
         let time = record.time.unwrap_or_default();
         let mut frame = match frames.first() {
             Some(frame) => Frame::of_scene(frame, time),
@@ -173,7 +190,7 @@ impl StreamedScene {
             }
             frame.pose_noise = Some(noise);
         }
-        Ok(CheckedFrame { frame, record, camera, detections, boxes, cues, cue_sources })
+        Ok(CheckedFrame { frame, record, camera, detections, boxes, cues, cue_sources, scaled_by_frame })
     }
 
     /// Keeps a frame that was observed.
@@ -231,15 +248,16 @@ impl StreamedScene {
     /// The kept views of the map's objects as a scene file: cameras, frames and detections with their objects. Estimates are
     /// added by [`SceneFile::localized`].
     pub fn to_file(&self, map: &ObjectMap) -> SceneFile {
-        self.file_of(&map.to_scene())
+        self.file_of(&map.to_scene(), &map.shapes_of_scene())
     }
 
     /// The same with the boxes from which the objects are estimated ([`ObjectMap::to_averaged_scene`]).
     pub fn to_averaged_file(&self, map: &ObjectMap) -> SceneFile {
-        self.file_of(&map.to_averaged_scene())
+        self.file_of(&map.to_averaged_scene(), &map.shapes_of_scene())
     }
 
-    fn file_of(&self, scene: &scene::Scene) -> SceneFile {
+    /// `shapes` are those of the detections.
+    fn file_of(&self, scene: &scene::Scene, shapes: &[Option<MapShape>]) -> SceneFile {
         let frames: Vec<FrameRecord> = scene.frames.iter().map(|frame| self.record_of(frame)).collect();
         let used: BTreeSet<&str> = frames.iter().filter_map(|frame| frame.camera.as_deref()).collect();
         let all = self.cameras.values().chain(self.unnamed.values());
@@ -248,15 +266,22 @@ impl StreamedScene {
             Some(cues) => cue_records(cues, &scene.cue_sources),
             None => (None, None),
         };
-        let detections = scene.detections.iter().map(|detection| (detection, cues(detection)));
-        let detections = detections.map(|(detection, (depth, box3d))| DetectionRecord {
+        let detections =
+            scene.detections.iter().zip(shapes).map(|(detection, shape)| (detection, shape.as_ref(), cues(detection)));
+        let short = |[x, y]: [f64; 2]| [shortest(x), shortest(y)];
+        let detections = detections.map(|(detection, shape, (depth, box3d))| DetectionRecord {
             depth,
             box3d,
+            outline: shape.and_then(|s| Some(s.outline.as_ref()?.iter().copied().map(short).collect())),
+            oriented_box: shape.and_then(|s| s.oriented_box).map(|turned| Box::new(short_turned(turned))),
             frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into()),
             category: detection.category_index.map(|index| scene.categories[index as usize].as_str().into()),
             score: detection.score.map(shortest),
-            bounding_box: detection.box_in_image.or(detection.bounding_box).map(|found| found.edges().map(shortest)),
+            // Not the box around an outline alone.
+            bounding_box: (detection.box_in_image.or(detection.bounding_box))
+                .filter(|_| shape.is_none_or(|s| s.has_box))
+                .map(|found| found.edges().map(shortest)),
             ..Default::default()
         });
         let mut seen = BTreeSet::new();
@@ -264,6 +289,14 @@ impl StreamedScene {
             name: self.about.name.clone(),
             length_unit: self.about.length_unit.clone(),
             up: self.about.up,
+            cue_sources: scene
+                .scaled_by_frame
+                .iter()
+                .filter_map(|&source| {
+                    let record = CueSourceRecord { scale: Some("frame".into()), ..Default::default() };
+                    Some((scene.cue_sources.get(source as usize)?.clone(), record))
+                })
+                .collect(),
             cameras,
             // Objects that were merged may have two views of one frame; a scene has one.
             detections: detections
@@ -330,6 +363,7 @@ impl StreamedScene {
             cameras: own_camera.or(known).cloned().into_iter().collect(),
             frames: vec![record.clone()],
             detections: detections.collect(),
+            cue_sources: self.about.cue_sources.clone(),
             ..SceneFile::default()
         };
         file.to_scene().map_err(|error| {
@@ -347,6 +381,13 @@ fn shortest(x: f64) -> f64 {
     (x as f32).to_string().parse().unwrap_or(x)
 }
 
+/// A turned box in such numbers.
+fn short_turned(turned: OrientedBox) -> OrientedBoxRecord {
+    let record = OrientedBoxRecord::from(turned);
+    let (center, size) = (record.center.map(shortest), record.size.map(shortest));
+    OrientedBoxRecord { center, size, angle: shortest(record.angle), ..record }
+}
+
 /// The hash FNV-1a, which is the same in every version.
 fn fnv_1a(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
@@ -357,12 +398,22 @@ fn other_camera(entry: String, id: &str) -> EntryError {
     EntryError::new(entry, format!("the camera \"{id}\" was given before with other numbers"))
 }
 
-/// The box of a checked detection; of an ellipse alone, the box around it.
+/// The box of a checked detection; of an ellipse, an outline or a turned box alone, the box around it.
 fn box_of(record: &DetectionRecord) -> Option<BoundingBox> {
     let of_ellipse = || {
         let ellipse = record.ellipse.as_deref()?;
         let ellipse = Ellipse::new(ellipse.center.into(), ellipse.semi_axes.into(), ellipse.angle).ok()?;
         Some(ellipse.bounding_box())
     };
-    record.bounding_box.and_then(|edges| BoundingBox::new(edges).ok()).or_else(of_ellipse)
+    let of_shape = || match (record.outline.as_deref(), record.oriented_box.as_deref()) {
+        (Some(corners), _) => {
+            let first = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+            let around =
+                corners.iter().fold(first, |[x0, y0, x1, y1], &[x, y]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]);
+            BoundingBox::new(around).ok()
+        }
+        (None, turned) => turned?.turned_box().ok()?.bounding_box(),
+    };
+    let measured = record.bounding_box.and_then(|edges| BoundingBox::new(edges).ok());
+    measured.or_else(of_ellipse).or_else(of_shape)
 }

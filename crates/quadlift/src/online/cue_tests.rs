@@ -6,8 +6,8 @@ use super::*;
 use crate::LocalizeOptions;
 use crate::scene::{Box3dCue, CueError, Cues, DepthCue, Scene};
 use crate::synthetic::{
-    Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene,
-    Trajectory, generate, simulate_cues,
+    Box3dNoise, CueOptions, DepthNoise, Noise, Observations, ShapeOptions, SyntheticIds, SyntheticOptions,
+    SyntheticScene, Trajectory, generate, simulate_cues, simulate_shapes,
 };
 
 /// Objects seen from an arc of few views, with depths and 3D boxes.
@@ -37,6 +37,7 @@ fn detections(scene: &Scene, frame: usize) -> Vec<Detection<'_>> {
         .map(|d| Detection {
             cues: d.cues.as_deref(),
             cue_sources: &scene.cue_sources,
+            scaled_by_frame: Some(&scene.scaled_by_frame),
             ..Detection::from_box(detection(d))
         })
         .collect()
@@ -76,6 +77,87 @@ fn views_keep_their_cues_in_the_scene_and_in_the_state() {
     for (a, b) in again.to_scene().detections.iter().zip(&kept.detections) {
         assert_eq!(a.cues, b.cues);
     }
+}
+
+#[test]
+fn scales_of_frames_are_those_of_the_map() {
+    let (_, scene) = with_cues();
+    let mut parts = scene.into_parts();
+    // The map numbers sources in the order in which it sees them.
+    parts.scaled_by_frame = [1].into();
+    let scene = Scene::from_parts(parts).unwrap();
+    let map = map_of(&scene);
+    let found = map.to_averaged_scene();
+    let names: Vec<&str> = found.scaled_by_frame.iter().map(|&k| found.cue_sources[k as usize].as_str()).collect();
+    assert_eq!(names, ["box3d"]);
+    let again = ObjectMap::from_state(OnlineOptions::default(), map.to_state()).unwrap();
+    assert_eq!(again.to_scene().scaled_by_frame, found.scaled_by_frame);
+}
+
+#[test]
+fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
+    use crate::scene::{DetectionInput, SceneBuilder, Shape};
+    let (made, scene) = with_cues();
+    let options = ShapeOptions { outline: Some(0.03), oriented_box: Some(Default::default()) };
+    let body_of = |index: usize, _: &crate::scene::Detection| Some(made.truth[made.true_objects[index]?].1);
+    let shapes = simulate_shapes(&scene, body_of, &options, 3);
+    let mut builder = SceneBuilder::new("shapes");
+    for frame in &scene.frames {
+        let size = frame.image_size.map(Into::into);
+        builder.add_frame(&frame.id, frame.projection, size).unwrap();
+    }
+    let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
+    for (k, frame) in scene.frames.iter().enumerate() {
+        let mut found = Vec::new();
+        for (index, d) in scene.detections.iter().enumerate().filter(|(_, d)| d.frame_index as usize == k) {
+            let outline = shapes[index].outline.as_deref().filter(|_| index % 3 != 0);
+            let oriented_box = shapes[index].oriented_box.filter(|_| index % 3 == 0);
+            let bounding_box = d.bounding_box.filter(|_| index % 3 == 1);
+            let input = DetectionInput { frame: &frame.id, bounding_box, outline, oriented_box, ..Default::default() };
+            builder.add_detection(&input).unwrap();
+            let around = outline.map(|c| {
+                c.iter().fold([f64::MAX, f64::MAX, f64::MIN, f64::MIN], |e, c| {
+                    [e[0].min(c[0]), e[1].min(c[1]), e[2].max(c[0]), e[3].max(c[1])]
+                })
+            });
+            let around = around.map(|edges| crate::geometry::BoundingBox::new(edges).unwrap());
+            let around = bounding_box.or(around).or_else(|| oriented_box?.bounding_box()).unwrap();
+            let shape = Shape { outline, oriented_box, hidden_lines: None };
+            found.push(Detection { shape, has_box: bounding_box.is_some(), ..Detection::from_box(around) });
+        }
+        map.observe(&Frame::of_scene(frame, k as f64), &found).unwrap();
+    }
+    let expected = builder.build();
+    let again = ObjectMap::from_state(OnlineOptions::default(), map.to_state()).unwrap();
+    let (mut turned, mut boxed) = (0, 0);
+    let (kept, shapes) = (again.to_scene(), map.shapes_of_scene());
+    assert!(kept.detections.len() > 100 && shapes.len() == kept.detections.len());
+    for (detection, shape) in kept.detections.iter().zip(&shapes) {
+        let frame = &kept.frames[detection.frame_index as usize];
+        let edges = detection.bounding_box.unwrap().edges();
+        let same = |a: [f64; 4]| a.iter().zip(&edges).all(|(a, b)| (a - b).abs() < 1e-3);
+        let is_it = |d: &&crate::scene::Detection| {
+            expected.frames[d.frame_index as usize].id == frame.id && same(d.bounding_box.unwrap().edges())
+        };
+        let given = expected.detections.iter().find(is_it).unwrap().support_lines.as_deref().unwrap();
+        let found = detection.support_lines.as_deref().unwrap();
+        assert_eq!(found.count(), given.count());
+        for (a, b) in found.lines().zip(given.lines()) {
+            assert!((a.reach - b.reach).abs() < 2e-3 && (a.normal - b.normal).norm() < 1e-6, "{a:?} {b:?}");
+            assert_eq!(a.end, b.end);
+        }
+        let shape = shape.as_ref().unwrap();
+        assert!(shape.outline.as_ref().is_none_or(|corners| (3..=16).contains(&corners.len())));
+        turned += usize::from(shape.oriented_box.is_some());
+        boxed += usize::from(shape.has_box);
+    }
+    assert!(turned > 20 && boxed > 20, "{turned} {boxed}");
+    let flat = [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]];
+    let frame = Frame { id: "flat".to_owned(), ..Frame::of_scene(&scene.frames[0], 99.0) };
+    let good = detections(&scene, 0)[0];
+    let wrong = Detection { shape: Shape { outline: Some(&flat), ..Default::default() }, ..good };
+    let error = map.observe(&frame, &[good, wrong]).unwrap_err();
+    assert!(matches!(error, ObserveError::Outline { detection: 1, .. }), "{error}");
 }
 
 #[test]

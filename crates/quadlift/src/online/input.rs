@@ -1,9 +1,11 @@
 //! What an object map observes: posed images and the detections in them.
 
+use std::collections::BTreeSet;
+
 use nalgebra::Vector2;
 
 use crate::geometry::{BoundingBox, Camera, Projection};
-use crate::scene::{self, CueError, Cues};
+use crate::scene::{self, CueError, Cues, OutlineError, Shape};
 use crate::solve::PoseNoise;
 
 /// A posed image at an instant.
@@ -45,8 +47,13 @@ impl Frame {
 /// A detection in a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Detection<'a> {
-    /// The box in the image, with lens distortion, pixels.
+    /// The box in the image, with lens distortion, pixels; without one that around outline or turned box.
     pub bounding_box: BoundingBox,
+    /// Whether the box was measured.
+    pub has_box: bool,
+    /// Outline or turned box. They are kept for [`super::ObjectMap::localize`]; the map does not use them. Which lines are hidden is
+    /// computed from the outlines of the frame.
+    pub shape: Shape<'a>,
     /// Category.
     pub category: Option<&'a str>,
     /// Score of the detector, in [0, 1] by custom.
@@ -57,12 +64,24 @@ pub struct Detection<'a> {
     pub cues: Option<&'a Cues>,
     /// Names of the sources of `cues`, by their indices.
     pub cue_sources: &'a [String],
+    /// Sources whose depths have another scale in each frame, as indices; see [`scene::SceneParts::scaled_by_frame`].
+    pub scaled_by_frame: Option<&'a BTreeSet<u32>>,
 }
 
 impl Detection<'_> {
     /// A detection with a box only.
     pub fn from_box(bounding_box: BoundingBox) -> Self {
-        Self { bounding_box, category: None, score: None, id: None, cues: None, cue_sources: &[] }
+        Self {
+            bounding_box,
+            has_box: true,
+            shape: Shape::default(),
+            category: None,
+            score: None,
+            id: None,
+            cues: None,
+            cue_sources: &[],
+            scaled_by_frame: None,
+        }
     }
 }
 
@@ -136,6 +155,16 @@ pub enum ObserveError {
         detection: usize,
         /// What is wrong.
         error: CueError,
+    },
+    /// Points are no outline.
+    #[error("detection {detection} of frame {id:?}: {error}")]
+    Outline {
+        /// Id of the frame.
+        id: String,
+        /// Index of the detection.
+        detection: usize,
+        /// What is wrong.
+        error: OutlineError,
     },
     /// A depth or a 3D box has a source without a name.
     #[error("detection {detection} of frame {id:?} has the cue source {source_index}, of {count}")]

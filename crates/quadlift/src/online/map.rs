@@ -1,6 +1,6 @@
 //! The object map.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use nalgebra::{Point3, Vector3};
 
@@ -75,6 +75,8 @@ pub struct ObjectMap {
     pub(super) categories: Categories,
     /// Names of the sources of depths and 3D boxes.
     pub(super) cue_sources: Vec<String>,
+    /// Those whose depths have another scale in each frame.
+    pub(super) scaled_by_frame: BTreeSet<u32>,
     pub(super) input_ids: InputIds,
     pub(super) tally: IdTally,
     pub(super) running: Running,
@@ -144,6 +146,7 @@ impl ObjectMap {
             origin: Vector3::zeros(),
             categories: Categories::default(),
             cue_sources: Vec::new(),
+            scaled_by_frame: BTreeSet::new(),
             input_ids: InputIds::default(),
             running,
             keyframes: Keyframes::default(),

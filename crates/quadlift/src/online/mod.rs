@@ -25,6 +25,7 @@ mod current;
 mod exchange;
 mod input;
 mod kept_cues;
+mod kept_shape;
 mod keyframes;
 mod learning;
 mod lifecycle;
@@ -48,6 +49,7 @@ mod views;
 mod visibility;
 
 pub use input::{Detection, Frame, ObserveError};
+pub use kept_shape::MapShape;
 pub use map::{MapObject, ObjectMap};
 pub use options::OnlineOptions;
 pub use poses::PoseUpdate;

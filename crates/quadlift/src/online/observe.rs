@@ -7,6 +7,7 @@ use nalgebra::Vector2;
 use super::current::Current;
 use super::input::{Detection, Frame, ObserveError};
 use super::kept_cues::KeptCues;
+use super::kept_shape::{KeptShape, line_bits};
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
 use super::update::{Event, FrameUpdate};
@@ -16,7 +17,7 @@ use crate::association::IdUse;
 use crate::association::input::clutter::set_clutter;
 use crate::association::input::context::given_size;
 use crate::geometry::BoundingBox;
-use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
+use crate::scene::{self, BORDER_TOLERANCE_PX, Outlines, check_outline, edges_at_border};
 
 /// Number of consecutive contradicting frames after which they are used: the world has changed.
 const BELIEVED_AFTER: u32 = 10;
@@ -121,6 +122,7 @@ impl ObjectMap {
         }
         self.check_categories(frame, self.new_categories(detections).len())?;
         check_cues(frame, detections)?;
+        check_outlines(frame, detections)?;
         self.check_cue_sources(frame, self.new_cue_sources(detections).len())?;
         match detections.iter().position(|d| d.score.is_some_and(|score| !score.is_finite())) {
             Some(detection) => Err(ObserveError::Score { id: id(), detection }),
@@ -178,6 +180,7 @@ impl ObjectMap {
         self.running.frames += 1;
         self.running.longest_focal = self.running.longest_focal.max(frame.projection.focal_length());
         let mut views = Vec::with_capacity(detections.len());
+        let mut shapes = kept_shapes(frame, detections);
         for (index, detection) in detections.iter().enumerate() {
             if self.options.min_score.zip(detection.score).is_some_and(|(least, score)| score < least) {
                 continue;
@@ -194,7 +197,9 @@ impl ObjectMap {
                 let [width, height] = self.running.extent;
                 self.running.extent = [width.max(measured.x1()), height.max(measured.y1())];
             }
-            views.push(self.view_of(key, index, detection, &measured, frame));
+            let shape = shapes.get_mut(index).and_then(Option::take);
+            let view = self.view_of(key, index, detection, &measured, frame);
+            views.push(KeptView { shape: shape.map(Box::new), ..view });
         }
         views.sort_by(|a, b| a.edges[0].total_cmp(&b.edges[0]).then(a.detection.cmp(&b.detection)));
         let keyframe = Keyframe::new(frame.clone(), &self.origin, self.running.extent.into());
@@ -233,7 +238,13 @@ impl ObjectMap {
         let category = self.category_index(detection.category);
         let in_image = detection.bounding_box;
         // Checked to have names.
-        let source_of = |index: u32| self.cue_source(&detection.cue_sources[index as usize]);
+        let source_of = |index: u32| {
+            let source = self.cue_source(&detection.cue_sources[index as usize]);
+            if detection.scaled_by_frame.is_some_and(|sources| sources.contains(&index)) {
+                self.scaled_by_frame.insert(source);
+            }
+            source
+        };
         let cues = detection.cues.filter(|cues| !cues.is_empty()).map(|cues| Box::new(KeptCues::of(cues, source_of)));
         let view = KeptView {
             keyframe: key,
@@ -243,6 +254,7 @@ impl ObjectMap {
             in_image: frame.lens.map(|_| Box::new(in_image.edges().map(|edge| edge as f32))),
             absorbed: None,
             cues,
+            shape: None,
             cut: to_bits(edges_at_border(&in_image, frame.image_size, BORDER_TOLERANCE_PX)),
             hidden: 0,
             category,
@@ -280,6 +292,36 @@ impl ObjectMap {
 fn sources_of(detection: &Detection) -> impl Iterator<Item = u32> {
     let cues = detection.cues.copied().unwrap_or_default();
     [cues.depth.and_then(|depth| depth.source), cues.box3d.and_then(|box3d| box3d.source)].into_iter().flatten()
+}
+
+/// What is kept of the outlines and turned boxes of a frame; empty if there are none.
+fn kept_shapes(frame: &Frame, detections: &[Detection]) -> Vec<Option<KeptShape>> {
+    if detections.iter().all(|d| d.shape.outline.is_none() && d.shape.oriented_box.is_none()) {
+        return Vec::new();
+    }
+    let frame = frame.to_scene();
+    let mut outlines = Outlines::default();
+    let mut seen = vec![scene::Detection::default(); detections.len()];
+    for (index, (detection, seen)) in detections.iter().zip(&mut seen).enumerate() {
+        let shape = scene::Shape { hidden_lines: None, ..detection.shape };
+        // Checked already.
+        let _ = outlines.add(index, seen, detection.has_box, &frame, &shape);
+    }
+    outlines.hide(&mut seen);
+    let kept = |(detection, seen): (&Detection, &scene::Detection)| {
+        let hidden = line_bits(seen.support_lines.as_deref()?.lines().map(|line| line.end.hidden));
+        KeptShape::of(&detection.shape, &frame, hidden, detection.has_box)
+    };
+    detections.iter().zip(&seen).map(kept).collect()
+}
+
+/// Checks outlines.
+fn check_outlines(frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
+    for (detection, found) in detections.iter().enumerate() {
+        let checked = found.shape.outline.map_or(Ok(()), check_outline);
+        checked.map_err(|error| ObserveError::Outline { id: frame.id.clone(), detection, error })?;
+    }
+    Ok(())
 }
 
 /// Checks depths and 3D boxes, and that their sources have names.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::kept_shape::MapShape;
 use super::map::ObjectMap;
 use super::tracked::Presence;
 use super::views::KeptView;
@@ -21,7 +22,18 @@ impl ObjectMap {
         self.scene_of(&|view, edges| view.averaged(edges))
     }
 
+    /// Outlines and turned boxes of the detections of [`ObjectMap::to_scene`], in their order.
+    pub fn shapes_of_scene(&self) -> Vec<Option<MapShape>> {
+        let (_, views) = self.scene_and_views(&|_, edges| edges);
+        views.into_iter().map(|view| view.shape.as_ref().map(|shape| shape.to_shape())).collect()
+    }
+
     fn scene_of(&self, edges_of: &dyn Fn(&KeptView, [f64; 4]) -> [f64; 4]) -> Scene {
+        self.scene_and_views(edges_of).0
+    }
+
+    /// The scene, and the view of each of its detections.
+    fn scene_and_views(&self, edges_of: &dyn Fn(&KeptView, [f64; 4]) -> [f64; 4]) -> (Scene, Vec<&KeptView>) {
         let mut parts = SceneParts { name: "object map".to_owned(), ..Default::default() };
         let objects: Vec<_> = self.tracked().filter(|t| t.presence != Presence::Tentative).collect();
         let mut frames: BTreeMap<u32, u32> = BTreeMap::new();
@@ -47,10 +59,12 @@ impl ObjectMap {
             BoundingBox::new(edges_of(view, own)).or_else(|_| BoundingBox::new(own)).ok()
         };
         parts.cue_sources.clone_from(&self.cue_sources);
+        parts.scaled_by_frame.clone_from(&self.scaled_by_frame);
+        let mut found: Vec<(Detection, &KeptView)> = Vec::new();
         for (index, tracked) in objects.iter().enumerate() {
             parts.object_ids.push(tracked.id.to_string());
             for view in &tracked.views {
-                parts.detections.push(Detection {
+                let mut detection = Detection {
                     frame_index: frames[&view.keyframe],
                     object_index: Some(index as u32),
                     category_index: category_index[usize::from(view.category)],
@@ -60,11 +74,16 @@ impl ObjectMap {
                     box_in_image: view.in_image.as_ref().and_then(|edges| bounds(view, **edges)),
                     cues: view.cues.as_ref().map(|cues| Box::new(cues.to_cues())),
                     ..Default::default()
-                });
+                };
+                if let (Some(shape), Some(frame)) = (&view.shape, parts.frames.get(detection.frame_index as usize)) {
+                    shape.add_to(&mut detection, frame);
+                }
+                found.push((detection, view));
             }
         }
-        parts.detections.sort_by_key(|d| (d.frame_index, d.object_index));
-        Scene(parts)
+        found.sort_by_key(|(d, _)| (d.frame_index, d.object_index));
+        let (detections, views) = found.into_iter().unzip();
+        (Scene(SceneParts { detections, ..parts }), views)
     }
 
     /// Estimates of all objects of the map with covariances, in the order of their ids, from their kept views and the means

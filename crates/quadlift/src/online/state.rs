@@ -34,6 +34,9 @@ pub struct MapState {
     /// Names of the sources of depths and 3D boxes.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     cue_sources: Vec<String>,
+    /// Those whose depths have another scale in each frame.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BTreeSet::is_empty"))]
+    scaled_by_frame: BTreeSet<u32>,
     input_ids: InputIds,
     tally: IdTally,
     running: Running,
@@ -122,6 +125,7 @@ impl ObjectMap {
             origin: self.origin.into(),
             categories: self.categories.names().to_vec(),
             cue_sources: self.cue_sources.clone(),
+            scaled_by_frame: self.scaled_by_frame.clone(),
             input_ids: self.input_ids.clone(),
             tally: self.tally.clone(),
             running: self.running.clone(),
@@ -152,6 +156,7 @@ impl ObjectMap {
         map.origin = Vector3::from(state.origin);
         map.categories = Categories::new(state.categories);
         map.cue_sources = state.cue_sources;
+        map.scaled_by_frame = state.scaled_by_frame;
         map.input_ids = state.input_ids;
         map.tally = state.tally;
         map.running = state.running;
@@ -183,6 +188,8 @@ impl MapState {
         let hold = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(StateError::Damaged(what)) };
         hold(self.categories.len() <= super::MAX_CATEGORIES, "too many categories")?;
         hold(self.cue_sources.len() <= super::MAX_CUE_SOURCES, "too many sources of depths and 3D boxes")?;
+        let is_source = |source: &u32| (*source as usize) < self.cue_sources.len();
+        hold(self.scaled_by_frame.iter().all(is_source), "an unknown source of depths")?;
         let distinct: BTreeSet<&Option<String>> = self.categories.iter().collect();
         hold(distinct.len() == self.categories.len(), "a category is there twice")?;
         hold(self.running.has_categories(self.categories.len()), "statistics of other categories")?;
@@ -199,6 +206,7 @@ impl MapState {
                 && y0 < y1
                 && view.edges.iter().all(|e| e.is_finite())
                 && view.absorbed.as_ref().is_none_or(|a| a.is_valid())
+                && view.shape.as_ref().is_none_or(|shape| shape.is_valid())
                 && view.cues.as_ref().is_none_or(|cues| cues.is_valid(self.cue_sources.len()))
         };
         for frame in &self.recent {
@@ -369,6 +377,7 @@ impl MapState {
             with(&|s| s.free_slots.push(1_000_000)),
             with(&|s| s.aliases.push((ObjectId(1), ObjectId(1)))),
             with(&|s| s.next_key = 0),
+            with(&|s| s.scaled_by_frame = [1_000_000].into()),
             with(&|s| s.next_id = 1),
             with(&|s| s.running.assigned = i64::MAX),
             with(&|s| object(s, &|t| t.covariance.clear())),

@@ -31,12 +31,12 @@ fn detections(scene: &Scene, frame: usize) -> Vec<Detection<'_>> {
     let of_frame = scene.detections.iter().filter(|d| d.frame_index as usize == frame);
     of_frame
         .map(|d| Detection {
-            bounding_box: d.bounding_box.unwrap(),
             category: d.category_index.map(|c| scene.categories[c as usize].as_str()),
             score: d.score,
             id: d.object_index.map(|o| scene.object_ids[o as usize].as_str()),
             cues: d.cues.as_deref(),
             cue_sources: &scene.cue_sources,
+            ..Detection::from_box(d.bounding_box.unwrap())
         })
         .collect()
 }

@@ -3,6 +3,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::kept_cues::KeptCues;
+use super::kept_shape::KeptShape;
 use super::keyframes::Keyframes;
 use super::summary::Absorbed;
 use super::update::ObjectId;
@@ -24,6 +25,9 @@ pub(super) struct KeptView {
     /// Depth and 3D box.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub cues: Option<Box<KeptCues>>,
+    /// Outline or turned box.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub shape: Option<Box<KeptShape>>,
     /// Score of the detector.
     pub score: Option<f32>,
     /// See [`BoxObservation::log_clutter`].

@@ -147,6 +147,16 @@ pub fn hidden_lines<F: Ord>(outlines: &[Option<(F, &[[f64; 2]])>]) -> Vec<[bool;
     hidden
 }
 
+/// The corners of an outline in a frame that its supporting lines touch, in their order: an outline of them has the same lines. Fewer than
+/// three outside of the image.
+pub(crate) fn extreme_corners(corners: &[[f64; 2]], frame: &Frame) -> Vec<[f64; 2]> {
+    let Ok(outline) = ImageOutline::new(0, corners, frame) else { return Vec::new() };
+    let Some(lines) = outline.support_lines() else { return Vec::new() };
+    let on_line = |p: &Vector2<f64>| lines.lines().any(|line| line.normal.dot(p) == line.reach);
+    let touching = outline.points.iter().zip(&outline.corners).filter(|((p, _), _)| on_line(p));
+    touching.map(|(_, corner)| (*corner).into()).collect()
+}
+
 /// An outline in its image, which [`touch`] compares with others.
 #[derive(Debug)]
 struct ImageOutline {

@@ -66,7 +66,7 @@ pub fn simulate_shapes(
     let mut of_boxes = random::stream(seed, TURNED_STREAM);
     let simulated = |(index, detection): (usize, &Detection)| {
         let projection = &scene.frames[detection.frame_index as usize].projection;
-        let seen = body_of(index, detection).and_then(|body| Seen::new(projection, &body));
+        let seen = body_of(index, detection).and_then(|body| Seen::new(projection, body));
         seen.map_or_else(SimulatedShape::default, |seen| SimulatedShape {
             outline: options.outline.map(|noise| seen.outline(noise, &mut of_outlines)),
             oriented_box: options.oriented_box.and_then(|noise| seen.turned_box(&noise, &mut of_boxes)),
@@ -78,7 +78,7 @@ pub fn simulate_shapes(
 /// A body in an image, without errors.
 struct Seen<'a> {
     projection: &'a Projection,
-    body: &'a Body,
+    body: Body,
     /// Tangent polygon.
     corners: Vec<Vector2<f64>>,
     /// Centre of the box.
@@ -88,14 +88,14 @@ struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    fn new(projection: &'a Projection, body: &'a Body) -> Option<Self> {
-        let around = project_bounding_box(projection, body).ok()?;
+    fn new(projection: &'a Projection, body: Body) -> Option<Self> {
+        let around = project_bounding_box(projection, &body).ok()?;
         let turns = CORNERS / 4;
         // Lines n . x = d by the direction of n.
         let mut lines = vec![(Vector2::zeros(), 0.0); CORNERS];
         for k in 0..turns {
             let angle = FRAC_PI_2 * k as f64 / turns as f64;
-            for (quarter, reach) in reaches(projection, body, angle)?.into_iter().enumerate() {
+            for (quarter, reach) in reaches(projection, &body, angle)?.into_iter().enumerate() {
                 let normal = Rotation2::new(angle + FRAC_PI_2 * quarter as f64) * Vector2::x();
                 lines[quarter * turns + k] = (normal, reach);
             }
@@ -128,7 +128,7 @@ impl<'a> Seen<'a> {
 
     fn turned_box(&self, noise: &TurnedNoise, rng: &mut ChaCha8Rng) -> Option<OrientedBox> {
         let angle = self.angle()? + noise.angle * random::normal(rng);
-        let reach = reaches(self.projection, self.body, angle)?;
+        let reach = reaches(self.projection, &self.body, angle)?;
         let reach = reach.map(|reach| reach + noise.sides * self.unit * random::normal(rng));
         let center = Rotation2::new(angle) * Vector2::new(reach[0] - reach[2], reach[1] - reach[3]) * 0.5;
         OrientedBox::new(center, Vector2::new(reach[0] + reach[2], reach[1] + reach[3]), angle).ok()
@@ -136,7 +136,7 @@ impl<'a> Seen<'a> {
 
     /// The direction of a turned box without errors.
     fn angle(&self) -> Option<f64> {
-        if let Body::Ellipsoid(ellipsoid) = self.body {
+        if let Body::Ellipsoid(ellipsoid) = &self.body {
             return project_ellipsoid(self.projection, ellipsoid).ok().map(|ellipse| ellipse.angle());
         }
         // The smallest rectangle around a convex polygon has a side along one of its edges.
@@ -214,7 +214,7 @@ mod tests {
         let (mut radius, mut sides, mut count) = (0.0, 0.0, 0.0);
         for (shape, body, projection) in simulated(BodyKind::Ellipsoid, &noise) {
             let around = project_bounding_box(&projection, &body).unwrap();
-            let exact = Seen::new(&projection, &body).unwrap();
+            let exact = Seen::new(&projection, body).unwrap();
             let outline = shape.outline.unwrap();
             let errors = exact.corners.iter().zip(&outline).map(|(a, b)| (Vector2::from(*b) - a).norm_squared());
             radius += errors.sum::<f64>() / CORNERS as f64 / around.mean_half_size().powi(2);

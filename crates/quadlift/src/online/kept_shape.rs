@@ -1,0 +1,94 @@
+//! The outline or the turned box of a kept view, reduced to what its supporting lines need, as plain numbers.
+
+use super::views::from_bits;
+use crate::geometry::OrientedBox;
+use crate::scene::{self, Outlines, Shape, check_outline, extreme_corners};
+
+/// Outline or turned box of a view, in the image as it is.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct KeptShape {
+    /// The corners of the outline that its supporting lines touch; none of a turned box.
+    corners: Vec<[f32; 2]>,
+    /// Centre, size and angle of a turned box.
+    oriented_box: Option<[f32; 5]>,
+    /// Which lines another outline of the frame hides, as bits.
+    hidden: u8,
+    /// Whether a box was measured, too.
+    has_box: bool,
+}
+
+/// Outline and turned box of a detection of [`super::ObjectMap::to_scene`], in the image as it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapShape {
+    /// The corners of the outline that its supporting lines touch.
+    pub outline: Option<Vec<[f64; 2]>>,
+    /// The turned box.
+    pub oriented_box: Option<OrientedBox>,
+    /// Whether a box was measured, too.
+    pub has_box: bool,
+}
+
+impl KeptShape {
+    /// The shape of a detection in a frame whose lines are known; `None` without a shape.
+    pub fn of(shape: &Shape, frame: &scene::Frame, hidden: u8, has_box: bool) -> Option<Self> {
+        let rounded = |[x, y]: [f64; 2]| [x as f32, y as f32];
+        let outline = shape.outline.map(|corners| extreme_corners(corners, frame));
+        let kept = match (outline, shape.oriented_box) {
+            (Some(corners), _) => {
+                Self { corners: corners.into_iter().map(rounded).collect(), oriented_box: None, hidden, has_box }
+            }
+            (None, Some(turned)) => {
+                let (center, size) = (turned.center(), turned.size());
+                let numbers = [center.x, center.y, size.x, size.y, turned.angle()].map(|x| x as f32);
+                Self { corners: Vec::new(), oriented_box: Some(numbers), hidden, has_box }
+            }
+            (None, None) => return None,
+        };
+        // Rounding may leave nothing of a tiny one.
+        kept.is_valid().then_some(kept)
+    }
+
+    /// The shape as a scene has it.
+    pub fn to_shape(&self) -> MapShape {
+        let corners: Vec<[f64; 2]> = self.corners.iter().map(|corner| corner.map(f64::from)).collect();
+        let oriented_box = self.oriented_box.and_then(|numbers| {
+            let [x, y, width, height, angle] = numbers.map(f64::from);
+            OrientedBox::new([x, y].into(), [width, height].into(), angle).ok()
+        });
+        MapShape { outline: (!corners.is_empty()).then_some(corners), oriented_box, has_box: self.has_box }
+    }
+
+    /// Gives a detection, whose box is known, the supporting lines.
+    pub fn add_to(&self, detection: &mut scene::Detection, frame: &scene::Frame) {
+        let MapShape { outline, oriented_box, has_box } = self.to_shape();
+        let [low, high] = [self.hidden, self.hidden >> 4].map(from_bits);
+        let hidden_lines = Some(std::array::from_fn(|k| if k < 4 { low[k] } else { high[k - 4] }));
+        let shape = Shape { outline: outline.as_deref(), oriented_box, hidden_lines };
+        // The box around an outline is no measurement beside it.
+        let around = detection.bounding_box.filter(|_| !has_box);
+        let in_image = detection.box_in_image;
+        if around.is_some() {
+            detection.bounding_box = None;
+        }
+        // Checked where it was kept; without lines the box remains.
+        let _ = Outlines::default().add(0, detection, has_box, frame, &shape);
+        if around.is_some() {
+            (detection.bounding_box, detection.box_in_image) = (around, in_image);
+        }
+    }
+
+    /// Whether all numbers are in their ranges.
+    pub fn is_valid(&self) -> bool {
+        let MapShape { outline, oriented_box, .. } = self.to_shape();
+        match outline {
+            Some(corners) => self.oriented_box.is_none() && check_outline(&corners).is_ok(),
+            None => oriented_box.is_some(),
+        }
+    }
+}
+
+/// Hidden lines as bits.
+pub(super) fn line_bits(hidden: impl Iterator<Item = bool>) -> u8 {
+    hidden.enumerate().map(|(k, hidden)| u8::from(hidden) << k).sum()
+}
