@@ -276,9 +276,7 @@ class _Table:
 
     def add(self, frame: int, found: _found.Found) -> None:
         turned = found.oriented_box
-        edges = _checks.array(
-            f'xyxy of frame "{self.frame_ids[frame]}"', found.boxes, ("M", 4), nan=turned is not None
-        )
+        edges = _checks.array(f'xyxy of frame "{self.frame_ids[frame]}"', found.boxes, ("M", 4), nan=turned is not None)
         scores, classes, tracks, masks = found.scores, found.categories, found.object, found.masks
         for row in range(len(edges)):
             self.frame.append(frame)

@@ -325,8 +325,8 @@ class ObjectMap:
         object : array_like of int or str, shape (M,), optional
             Ids of a tracker; unknown ones as for categories.
         outline, oriented_box, depth, box3d : optional
-            Outlines, turned boxes, depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map keeps
-            them with its views, for `localize`. With an outline or a turned box the row of `boxes` may be NaN,
+            Outlines, turned boxes, depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map
+            keeps them with its views, for `localize`. With an outline or a turned box the row of `boxes` may be NaN,
             or all of `boxes` missing.
 
         Raises

@@ -157,8 +157,8 @@ class SceneData:
         outline : sequence of (K, 2) array_like or None, length M, optional
             Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
         oriented_box : array_like, shape (M, 5), optional
-            Turned boxes: centre x and y, width, height, and the angle of the width (radians, from x towards y); pixels. A
-            row of NaN means none. With an outline it is not used.
+            Turned boxes: centre x and y, width, height, and the angle of the width (radians, from x towards y); pixels.
+            A row of NaN means none. With an outline it is not used.
         object : array_like of int or str, shape (M,), optional
             The objects; negative numbers, None and "" mean unknown. A source detects each at most once per frame.
         scores : array_like, shape (M,), optional

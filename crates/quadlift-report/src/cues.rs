@@ -1,7 +1,7 @@
 //! Depths and 3D boxes of detections, beside the estimates.
 
 use nalgebra::{Point3, Rotation3};
-use quadlift::geometry::{Body, Cuboid, visible_depth};
+use quadlift::geometry::{Body, Cuboid, Projection, visible_depth};
 use quadlift::scene::{Box3dCue, Detection, Scene};
 
 use crate::data::{ReportBody, ReportDetections};
@@ -21,7 +21,8 @@ impl ReportDetections {
             let ratio = estimated.and_then(|body| Some(depth.median / seen(scene, detection, &body)?));
             self.depths.push((row, rounded(depth.median), ratio.map(|ratio| (1e4 * ratio).round() / 1e4)));
         }
-        if let Some(cuboid) = cues.box3d.and_then(|measured| in_world(&measured, scene, detection)) {
+        let projection = scene.frames.get(detection.frame_index as usize).map(|frame| &frame.projection);
+        if let Some(cuboid) = cues.box3d.zip(projection).and_then(|(measured, p)| box_in_world(&measured, p)) {
             let body = ReportBody::from(&cuboid);
             self.boxes3d.push((
                 row,
@@ -43,8 +44,7 @@ fn seen(scene: &Scene, detection: &Detection, body: &Body) -> Option<f64> {
 }
 
 /// A 3D box with centre, size and rotation as a cuboid in the world; `None` if it lacks one of them.
-fn in_world(measured: &Box3dCue, scene: &Scene, detection: &Detection) -> Option<Cuboid> {
-    let projection = &scene.frames.get(detection.frame_index as usize)?.projection;
+pub(crate) fn box_in_world(measured: &Box3dCue, projection: &Projection) -> Option<Cuboid> {
     let (turn, eye) = (projection.world_from_cam_rotation()?, projection.center_in_world()?);
     Some(Cuboid {
         center: Point3::from(eye.coords + turn * measured.center?.coords),
@@ -66,7 +66,7 @@ fn rounded(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use nalgebra::{Matrix3x4, Vector3};
-    use quadlift::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+    use quadlift::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, project_bounding_box};
     use quadlift::scene::{Cues, DepthCue, DetectionInput, SceneBuilder};
 
     use super::*;

@@ -4,14 +4,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 
+use nalgebra::Vector2;
 use quadlift::online::{Detection, Event, Frame, FrameUpdate, MapObject, ObjectId, ObjectMap, Presence};
+use quadlift::scene::Shape;
 use quadlift_io::stream::EventRecord;
 use serde::Serialize;
 
 use crate::colors::{UNKNOWN, of_object};
 use crate::data::ReportBody;
 use crate::recording::{
-    Owner, RecordingBody, RecordingBox, RecordingCamera, RecordingFrame, RecordingObject, drawable, recording_camera,
+    Owner, RecordingBody, RecordingBox, RecordingBox3d, RecordingCamera, RecordingFrame, RecordingObject,
+    RecordingOutline, drawable, line, recording_camera,
 };
 
 /// Objects that a frame does not show and whose bodies are compared all the same, for each frame: a detection that changes
@@ -211,24 +214,38 @@ fn category(object: &MapObject) -> Option<String> {
     object.categories.first().and_then(|(category, _)| category.clone())
 }
 
+/// The corners of an outline or a turned box, and the first one again.
+fn closed_shape(shape: &Shape) -> Option<Vec<Vector2<f64>>> {
+    let mut corners: Vec<Vector2<f64>> = match (shape.outline, &shape.oriented_box) {
+        (Some(outline), _) => outline.iter().copied().map(Vector2::from).collect(),
+        (None, turned) => turned.as_ref()?.corners().to_vec(),
+    };
+    corners.extend(corners.first().copied());
+    Some(corners)
+}
+
 fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate, in_image: bool) -> RecordingFrame {
-    let boxes: Vec<RecordingBox> = detections
-        .iter()
-        .zip(&update.objects)
-        .filter_map(|(detection, object)| {
-            let shown = match &frame.lens {
-                Some(lens) if !in_image => lens.undistort_box(&detection.bounding_box)?,
-                _ => detection.bounding_box,
-            };
-            let owner = Owner {
-                object: object.map(|id| id.to_string()),
-                category: detection.category.map(str::to_owned),
-                inlier: None,
-                color: object.map_or(UNKNOWN, |id| of_object(index(id))),
-            };
-            Some(RecordingBox { edges: shown.edges(), owner })
-        })
-        .collect();
+    let (mut boxes, mut detected_outlines, mut boxes3d) = (Vec::new(), Vec::new(), Vec::new());
+    for (detection, object) in detections.iter().zip(&update.objects) {
+        let owner = Owner {
+            object: object.map(|id| id.to_string()),
+            category: detection.category.map(str::to_owned),
+            inlier: None,
+            color: object.map_or(UNKNOWN, |id| of_object(index(id))),
+        };
+        let measured = detection.cues.and_then(|cues| cues.box3d);
+        boxes3d.extend(measured.and_then(|measured| RecordingBox3d::new(&measured, &frame.projection, &owner)));
+        let lens = frame.lens.as_ref().filter(|_| !in_image);
+        // Corners are not undistorted: their sides would be curves.
+        if let Some(border) = closed_shape(&detection.shape).filter(|_| lens.is_none()) {
+            detected_outlines.push(RecordingOutline { lines: vec![line(&border)], owner: owner.clone() });
+        }
+        let shown = match lens {
+            Some(lens) => lens.undistort_box(&detection.bounding_box),
+            None => Some(detection.bounding_box),
+        };
+        boxes.extend(shown.map(|shown| RecordingBox { edges: shown.edges(), owner }));
+    }
     let camera = recording_camera(&frame.projection);
     // Of unknown size: the principal point is its centre.
     let around_center = |camera: &RecordingCamera| [0, 1].map(|row| (2.0 * camera.intrinsics[row][2]).max(1.0));
@@ -242,6 +259,8 @@ fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate, i
         camera,
         boxes,
         ellipses: Vec::new(),
+        detected_outlines,
+        boxes3d,
         outlines: Vec::new(),
         true_outlines: Vec::new(),
     }

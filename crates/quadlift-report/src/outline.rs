@@ -3,7 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::{Matrix2, Matrix3x4, Vector2};
-use quadlift::geometry::{Body, ConvexBody, Cuboid, Ellipse, Projection, project_bounding_box, project_ellipsoid};
+use quadlift::geometry::{
+    Body, ConvexBody, Cuboid, Ellipse, Projection, SupportLines, project_bounding_box, project_ellipsoid,
+};
 
 /// Points on the outline of a round body.
 const POINTS: usize = 96;
@@ -35,6 +37,17 @@ pub fn ellipse_points(ellipse: &Ellipse) -> Vec<Vector2<f64>> {
         ellipse.center() + turn * Vector2::new(ellipse.semi_axes().x * cos, ellipse.semi_axes().y * sin)
     };
     (0..POINTS).map(point).collect()
+}
+
+/// The closed polygon of the supporting lines of an outline or a turned box.
+pub fn support_polygon(lines: &SupportLines) -> Vec<Vector2<f64>> {
+    let lines: Vec<_> = lines.lines().collect();
+    let corner = |k: usize| {
+        let (a, b) = (&lines[k], &lines[(k + 1) % lines.len()]);
+        let normals = Matrix2::from_rows(&[a.normal.transpose(), b.normal.transpose()]);
+        normals.try_inverse().map(|inverse| inverse * Vector2::new(a.reach, b.reach))
+    };
+    (0..=lines.len()).filter_map(|k| corner(k % lines.len())).collect()
 }
 
 fn closed(border: Vec<Vector2<f64>>) -> Outline {

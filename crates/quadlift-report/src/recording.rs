@@ -5,15 +5,16 @@ use std::collections::HashSet;
 
 use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{Body, Projection};
-use quadlift::scene::{Detection, Scene};
+use quadlift::scene::{Box3dCue, Detection, Scene};
 use quadlift_io::EntryError;
 use serde::Serialize;
 
 use crate::colors::{Color, UNKNOWN};
 use crate::content::Content;
+use crate::cues::box_in_world;
 use crate::data::{Report, ReportBody, ReportFrame};
 use crate::document::report_of_frames;
-use crate::outline::{ellipse_points, outline};
+use crate::outline::{ellipse_points, outline, support_polygon};
 use crate::thumbnails::evenly_spread;
 use crate::{MOST_FRAMES, ReportObject};
 
@@ -96,6 +97,10 @@ pub struct RecordingFrame {
     pub boxes: Vec<RecordingBox>,
     /// The detected ellipses.
     pub ellipses: Vec<RecordingOutline>,
+    /// Detected outlines and turned boxes, as the polygons of the lines that the estimator uses.
+    pub detected_outlines: Vec<RecordingOutline>,
+    /// The 3D boxes of the detections that have a centre, a size and a rotation.
+    pub boxes3d: Vec<RecordingBox3d>,
     /// Outlines of the estimated bodies that the frame shows.
     pub outlines: Vec<RecordingOutline>,
     /// Outlines of the true bodies that the frame shows.
@@ -132,6 +137,24 @@ pub struct RecordingBox {
     /// Whose it is.
     #[serde(flatten)]
     pub owner: Owner,
+}
+
+/// A detected 3D box.
+#[derive(Debug, Clone, Serialize)]
+pub struct RecordingBox3d {
+    /// The box, in the world.
+    pub body: RecordingBody,
+    /// Whose it is.
+    #[serde(flatten)]
+    pub owner: Owner,
+}
+
+impl RecordingBox3d {
+    /// A 3D box in the frame of a camera; `None` if it lacks centre, size or rotation.
+    pub(crate) fn new(measured: &Box3dCue, projection: &Projection, owner: &Owner) -> Option<Self> {
+        let body = drawable(&ReportBody::from(&box_in_world(measured, projection)?))?;
+        Some(Self { body, owner: owner.clone() })
+    }
 }
 
 /// A detected ellipse, or the outline of a body.
@@ -213,6 +236,7 @@ pub(crate) fn drawable(body: &ReportBody) -> Option<RecordingBody> {
 fn gather_frame(report: &Report, scene: &Scene, frame: &ReportFrame, projection: &Projection) -> RecordingFrame {
     let rows = &frame.detections;
     let (mut boxes, mut ellipses) = (Vec::new(), Vec::new());
+    let (mut detected_outlines, mut boxes3d) = (Vec::new(), Vec::new());
     let (mut outlines, mut true_outlines) = (Vec::new(), Vec::new());
     let mut outlined = HashSet::new();
     for row in 0..rows.object.len() {
@@ -227,6 +251,12 @@ fn gather_frame(report: &Report, scene: &Scene, frame: &ReportFrame, projection:
             points.extend(points.first().copied());
             ellipses.push(RecordingOutline { lines: vec![line(&points)], owner: owner.clone() });
         }
+        if let Some(lines) = detection.and_then(|detection| detection.support_lines.as_deref()) {
+            let lines = vec![line(&support_polygon(lines))];
+            detected_outlines.push(RecordingOutline { lines, owner: owner.clone() });
+        }
+        let measured = detection.and_then(|detection| detection.cues.as_deref()?.box3d);
+        boxes3d.extend(measured.and_then(|measured| RecordingBox3d::new(&measured, projection, &owner)));
         // An object may have several detections in a frame.
         let Some(index) = object.filter(|&index| outlined.insert(index)) else { continue };
         let object = &report.objects[index];
@@ -247,6 +277,8 @@ fn gather_frame(report: &Report, scene: &Scene, frame: &ReportFrame, projection:
         camera: recording_camera(projection),
         boxes,
         ellipses,
+        detected_outlines,
+        boxes3d,
         outlines,
         true_outlines,
     }
@@ -263,7 +295,7 @@ fn owner(report: &Report, scene: &Scene, object: Option<usize>, detection: Optio
 }
 
 /// Points to a hundredth of a pixel.
-fn line(points: &[Vector2<f64>]) -> Line {
+pub(crate) fn line(points: &[Vector2<f64>]) -> Line {
     points.iter().map(|point| point.map(|x| (100.0 * x).round() / 100.0).into()).collect()
 }
 

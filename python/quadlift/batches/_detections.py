@@ -144,8 +144,10 @@ class Detections:
     def dictionary(
         self, frame: NDArray[np.int64], names: list[str] | None, hidden_edges: NDArray[np.bool_] | None
     ) -> DetectionArrays:
-        """Detections for the core; with names, the names of the rows are the object ids. Without hidden edges, these and
-        hidden lines are computed from the other detections."""
+        """Detections for the core; with names, the names of the rows are the object ids.
+
+        Without hidden edges, these and hidden lines are computed from the other detections.
+        """
         outlines = None if self.outlines is None else self.outlines.copy()
         if outlines is not None and hidden_edges is None:
             outlines["hidden_lines"] = None

@@ -58,8 +58,13 @@ struct Report {
     /// Width, height and number of frames.
     image_sizes: Vec<(f64, f64, usize)>,
     frames_without_image_size: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    depth_images: usize,
     categories: Vec<String>,
     true_objects: usize,
+    /// Objects of a result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimated_objects: Option<usize>,
     detections: usize,
     sources: Vec<Source>,
     oddities: Vec<String>,
@@ -101,6 +106,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let context = Context::of(&file, 0).after(&corrections);
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;
+    // Objects of other files are the truth.
+    let is_result = file.localization.is_some();
     let mut report = Report {
         scene: args.scene.display().to_string(),
         name: file.name.clone(),
@@ -111,8 +118,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         cameras: file.cameras.len(),
         image_sizes: image_sizes(&scene),
         frames_without_image_size: scene.frames.iter().filter(|frame| frame.image_size.is_none()).count(),
+        depth_images: file.frames.iter().filter(|frame| frame.depth.is_some()).count(),
         categories: scene.categories.clone(),
-        true_objects: file.objects.len(),
+        true_objects: if is_result { 0 } else { file.objects.len() },
+        estimated_objects: is_result.then_some(file.objects.len()),
         detections: scene.detections.len(),
         sources: sources(&file, &scene),
         oddities: Vec::new(),
@@ -317,6 +326,9 @@ fn render(report: &Report) -> String {
     line("up", report.up.map_or("not known".to_owned(), |up| format!("[{}, {}, {}]", up[0], up[1], up[2])));
     line("frames", report.frames.to_string());
     line("cameras", report.cameras.to_string());
+    if report.depth_images > 0 {
+        line("depth images", report.depth_images.to_string());
+    }
     if report.points > 0 {
         line("points", report.points.to_string());
     }
@@ -324,7 +336,10 @@ fn render(report: &Report) -> String {
     let sizes: Vec<String> = sizes.collect();
     line("image size", if sizes.is_empty() { "not known".to_owned() } else { sizes.join(", ") });
     line("categories", if report.categories.is_empty() { "none".to_owned() } else { some_of(&report.categories) });
-    line("true objects", report.true_objects.to_string());
+    match report.estimated_objects {
+        None => line("true objects", report.true_objects.to_string()),
+        Some(estimated) => line("objects", format!("{estimated} estimated")),
+    }
     line("detections", report.detections.to_string());
     if report.detections > 0 {
         line("object ids", object_ids(report));

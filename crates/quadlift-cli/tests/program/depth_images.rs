@@ -107,6 +107,23 @@ fn one_view_with_a_depth_image_locates_objects() {
     let of =
         |name: &str| folder.json(name)["objects"].as_array().unwrap().iter().find(|o| o["id"] == *id).unwrap().clone();
     assert_ne!(of("masked_objects.json")["center"], of("objects.json")["center"]);
+    // And so does an outline, which has its lines besides.
+    let corners = json!([[0, 0], [40, 0], [40, 40], [0, 40]]);
+    let depth_of = |detection: &str, field: &str, value: Value| {
+        let mut scene = masked.clone();
+        let found = scene["detections"][0].as_object_mut().unwrap();
+        found.remove("mask");
+        found.insert(field.to_owned(), value);
+        folder.write_json(detection, &scene);
+        folder.succeed(&format!("localize {detection} -q -o found.json --observations box"));
+        of("found.json")["center"].clone()
+    };
+    let with_mask = depth_of(
+        "mask.json",
+        "mask",
+        json!({"polygons": [corners.as_array().unwrap().iter().flat_map(|c| c.as_array().unwrap().clone()).collect::<Vec<_>>()]}),
+    );
+    assert_eq!(depth_of("outline.json", "outline", corners), with_mask);
 }
 
 /// The first line of the errors with this depth image, and the exit code.

@@ -133,6 +133,64 @@ fn lines_with_cues(scene: &Value) -> Vec<String> {
 }
 
 #[test]
+fn outlines_turned_boxes_and_scales_of_frames_reach_the_map_and_the_estimates() {
+    let folder = Folder::new();
+    folder.succeed(
+        "synth -q -o scene.json --truth truth.json --no-ids --objects 6 --views 12 --seed 2 --noise box:0.03 \
+         --cues outline,oriented_box,depth --cue-noise outline:0.02 --cue-noise angle:1",
+    );
+    let mut scene = folder.json("scene.json");
+    scene["cue_sources"] = json!({"depth": {"scale": "frame"}});
+    // An outline, a turned box, or an outline beside a box.
+    for (k, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
+        let dropped = [["box", "oriented_box"], ["box", "outline"], ["oriented_box", "oriented_box"]][k % 3];
+        dropped.iter().for_each(|name| drop(detection.as_object_mut().unwrap().remove(*name)));
+    }
+    folder.write_json("scene.json", &scene);
+    let mut lines = lines_of(&scene);
+    let mut first: Value = serde_json::from_str(&lines[0]).unwrap();
+    first["cue_sources"] = scene["cue_sources"].clone();
+    lines[0] = format!("{first}\n");
+    for (line, frame) in lines[1..].iter_mut().zip(scene["frames"].as_array().unwrap()) {
+        let mut value: Value = serde_json::from_str(line).unwrap();
+        let of_frame = scene["detections"].as_array().unwrap().iter().filter(|d| d["frame"] == frame["id"]);
+        value["detections"] = of_frame.cloned().collect();
+        *line = format!("{value}\n");
+    }
+    for line in &lines {
+        assert_eq!(crate::stream_schema::forbidden("input", &serde_json::from_str(line).unwrap()), None, "{line}");
+    }
+    folder.write("scene.jsonl", lines.join(""));
+    folder.succeed("stream scene.jsonl -q --map lines.json");
+    folder.succeed("stream scene.json -q --map map.json");
+    assert_eq!(folder.read("map.json"), folder.read("lines.json"));
+    let map = folder.json("map.json");
+    let kept = map["detections"].as_array().unwrap();
+    assert!(kept.len() > 40, "{}", kept.len());
+    let with = |fields: &[&str]| kept.iter().filter(|d| fields.iter().all(|name| !d[*name].is_null())).count();
+    let without_box = kept.iter().filter(|d| d["box"].is_null()).count();
+    assert!(with(&["outline", "box"]) > 10 && with(&["oriented_box"]) > 10 && without_box > 20, "{kept:?}");
+    assert_eq!(map["cue_sources"], json!({"depth": {"scale": "frame"}}));
+    let scales = map["localization"]["cue_scales"].as_array().unwrap();
+    assert!(scales.iter().any(|scale| !scale["frame"].is_null()), "{scales:?}");
+    // The kept views give the estimates of the map, without the means of forgotten views.
+    folder.succeed("localize map.json -q -o again.json");
+    for (a, b) in
+        map["objects"].as_array().unwrap().iter().zip(folder.json("again.json")["objects"].as_array().unwrap())
+    {
+        for k in 0..3 {
+            let [a, b] = [a, b].map(|o| o["center"][k].as_f64().unwrap());
+            assert!((a - b).abs() < 1e-3, "{a} {b}");
+        }
+    }
+    // In two parts, from a state.
+    folder.write("first.jsonl", lines[..8].join(""));
+    folder.succeed("stream first.jsonl -q --state state.json");
+    folder.succeed("stream scene.jsonl -q --state state.json --resume --map parts.json");
+    assert_eq!(folder.read("parts.json"), folder.read("lines.json"));
+}
+
+#[test]
 fn depths_and_3d_boxes_reach_the_map_the_state_and_the_estimates() {
     let folder = Folder::new();
     folder.succeed(

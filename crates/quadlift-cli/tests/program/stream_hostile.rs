@@ -43,7 +43,19 @@ fn bad_lines_are_told_with_their_numbers_and_change_nothing() {
             "detections[1].box: the box [30, 20, 10, 40]",
         ),
         (changed(&|f| f["detections"][1]["box"] = json!([30, 20, 10])), "detections[1].box: found 3 entries"),
-        (changed(&|f| f["detections"][0] = json!({"category": "cup"})), "missing field `box`"),
+        (
+            changed(&|f| f["detections"][0] = json!({"category": "cup"})),
+            "the detection has none of \"box\", \"outline\"",
+        ),
+        (
+            changed(&|f| f["detections"][0] = json!({"box3d": {"center": [0, 0, 9]}})),
+            "detections[0]: there is no \"box\"",
+        ),
+        (
+            changed(&|f| f["detections"][0] = json!({"outline": [[1, 2], [3, 4]]})),
+            "detections[0].outline: the outline has 2",
+        ),
+        (changed(&|f| f["cue_sources"] = json!({"net": {"scale": "row"}})), "cue_sources.net.scale: found \"row\""),
         (changed(&|f| f["detections"][0]["object"] = json!(7)), "ids and names are text"),
         (changed(&|f| f["time"] = json!(-5)), "expected frames in the order of time"),
         (

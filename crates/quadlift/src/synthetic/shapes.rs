@@ -174,7 +174,13 @@ mod tests {
 
     /// Shapes of the detections of a scene with their true bodies and projections.
     fn simulated(kind: BodyKind, options: &ShapeOptions) -> Vec<(SimulatedShape, Body, Projection)> {
-        let options_of_scene = SyntheticOptions { objects: 20, views: 10, body: kind, ..Default::default() };
+        let options_of_scene = SyntheticOptions {
+            objects: 20,
+            views: 10,
+            body: kind,
+            observations: crate::synthetic::Observations::Boxes,
+            ..Default::default()
+        };
         let made = generate(&options_of_scene).unwrap();
         let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
         let shapes = simulate_shapes(&made.scene, body_of, options, 1);

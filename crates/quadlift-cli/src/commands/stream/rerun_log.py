@@ -9,15 +9,18 @@ Entities, on the timelines "frame" and, if the frames have times, "time":
     world/estimate/ellipsoids, world/estimate/cuboids   estimated bodies (cylinders and
                                                         superellipsoids as their ellipsoids)
     world/truth/ellipsoids, world/truth/cuboids         true bodies
+    world/boxes3d                                       3D boxes of the frame's detections
     world/path                                          the cameras' centres
     world/camera                                        pose of the frame's camera
     world/camera/image                                  its pinhole camera and its image
     world/camera/image/boxes                            detected boxes, red if rejected by the estimator
     world/camera/image/ellipses                         detected ellipses, as line strips
+    world/camera/image/detected_outlines                detected outlines and turned boxes, as line strips
     world/camera/image/outlines                         outlines of the estimated bodies, as line strips
     world/camera/image/true_outlines                    outlines of the true bodies
 
-A live map has these instead of the bodies and the path:
+3D boxes and detected outlines are logged if there are any in the recording. A live map has these instead of the bodies
+and the path:
 
     world/map/<id>                                      ellipsoid of an object; cleared when it is gone or removed
     events                                              what happened, as text
@@ -42,6 +45,7 @@ import numpy as np
 
 TRUTH = [0xB0, 0xB0, 0xB0]
 REJECTED = [0xE0, 0x10, 0x10]
+BOX3D = [0xF0, 0xC0, 0x40]
 
 # A viewer that takes nothing for so many seconds is gone; how often that is checked.
 PATIENCE = 10.0
@@ -64,10 +68,13 @@ def log_recording(rr: Any, recording: Record, image: Callable[[int], Any]) -> No
         _log_bodies(rr, recording["objects"], key)
     if recording["path"]:
         rr.log("world/path", rr.LineStrips3D([recording["path"]]), static=True)
+    cues = [key for key in CUES if any(frame.get(key) for frame in recording["frames"])]
     for index, frame in enumerate(recording["frames"]):
         rr.reset_time()
         _set_time(rr, index, frame["time"])
         _log_frame(rr, frame, image(index))
+        for key in cues:
+            CUES[key](rr, frame[key])
     rr.reset_time()
 
 
@@ -83,6 +90,8 @@ def log_live(rr: Any, record: Record) -> None:
         shown = image and image.lower().endswith((".jpg", ".jpeg", ".png")) and os.path.isfile(image)
         rr.log("world/camera/image", rr.EncodedImage(path=image) if shown else rr.EncodedImage.cleared())
         _log_boxes(rr, record["frame"]["boxes"])
+        for key, log_cue in CUES.items():
+            log_cue(rr, record["frame"].get(key, []))
     for mapped in record["objects"]:
         rr.log(f"world/map/{mapped['id']}", _bodies(rr.Ellipsoids3D, [mapped], "estimate", _name(mapped)))
     for gone in record["gone"]:
@@ -165,6 +174,27 @@ def _log_boxes(rr: Any, boxes: list[Record]) -> None:
         rr.log(path, rr.Clear(recursive=False))
 
 
+def _log_boxes3d(rr: Any, boxes: list[Record]) -> None:
+    """Logs the 3D boxes of detections beside the estimates, in a colour of their own."""
+    path = "world/boxes3d"
+    if not boxes:
+        rr.log(path, rr.Clear(recursive=False))
+        return
+    found = rr.Boxes3D(
+        centers=[b["body"]["center"] for b in boxes],
+        half_sizes=[b["body"]["half_sizes"] for b in boxes],
+        quaternions=[b["body"]["quaternion_xyzw"] for b in boxes],
+        colors=[REJECTED if b["inlier"] is False else BOX3D for b in boxes],
+        labels=[_label(b) for b in boxes],
+        show_labels=False,
+    )
+    rr.log(path, found)
+
+
+def _log_detected_outlines(rr: Any, outlines: list[Record]) -> None:
+    _log_lines(rr, "world/camera/image/detected_outlines", outlines, _measured_color)
+
+
 def _log_lines(rr: Any, path: str, outlines: list[Record], color: Callable[[Record], Any]) -> None:
     """Logs all outlines, or clears them if there are none in this frame."""
     lines = [(line, o) for o in outlines for line in o["lines"]]
@@ -187,6 +217,13 @@ def _label(owner: Record) -> str:
 
 def _measured_color(owner: Record) -> Any:
     return REJECTED if owner["inlier"] is False else owner["color"]
+
+
+# What detections may carry, by its key in a frame.
+CUES: dict[str, Callable[[Any, list[Record]], None]] = {
+    "detected_outlines": _log_detected_outlines,
+    "boxes3d": _log_boxes3d,
+}
 
 
 def _view_coordinates(rr: Any, up: list[float]) -> Any:

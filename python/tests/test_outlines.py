@@ -1,0 +1,248 @@
+"""Outlines and turned boxes as arrays and tables: the same as in scene files, errors by row."""
+
+from __future__ import annotations
+
+import types
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import supervision
+
+import quadlift
+from conftest import Program, read_json
+from quadlift import batches
+
+SHAPES = ("outline", "oriented_box")
+
+
+class Shaped:
+    """A scene with an outline, a turned box, or an outline beside a box, in turn: as a document and as arrays."""
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self.document = document
+        detections = document["detections"]
+        for k, detection in enumerate(detections):
+            for name in (("box", "oriented_box"), ("box", "outline"), ("oriented_box",))[k % 3]:
+                del detection[name]
+        fx, fy, cx, cy = document["cameras"][0]["params"]
+        frames = document["frames"]
+        self.frames: dict[str, Any] = {
+            "intrinsics": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
+            "cam_from_world": np.array([frame["cam_from_world"] for frame in frames]),
+            "image_sizes": [document["cameras"][0][side] for side in ("width", "height")],
+            "up": document["up"],
+        }
+        place = {frame["id"]: k for k, frame in enumerate(frames)}
+        none = [np.nan] * 4
+        self.found: dict[str, Any] = {
+            "frame": [place[d["frame"]] for d in detections],
+            "object": [d["object"] for d in detections],
+            "boxes": [d.get("box", none) for d in detections],
+            "outline": [d.get("outline") for d in detections],
+            "oriented_box": [numbers(d.get("oriented_box")) for d in detections],
+        }
+
+    def table(self) -> Any:
+        """The detections as in `quadlift export parquet`."""
+        turned = np.array(self.found["oriented_box"])
+        boxes = np.array(self.found["boxes"])
+        flat = [None if corners is None else np.ravel(corners).tolist() for corners in self.found["outline"]]
+        columns = {name: pa.array(boxes[:, k], from_pandas=True) for k, name in enumerate(("x0", "y0", "x1", "y1"))}
+        for k, name in enumerate(("x", "y", "width", "height", "angle")):
+            columns[f"oriented_box_{name}"] = pa.array(turned[:, k], from_pandas=True)
+        frame, object_ids = pa.array(self.found["frame"]), pa.array(self.found["object"])
+        outline = pa.array(flat, pa.list_(pa.float64()))
+        return pa.table({"frame": frame, "object": object_ids, **columns, "outline": outline})
+
+    def cameras(self) -> Any:
+        poses = self.frames["cam_from_world"]
+        projections = np.array(self.frames["intrinsics"]) @ poses
+        width, height = self.frames["image_sizes"]
+        return pa.table(
+            {
+                "frame": np.arange(len(poses)),
+                "projection": pa.array(projections.reshape(-1, 12).tolist()),
+                "width": [float(width)] * len(poses),
+                "height": [float(height)] * len(poses),
+            }
+        )
+
+
+def numbers(turned: dict[str, Any] | None) -> list[float]:
+    return [np.nan] * 5 if turned is None else [*turned["center"], *turned["size"], turned["angle"]]
+
+
+@pytest.fixture(scope="module")
+def shaped(program: Program, tmp_path_factory: pytest.TempPathFactory) -> Shaped:
+    path = tmp_path_factory.mktemp("outlines") / "scene.json"
+    # Crowded, so that outlines touch each other.
+    options = ["--objects", "20", "--views", "5", "--noise", "box:0.03", "--cube", "12", "--seed", "4"]
+    program("synth", "-q", "-o", path, *options, "--cues", "outline,oriented_box")
+    return Shaped(read_json(path))
+
+
+def test_arrays_give_what_the_file_gives(shaped: Shaped) -> None:
+    of_file = quadlift.Scene.from_dict(shaped.document).localize()
+    of_arrays = quadlift.localize(**shaped.frames, **shaped.found)
+    rows = [list(of_file.object_ids).index(name) for name in of_arrays.object_ids]
+    np.testing.assert_array_equal(of_arrays.centers, of_file.centers[rows])
+    np.testing.assert_array_equal(of_arrays.covariances, of_file.covariances[rows])
+    # Boxes around them tell less.
+    around = [d.get("box") for d in quadlift.Scene.from_dict(shaped.document).to_dict()["detections"]]
+    assert around.count(None) == 67
+    boxes = quadlift.localize(**shaped.frames, **shaped.found, observations="box")
+    assert np.nanmax(np.abs(boxes.semi_axes - of_arrays.semi_axes)) > 0.05
+
+
+def test_scenes_keep_them(shaped: Shaped, tmp_path: Path) -> None:
+    scene = quadlift.Scene.from_arrays(**shaped.frames, frame_ids=[f["id"] for f in shaped.document["frames"]])
+    scene = scene.with_detections(**shaped.found)
+    scene.write(tmp_path / "scene.json")
+    for found in (scene.to_dict(), read_json(tmp_path / "scene.json")):
+        for detection, expected in zip(found["detections"], shaped.document["detections"], strict=True):
+            assert {k: detection.get(k) for k in ("box", *SHAPES)} == {k: expected.get(k) for k in ("box", *SHAPES)}
+    again = quadlift.Scene.read(tmp_path / "scene.json").localize()
+    np.testing.assert_array_equal(again.centers, scene.localize().centers)
+
+
+def test_tables_give_what_arrays_give(shaped: Shaped) -> None:
+    table, cameras = shaped.table(), shaped.cameras()
+    # The projections of the table, to the last bit.
+    projections = np.array(cameras.column("projection").to_pylist()).reshape(-1, 3, 4)
+    frames = {"projections": projections, **{name: shaped.frames[name] for name in ("image_sizes", "up")}}
+    sigmas = quadlift.localize(**frames, **shaped.found, body="ellipsoid").noise
+    expected = quadlift.localize(**frames, **shaped.found, body="ellipsoid", sigmas=sigmas, upright=False)
+    options: dict[str, Any] = {"up": shaped.frames["up"], "body": "ellipsoid", "sigmas": sigmas}
+    of_frames = batches.with_hidden_edges(batches.group(table, ["frame"]))
+    hidden = np.concatenate(of_frames.column("hidden_lines").to_pylist())
+    assert 0 < np.count_nonzero(hidden) < len(table)
+    rows = batches.group(batches.ungroup(of_frames), ["object"])
+    for part in (rows, rows.slice(3, 5)):
+        found = batches.localize_objects(part, cameras, **options)
+        ids = found.column("object").to_pylist()
+        at = [list(expected.object_ids).index(name) for name in ids]
+        assert found.column("problem").to_pylist() == [None] * len(ids)
+        np.testing.assert_array_equal(np.array(found.column("center").to_pylist()), expected.centers[at])
+        np.testing.assert_array_equal(
+            np.array(found.column("covariance").to_pylist()), expected.covariances[at].reshape(len(ids), 81)
+        )
+    # A whole scene, in any order of its detections.
+    scene = batches.group(table.drop_columns("object").append_column("all", pa.array([0] * len(table))), ["all"])
+    shuffled = table.take(pa.array(np.random.default_rng(0).permutation(len(table))))
+    other = batches.group(shuffled.drop_columns("object").append_column("all", pa.array([0] * len(table))), ["all"])
+    found, again = (batches.localize_scenes(rows.drop_columns("all"), cameras) for rows in (scene, other))
+    assert found.num_rows >= 15
+    assert found.equals(again)
+
+
+def test_wrong_columns_are_named(shaped: Shaped) -> None:
+    table = shaped.table()
+    rows = batches.group(table.drop_columns("oriented_box_angle"), ["object"])
+    with pytest.raises(quadlift.QuadliftError, match="there is no column 'oriented_box_angle'; expected all of"):
+        batches.localize_objects(rows, shaped.cameras(), method="planes")
+    odd = pa.array([[1.0, 2.0, 3.0]] * len(table), pa.list_(pa.float64()))
+    rows = batches.group(table.drop_columns("outline").append_column("outline", odd), ["object"])
+    with pytest.raises(quadlift.QuadliftError, match="outline has a list of 3 numbers; expected x and y of each"):
+        batches.localize_objects(rows, shaped.cameras(), method="planes")
+    flat = pa.array([[1.0, 2.0, 3.0, 4.0]] * len(table), pa.list_(pa.float64()))
+    rows = batches.group(table.drop_columns("outline").append_column("outline", flat), ["object"])
+    found = batches.localize_objects(rows, shaped.cameras(), method="planes")
+    assert set(found.column("status").to_pylist()) == {"invalid"}
+    assert all("the outline has 2 points" in text for text in found.column("problem").to_pylist())
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"outline": [None]}, "outline has 1 rows; expected 100, as many as frame"),
+        ({"outline": "abc"}, "outline is a str; expected a sequence of"),
+        ({"outline": [[[1.0, 2.0, 3.0]]] * 100}, r"outline\[0\] has the shape \(1, 3\)"),
+        ({"outline": [[[1.0, 2.0], [3.0, 4.0]]] * 100}, r"outline\[0\]: the outline has 2 points; expected three"),
+        ({"oriented_box": np.zeros((100, 4))}, r"oriented_box has the shape \(100, 4\)"),
+        ({"oriented_box": np.ones((99, 5))}, "oriented_box has 99 rows; expected 100"),
+        ({"oriented_box": np.zeros((100, 5))}, r"oriented_box\[0\]: the size of the turned box is 0 x 0"),
+        (
+            {"outline": [None] * 100, "oriented_box": np.full((100, 5), np.nan), "boxes": np.full((100, 4), np.nan)},
+            "row 0 has neither a box nor an ellipse nor an outline nor a turned box",
+        ),
+    ],
+)
+def test_wrong_arguments_are_named(shaped: Shaped, changed: dict[str, Any], message: str) -> None:
+    with pytest.raises(quadlift.QuadliftError, match=message):
+        quadlift.localize(**shaped.frames, **{**shaped.found, **changed})
+
+
+def test_the_object_map_keeps_them(shaped: Shaped, tmp_path: Path) -> None:
+    scene_map = quadlift.ObjectMap()
+    for k, pose in enumerate(shaped.frames["cam_from_world"]):
+        of_frame = [row for row, frame in enumerate(shaped.found["frame"]) if frame == k]
+        arguments: dict[str, Any] = {
+            name: [shaped.found[name][row] for row in of_frame] for name in ("boxes", *SHAPES, "object")
+        }
+        intrinsics, size = shaped.frames["intrinsics"], shaped.frames["image_sizes"]
+        scene_map.observe(k, time=k, intrinsics=intrinsics, cam_from_world=pose, image_size=size, **arguments)
+    kept = scene_map.to_scene().to_dict()["detections"]
+    assert sum("outline" in d for d in kept) > 30
+    assert sum("oriented_box" in d for d in kept) > 15
+    assert all(("box" in d) == ("outline" in d and "oriented_box" not in d and "box" in d) for d in kept)
+    # Without boxes at all.
+    other = quadlift.ObjectMap()
+    update = other.observe(
+        "a",
+        time=0,
+        intrinsics=shaped.frames["intrinsics"],
+        cam_from_world=shaped.frames["cam_from_world"][0],
+        oriented_box=[[100.0, 80.0, 40.0, 20.0, 0.3]],
+    )
+    assert len(update.objects) == 1
+
+
+def result(**fields: Any) -> Any:
+    return types.SimpleNamespace(names={0: "mug"}, path="a.jpg", **fields)
+
+
+def test_ultralytics_gives_outlines_and_turned_boxes(shaped: Shaped) -> None:
+    cameras = quadlift.Scene.from_arrays(
+        **{**shaped.frames, "cam_from_world": shaped.frames["cam_from_world"][:1]}, frame_ids=["a.jpg"]
+    )
+    of_boxes = types.SimpleNamespace(
+        xyxy=np.array([[1.0, 2.0, 31.0, 42.0]] * 2), cls=np.zeros(2), conf=np.ones(2), id=np.array([3, 4])
+    )
+    polygon = np.array([[1.0, 2.0], [31.0, 12.0], [20.0, 42.0]], dtype=np.float32)
+    masks = types.SimpleNamespace(xy=[polygon, np.zeros((0, 2))])
+    scene = quadlift.Scene.from_ultralytics([result(boxes=of_boxes, masks=masks, obb=None)], cameras)
+    first, second = scene.to_dict()["detections"]
+    assert (first["outline"], first["box"]) == (polygon.tolist(), [1.0, 2.0, 31.0, 42.0])
+    assert "outline" not in second
+    turned = types.SimpleNamespace(
+        xywhr=np.array([[50.0, 60.0, 40.0, 20.0, 0.5]]), cls=np.zeros(1), conf=np.ones(1), id=None
+    )
+    scene = quadlift.Scene.from_ultralytics([result(boxes=None, masks=None, obb=turned)], cameras)
+    (detection,) = scene.to_dict()["detections"]
+    assert detection["oriented_box"] == {"center": [50.0, 60.0], "size": [40.0, 20.0], "angle": 0.5}
+    assert "box" not in detection
+    with pytest.raises(quadlift.QuadliftError, match="has no boxes; expected those of detection, segmentation, OBB"):
+        quadlift.Scene.from_ultralytics([result(boxes=None, masks=None, obb=None)], cameras)
+
+
+def test_supervision_gives_turned_boxes(shaped: Shaped) -> None:
+    cameras = quadlift.Scene.from_arrays(
+        **{**shaped.frames, "cam_from_world": shaped.frames["cam_from_world"][:1]}, frame_ids=["a"]
+    )
+    cos, sin = np.cos(0.4), np.sin(0.4)
+    along, across = np.array([cos, sin]) * 20.0, np.array([-sin, cos]) * 10.0
+    center = np.array([50.0, 60.0])
+    corners = np.array(
+        [center - along - across, center + along - across, center + along + across, center - along + across]
+    )
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    found = supervision.Detections(
+        xyxy=np.array([[*low, *high]]), class_id=np.array([0]), data={"xyxyxyxy": corners[np.newaxis]}
+    )
+    (detection,) = quadlift.Scene.from_supervision([found], cameras).to_dict()["detections"]
+    turned = detection["oriented_box"]
+    np.testing.assert_allclose([*turned["center"], *turned["size"], turned["angle"]], [50.0, 60.0, 40.0, 20.0, 0.4])
+    assert "box" not in detection
