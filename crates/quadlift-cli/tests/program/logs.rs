@@ -41,6 +41,43 @@ fn difference(folder: &Folder, found: &str) -> f64 {
 }
 
 #[test]
+fn turned_boxes_keep_their_angles_in_a_log() {
+    let folder = Folder::new();
+    folder.succeed("synth -q -o made.json --objects 4 --views 5 --seed 1 --cues outline,oriented_box");
+    let mut scene = folder.json("made.json");
+    scene["length_unit"] = json!("m");
+    // A turned box, a box, or an outline alone, of which the box around is written.
+    for (k, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
+        let dropped = [["box", "outline"], ["outline", "oriented_box"], ["box", "oriented_box"]][k % 3];
+        dropped.iter().for_each(|name| drop(detection.as_object_mut().unwrap().remove(*name)));
+    }
+    folder.write_json("scene.json", &scene);
+    let run = folder.run("export mcap scene.json -o log.mcap");
+    assert!(run.stderr.contains("masks, outlines and ellipses of 6 detections are left out"), "{}", run.stderr);
+    folder.succeed("import mcap log.mcap -o again.json");
+    let (again, given) = (folder.json("again.json"), scene);
+    let list = |scene: &Value| scene["detections"].as_array().unwrap().clone();
+    assert_eq!(list(&again).len(), list(&given).len());
+    let number = |value: &Value| value.as_f64().unwrap();
+    for (found, given) in list(&again).iter().zip(list(&given)) {
+        let turned = |d: &Value| {
+            let d = &d["oriented_box"];
+            [&d["center"][0], &d["center"][1], &d["size"][0], &d["size"][1], &d["angle"]].map(number)
+        };
+        assert_eq!(found["oriented_box"].is_null(), given["oriented_box"].is_null());
+        if !given["oriented_box"].is_null() {
+            assert!(found["box"].is_null());
+            assert_eq!(turned(found), turned(&given));
+        } else if !given["box"].is_null() {
+            let edges = |d: &Value| [0, 1, 2, 3].map(|k| number(&d["box"][k]));
+            assert!(edges(found).iter().zip(edges(&given)).all(|(a, b)| (a - b).abs() < 1e-9));
+        } else {
+            assert!(!found["box"].is_null());
+        }
+    }
+}
+
+#[test]
 fn a_log_gives_the_objects_of_its_scene() {
     let (folder, scene) = street();
     let said = folder.succeed(&format!("localize log.mcap -o found.json {GIVEN}"));

@@ -55,7 +55,7 @@ fn bad_lines_are_told_with_their_numbers_and_change_nothing() {
             changed(&|f| f["detections"][0] = json!({"outline": [[1, 2], [3, 4]]})),
             "detections[0].outline: the outline has 2",
         ),
-        (changed(&|f| f["cue_sources"] = json!({"net": {"scale": "row"}})), "cue_sources.net.scale: found \"row\""),
+        (json!({"cue_sources": {"net": {"scale": "row"}}}).to_string(), "cue_sources.net.scale: found \"row\""),
         (changed(&|f| f["detections"][0]["object"] = json!(7)), "ids and names are text"),
         (changed(&|f| f["time"] = json!(-5)), "expected frames in the order of time"),
         (

@@ -133,9 +133,9 @@ fn detections_of_all_versions_are_the_same() {
     turned["bbox"]["center"]["theta"] = json!(std::f64::consts::FRAC_PI_2);
     empty["bbox"]["size_x"] = json!(0);
     let found = read(json!([turned, empty]));
-    let edges = found.detections[0].bounding_box.unwrap();
-    assert!(edges.iter().zip([45.0, 30.0, 55.0, 50.0]).all(|(a, b)| (a - b).abs() < 1e-9), "{edges:?}");
-    assert_eq!(found.detections[0].ellipse.as_ref().unwrap().semi_axes, [10.0, 5.0]);
+    let turned = found.detections[0].oriented_box.as_ref().unwrap();
+    assert_eq!((turned.center, turned.size, turned.angle), ([50.0, 40.0], [20.0, 10.0], std::f64::consts::FRAC_PI_2));
+    assert_eq!((found.detections[0].bounding_box, &found.detections[0].ellipse), (None, &None));
     assert_eq!(found.detections.len(), 1);
     assert_eq!(found.problems, ["detections[1].bbox: found the box 0 x 10 at [50, 40]; expected a size above 0"]);
 }

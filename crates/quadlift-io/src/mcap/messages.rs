@@ -1,12 +1,12 @@
 //! What the messages mean that a scene is made of: calibrations, transforms, poses, 2D detections and images, of ROS 2 and of
 //! Foxglove.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector2};
-use quadlift::geometry::{BoundingBox, Camera, CameraModel, Ellipse};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use quadlift::geometry::{BoundingBox, Camera, CameraModel, OrientedBox};
 
 use super::value::{At, Value};
 use crate::read::PixelCenters;
-use crate::scene_file::{CameraRecord, DetectionRecord, EllipseRecord};
+use crate::scene_file::{CameraRecord, DetectionRecord};
 
 /// What a topic gives, by the type of its messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -329,11 +329,8 @@ fn detection(entry: &At) -> Result<(DetectionRecord, String), String> {
         let [w, h] = [width / 2.0, height / 2.0];
         record.bounding_box = Some(BoundingBox::new([x - w, y - h, x + w, y + h]).map_err(|_| problem())?.edges());
     } else {
-        // A rotated box is the ellipse that touches its sides, as in other formats.
-        let ellipse = Ellipse::new([x, y].into(), Vector2::new(width / 2.0, height / 2.0), theta);
-        let ellipse = ellipse.map_err(|_| problem())?;
-        record.bounding_box = Some(ellipse.bounding_box().edges());
-        record.ellipse = Some(Box::new(EllipseRecord::from(ellipse)));
+        let turned = OrientedBox::new([x, y].into(), [width, height].into(), theta).map_err(|_| problem())?;
+        record.oriented_box = Some(Box::new(turned.into()));
     }
     Ok((record, frame))
 }

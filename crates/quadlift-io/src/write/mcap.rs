@@ -26,6 +26,19 @@ const TEXT: i32 = 9;
 const ADD: i32 = 0;
 const DELETE_ALL: i32 = 3;
 
+/// Centre, angle, width and height of the box of a detection: the turned box, or else the box, or that around the outline.
+fn box_of(detection: &DetectionRecord) -> Option<[f64; 5]> {
+    if let (Some(turned), None) = (&detection.oriented_box, &detection.outline) {
+        return Some([turned.center[0], turned.center[1], turned.angle, turned.size[0], turned.size[1]]);
+    }
+    let around = |corners: &[[f64; 2]]| {
+        let first = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        corners.iter().fold(first, |[x0, y0, x1, y1], &[x, y]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)])
+    };
+    let [x0, y0, x1, y1] = detection.bounding_box.or_else(|| detection.outline.as_deref().map(around))?;
+    Some([0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0, x1 - x0, y1 - y0])
+}
+
 /// The log of a scene; `frame_id` is the name of the world.
 pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {
     let (metres, unit_note) = scene.metres();
@@ -62,7 +75,7 @@ pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {
             messages.push((stamp, tf, log.transform(stamp, &pose, &camera.frame)));
             messages.push((stamp, info, camera.info(stamp)));
             let found = of_frame.get(frame.id.as_str()).map_or(&[][..], Vec::as_slice);
-            let found: Vec<_> = found.iter().filter(|detection| detection.bounding_box.is_some()).collect();
+            let found: Vec<_> = found.iter().filter_map(|&found| Some((found, box_of(found)?))).collect();
             detections += found.len();
             if let Some(boxes) = boxes {
                 messages.push((stamp, boxes, log.detections_2d(stamp, &camera.frame, &found)));
@@ -176,9 +189,12 @@ impl<'a> Log<'_, 'a> {
                 count(projections, "frame")
             ));
         }
-        let measured = file.detections.iter().filter(|d| d.mask.is_some() || d.ellipse.is_some()).count();
+        let measured = |d: &&DetectionRecord| d.mask.is_some() || d.ellipse.is_some() || d.outline.is_some();
+        let measured = file.detections.iter().filter(measured).count();
         if measured > 0 {
-            notes.push(format!("masks and ellipses of {} are left out", count(measured, "detection")));
+            let outlines =
+                if file.detections.iter().any(|d| d.outline.is_some()) { "masks, outlines" } else { "masks" };
+            notes.push(format!("{outlines} and ellipses of {} are left out", count(measured, "detection")));
         }
         cameras
     }
@@ -196,16 +212,15 @@ impl<'a> Log<'_, 'a> {
         message.finish()
     }
 
-    fn detections_2d(&self, stamp: i64, frame: &str, detections: &[&&DetectionRecord]) -> Vec<u8> {
+    fn detections_2d(&self, stamp: i64, frame: &str, detections: &[(&DetectionRecord, [f64; 5])]) -> Vec<u8> {
         let mut message = CdrWriter::default();
         header(&mut message, stamp, frame).u32(detections.len() as u32);
-        for detection in detections {
-            let [x0, y0, x1, y1] = detection.bounding_box.unwrap_or_default();
+        for &(detection, numbers) in detections {
             header(&mut message, stamp, frame).u32(1);
             message.text(detection.category.as_deref().unwrap_or_default()).f64(detection.score.unwrap_or(1.0));
             // No pose is known.
             message.f64s([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]).f64s([0.0; 36]);
-            message.f64s([0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0, x1 - x0, y1 - y0]);
+            message.f64s(numbers);
             message.text(detection.object.as_deref().unwrap_or_default());
         }
         message.finish()
