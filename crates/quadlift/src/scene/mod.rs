@@ -17,7 +17,7 @@ pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};
 pub use error::SceneError;
 pub use hidden::hidden_edges;
 pub(crate) use outlines::extreme_corners;
-pub use outlines::{OutlineError, Outlines, Shape, check_outline, hidden_lines};
+pub use outlines::{FrameOutline, OutlineError, Outlines, Shape, check_outline, hidden_lines};
 pub use parts::{Detection, Frame, SceneParts, Undistorted};
 pub use skipped::SkippedDetections;
 pub use sources::SourceError;
