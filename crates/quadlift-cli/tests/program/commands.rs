@@ -297,7 +297,7 @@ fn refined_poses_are_in_the_result_beside_the_given_ones() {
         }
     }
     // A result is a scene: its poses are used.
-    folder.succeed("export out.json tum poses.txt");
+    folder.succeed("localize out.json");
     assert_eq!(folder.run("localize scene.json --refine-poses=fast").code, 2);
     assert!(folder.run("localize scene.json --refine-poses --method lfd").stderr.contains("--method map only"));
 }
