@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use quadlift::LocalizeError;
 use quadlift::association::AssociateError;
+use quadlift::geometry::CameraError;
 use quadlift::scene::SceneError;
 use quadlift::synthetic::SyntheticError;
 use quadlift_io::ReadError;
@@ -34,6 +35,9 @@ pub enum Error {
     /// A synthetic scene cannot be made.
     #[error("cannot make a synthetic scene: {0}")]
     Synthetic(#[from] SyntheticError),
+    /// A camera of a synthetic scene is not valid.
+    #[error("cannot make a camera: {0}")]
+    Camera(#[from] CameraError),
     /// A crop of a rendered image cannot be cut.
     #[error("cannot cut a crop: {0}")]
     Crop(#[from] CropError),

@@ -7,6 +7,7 @@
 
 mod accv;
 mod association;
+mod cameras;
 mod cross_validation;
 mod cues;
 pub mod data;
@@ -78,6 +79,8 @@ pub enum Experiment {
     Online,
     /// Depths and 3D boxes of single images beside boxes; not in the paper, and not in [`Experiment::ALL`].
     Cues,
+    /// Images located in maps of objects; not in the paper, and not in [`Experiment::ALL`].
+    Cameras,
     /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
     #[cfg(feature = "sensitivity")]
     Sensitivity,
@@ -131,6 +134,7 @@ pub fn run(experiment: Experiment, data: Option<&Path>, seed: u64, progress: Pro
         Experiment::FewViews => few_views::run(seed, progress),
         Experiment::Online => online::run(data, seed, progress),
         Experiment::Cues => cues::run(data, seed, progress),
+        Experiment::Cameras => cameras::run(data, seed, progress),
         #[cfg(feature = "sensitivity")]
         Experiment::Sensitivity => sensitivity::run(data, seed, progress),
     }

@@ -9,6 +9,7 @@ pub mod import;
 pub mod import_detections;
 pub mod info;
 pub mod localize;
+pub mod locate;
 pub mod render;
 #[cfg(feature = "reproduce")]
 pub mod reproduce;

@@ -38,6 +38,7 @@ Experiments:
   online        the object map frame by frame, compared with association of all frames (not part of all; without data: synthetic
                 scenes only)
   cues          depths and 3D boxes of single images beside boxes (not part of all; without data: synthetic scenes only)
+  cameras       images located in maps of objects (not part of all; without data: synthetic scenes only)
   sensitivity   tuned constants, halved and doubled (needs the feature `sensitivity`; not part of all)
   all           all of them
 
@@ -93,6 +94,7 @@ enum Name {
     FewViews,
     Online,
     Cues,
+    Cameras,
     #[cfg(feature = "sensitivity")]
     Sensitivity,
     All,
@@ -115,6 +117,7 @@ impl Name {
             Self::FewViews => vec![Experiment::FewViews],
             Self::Online => vec![Experiment::Online],
             Self::Cues => vec![Experiment::Cues],
+            Self::Cameras => vec![Experiment::Cameras],
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity => vec![Experiment::Sensitivity],
             Self::All => Experiment::ALL.to_vec(),
@@ -192,6 +195,7 @@ fn name(args: &Args) -> &'static str {
         Name::FewViews => "few-views",
         Name::Online => "online",
         Name::Cues => "cues",
+        Name::Cameras => "cameras",
         #[cfg(feature = "sensitivity")]
         Name::Sensitivity => "sensitivity",
         Name::All => "results",

@@ -15,6 +15,7 @@ mod documentation;
 mod export;
 mod import;
 mod import_detections;
+mod locate;
 mod logs;
 mod method;
 #[cfg(unix)]

@@ -197,6 +197,14 @@ impl Projection {
         CamFromWorld::new(matrix).ok()
     }
 
+    /// Focal lengths and principal point of the camera whose pose is [`Projection::camera_pose`]; skew is dropped. `None` where
+    /// that is, or where the numbers overflow.
+    pub fn intrinsics(&self) -> Option<Intrinsics> {
+        let k = self.m() * self.world_from_cam_rotation()?;
+        let scale = k[(2, 2)];
+        Intrinsics::new(k[(0, 0)] / scale, k[(1, 1)] / scale, k[(0, 2)] / scale, k[(1, 2)] / scale).ok()
+    }
+
     /// The rotation from the axes of the camera (x to the right, y down, z forwards) to those of the world; `None` where
     /// [`Projection::camera_pose`] is.
     pub fn world_from_cam_rotation(&self) -> Option<Matrix3<f64>> {
@@ -279,6 +287,8 @@ mod tests {
         let intrinsics = Intrinsics::new(500.0, 510.0, 320.0, 240.0).unwrap();
         let projection = Projection::from_camera(&intrinsics, &CamFromWorld::new(matrix).unwrap());
         assert!((projection.camera_pose().unwrap().matrix() - matrix).norm() < 1e-12);
+        let found = projection.intrinsics().unwrap().matrix();
+        assert!((found - Intrinsics::new(500.0, 510.0, 320.0, 240.0).unwrap().matrix()).norm() < 1e-9, "{found}");
         let scaled = Projection::from_matrix(projection.matrix() * -0.01).unwrap();
         assert!((scaled.camera_pose().unwrap().matrix() - matrix).norm() < 1e-12);
     }

@@ -31,8 +31,7 @@
 //! let projection = Projection::from_camera(&intrinsics, &truth);
 //! let boxes = landmarks.iter().map(|landmark| {
 //!     let bounding_box = project_bounding_box(&projection, &landmark.ellipsoid)?;
-//!     Ok(QueryBox { bounding_box, category: landmark.category.clone() })
-//! });
+//!  });
 //! let boxes = boxes.collect::<Result<Vec<_>, quadlift::geometry::ProjectionError>>()?;
 //! let query = Query { intrinsics, image_size: Some([640.0, 480.0].into()), boxes };
 //! let map = LandmarkMap::new(landmarks);
@@ -54,6 +53,8 @@ use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
 use self::prepared::PreparedQuery;
 use self::refine::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
+use crate::localize::Localization;
+use crate::solve::{Estimate, Status};
 
 /// An object of the map whose place is known.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,6 +72,8 @@ pub struct Landmark {
 pub struct QueryBox {
     /// The box, pixels without distortion.
     pub bounding_box: BoundingBox,
+    /// Where it is in the image itself, whose border may cut it: only where a lens bends the image.
+    pub box_in_image: Option<BoundingBox>,
     /// Its category, if known.
     pub category: Option<String>,
 }
@@ -97,6 +100,17 @@ pub struct Gravity {
     pub sd: f64,
 }
 
+/// How high a camera is, where that is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraHeight {
+    /// Upwards in the world.
+    pub up_in_world: Unit<Vector3<f64>>,
+    /// Coordinate of the camera's centre along it, from the origin of the world, world units.
+    pub height: f64,
+    /// Its standard deviation, world units.
+    pub sd: f64,
+}
+
 /// Options of [`LandmarkMap::locate`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocateOptions {
@@ -104,12 +118,14 @@ pub struct LocateOptions {
     pub edge_sd: f64,
     /// Direction against gravity: two objects are then enough.
     pub gravity: Option<Gravity>,
+    /// Height of the camera.
+    pub height: Option<CameraHeight>,
 }
 
 impl Default for LocateOptions {
-    /// Edges with 5 % (docs/method/constants.md), gravity unknown.
+    /// Edges with 5 % (docs/method/constants.md), gravity and height unknown.
     fn default() -> Self {
-        Self { edge_sd: EDGE_SD, gravity: None }
+        Self { edge_sd: EDGE_SD, gravity: None, height: None }
     }
 }
 
@@ -155,6 +171,16 @@ pub struct LocatedPose {
     pub evidence: f64,
 }
 
+impl LocatedPose {
+    /// Standard deviations of the rotation (radians) and the position (world units): root mean squares over the axes.
+    pub fn sds(&self) -> [f64; 2] {
+        [0, 3].map(|first| {
+            let mean = self.covariance.fixed_view::<3, 3>(first, first).trace() / 3.0;
+            mean.max(0.0).sqrt()
+        })
+    }
+}
+
 /// Where the camera of an image is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Located {
@@ -180,6 +206,27 @@ pub struct LandmarkMap {
     shapes: Vec<Matrix3<f64>>,
     /// Diameter of the map, world units.
     extent: f64,
+}
+
+impl Landmark {
+    /// An object that was localised; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
+    /// ellipsoid of the same reach.
+    pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
+        let covariance =
+            estimate.covariance.as_ref().map(|of_body| of_body.matrix.fixed_view::<3, 3>(0, 0).into_owned());
+        (estimate.status == Status::Ok).then_some(())?;
+        Some(Self { ellipsoid: estimate.ellipsoid()?, center_covariance: covariance, category })
+    }
+}
+
+impl LocateOptions {
+    /// The noise of boxes as it was estimated with a map, where it was: all errors of edges, those that the views of an object have in
+    /// common included.
+    pub fn with_noise_of(localization: &Localization) -> Self {
+        let level = |name: &str| localization.noise.get(name);
+        let edge_sd = level("edge_relative").map(|sd| sd.hypot(level("edge_common").unwrap_or(0.0)));
+        Self { edge_sd: edge_sd.unwrap_or(EDGE_SD), ..Self::default() }
+    }
 }
 
 impl LandmarkMap {

@@ -3,13 +3,11 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::refine::Pose;
-use super::{Gravity, LandmarkMap, LocateOptions, Query};
+use super::{CameraHeight, Gravity, LandmarkMap, LocateOptions, Query};
+use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
 /// Part of the error of an edge that does not depend on the size of the box, pixels.
 const EDGE_PX: f64 = 1.0;
-
-/// A box nearer to the border of the image than this, pixels, may be cut off there.
-const BORDER_PX: f64 = 2.0;
 
 /// By how much a depth may lie outside of the range that the size of the box and of the body allow: errors of both.
 const SLACK: f64 = 1.25;
@@ -62,6 +60,7 @@ pub(super) struct PreparedQuery<'a> {
     /// Which landmarks each box may show by its category, also where it is cut off.
     pub alike: Vec<Vec<usize>>,
     pub gravity: Option<Gravity>,
+    pub height: Option<CameraHeight>,
     /// Left, top, right and bottom of the image.
     pub image: Option<[f64; 4]>,
     /// Half size (geometric mean) of the smallest box.
@@ -97,11 +96,8 @@ impl<'a> PreparedQuery<'a> {
                 let b = &query_box.bounding_box;
                 let pixels = [b.x0, b.y0, b.x1, b.y1];
                 let sd = options.edge_sd.hypot(EDGE_PX / b.mean_half_size()) * b.mean_half_size();
-                let cut_off = std::array::from_fn(|e| match (query.image_size, e) {
-                    (Some(_), 0 | 1) => pixels[e] < BORDER_PX,
-                    (Some(size), _) => pixels[e] > size[e - 2] - BORDER_PX,
-                    (None, _) => false,
-                });
+                let in_image = query_box.box_in_image.as_ref().unwrap_or(b);
+                let cut_off = edges_at_border(in_image, query.image_size, BORDER_TOLERANCE_PX);
                 let edges = std::array::from_fn(|e| normalised(pixels[e], e % 2));
                 let size = (b.x1 - b.x0) / k.fx * (b.y1 - b.y0) / k.fy;
                 // Perhaps all boxes of the category are false: the image may be of another place.
@@ -135,7 +131,17 @@ impl<'a> PreparedQuery<'a> {
         let size = |b: &MeasuredBox| (b.half_size().x * b.half_size().y).sqrt();
         let smallest = boxes.iter().map(size).fold(f64::INFINITY, f64::min);
         let distance = median_depth(&candidates);
-        Self { map, distance, boxes, candidates, alike, gravity: options.gravity, image, smallest }
+        Self {
+            map,
+            distance,
+            boxes,
+            candidates,
+            alike,
+            gravity: options.gravity,
+            height: options.height,
+            image,
+            smallest,
+        }
     }
 
     /// Number of boxes that may show something.

@@ -180,6 +180,17 @@ fn equations(query: &PreparedQuery, pose: &Pose, matches: &[(usize, usize)]) -> 
         let mut hessian = all.hessian.fixed_view_mut::<3, 3>(0, 0);
         hessian += slope.tr_mul(&slope);
     }
+    if let Some(known) = &query.height {
+        let up = pose.rotation * known.up_in_world.into_inner();
+        // The centre is -R^T t. A turn in the frame of the camera turns both `up` and `t`.
+        let residual = (-up.dot(&pose.translation) - known.height) / known.sd;
+        let slope = -up / known.sd;
+        all.cost += residual * residual;
+        let mut gradient = all.gradient.fixed_rows_mut::<3>(3);
+        gradient += slope * residual;
+        let mut hessian = all.hessian.fixed_view_mut::<3, 3>(3, 3);
+        hessian += slope * slope.transpose();
+    }
     all.cost.is_finite().then_some(all)
 }
 

@@ -109,6 +109,11 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
         // Against a direction that is anywhere on the sphere.
         evidence += (4.0 * PI / (TAU * gravity.sd * gravity.sd)).ln() - 0.5 * off * off;
     }
+    if let Some(known) = &query.height {
+        let off = (pose.center().dot(&known.up_in_world) - known.height) / known.sd;
+        // Against a height that is anywhere in the range of positions.
+        evidence += log_range(query) - (TAU.sqrt() * known.sd).ln() - 0.5 * off * off;
+    }
     let covariance = cholesky.inverse();
     evidence.is_finite().then_some(()).and_then(|()| pose.checked()).map(|cam_from_world| LocatedPose {
         cam_from_world,
@@ -120,6 +125,11 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
 
 /// Logarithm of the volume of all poses: rotations, and positions about as far from the map as its objects are seen.
 fn log_volume(query: &PreparedQuery) -> f64 {
+    (8.0 * PI * PI).ln() + 3.0 * log_range(query)
+}
+
+/// Logarithm of the range of positions along each axis.
+fn log_range(query: &PreparedQuery) -> f64 {
     let farthest = query.candidates.iter().map(|candidate| candidate.depths[1]).fold(0.0, f64::max);
-    (8.0 * PI * PI).ln() + 3.0 * (query.map.extent() + 2.0 * farthest).ln()
+    (query.map.extent() + 2.0 * farthest).ln()
 }

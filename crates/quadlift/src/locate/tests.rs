@@ -71,13 +71,13 @@ fn image(rng: &mut ChaCha8Rng, room: &[Landmark], pose: &CamFromWorld, noise: f6
         let mut edge = |at: f64, low: f64, high: f64| (at + sd * normal(rng)).clamp(low, high);
         let edges = [edge(b.x0, 0.0, WIDTH), edge(b.y0, 0.0, HEIGHT), edge(b.x1, 0.0, WIDTH), edge(b.y1, 0.0, HEIGHT)];
         let Ok(bounding_box) = BoundingBox::new(edges) else { continue };
-        boxes.push(QueryBox { bounding_box, category: landmark.category.clone() });
+        boxes.push(QueryBox { bounding_box, box_in_image: None, category: landmark.category.clone() });
         if rng.random_range(0.0..1.0) < wrong {
             let (x, y) = (rng.random_range(0.0..WIDTH - 100.0), rng.random_range(0.0..HEIGHT - 100.0));
             let size = rng.random_range(20.0..100.0);
             let category = room[rng.random_range(0..room.len())].category.clone();
             let bounding_box = BoundingBox::new([x, y, x + size, y + size]).unwrap();
-            boxes.push(QueryBox { bounding_box, category });
+            boxes.push(QueryBox { bounding_box, box_in_image: None, category });
         }
     }
     Query { intrinsics, image_size: Some([WIDTH, HEIGHT].into()), boxes }

@@ -29,6 +29,7 @@ mod kept_shape;
 mod keyframes;
 mod learning;
 mod lifecycle;
+mod locate;
 mod map;
 mod matching;
 mod merging;
@@ -50,6 +51,7 @@ mod visibility;
 
 pub use input::{Detection, Frame, ObserveError};
 pub use kept_shape::MapShape;
+pub use locate::LocatedInMap;
 pub use map::{MapObject, ObjectMap};
 pub use options::OnlineOptions;
 pub use poses::PoseUpdate;

@@ -1,0 +1,31 @@
+//! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes.
+
+mod centers;
+mod images;
+mod p3p;
+mod real;
+mod rooms;
+
+use std::path::Path;
+
+use crate::data::data_folder;
+use crate::error::Error;
+use crate::progress::Progress;
+use crate::report::Report;
+
+/// Runs the experiment; `data` is the folder of the real data, without which that part is left out.
+///
+/// # Errors
+/// [`Error`]: a file that is wrong.
+pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
+    let mut report = Report::new("cameras", "Cameras from objects");
+    rooms::run(seed, progress, &mut report)?;
+    match data_folder(data) {
+        Ok(folder) => real::run(&folder, seed, progress, &mut report)?,
+        Err(Error::NoData(_)) => {
+            report.text("Without the real data LINEMOD Occlusion and TUW are left out.".to_owned())
+        }
+        Err(error) => return Err(error),
+    }
+    Ok(report)
+}
