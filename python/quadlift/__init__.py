@@ -13,6 +13,7 @@ from ._cues import Box3dSd, Boxes3d, Depths
 from ._estimates import Alternative, AssociatedObject, Evaluation, InconsistentSceneWarning
 from ._limits import set_max_pixels
 from ._localize import localize
+from ._locate import LocatedPose, Location
 from ._object_map import FrameUpdate, MapObject, MapObjects, ObjectMap
 from ._options import Options, Prior
 from ._rerun import log_recording
@@ -28,6 +29,8 @@ __all__ = [
     "Evaluation",
     "FrameUpdate",
     "InconsistentSceneWarning",
+    "LocatedPose",
+    "Location",
     "MapObject",
     "MapObjects",
     "ObjectMap",

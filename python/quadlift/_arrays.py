@@ -94,6 +94,23 @@ class BoxArrays(TypedDict):
     cues: _cues.CueArrays | None
 
 
+class LocateQuery(TypedDict):
+    """The boxes of an image whose camera is sought."""
+
+    boxes: NDArray[np.float64]
+    """(M, 4)."""
+    categories: Names
+    intrinsics: list[float]
+    """fx, fy, cx, cy."""
+    image_size: list[float] | None
+    edge_sd: float | None
+    up: list[float] | None
+    up_in_camera: list[float] | None
+    up_sd: float
+    """Radians."""
+    height: list[float] | None
+
+
 # From arguments
 
 

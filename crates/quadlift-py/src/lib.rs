@@ -10,6 +10,7 @@ mod frames;
 mod live;
 mod loaded;
 mod localized;
+mod locate;
 mod object_map;
 mod options;
 mod outlines;

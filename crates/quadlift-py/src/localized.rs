@@ -11,6 +11,7 @@ use quadlift::association::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::diagnosis::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
+use quadlift::locate::{Landmark, LandmarkMap, LocateOptions};
 use quadlift::scene::{Detection, Scene, SkippedDetections};
 use quadlift::solve::{Alternative, BodyKind, Estimate, Rejection};
 use quadlift::{Localization, MeasurementKind, localize_observed};
@@ -27,6 +28,7 @@ use quadlift_report::{Content, Scores, page, report};
 use crate::association::associated;
 use crate::error::refuse;
 use crate::loaded::Loaded;
+use crate::locate::{LocateQuery, location};
 use crate::options::Choices;
 use crate::recording::recorded;
 use crate::run::{Ticker, on_threads};
@@ -261,6 +263,20 @@ impl PyLocalized {
         dict.set_item("views_used", PyArray1::from_vec(py, views))?;
         self.set_detections(py, &dict)?;
         Ok(dict)
+    }
+
+    /// The camera of an image in the map that the estimates are; objects are rows of the estimates.
+    fn locate<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<Bound<'py, PyDict>> {
+        let scene = self.scene();
+        let landmark = |(row, estimate): (usize, &Estimate)| {
+            let category = estimate.category_index.map(|index| scene.categories[index].clone());
+            Some((row, Landmark::from_estimate(estimate, category)?))
+        };
+        let (rows, landmarks): (Vec<usize>, Vec<Landmark>) =
+            self.localization.estimates.iter().enumerate().filter_map(landmark).unzip();
+        let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise_of(&self.localization))?);
+        let located = py.detach(|| LandmarkMap::new(landmarks).locate(&boxes, &options));
+        location(py, &located, boxes.boxes.len(), &rows)
     }
 
     /// The scene with the estimates as its objects: what the program writes.

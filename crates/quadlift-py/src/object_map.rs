@@ -24,6 +24,7 @@ use crate::error::refuse;
 use crate::live::Live;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized_map};
+use crate::locate::{LocateQuery, location};
 use crate::options::{IDS, LocalizeKeywords, choice, read_priors};
 use crate::run::in_background;
 
@@ -244,6 +245,16 @@ impl PyObjectMap {
     fn copy(&self, py: Python) -> PyResult<Self> {
         let state = Mutex::new(self.with(py, |stream| Ok(stream.clone()))?.into());
         Ok(Self { options: self.options.clone(), pose_noise: self.pose_noise, state })
+    }
+
+    /// The camera of an image in the map, and the ids that its objects are indices into.
+    fn locate<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+        let (boxes, of_map) = (query.query()?, self.read(py, ObjectMap::locate_options)?);
+        let options = query.options(of_map)?;
+        let found = self.read(py, |map| map.locate(&boxes, &options))?;
+        let rows: Vec<usize> = (0..found.ids.len()).collect();
+        let ids = found.ids.iter().map(ToString::to_string).collect();
+        Ok((location(py, &found.located, boxes.boxes.len(), &rows)?, ids))
     }
 
     /// Observes a frame; its line of the output of `quadlift stream`.

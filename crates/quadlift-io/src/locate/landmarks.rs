@@ -44,7 +44,7 @@ impl SceneFile {
     pub fn edge_noise(&self) -> Option<f64> {
         let levels = self.noise_levels().ok()?;
         let level = |wanted: &str| levels.levels().find(|(name, _)| *name == wanted).map(|(_, x)| x);
-        Some(level("edge_relative")?.hypot(level("edge_common").unwrap_or(0.0)))
+        Some(level("edge_relative")? * 1f64.hypot(level("edge_common").unwrap_or(0.0)))
     }
 }
 

@@ -7,10 +7,13 @@ use super::refine::{Pose, refine};
 use super::score::{gain, predictions};
 
 /// Hypotheses that are examined at most; of more, evenly spread ones are.
-const MOST_HYPOTHESES: usize = 4000;
+const MOST_HYPOTHESES: usize = 16_000;
 
-/// Rounds in which they are examined: the search ends after one that explains most of the image.
-pub(super) const ROUNDS: usize = 16;
+/// Comparisons of boxes with landmarks for all hypotheses, about, which bounds the time in large maps; a round is examined in any case.
+const MOST_COMPARISONS: usize = 30_000_000;
+
+/// Hypotheses of a round: the search may end after one that explains most of the image.
+const HYPOTHESES_OF_ROUND: usize = 250;
 
 /// Candidates that hypotheses are made of, about: of more, those of the boxes that may show the fewest landmarks.
 const MOST_CANDIDATES: usize = 800;
@@ -27,18 +30,36 @@ const STARTS: usize = 24;
 /// Factor on the noise of boxes while a pose follows only some of them.
 const WIDEN: f64 = 3.0;
 
-/// Groups of candidates that may give a pose; each round has its share of all kinds.
-pub(super) fn groups(query: &PreparedQuery) -> Vec<Vec<usize>> {
-    let graph = Compatible::new(query);
-    if query.gravity.is_some() { graph.pairs() } else { graph.triples() }
+/// Groups of candidates that may give a pose.
+pub(super) struct Groups {
+    members: Vec<Vec<usize>>,
+    /// Whether these are all of them.
+    pub all: bool,
 }
 
-/// Poses of one group in [`ROUNDS`] that explain many boxes, the best first.
-pub(super) fn starts(query: &PreparedQuery, groups: &[Vec<usize>], round: usize) -> Vec<Pose> {
+impl Groups {
+    /// Triples of candidates, or pairs where gravity is known.
+    pub(super) fn new(query: &PreparedQuery) -> Self {
+        let comparisons = query.alike.iter().map(Vec::len).sum::<usize>().max(1);
+        let most = (MOST_COMPARISONS / comparisons).clamp(HYPOTHESES_OF_ROUND, MOST_HYPOTHESES);
+        let graph = Compatible::new(query);
+        let members = if query.gravity.is_some() { graph.pairs(most) } else { graph.triples(most) };
+        Self { all: graph.all && members.len() < most, members }
+    }
+
+    /// Number of rounds; each one has its share of all kinds of groups.
+    pub(super) fn rounds(&self) -> usize {
+        self.members.len().div_ceil(HYPOTHESES_OF_ROUND)
+    }
+}
+
+/// Poses of the groups of one round that explain many boxes, the best first.
+pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Vec<Pose> {
     let mut scored: Vec<(f64, Pose)> = groups
+        .members
         .iter()
         .skip(round)
-        .step_by(ROUNDS)
+        .step_by(groups.rounds())
         .filter_map(|group| {
             let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
             let matches: Vec<(usize, usize)> = members.iter().map(|c| (c.query_box, c.landmark)).collect();
@@ -81,6 +102,8 @@ struct Compatible {
     places: Vec<usize>,
     words: usize,
     bits: Vec<u64>,
+    /// Whether all candidates are among them.
+    all: bool,
 }
 
 impl Compatible {
@@ -100,7 +123,8 @@ impl Compatible {
                 }
             }
         }
-        Self { places, words, bits }
+        let all = places.len() == query.candidates.len();
+        Self { places, words, bits, all }
     }
 
     /// The later candidates that go with one.
@@ -117,13 +141,13 @@ impl Compatible {
         places.iter().map(|&place| self.places[place]).collect()
     }
 
-    fn pairs(&self) -> Vec<Vec<usize>> {
+    fn pairs(&self, most: usize) -> Vec<Vec<usize>> {
         let count = self.all_pairs().count();
-        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count));
+        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count, most));
         chosen.map(|(_, (i, j))| self.named(&[i, j])).collect()
     }
 
-    fn triples(&self) -> Vec<Vec<usize>> {
+    fn triples(&self, most: usize) -> Vec<Vec<usize>> {
         let common = |i: usize, j: usize| self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b);
         let number = |i: usize, j: usize| common(i, j).map(|bits| bits.count_ones() as usize).sum::<usize>();
         let count = self.all_pairs().map(|(i, j)| number(i, j)).sum();
@@ -131,8 +155,8 @@ impl Compatible {
         let mut chosen = Vec::new();
         for (i, j) in self.all_pairs() {
             let end = before + number(i, j);
-            if first_chosen(before, count) < end {
-                let of_pair = ones(common(i, j)).enumerate().filter(|(k, _)| is_chosen(before + k, count));
+            if first_chosen(before, count, most) < end {
+                let of_pair = ones(common(i, j)).enumerate().filter(|(k, _)| is_chosen(before + k, count, most));
                 chosen.extend(of_pair.map(|(_, k)| self.named(&[i, j, k])));
             }
             before = end;
@@ -141,14 +165,14 @@ impl Compatible {
     }
 }
 
-/// Whether the item with this index is one of at most [`MOST_HYPOTHESES`] of `count`, evenly spread.
-fn is_chosen(index: usize, count: usize) -> bool {
-    first_chosen(index, count) == index
+/// Whether the item with this index is one of at most so many of `count`, evenly spread.
+fn is_chosen(index: usize, count: usize, most: usize) -> bool {
+    first_chosen(index, count, most) == index
 }
 
 /// The first such item from an index on.
-fn first_chosen(index: usize, count: usize) -> usize {
-    let step = count.div_ceil(MOST_HYPOTHESES).max(1);
+fn first_chosen(index: usize, count: usize, most: usize) -> usize {
+    let step = count.div_ceil(most).max(1);
     index.div_ceil(step) * step
 }
 
@@ -166,7 +190,8 @@ fn ones(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The candidates of the boxes that may show the fewest landmarks: all, or as many boxes as [`MOST_CANDIDATES`] allows, at least three.
+/// The candidates of the boxes that may show the fewest landmarks: all, or as many boxes as [`MOST_CANDIDATES`] allows, at least three; of a
+/// box with more candidates, evenly spread ones.
 fn distinctive(query: &PreparedQuery) -> Vec<usize> {
     let mut boxes: Vec<Vec<usize>> = vec![Vec::new(); query.boxes.len()];
     query.candidates.iter().enumerate().for_each(|(k, candidate)| boxes[candidate.query_box].push(k));
@@ -177,7 +202,7 @@ fn distinctive(query: &PreparedQuery) -> Vec<usize> {
         if k >= 3 && chosen.len() + of_box.len() > MOST_CANDIDATES {
             break;
         }
-        chosen.extend(of_box);
+        chosen.extend(of_box.iter().step_by(of_box.len().div_ceil(MOST_CANDIDATES)));
     }
     chosen
 }

@@ -50,6 +50,7 @@ mod tests;
 
 use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
 
+use self::hypotheses::Groups;
 use self::prepared::PreparedQuery;
 use self::refine::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
@@ -138,7 +139,8 @@ const EDGE_SD: f64 = 0.05;
 pub enum LocateStatus {
     /// The first pose is the only one that explains the image.
     Ok,
-    /// Several different poses explain it; they are all given, the most probable one first.
+    /// Several different poses explain it; they are all given, the most probable one first. Or not all could be examined, and none that was
+    /// explains most of the boxes.
     Ambiguous,
     /// Fewer than three boxes (two with gravity) whose category is in the map.
     TooFewObjects,
@@ -224,7 +226,7 @@ impl LocateOptions {
     /// common included.
     pub fn with_noise_of(localization: &Localization) -> Self {
         let level = |name: &str| localization.noise.get(name);
-        let edge_sd = level("edge_relative").map(|sd| sd.hypot(level("edge_common").unwrap_or(0.0)));
+        let edge_sd = level("edge_relative").map(|sd| sd * 1f64.hypot(level("edge_common").unwrap_or(0.0)));
         Self { edge_sd: edge_sd.unwrap_or(EDGE_SD), ..Self::default() }
     }
 }
@@ -253,8 +255,12 @@ impl LandmarkMap {
             return nowhere(LocateStatus::TooFewObjects);
         }
         let mut poses: Vec<LocatedPose> = Vec::new();
-        let groups = hypotheses::groups(&prepared);
-        for round in 0..hypotheses::ROUNDS {
+        let groups = Groups::new(&prepared);
+        let explains_most = |pose: &LocatedPose| {
+            pose.matches.len() >= ENOUGH_MATCHES && 2 * pose.matches.len() > prepared.boxes_with_candidates()
+        };
+        let (mut round, mut last) = (0, groups.rounds());
+        while round < last {
             for start in hypotheses::starts(&prepared, &groups, round) {
                 let found = score::located(&prepared, start).filter(|pose| pose.matches.len() >= needed);
                 let Some(pose) = found else { continue };
@@ -266,11 +272,13 @@ impl LandmarkMap {
                     None => poses.push(pose),
                 }
             }
-            let explained = poses.iter().map(|pose| pose.matches.len()).max().unwrap_or(0);
-            if explained >= ENOUGH_MATCHES && 2 * explained > prepared.boxes_with_candidates() {
-                break;
+            round += 1;
+            if poses.iter().any(explains_most) {
+                // Others that explain as much are found in as many rounds again.
+                last = last.min(2 * round);
             }
         }
+        let searched = groups.all && round == groups.rounds();
         poses.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         poses.truncate(MOST_POSES);
         match &poses[..] {
@@ -279,6 +287,8 @@ impl LandmarkMap {
             [best, second, ..] if best.evidence - second.evidence < CLEAR => {
                 Located { status: LocateStatus::Ambiguous, poses }
             }
+            // A better one may be among those that were not examined.
+            [best, ..] if !searched && !explains_most(best) => Located { status: LocateStatus::Ambiguous, poses },
             _ => Located { status: LocateStatus::Ok, poses },
         }
     }
