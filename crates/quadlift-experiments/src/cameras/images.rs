@@ -135,8 +135,6 @@ pub(super) struct Tally {
     pub right: usize,
     /// Beyond them, and claimed to be right.
     pub wrong: usize,
-    /// Images whose best pose is within the bounds, claimed or not.
-    pub best: usize,
 }
 
 impl Tally {
@@ -145,16 +143,10 @@ impl Tally {
         self.images += 1;
         self.right += usize::from(claimed && is_near);
         self.wrong += usize::from(claimed && !is_near);
-        self.best += usize::from(is_near);
     }
 
     pub(super) fn plus(self, other: Self) -> Self {
-        Self {
-            images: self.images + other.images,
-            right: self.right + other.right,
-            wrong: self.wrong + other.wrong,
-            best: self.best + other.best,
-        }
+        Self { images: self.images + other.images, right: self.right + other.right, wrong: self.wrong + other.wrong }
     }
 
     /// Number of images; percentages within the bounds, wrong although claimed, refused.

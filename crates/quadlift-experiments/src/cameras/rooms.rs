@@ -15,7 +15,8 @@ use rayon::prelude::*;
 use super::images::{Known, Split, TITLES, Tally, divide, located, located_by_centers};
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
-use crate::report::Report;
+use crate::report::{Headline, Report};
+use crate::scores::Figure;
 use crate::table::{Cell, Table};
 
 /// Objects of a room, images of it, and rooms of each row.
@@ -139,6 +140,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
     ));
     let titles = ["map from", "categories", "method"].into_iter().chain(TITLES);
     let mut table = Table::new("Images located in synthetic rooms", titles);
+    let (mut least_right, mut most_wrong) = (1.0_f64, 0.0_f64);
     for split in Split::ALL {
         for categories in CATEGORIES {
             let of_room = |number: u64| -> Result<[Tally; 3], Error> {
@@ -153,8 +155,13 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
                 ])
             };
             let rooms = (0..ROOMS).into_par_iter().map(of_room).collect::<Result<Vec<_>, _>>()?;
+            let all = |k: usize| rooms.iter().fold(Tally::default(), |sum, of_room| sum.plus(of_room[k]));
+            (least_right, most_wrong) = (0..2).map(all).fold((least_right, most_wrong), |(right, wrong), tally| {
+                let share = |n: usize| n as f64 / tally.images.max(1) as f64;
+                (share(tally.right).min(right), share(tally.wrong).max(wrong))
+            });
             for (k, method) in ["locate", "locate, gravity", "centres"].into_iter().enumerate() {
-                let tally = rooms.iter().fold(Tally::default(), |sum, of_room| sum.plus(of_room[k]));
+                let tally = all(k);
                 let labels = [split.name().to_owned(), categories.to_string(), method.to_owned()].map(Cell::from);
                 table.push(labels.into_iter().chain(tally.cells()).collect());
             }
@@ -162,5 +169,23 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         }
     }
     report.table(table);
+    let headline = |id: &'static str, what: &str, value: f64| Headline {
+        id,
+        what: what.to_owned(),
+        paper: None,
+        ours: Figure { value, standard_error: None },
+        row: "locate".to_owned(),
+        decimals: 3,
+    };
+    report.headlines.push(headline(
+        "cameras_right",
+        "share of images of rooms that are located, the lowest",
+        least_right,
+    ));
+    report.headlines.push(headline(
+        "cameras_wrong",
+        "share of images of rooms that are wrongly located, the highest",
+        most_wrong,
+    ));
     Ok(())
 }

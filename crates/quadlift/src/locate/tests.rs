@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
+use super::{CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
 use crate::synthetic::random::normal;
 
@@ -185,4 +185,54 @@ fn the_covariance_is_that_of_the_errors() {
     assert!(all.len() >= 50, "{}", all.len());
     // Six parameters; 50 chi-square numbers have a mean of 6 +- 0.5.
     assert!((4.0..8.0).contains(&mean), "{mean}");
+}
+
+#[test]
+fn a_known_height_is_kept_to() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let landmarks = room(&mut rng, 30, 6);
+    let pose = camera(&mut rng);
+    let query = image(&mut rng, &landmarks, &pose, 0.05, 0.2, 0.0);
+    let map = LandmarkMap::new(landmarks);
+    let height_of = |pose: &CamFromWorld| super::refine::Pose::from(pose).center().z;
+    let free = map.locate(&query, &LocateOptions::default());
+    let known = CameraHeight { up_in_world: Vector3::z_axis(), height: height_of(&pose), sd: 1e-3 };
+    let held = map.locate(&query, &LocateOptions { height: Some(known), ..Default::default() });
+    let [free, held] = [&free, &held].map(|found| {
+        assert_eq!(found.status, LocateStatus::Ok);
+        let best = &found.poses[0];
+        let up = best.cam_from_world.matrix().fixed_columns::<3>(0) * Vector3::z();
+        let sd = up.dot(&(best.covariance.fixed_view::<3, 3>(3, 3) * up)).sqrt();
+        (height_of(&best.cam_from_world) - known.height, sd)
+    });
+    assert!(free.1 > 5e-3 && held.1 < 1.01e-3, "{free:?} {held:?}");
+    assert!(free.0.abs() < 4.0 * free.1 && held.0.abs() < 4.0 * held.1, "{free:?} {held:?}");
+    // A height that contradicts the boxes makes the pose less probable.
+    let wrong = CameraHeight { height: known.height + 1.0, ..known };
+    let found = map.locate(&query, &LocateOptions { height: Some(wrong), ..Default::default() });
+    assert!(found.status != LocateStatus::Ok || found.poses[0].evidence < free_evidence(&map, &query) - 50.0);
+}
+
+fn free_evidence(map: &LandmarkMap, query: &Query) -> f64 {
+    map.locate(query, &LocateOptions::default()).poses[0].evidence
+}
+
+#[test]
+fn more_landmarks_and_boxes_than_can_be_compared_are_answered() {
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    // Thousands of equal objects in one row, and a box of each of 60 of them.
+    let ball = |k: u32| Landmark {
+        ellipsoid: Ellipsoid {
+            center: Point3::new(0.3 * f64::from(k), 0.0, 0.5),
+            semi_axes: Vector3::repeat(0.1),
+            rotation: Rotation3::identity(),
+        },
+        center_covariance: None,
+        category: None,
+    };
+    let row: Vec<Landmark> = (0..3000).map(ball).collect();
+    let pose = looking(&Point3::new(450.0, -9.0, 1.5), &Point3::new(450.0, 0.0, 0.5));
+    let query = image(&mut rng, &row[1470..1530], &pose, 0.02, 0.0, 0.0);
+    assert!(query.boxes.len() > 20, "{}", query.boxes.len());
+    assert_ne!(locate(row, &query).status, LocateStatus::Ok);
 }
