@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-import quadlift
 from numpy.typing import NDArray
+
+import quadlift
 
 INTRINSICS = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
 FRAMES = 12
@@ -46,26 +47,33 @@ def test_a_camera_is_found_in_a_map_of_estimates() -> None:
     estimates = map_without_first_frame()
     categories = ["ball"] * 3 + ["marble"] * 3
     location = estimates.locate(boxes[:, 0], INTRINSICS, categories=categories, image_size=(640, 480))
-    assert location.ok and location.status == "ok"
+    assert location.ok
+    assert location.status == "ok"
     assert location.objects == [60, 50, 40, 30, 20, 10]
-    assert location.cam_from_world is not None and location.cam_from_world.shape == (3, 4)
+    assert location.cam_from_world is not None
+    assert location.cam_from_world.shape == (3, 4)
     assert np.allclose(location.cam_from_world, poses[0], atol=0.03)
-    assert location.covariance is not None and location.covariance.shape == (6, 6)
+    assert location.covariance is not None
+    assert location.covariance.shape == (6, 6)
     best = location.poses[0]
-    assert 0 < best.rotation_sd < 0.05 and 0 < best.position_sd < 0.1 and best.evidence > 5
+    assert 0 < best.rotation_sd < 0.05
+    assert 0 < best.position_sd < 0.1
+    assert best.evidence > 5
     up = poses[0, :, :3] @ [0.0, 0.0, 1.0]
-    known = estimates.locate(
-        boxes[:, 0], INTRINSICS, up=[0, 0, 1], up_in_camera=up, up_sd_deg=0.1, height=(1.0, 0.001)
-    )
-    assert known.ok and known.poses[0].position_sd < best.position_sd
+    known = estimates.locate(boxes[:, 0], INTRINSICS, up=[0, 0, 1], up_in_camera=up, up_sd_deg=0.1, height=(1.0, 0.001))
+    assert known.ok
+    assert known.poses[0].position_sd < best.position_sd
 
 
 def test_what_cannot_be_told_has_no_pose() -> None:
     _, _, _, boxes = balls()
     estimates = map_without_first_frame()
     location = estimates.locate(boxes[:2, 0], INTRINSICS)
-    assert location.status == "too_few_objects" and not location.ok
-    assert location.cam_from_world is None and location.covariance is None and location.objects is None
+    assert location.status == "too_few_objects"
+    assert not location.ok
+    assert location.cam_from_world is None
+    assert location.covariance is None
+    assert location.objects is None
     assert estimates.locate(np.zeros((0, 4)), INTRINSICS).status == "too_few_objects"
     others = estimates.locate(boxes[:, 0], INTRINSICS, categories=["cup"] * 6)
     assert others.status == "too_few_objects"
@@ -79,8 +87,9 @@ def test_a_camera_is_found_in_an_object_map() -> None:
             k, time=k, intrinsics=INTRINSICS, cam_from_world=poses[k], image_size=(640, 480), boxes=boxes[:, k]
         )
     location = object_map.locate(boxes[:, 0], INTRINSICS, image_size=(640, 480))
-    assert location.ok and location.objects == update.objects
-    assert np.allclose(location.cam_from_world, poses[0], atol=0.05)
+    assert location.ok
+    assert location.objects == update.objects
+    assert np.allclose(location.poses[0].cam_from_world, poses[0], atol=0.05)
     assert object_map.frames == FRAMES - 1
 
 
