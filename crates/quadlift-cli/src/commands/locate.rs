@@ -160,7 +160,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         args.output.display()
     ))?;
     if located > 0 && (args.posed_only || located == found.len()) {
-        let words = ["view".into(), args.output.as_path().into(), "-o located.html".into()];
+        let words = ["view".into(), args.output.as_path().into()];
         Next::default().command(words, "look at the cameras in the map").tell(out)?;
     }
     out.document(&document(args, &ids, &found, &map, &options))?;

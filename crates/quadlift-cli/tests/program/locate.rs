@@ -94,16 +94,17 @@ fn known_gravity_needs_two_boxes_and_frames_without_a_pose_can_be_left_out() {
         serde_json::from_str(&folder.succeed("locate map.json query.json -o out.json --posed-only --json")).unwrap();
     let status: Vec<&str> =
         report["frames"].as_array().unwrap().iter().map(|f| f["status"].as_str().unwrap()).collect();
-    assert_eq!(status[1..], ["too_few_objects", "ok", "ok", "ok"]);
-    // Of two boxes among twelve objects that are all alike many poses are possible.
-    assert!(["ambiguous", "no_pose"].contains(&status[0]), "{status:?}");
-    assert!(report["frames"][0]["alternatives"].as_array().unwrap().len() > 1);
+    assert_eq!(status, ["ok", "too_few_objects", "ok", "ok", "ok"]);
+    let of_two = &report["frames"][0];
+    assert_eq!(of_two["inliers"].as_array().unwrap().len(), 2);
+    assert!(apart(&of_two["cam_from_world"], &taken[0].1) < 5.0 * of_two["position_sd"].as_f64().unwrap(), "{of_two}");
     let out = folder.json("out.json");
-    assert_eq!(out["frames"].as_array().unwrap().len(), 3);
+    assert_eq!(out["frames"].as_array().unwrap().len(), 4);
     let detections = out["detections"].as_array().unwrap();
     assert!(
-        detections.iter().all(|d| d["frame"] != frames[0] && d["given_object"].as_str().unwrap().starts_with("track"))
+        detections.iter().all(|d| d["frame"] != frames[1] && d["given_object"].as_str().unwrap().starts_with("track"))
     );
+    assert!(detections.iter().filter(|d| d["frame"] == frames[0]).count() == 2);
     // Without the option the frames stay, without poses.
     folder.succeed("locate -q map.json query.json -o out.json");
     let out = folder.json("out.json");
@@ -145,7 +146,8 @@ fn hostile_maps_and_images_are_answered() {
     let refused = folder.run("locate empty.json query.json -o out.json");
     assert!(refused.code == 1 && refused.stderr.contains("empty.json: there are no objects"), "{}", refused.stderr);
     with_objects("two.json", &|objects| objects.truncate(2));
-    assert_eq!(statuses("two.json query.json"), ["too_few_objects"; 5]);
+    // Two of the boxes may show them, and a third one agrees with no pose.
+    assert_eq!(statuses("two.json query.json"), ["no_pose"; 5]);
     // All alike, in one row: a turn about the row changes no box, and each object may be any other one.
     with_objects("row.json", &|objects| {
         for (k, object) in objects.iter_mut().enumerate() {
