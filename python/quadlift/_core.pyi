@@ -7,9 +7,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import BoxArrays, DetectionArrays, FrameArrays, MapFrame
-from ._outlines import OutlineArrays
 from ._arrays import BoxArrays, DetectionArrays, FrameArrays, LocateQuery, MapFrame
+from ._outlines import OutlineArrays
 
 __all__ = [
     "Localized",
