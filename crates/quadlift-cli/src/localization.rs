@@ -136,11 +136,41 @@ pub fn read_depths(
     let bar = counting_bar(title, "depth images", out);
     let found = file.add_depths(path, scene, source, &shown_on(&bar));
     bar.finish_and_clear();
-    let DepthsFound { detections, without, problems } = found.map_err(|error| error.in_file(path))?;
+    let DepthsFound { detections, without, problems, .. } = found.map_err(|error| error.in_file(path))?;
     out.detail(&format!("depth images: {} with a depth, {without} without", count(detections, "detection")));
     if detections == 0 && without > 0 {
         out.warning(&format!(
             "{title}: no pixel of a detection has a depth in the depth images; expected counts above 0"
+        ));
+    }
+    Ok(problems.iter().map(ToString::to_string).collect())
+}
+
+/// Reads the points of the frames, if the method uses them; returns read errors as text. `title` precedes the progress bar.
+pub fn read_points(
+    title: &str,
+    (path, file): (&Path, &SceneFile),
+    scene: &mut Scene,
+    options: &LocalizeOptions,
+    out: &Output,
+) -> anyhow::Result<Vec<String>> {
+    if !file.has_points_of_frames() || options.method.map_options().is_none() {
+        return Ok(Vec::new());
+    }
+    // An ambiguous source is reported by `localize`.
+    let source = scene.source_index(options.source.as_deref()).unwrap_or_default();
+    let bar = counting_bar(title, "frames with points", out);
+    let found = file.add_depths_of_points(path, scene, source, &shown_on(&bar));
+    bar.finish_and_clear();
+    let DepthsFound { detections, without, repeated, problems } = found.map_err(|error| error.in_file(path))?;
+    out.detail(&format!(
+        "points: {} with a depth, {repeated} in other views of their objects, {without} without",
+        count(detections, "detection")
+    ));
+    if detections == 0 && without > 0 && problems.is_empty() {
+        out.warning(&format!(
+            "{title}: no detection has three points or more; expected some in the boxes (check \"frame\" and \"transform\" of the \
+             point clouds)"
         ));
     }
     Ok(problems.iter().map(ToString::to_string).collect())

@@ -102,6 +102,15 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
         association = Some(found);
         ticker.restart();
     }
+    if loaded.file().has_points_of_frames() && options.method.map_options().is_some() {
+        let mut scene = changed.take().unwrap_or_else(|| loaded.scene.clone());
+        let found = loaded.file().add_depths_of_points(&loaded.path, &mut scene, source, ticker);
+        let found = found.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
+        problems.extend(found.problems.iter().map(ToString::to_string));
+        problems.dedup();
+        changed = Some(scene);
+        ticker.restart();
+    }
     let scene = changed.as_ref().unwrap_or(&loaded.scene);
     let mut localization = localize_observed(scene, options, ticker).map_err(|error| error.to_string())?;
     if localization.estimates.is_empty() {

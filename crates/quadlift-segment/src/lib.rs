@@ -46,19 +46,23 @@ mod palette;
 mod parallel;
 mod polygon;
 mod pooled;
+mod projected_points;
 pub mod render;
 mod resample;
 mod rle;
 mod sca;
 mod segment;
 mod smoothing;
+mod surface;
+#[cfg(test)]
+mod surface_shots;
 mod vector_math;
 
 pub use color::scaled_lab;
 pub use confidence::Failure;
 pub use contacts::Contacts;
 pub use crop::{Crop, CropError, CropOptions};
-pub use depth_image::{DepthImage, Patch, SurfaceDepth};
+pub use depth_image::DepthImage;
 pub use frame_masks::{FrameMasks, reach};
 pub use hull::ConvexHull;
 pub use image;
@@ -66,8 +70,10 @@ pub use label_image::LabelImage;
 pub use mask::{Mask, MaskError};
 pub use moments::{Moments, PixelTerm};
 pub use polygon::{PolygonError, Polygons};
+pub use projected_points::{ProjectedPoint, SurfaceOfPoints, surface_of_points};
 pub use rle::{Rle, RleError};
 pub use sca::ScaOptions;
 pub use segment::{
     SegmentError, SegmentMethod, SegmentOptions, SegmentStatus, ViewSegmentation, segment_object, segment_objects,
 };
+pub use surface::{Patch, SurfaceDepth};

@@ -54,6 +54,10 @@ struct Report {
     up: Option<[f64; 3]>,
     frames: usize,
     points: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    observed_points: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    point_clouds: usize,
     cameras: usize,
     /// Width, height and number of frames.
     image_sizes: Vec<(f64, f64, usize)>,
@@ -115,6 +119,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         up: file.up,
         frames: scene.frames.len(),
         points: file.points.len(),
+        observed_points: file.frames.iter().filter_map(|frame| Some(frame.observed_points.as_ref()?.len())).sum(),
+        point_clouds: file.frames.iter().map(|frame| &frame.point_cloud).chain([&file.point_cloud]).flatten().count(),
         cameras: file.cameras.len(),
         image_sizes: image_sizes(&scene),
         frames_without_image_size: scene.frames.iter().filter(|frame| frame.image_size.is_none()).count(),
@@ -330,7 +336,14 @@ fn render(report: &Report) -> String {
         line("depth images", report.depth_images.to_string());
     }
     if report.points > 0 {
-        line("points", report.points.to_string());
+        let observed = match report.observed_points {
+            0 => String::new(),
+            observed => format!(", observed {observed} times"),
+        };
+        line("points", format!("{}{observed}", report.points));
+    }
+    if report.point_clouds > 0 {
+        line("point clouds", report.point_clouds.to_string());
     }
     let sizes = report.image_sizes.iter().map(|(w, h, n)| format!("{w} x {h} ({})", count(*n, "frame")));
     let sizes: Vec<String> = sizes.collect();

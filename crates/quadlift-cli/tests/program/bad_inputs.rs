@@ -130,6 +130,13 @@ fn entries() -> Vec<Case> {
             scene["detections"][2]["oriented_box"] = json!({"center": [9, 9], "size": [0, 4], "angle": 0.3});
         }),
         changed("a depth behind the camera", |scene| scene["detections"][2]["depth"] = json!({"median": -3})),
+        changed("points in an unknown frame", |scene| {
+            scene["frames"][0]["point_cloud"] = json!({"path": "a.bin", "frame": "lidar"});
+        }),
+        changed("an observed point that the scene does not have", |scene| {
+            scene["points"] = json!([[0, 0, 1]]);
+            scene["frames"][0]["observed_points"] = json!([0, 1]);
+        }),
         changed("a 3D box in an unknown frame", |scene| {
             scene["detections"][2]["box3d"] = json!({"center": [0, 0, 5], "frame": "lidar"});
         }),

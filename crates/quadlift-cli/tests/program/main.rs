@@ -20,6 +20,7 @@ mod logs;
 mod method;
 #[cfg(unix)]
 mod outputs;
+mod points;
 mod real_data;
 mod report;
 mod reproduce;

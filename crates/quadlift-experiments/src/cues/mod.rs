@@ -1,5 +1,5 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
-//! frame; outlines and turned boxes: simulated, on rendered scenes and on real images;
+//! frame; points of structure from motion; outlines and turned boxes: simulated, on rendered scenes and on real images;
 //! sizes that are learnt from the scene; surfaces on which objects stand.
 
 mod frame_scales;
@@ -7,6 +7,7 @@ mod fusion;
 mod kitti;
 mod occlusion;
 mod outlines;
+mod points;
 mod sizes;
 mod surfaces;
 mod synthetic;
@@ -26,6 +27,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     let mut report = Report::new("cues", "Depths and 3D boxes beside boxes");
     synthetic::run(seed, progress, &mut report)?;
     frame_scales::run(seed, progress, &mut report)?;
+    points::run(seed, progress, &mut report)?;
     sizes::run(seed, progress, &mut report)?;
     surfaces::run(seed, progress, &mut report)?;
     let folder = match data_folder(data) {

@@ -75,12 +75,17 @@ fn scene_of(made: &SyntheticScene, column: usize, seed: u64) -> Result<Scene, Er
 
 /// A scene of ellipsoids with noisy boxes.
 pub(super) fn noisy_boxes(views: usize, seed: u64) -> Result<SyntheticScene, Error> {
+    noisy_boxes_in(CUBE, DISTANCE, views, seed)
+}
+
+/// Such a scene in a cube of another side, with cameras at another distance.
+pub(super) fn noisy_boxes_in(cube_side: f64, distance: f64, views: usize, seed: u64) -> Result<SyntheticScene, Error> {
     Ok(generate(&SyntheticOptions {
         seed,
         objects: OBJECTS,
         views,
-        cube_side: CUBE,
-        distance: DISTANCE,
+        cube_side,
+        distance,
         observations: Observations::Boxes,
         noise: vec![Noise::BoxEdges(EDGE_NOISE)],
         ..Default::default()

@@ -1,13 +1,13 @@
 //! Depths and 3D boxes of detections, moved with the world of the corrected poses.
 
-use nalgebra::{DMatrix, Matrix3, Point3, Rotation3};
+use nalgebra::{DMatrix, Matrix3, Matrix4, Point3, Rotation3};
 use quadlift::diagnosis::Correction;
 use quadlift::geometry::{quaternion_from_rotation, rotation_from_quaternion};
 
 use crate::scene_file::{Box3dRecord, SceneFile};
 
-/// Multiplies depths, the scales of depth images and 3D boxes where the correction changes the unit of the world, and mirrors the 3D boxes of the world where
-/// it mirrors the world. Those in the frame of a camera stay where they are: its axes are OpenCV's in every file.
+/// Multiplies depths, the scales of depth images, point clouds and 3D boxes where the correction changes the unit of the world, and
+/// mirrors point clouds and 3D boxes of the world where it mirrors the world. Those in the frame of a camera stay where they are: its axes are OpenCV's in every file.
 pub(super) fn move_with_world(file: &mut SceneFile, correction: &Correction) {
     let origin = correction.world_point(&Point3::origin());
     let moved = |axis: usize| correction.world_point(&Matrix3::identity().column(axis).into_owned().into()) - origin;
@@ -17,6 +17,12 @@ pub(super) fn move_with_world(file: &mut SceneFile, correction: &Correction) {
     }
     let factor = linear.determinant().abs().cbrt();
     file.frames.iter_mut().filter_map(|frame| frame.depth.as_mut()).for_each(|depth| depth.scale *= factor);
+    let world = linear.to_homogeneous().append_translation(&origin.coords);
+    let larger = Matrix4::new_scaling(factor);
+    for cloud in file.frames.iter_mut().filter_map(|frame| frame.point_cloud.as_mut()) {
+        cloud.moved_by(if cloud.is_in_world() { &world } else { &larger });
+    }
+    file.point_cloud.iter_mut().for_each(|cloud| cloud.moved_by(&world));
     for record in &mut file.detections {
         if let Some(depth) = &mut record.depth {
             depth.median *= factor;

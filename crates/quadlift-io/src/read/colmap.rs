@@ -74,7 +74,8 @@ pub fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadErro
 
 /// At most so many of the points of another program, given with their ids, rounded as those of COLMAP.
 pub(super) fn evenly_spread(all: Vec<(u64, [f64; 3])>, most: usize) -> Vec<[f64; 3]> {
-    points::chosen(all.into_iter().map(|(id, position)| points::Point::new(id, position)).collect(), most)
+    let all = all.into_iter().map(|(id, position)| points::Point::new(id, position)).collect();
+    points::chosen(all, most).iter().map(|point| point.position).collect()
 }
 
 /// The model in the bytes of `cameras.txt`, `images.txt` and `points3D.txt`, which may be empty, and of `rigs.txt` and
@@ -265,6 +266,25 @@ impl Model {
         Ok(())
     }
 
+    /// Tells the frames which of the points were observed in them. Images of tracks that the model does not have are passed over.
+    fn add_observations(&mut self, points: &[points::Point]) {
+        let mut observed: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for (index, point) in (0u32..).zip(points) {
+            for image in &point.track {
+                let of_image = observed.entry(*image).or_default();
+                // A track may have two pixels of one image.
+                if of_image.last() != Some(&index) {
+                    of_image.push(index);
+                }
+            }
+        }
+        for image in &self.images {
+            if let (Some(frame), Some(points)) = (self.frames.get_mut(&image.name), observed.remove(&image.id)) {
+                frame.observed_points = Some(points.into());
+            }
+        }
+    }
+
     fn import(
         mut self,
         path: &Path,
@@ -287,8 +307,12 @@ impl Model {
             kept if kept == all => notes.push(format!("{} of the model", count(all, "sparse point"))),
             kept => notes.push(format!("{kept} of {}, evenly spread", count(all, "sparse point"))),
         }
+        if points.iter().any(|point| !point.track.is_empty()) {
+            self.add_observations(&points);
+            notes.push("frames have the points that were observed in them".to_owned());
+        }
         let scene = SceneFile {
-            points,
+            points: points.iter().map(|point| point.position).collect(),
             cameras: self.cameras.into_values().collect(),
             frames: self.frames.into_values().collect(),
             ..SceneFile::default()

@@ -16,6 +16,7 @@ pub mod kitti_raw;
 pub mod nerfstudio;
 pub mod nuscenes;
 pub mod opensfm;
+pub(crate) mod point_cloud;
 mod poses;
 pub mod projections;
 mod static_objects;

@@ -49,11 +49,15 @@ impl SceneFile {
             let entry = |field: &str| format!("frames[{index}]{field}");
             let (posed, image_size) = self.posed(frame, &cameras, entry)?;
             frame.depth.as_deref().map_or(Ok(()), |depth| depth.check(|field| entry(&format!(".depth{field}"))))?;
+            frame.check_points(self.points.len(), entry)?;
             let added = match posed {
                 Posed::Camera(camera, pose) => builder.add_frame_of_camera(&frame.id, camera, &pose, image_size),
                 Posed::Projection(projection) => builder.add_frame(&frame.id, projection, image_size),
             };
             added.map_err(|error| EntryError::new(entry(""), error))?;
+        }
+        if let Some(cloud) = self.point_cloud.as_deref() {
+            cloud.check(true, |field| format!("point_cloud{field}"))?;
         }
         self.cue_sources.iter().try_for_each(|(name, source)| source.add_to(name, &mut builder))?;
         let frames = OnceCell::new();

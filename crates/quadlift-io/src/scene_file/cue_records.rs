@@ -33,7 +33,7 @@ pub struct DepthRecord {
 #[serde(expecting = "an object {...}")]
 pub struct CueSourceRecord {
     /// What its depths have in common besides their scale in the scene: `frame` for networks that are right up to a scale in each
-    /// image, `scene` (the default) for nothing.
+    /// image, `scene` (the default) for nothing. `known`: no scale, lengths of the world.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<Box<str>>,
     /// Unknown fields.
@@ -98,9 +98,12 @@ impl CueSourceRecord {
         match self.scale.as_deref() {
             None | Some("scene") => {}
             Some("frame") => builder.scale_by_frame(index),
+            Some("known") => builder.scale_is_known(index),
             Some(other) => {
-                let problem =
-                    format!("found \"{other}\"; expected \"frame\" (a scale in each frame) or \"scene\" (one scale)");
+                let problem = format!(
+                    "found \"{other}\"; expected \"frame\" (a scale in each frame), \"scene\" (one scale) or \"known\" (none: lengths \
+                     of the world)"
+                );
                 return Err(EntryError::new(entry(".scale"), problem));
             }
         }
@@ -282,6 +285,8 @@ mod tests {
         let scene = with(json!({"scale": "frame"})).unwrap();
         let depth = scene.detections[0].cues.as_deref().unwrap().depth.unwrap();
         assert!(scene.scaled_by_frame.contains(&depth.source.unwrap()));
+        let known = with(json!({"scale": "known"})).unwrap();
+        assert!(known.scaled_by_frame.is_empty() && known.scale_known.contains(&0));
         let error = with(json!({"scale": "image"})).unwrap_err();
         assert_eq!(error.entry, "cue_sources.net.scale");
         assert!(error.problem.contains("found \"image\"; expected \"frame\""), "{}", error.problem);

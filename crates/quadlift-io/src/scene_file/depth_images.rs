@@ -44,21 +44,32 @@ impl DepthImageRecord {
     }
 }
 
-/// What the depth images of a scene gave.
+/// What the depth images or the points of a scene gave.
 #[derive(Debug, Clone, Default)]
 pub struct DepthsFound {
-    /// Number of detections with a depth from an image.
+    /// Number of detections that got a depth.
     pub detections: usize,
-    /// Detections in depth images without a depth: no pixel of theirs has one.
+    /// Detections without a depth: too few pixels of theirs have one, or too few points lie on them.
     pub without: usize,
-    /// Depth images and masks that could not be read, each problem once.
+    /// Detections without a depth because another frame gives their object one from the same points.
+    pub repeated: usize,
+    /// Depth images, point clouds and masks that could not be read, each problem once.
     pub problems: Vec<ReadError>,
 }
 
+/// The depth of a detection, with its source.
+pub(super) struct FoundDepth<'a> {
+    pub detection: usize,
+    pub cue: DepthCue,
+    pub source: &'a str,
+    /// Whether it is a length of the world: no scale is estimated.
+    pub known: bool,
+}
+
 impl DepthsFound {
-    fn failed(&mut self, error: ReadError) {
-        // The masks of a frame may share a file.
-        if self.problems.last() != Some(&error) {
+    pub(super) fn failed(&mut self, error: ReadError) {
+        // Detections of a frame may share a mask, frames a cloud.
+        if !self.problems.contains(&error) {
             self.problems.push(error);
         }
     }
@@ -103,7 +114,7 @@ impl SceneFile {
             found.failed(ReadError::new(&first, problem));
             return Ok(found);
         }
-        let mut depths: Vec<(usize, DepthCue, &str)> = Vec::new();
+        let mut depths: Vec<FoundDepth> = Vec::new();
         for (done, (&frame, detections)) in frames.iter().enumerate() {
             if observer.progress(done, frames.len()).is_break() {
                 break;
@@ -124,7 +135,7 @@ impl SceneFile {
                     None
                 });
                 match depth_of(scene, index, &image, mask.as_ref()) {
-                    Some(depth) => depths.push((index, depth, source)),
+                    Some(cue) => depths.push(FoundDepth { detection: index, cue, source, known: false }),
                     None => found.without += 1,
                 }
             }
@@ -139,7 +150,7 @@ impl SceneFile {
     }
 
     /// The masks of detections, without unreliable ones of `quadlift segment`.
-    fn trusted_masks(
+    pub(super) fn trusted_masks(
         &self,
         images: &SceneImages,
         scene: &Scene,
@@ -154,15 +165,16 @@ impl SceneFile {
 }
 
 /// Gives a detection a depth of a source.
-fn add(parts: &mut SceneParts, &(index, depth, source): &(usize, DepthCue, &str)) {
-    let known = parts.cue_sources.iter().position(|name| name == source);
-    let position = known.unwrap_or_else(|| {
-        parts.cue_sources.push(source.to_owned());
+pub(super) fn add(parts: &mut SceneParts, found: &FoundDepth) {
+    let same = parts.cue_sources.iter().position(|name| name == found.source);
+    let position = same.unwrap_or_else(|| {
+        parts.cue_sources.push(found.source.to_owned());
         parts.cue_sources.len() - 1
     });
-    let depth = DepthCue { source: u32::try_from(position).ok(), ..depth };
-    let cues = parts.detections[index].cues.get_or_insert_default();
-    cues.depth = Some(depth);
+    let source = u32::try_from(position).ok();
+    parts.scale_known.extend(source.filter(|_| found.known));
+    let cues = parts.detections[found.detection].cues.get_or_insert_default();
+    cues.depth = Some(DepthCue { source, ..found.cue });
 }
 
 /// Whether a depth image of this size shows the whole image of a frame: the same sides, up to a pixel.
@@ -182,13 +194,18 @@ fn check_size(scene: &Scene, frame_index: usize, [width, height]: [u32; 2]) -> R
 
 /// The depth of a detection in a depth image.
 fn depth_of(scene: &Scene, index: usize, image: &DepthImage, mask: Option<&Mask>) -> Option<DepthCue> {
+    let surface = image.surface(&patch_of(scene, index, mask, image.size().map(f64::from))?)?;
+    Some(DepthCue { median: surface.median, sd: Some(surface.sd), source: None })
+}
+
+/// Where a detection is in its image, whose size is `size` if the scene does not know it.
+pub(super) fn patch_of<'a>(scene: &Scene, index: usize, mask: Option<&'a Mask>, size: [f64; 2]) -> Option<Patch<'a>> {
     let detection = &scene.detections[index];
     let frame = &scene.frames[detection.frame_index as usize];
     let outline = |ellipse: quadlift::geometry::Ellipse| ellipse.bounding_box();
     let undistorted = detection.bounding_box.or(detection.ellipse.map(outline))?;
     let half_size = 0.25 * undistorted.size().sum() / frame.projection.focal_length();
-    let image_size = frame.image_size.map_or(image.size().map(f64::from), Into::into);
+    let image_size = frame.image_size.map_or(size, Into::into);
     let bounding_box = detection.box_in_image.unwrap_or(undistorted);
-    let surface = image.surface(&Patch { bounding_box, mask, image_size, half_size })?;
-    Some(DepthCue { median: surface.median, sd: Some(surface.sd), source: None })
+    Some(Patch { bounding_box, mask, image_size, half_size })
 }

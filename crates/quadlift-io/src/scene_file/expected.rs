@@ -11,6 +11,11 @@ pub fn expected(field: &str) -> Option<&'static str> {
         "projection" => "\"projection\": three rows of four numbers, which map world points to pixels",
         "params" => "\"params\": a list of numbers in COLMAP's order, [fx, fy, cx, cy] for a PINHOLE camera",
         "up" => "\"up\": [x, y, z], the world direction against gravity",
+        "point_cloud" => {
+            "\"point_cloud\": {\"path\": \"...\", \"frame\": \"camera\", \"transform\": three rows of four numbers}"
+        }
+        "observed_points" => "\"observed_points\": a list of whole numbers, the points of the scene from 0",
+        "transform" => "\"transform\": three rows [a, b, c, t], which map points of the file to \"frame\"",
         "points" => "\"points\": a list of [x, y, z] in the world",
         "rotation" => "\"rotation\": a unit quaternion [w, x, y, z]",
         "half_extents" => "\"half_extents\": three numbers, half the size along each axis",

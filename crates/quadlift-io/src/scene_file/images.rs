@@ -73,13 +73,16 @@ impl SceneFile {
         self.frames.iter().map(of_frame).collect()
     }
 
-    /// The files that the scene refers to as images, depth images and masks; `path` is that of the scene file, to which theirs are relative.
+    /// The files that the scene refers to as images, depth images, point clouds and masks; `path` is that of the scene
+    /// file, to which theirs are relative.
     pub fn named_files(&self, path: &Path) -> impl Iterator<Item = PathBuf> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let images = self.frames.iter().filter_map(|frame| frame.image.as_ref());
         let depths = self.frames.iter().filter_map(|frame| Some(&frame.depth.as_ref()?.path));
         let masks = self.detections.iter().filter_map(|detection| detection.mask.as_ref()?.path.as_ref());
-        images.chain(depths).chain(masks).map(move |path| folder.join(file_of_image(Path::new(path))))
+        let clouds = self.frames.iter().map(|frame| &frame.point_cloud).chain([&self.point_cloud]);
+        let clouds = clouds.filter_map(|cloud| Some(&cloud.as_ref()?.path));
+        images.chain(depths).chain(clouds).chain(masks).map(move |path| folder.join(file_of_image(Path::new(path))))
     }
 
     /// The images and masks of the scene; `path` is the scene file, to which their paths are relative. No other file is

@@ -4,7 +4,7 @@
 //! [`SceneFile::to_objects`] check it and give the library's types; [`estimates_to_objects`],
 //! [`SceneFile::with_results`] and [`write_scene_file`] go the other way. [`SceneFile::to_images`] finds the images of
 //! the frames and the masks of the detections, [`SceneFile::add_support_lines`] the lines that bound the masks,
-//! [`SceneFile::add_depths`] the depths of detections in depth images.
+//! [`SceneFile::add_depths`] the depths of detections in depth images, [`SceneFile::add_depths_of_points`] those of points.
 
 mod bodies;
 mod convert;
@@ -14,6 +14,7 @@ mod expected;
 mod images;
 mod object_records;
 mod paths;
+mod point_clouds;
 mod read;
 mod records;
 mod results;
@@ -35,6 +36,7 @@ pub use object_records::{
     MisfitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use paths::way_to_file;
+pub use point_clouds::PointCloudRecord;
 pub(crate) use read::parse_json_line;
 pub use read::{parse_scene_file, read_scene_file};
 pub use records::{

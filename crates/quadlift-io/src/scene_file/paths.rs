@@ -1,4 +1,4 @@
-//! Paths of images, depth images and masks, which are relative to the scene file, when that moves.
+//! Paths of images, depth images, point clouds and masks, which are relative to the scene file, when that moves.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -6,7 +6,7 @@ use super::records::{FrameRecord, SceneFile};
 use crate::error::WriteError;
 
 impl SceneFile {
-    /// Changes the paths of images, depth images and masks when the scene file moves from the first folder to the second one.
+    /// Changes the paths of images, depth images, point clouds and masks when the scene file moves from the first folder to the second one.
     ///
     /// # Errors
     /// [`WriteError`] when one of the folders does not exist.
@@ -16,14 +16,18 @@ impl SceneFile {
         Ok(())
     }
 
-    /// The paths of images, depth images and masks.
+    /// The paths of images, depth images, point clouds and masks.
     pub fn paths_mut<'a>(&'a mut self) -> impl Iterator<Item = &'a mut String> {
         let of_frame = |frame: &'a mut FrameRecord| {
             let depth = frame.depth.as_mut().map(|depth| &mut depth.path);
-            frame.image.as_mut().into_iter().chain(depth)
+            let cloud = frame.point_cloud.as_mut().map(|cloud| &mut cloud.path);
+            frame.image.as_mut().into_iter().chain(depth).chain(cloud)
         };
         let images = self.frames.iter_mut().flat_map(of_frame);
-        images.chain(self.detections.iter_mut().filter_map(|detection| detection.mask.as_mut()?.path.as_mut()))
+        let cloud = self.point_cloud.as_mut().map(|cloud| &mut cloud.path);
+        images
+            .chain(cloud)
+            .chain(self.detections.iter_mut().filter_map(|detection| detection.mask.as_mut()?.path.as_mut()))
     }
 }
 

@@ -16,6 +16,7 @@ use serde_json::{Map, Value};
 use super::cue_records::{Box3dRecord, CueSourceRecord, DepthRecord};
 use super::depth_images::DepthImageRecord;
 use super::object_records::ObjectRecord;
+use super::point_clouds::PointCloudRecord;
 use crate::numbers;
 
 /// The value of `format` in a scene file.
@@ -59,6 +60,9 @@ pub struct SceneFile {
     /// Points of the scene's surfaces in the world, as structure from motion finds them; may be empty.
     #[serde(default, deserialize_with = "numbers::lists")]
     pub points: Vec<[f64; 3]>,
+    /// A file of more points, in the world.
+    #[serde(default)]
+    pub point_cloud: Option<Box<PointCloudRecord>>,
     /// The detections.
     #[serde(default)]
     pub detections: Vec<DetectionRecord>,
@@ -84,6 +88,7 @@ impl Default for SceneFile {
             frames: Vec::new(),
             cue_sources: BTreeMap::new(),
             points: Vec::new(),
+            point_cloud: None,
             detections: Vec::new(),
             objects: Vec::new(),
             extra: Map::new(),
@@ -108,6 +113,7 @@ impl SceneFile {
             frames: self.frames.clone(),
             cue_sources: self.cue_sources.clone(),
             points: self.points.clone(),
+            point_cloud: self.point_cloud.clone(),
             objects,
             extra: self
                 .extra
@@ -166,6 +172,12 @@ pub struct FrameRecord {
     /// Depth image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<Box<DepthImageRecord>>,
+    /// Points of a sensor that belong to the image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_cloud: Option<Box<PointCloudRecord>>,
+    /// Which of the scene's points were observed in the image: their numbers from 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub observed_points: Option<Box<[u32]>>,
     /// Time in seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer};
 pub const MOST_VALUES: usize = 10_000_000;
 
 /// Fields that hold records or lists of them, whose fields may be unknown in their turn.
-const RECORDS: [&str; 25] = [
+const RECORDS: [&str; 26] = [
     "alternatives",
     "box3d",
     "cameras",
@@ -30,6 +30,7 @@ const RECORDS: [&str; 25] = [
     "misfit",
     "objects",
     "oriented_box",
+    "point_cloud",
     "rle",
     "sd",
     "segmentation",
@@ -39,13 +40,13 @@ const RECORDS: [&str; 25] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 67] = [
+const PLAIN: [&str; 69] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
     "counts", "cut_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
     "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
-    "notes", "object", "occluded", "odd_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
+    "notes", "object", "observed_points", "occluded", "odd_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
     "reason", "rejected_because", "relative", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
-    "status", "support_exponent", "time", "touches_others", "truncated", "up", "value", "version", "views",
+    "status", "support_exponent", "time", "touches_others", "transform", "truncated", "up", "value", "version", "views",
     "views_rejected", "views_used", "visible_fraction", "warnings", "width",
 ];
 
@@ -239,6 +240,8 @@ mod tests {
             "id": "a", "camera": "c", "cam_from_world": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]],
             "projection": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "width": 1, "height": 1, "image": "a.png", "time": 1.5,
             "depth": {"path": "depth/a.png", "scale": 0.001, "source": "lidar"},
+            "point_cloud": {"path": "a.bin", "frame": "world", "source": "lidar", "transform": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]},
+            "observed_points": [0, 2, 5],
         });
         let document = json!({
             "format": "quadlift.scene", "version": 1, "name": "a", "length_unit": "m", "up": [0, 0, 1], "notes": "b",

@@ -71,6 +71,7 @@ fn write_records(
         members.value("cue_sources", &scene.cue_sources)?;
     }
     members.list::<[f64; 3]>("points", scene.points.iter())?;
+    members.optional("point_cloud", &scene.point_cloud)?;
     members.list::<DetectionRecord>("detections", scene.detections.iter())?;
     members.list::<ObjectRecord>("objects", objects)?;
     for (key, value) in &scene.extra {

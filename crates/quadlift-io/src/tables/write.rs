@@ -77,6 +77,7 @@ fn header(scene: &SceneFile) -> Map<String, Value> {
     if !scene.points.is_empty() {
         header.insert("points".to_owned(), json!(scene.points));
     }
+    header.extend(scene.point_cloud.as_ref().map(|cloud| ("point_cloud".to_owned(), json!(cloud))));
     if !scene.cue_sources.is_empty() {
         header.insert("cue_sources".to_owned(), json!(scene.cue_sources));
     }

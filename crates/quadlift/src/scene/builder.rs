@@ -147,6 +147,12 @@ impl SceneBuilder {
         self.scene.scaled_by_frame.insert(source);
     }
 
+    /// Says that the depths of a source are lengths of the world, so that no scale is estimated; `source` is an index that
+    /// [`Self::cue_source`] gave.
+    pub fn scale_is_known(&mut self, source: u32) {
+        self.scene.scale_known.insert(source);
+    }
+
     /// Adds a detection, measured in the image as it is; if the frame's camera has a lens model, it is undistorted.
     /// Detections without pinhole pixels (see [`Camera::undistort_point`]) have neither box nor ellipse. Returns its
     /// index.

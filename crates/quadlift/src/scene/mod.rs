@@ -22,7 +22,7 @@ pub use parts::{Detection, Frame, SceneParts, Undistorted};
 pub use skipped::SkippedDetections;
 pub use sources::SourceError;
 pub(crate) use views::{BORDER_TOLERANCE_PX, edges_at_border};
-pub use views::{ObjectViews, View};
+pub use views::{DepthScale, ObjectViews, View};
 
 use std::ops::Deref;
 

@@ -32,6 +32,9 @@ pub struct SceneParts {
     /// Sources whose depths have another scale in each frame, as networks have that estimate depth up to scale: indices into
     /// `cue_sources`.
     pub scaled_by_frame: BTreeSet<u32>,
+    /// Sources whose depths are lengths of the world, as those of points that were triangulated with its poses: no scale is estimated.
+    /// Indices into `cue_sources`.
+    pub scale_known: BTreeSet<u32>,
 }
 
 /// A posed image.

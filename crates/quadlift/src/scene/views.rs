@@ -1,5 +1,7 @@
 //! One object's measurements, gathered over the frames: the input of every solver.
 
+use std::collections::BTreeSet;
+
 use nalgebra::Vector2;
 
 use super::{Cues, Detection, Scene};
@@ -46,8 +48,20 @@ pub struct View {
     pub cut_off: [bool; 4],
     /// Depth and 3D box, if known.
     pub cues: Cues,
-    /// Whether the depth has a scale that only the depths of the same frame and source share.
-    pub depth_scaled_by_frame: bool,
+    /// Which depths share the scale of this one.
+    pub depth_scale: DepthScale,
+}
+
+/// Which depths of a source share a scale that is estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DepthScale {
+    /// All.
+    #[default]
+    Source,
+    /// Those of the same frame, beside that of all.
+    Frame,
+    /// They have none: they are lengths of the world.
+    Known,
 }
 
 impl View {
@@ -91,7 +105,7 @@ impl View {
             hidden_edges: [false; 4],
             cut_off: [false; 4],
             cues: Cues::default(),
-            depth_scaled_by_frame: false,
+            depth_scale: DepthScale::default(),
         }
     }
 
@@ -157,7 +171,14 @@ impl Scene {
     pub fn view(&self, detection: &Detection) -> View {
         let frame = &self.frames[detection.frame_index as usize];
         let cues = detection.cues.as_deref().copied().unwrap_or_default();
-        let depth_source = cues.depth.and_then(|depth| depth.source);
+        let is_among = |sources: &BTreeSet<u32>| {
+            cues.depth.and_then(|depth| depth.source).is_some_and(|source| sources.contains(&source))
+        };
+        let depth_scale = match (is_among(&self.scale_known), is_among(&self.scaled_by_frame)) {
+            (true, _) => DepthScale::Known,
+            (false, true) => DepthScale::Frame,
+            (false, false) => DepthScale::Source,
+        };
         View {
             frame_index: detection.frame_index as usize,
             projection: frame.projection,
@@ -170,7 +191,7 @@ impl Scene {
             hidden_edges: [false; 4],
             cut_off: [false; 4],
             cues,
-            depth_scaled_by_frame: depth_source.is_some_and(|source| self.scaled_by_frame.contains(&source)),
+            depth_scale,
         }
         .with_cut_off_edges(BORDER_TOLERANCE_PX)
     }

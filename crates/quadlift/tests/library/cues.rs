@@ -252,3 +252,22 @@ fn each_frame_has_its_own_scale() {
     let (without, _) = error(&same);
     assert!(with < 0.5 * without, "{with} {without}");
 }
+
+/// Depths in lengths of the world: no scale is estimated, and one view says by more how far objects are.
+#[test]
+fn a_known_scale_is_not_estimated() {
+    let made = made(1);
+    let noise = DepthNoise { noise: 0.02, scale: 1.0, outliers: 0.0, frame_scale: 0.0 };
+    let unknown = with_cues(&made, Some(noise), None);
+    let mut known = unknown.clone();
+    known.edit(|parts| _ = parts.scale_known.insert(0)).unwrap();
+    let [unknown, known] = [unknown, known].map(|scene| localize(&scene, &options()).unwrap());
+    assert!(known.cue_scales.is_empty() && unknown.cue_scales.len() == 1, "{:?}", known.cue_scales);
+    for (with, without) in known.estimates.iter().zip(&unknown.estimates) {
+        let sd = |estimate: &quadlift::solve::Estimate| {
+            estimate.covariance.as_ref().unwrap().matrix.fixed_view::<3, 3>(0, 0).trace().sqrt()
+        };
+        // 10 % of the distance less.
+        assert!(sd(with) < 0.7 * sd(without), "{} {}", sd(with), sd(without));
+    }
+}

@@ -25,7 +25,7 @@ use crate::diagnosis::Check;
 use crate::error::Outcome;
 use crate::estimate_table::{cue_scales, learnt_sizes, noise_levels, render, summaries, supporting_surfaces};
 use crate::localization::{
-    Settings, localize_scene, read_depths, read_masks, result_file, result_file_without_objects,
+    Settings, localize_scene, read_depths, read_masks, read_points, result_file, result_file_without_objects,
 };
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
@@ -68,15 +68,21 @@ pub fn one_scene(
         // Both read masks.
         problems.extend(found.into_iter().filter(|problem| !problems.contains(problem)).collect::<Vec<_>>());
     }
+    let words = association.as_ref().map(|(ids, found)| localize_in_words(&scene, source, *ids, found));
+    if let Some((_, found)) = &association {
+        scene = associated_scene(&scene, found, source)?;
+    }
+    // The points of an object count once, so its views must be known.
+    let found =
+        read_points(&title, (place, &file), &mut scene, &settings.options, out).with_context(|| title.clone())?;
+    problems.extend(found.into_iter().filter(|problem| !problems.contains(problem)).collect::<Vec<_>>());
     file.objects = Vec::new();
     // The page shows masks, which are named by the detections.
     let images = report.map(|_| file.to_images(place).map_err(|error| error.in_file(place))).transpose()?;
     // Detections are the bulk of a large scene; a result has them where their identities are found.
     let detections = std::mem::take(&mut file.detections);
     let mut identities = None;
-    if let Some((ids, association)) = association {
-        let words = localize_in_words(&scene, source, ids, &association);
-        scene = associated_scene(&scene, &association, source)?;
+    if let (Some((_, association)), Some(words)) = (association, words) {
         document["association"] = association_record(&scene, &association);
         identities = Some((detections, association, words));
     } else {

@@ -14,30 +14,30 @@ pub const DEFAULT_POINTS: usize = 5000;
 /// known to more than four or five.
 const DIGITS: i32 = 7;
 
-/// Bytes of an entry of a track: image and index of the point in it.
-const TRACK_ENTRY: u64 = 8;
-
 /// A point with figures of its quality.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Point {
     id: u64,
-    position: [f64; 3],
+    pub position: [f64; 3],
     /// Mean reprojection error in pixels; negative where COLMAP has not computed it.
     error: f64,
-    /// Number of observations.
-    track: u64,
+    /// The images of its observations, by their ids.
+    pub track: Box<[u32]>,
 }
 
 impl Point {
     /// A point of which nothing else is known.
     pub(super) fn new(id: u64, position: [f64; 3]) -> Self {
-        Self { id, position, error: -1.0, track: 0 }
+        Self { id, position, error: -1.0, track: Box::default() }
     }
 
     /// Whether it is better known than another one: seen more often, then with the smaller error. Ids break ties.
     fn is_better(&self, other: &Self) -> bool {
         let error = |point: &Self| if point.error >= 0.0 { point.error } else { f64::INFINITY };
-        (other.track.cmp(&self.track)).then(error(self).total_cmp(&error(other))).then(self.id.cmp(&other.id)).is_lt()
+        (other.track.len().cmp(&self.track.len()))
+            .then(error(self).total_cmp(&error(other)))
+            .then(self.id.cmp(&other.id))
+            .is_lt()
     }
 }
 
@@ -53,13 +53,18 @@ pub(super) fn parse_text(file: File) -> Result<Vec<Point>, ReadError> {
         let position = fields.numbers("a position X Y Z")?;
         fields.numbers::<3>("a color R G B")?;
         let error = fields.number("an error, in pixels")?;
-        let track = fields.rest().split_whitespace().count() as u64;
-        if !track.is_multiple_of(2) {
+        let length = fields.rest().split_whitespace().count();
+        if !length.is_multiple_of(2) {
             return Err(
-                line.error(format!("the track has {track} numbers; expected pairs of IMAGE_ID and POINT2D_IDX"))
+                line.error(format!("the track has {length} numbers; expected pairs of IMAGE_ID and POINT2D_IDX"))
             );
         }
-        points.push(Point { id, position, error, track: track / 2 });
+        let mut track = Vec::with_capacity(length / 2);
+        while !fields.is_empty() {
+            track.push(fields.whole("an image id of the track, a whole number")?);
+            fields.word("the index of a point in the image")?;
+        }
+        points.push(Point { id, position, error, track: track.into() });
     }
     Ok(points)
 }
@@ -77,8 +82,13 @@ pub(super) fn parse_binary(file: File) -> Result<Vec<Point>, ReadError> {
         let position = bytes.f64s("a position x, y, z")?;
         bytes.skip(1, 3, "color")?;
         let error = bytes.f64("an error, in pixels")?;
-        let track = bytes.u64("the length of a track")?;
-        bytes.skip(track, TRACK_ENTRY, "observations")?;
+        let length = bytes.u64("the length of a track")?;
+        let mut track = Vec::new();
+        for _ in 0..length {
+            track.push(bytes.u32("the image of an observation")?);
+            bytes.skip(1, 4, "index of a point in an image")?;
+        }
+        let track = track.into();
         points.push(Point { id, position, error, track });
     }
     bytes.end()?;
@@ -88,7 +98,7 @@ pub(super) fn parse_binary(file: File) -> Result<Vec<Point>, ReadError> {
 /// At most so many of the points, in the order of their ids, rounded. COLMAP numbers points as it triangulates them,
 /// image by image: consecutive ids are divided into as many runs as requested points, and the best point of each run is
 /// kept. The order in the file does not matter.
-pub(super) fn chosen(mut points: Vec<Point>, most: usize) -> Vec<[f64; 3]> {
+pub(super) fn chosen(mut points: Vec<Point>, most: usize) -> Vec<Point> {
     // Ids are unique in a model; if not, the positions decide.
     points.sort_by(|a, b| {
         let by_position =
@@ -98,9 +108,12 @@ pub(super) fn chosen(mut points: Vec<Point>, most: usize) -> Vec<[f64; 3]> {
     let (count, runs) = (points.len(), most.min(points.len()));
     let best = (0..runs).filter_map(|run| {
         let run = &points[run * count / runs..(run + 1) * count / runs];
-        run.iter().copied().reduce(|best, point| if point.is_better(&best) { point } else { best })
+        run.iter().reduce(|best, point| if point.is_better(best) { point } else { best })
     });
-    rounded(best.map(|point| point.position).collect())
+    let mut best: Vec<Point> = best.cloned().collect();
+    let places = rounded(best.iter().map(|point| point.position).collect());
+    best.iter_mut().zip(places).for_each(|(point, position)| point.position = position);
+    best
 }
 
 /// The points with coordinates rounded to the decimal place that gives the extent of the points [`DIGITS`] digits. The extent
@@ -130,8 +143,8 @@ mod tests {
 
     use super::*;
 
-    fn point(id: u64, x: f64, error: f64, track: u64) -> Point {
-        Point { id, position: [x, 0.0, 0.0], error, track }
+    fn point(id: u64, x: f64, error: f64, track: usize) -> Point {
+        Point { id, position: [x, 0.0, 0.0], error, track: vec![1; track].into() }
     }
 
     #[test]
@@ -145,6 +158,9 @@ mod tests {
             point(8, 4.0, 2.0, 4),
             point(9, 5.0, 0.0, 3),
         ];
+        let chosen = |points: Vec<Point>, most: usize| -> Vec<[f64; 3]> {
+            super::chosen(points, most).iter().map(|point| point.position).collect()
+        };
         let expected = vec![[2.0, 0.0, 0.0], [4.0, 0.0, 0.0]];
         assert_eq!(chosen(points.clone(), 2), expected);
         points.reverse();
@@ -200,13 +216,13 @@ mod tests {
             "points3D.bin: byte 75: the file ends 0 bytes after this; expected a point id, 8 bytes"
         );
         bytes[0] = 1;
-        let expected = Point { id: 5, position: [0.5, -1.0, 2.0], error: 0.25, track: 2 };
-        assert_eq!(binary(&bytes), Ok(vec![expected]));
+        let expected = Point { id: 5, position: [0.5, -1.0, 2.0], error: 0.25, track: [0, 0].into() };
+        assert_eq!(binary(&bytes), Ok(vec![expected.clone()]));
         assert_eq!(parse_text((Path::new("a"), b"5 0.5 -1 2 1 2 3 0.25 0 0 0 0\n")), Ok(vec![expected]));
         assert_eq!((binary(b""), parse_text((Path::new("a"), b"# none\n"))), (Ok(Vec::new()), Ok(Vec::new())));
         // A track that is longer than the file.
         bytes[51] = 255;
-        assert!(binary(&bytes).unwrap_err().problem.contains("observations of 8 bytes"));
+        assert!(binary(&bytes).unwrap_err().problem.contains("expected the image of an observation"));
         bytes.push(0);
         bytes[51] = 2;
         assert!(binary(&bytes).unwrap_err().problem.contains("expected the end of the file; found 1 more bytes"));

@@ -180,30 +180,41 @@ fn points_of_a_model_are_kept_and_told() {
     let all = read(DEFAULT_POINTS).unwrap();
     // In the order of their ids; the model is about a unit wide.
     assert_eq!(all.scene.points, [[0.123457, 0.25, 2.0], [1.0, 1.0, 1.0], [1.25, -0.5, 3.0]]);
-    assert_eq!(all.notes.last().unwrap(), "3 sparse points of the model");
+    let told = |import: &Import| import.notes[import.notes.len() - 2].clone();
+    assert_eq!(told(&all), "3 sparse points of the model");
+    // By the ids of the images, which are no places in the list: frames are sorted by their names.
+    let of_image = |import: &Import, id: usize| {
+        let name = &import.scene.cameras[id - 1].model.to_lowercase();
+        let frame = import.scene.frames.iter().find(|frame| frame.id == format!("views/{name} {id}.png")).unwrap();
+        frame.observed_points.clone().unwrap_or_default().to_vec()
+    };
+    let expected = [vec![0, 1, 2], vec![0, 2], vec![0, 1], vec![1], vec![], vec![]];
+    for (k, points) in expected.iter().enumerate() {
+        assert_eq!(of_image(&all, k + 1), *points, "image {}", k + 1);
+    }
     let one = read(1).unwrap();
-    assert_eq!(
-        (one.scene.points.len(), one.notes.last().unwrap().as_str()),
-        (1, "1 of 3 sparse points, evenly spread")
-    );
+    assert_eq!((one.scene.points.len(), told(&one).as_str()), (1, "1 of 3 sparse points, evenly spread"));
     // The same points in binary, in another order.
     let mut bytes = 3u64.to_le_bytes().to_vec();
     for (id, position, error, track) in [
-        (4u64, [1.0, 1.0, 1.0], 1.5, 3u64),
-        (7, [1.25, -0.5, 3.0], 0.75, 2),
-        (2, [0.12345678901234567, 0.25, 2.0], 0.5, 3),
+        (4u64, [1.0, 1.0, 1.0], 1.5, vec![1u32, 3, 4]),
+        (7, [1.25, -0.5, 3.0], 0.75, vec![2, 1]),
+        (2, [0.12345678901234567, 0.25, 2.0], 0.5, vec![1, 2, 3, 99, 3]),
     ] {
         bytes.extend(id.to_le_bytes());
         position.iter().for_each(|x: &f64| bytes.extend(x.to_le_bytes()));
         bytes.extend([1, 2, 3]);
         bytes.extend(f64::to_le_bytes(error));
-        bytes.extend(track.to_le_bytes());
-        bytes.extend(vec![0; 8 * track as usize]);
+        bytes.extend((track.len() as u64).to_le_bytes());
+        track.iter().for_each(|image| bytes.extend([image.to_le_bytes(), [7; 4]].concat()));
     }
     let files = ["cameras.bin", "images.bin"].map(|name| std::fs::read(fixture("binary").join(name)).unwrap());
     let path = Path::new("a.bin");
     let binary = parse_binary([(path, &files[0]), (path, &files[1]), (path, &bytes)], None, DEFAULT_POINTS).unwrap();
     assert_eq!(binary.scene.points, all.scene.points);
+    for (k, points) in expected.iter().enumerate() {
+        assert_eq!(of_image(&binary, k + 1), *points, "image {}", k + 1);
+    }
     // Wrong points are an error, unless none are asked for.
     std::fs::write(folder.path().join("points3D.txt"), "1 2 3\n").unwrap();
     assert_eq!(read(0).unwrap().scene.points, Vec::<[f64; 3]>::new());

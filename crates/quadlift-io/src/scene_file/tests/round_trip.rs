@@ -70,6 +70,11 @@ fn depth_image() -> impl Strategy<Value = DepthImageRecord> {
     })
 }
 
+fn point_cloud() -> impl Strategy<Value = PointCloudRecord> {
+    (text(), option::of(name()), option::of(rows()), option::of(name()), extra())
+        .prop_map(|(path, frame, transform, source, extra)| PointCloudRecord { path, frame, transform, source, extra })
+}
+
 fn frame() -> impl Strategy<Value = FrameRecord> {
     let posed = (option::of(text()), option::of(rows()), option::of(rows()));
     let image = (
@@ -79,10 +84,26 @@ fn frame() -> impl Strategy<Value = FrameRecord> {
         option::of(depth_image().prop_map(Box::new)),
         option::of(number()),
     );
-    (text(), posed, image, extra()).prop_map(|(id, posed, image, extra)| {
+    let points = (option::of(point_cloud().prop_map(Box::new)), option::of(vec(any::<u32>(), 0..4)));
+    (text(), posed, image, points, extra()).prop_map(|(id, posed, image, points, extra)| {
         let (camera, cam_from_world, projection) = posed;
         let (width, height, image, depth, time) = image;
-        FrameRecord { id, camera, cam_from_world, projection, width, height, image, depth, time, extra }
+        let (point_cloud, observed_points) = points;
+        let observed_points = observed_points.map(Into::into);
+        FrameRecord {
+            id,
+            camera,
+            cam_from_world,
+            projection,
+            width,
+            height,
+            image,
+            depth,
+            point_cloud,
+            observed_points,
+            time,
+            extra,
+        }
     })
 }
 
@@ -257,11 +278,12 @@ fn scene() -> impl Strategy<Value = SceneFile> {
     let texts = (option::of(text()), option::of(text()), option::of(text()), option::of(numbers()));
     // In a file `null` and an absent field are one.
     let localization = option::of(value()).prop_map(|v| v.filter(|v| !v.is_null()));
-    let points = (vec(numbers(), 0..3), btree_map(text(), cue_source(), 0..2));
+    let points =
+        (vec(numbers(), 0..3), option::of(point_cloud().prop_map(Box::new)), btree_map(text(), cue_source(), 0..2));
     let lists = (vec(camera(), 0..3), vec(frame(), 0..4), points, vec(detection(), 0..5), vec(object(), 0..3));
     (texts, localization, lists, extra()).prop_map(|(texts, localization, lists, extra)| {
         let (name, length_unit, notes, up) = texts;
-        let (cameras, frames, (points, cue_sources), detections, objects) = lists;
+        let (cameras, frames, (points, point_cloud, cue_sources), detections, objects) = lists;
         SceneFile {
             name,
             length_unit,
@@ -272,6 +294,7 @@ fn scene() -> impl Strategy<Value = SceneFile> {
             frames,
             cue_sources,
             points,
+            point_cloud,
             detections,
             objects,
             extra,

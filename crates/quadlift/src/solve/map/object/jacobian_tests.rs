@@ -44,7 +44,7 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
         hidden_edges: [false; 4],
         cut_off: [false; 4],
         cues: Default::default(),
-        depth_scaled_by_frame: false,
+        depth_scale: crate::scene::DepthScale::Source,
     }
 }
 

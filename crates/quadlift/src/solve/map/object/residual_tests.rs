@@ -62,7 +62,7 @@ fn view(bounding_box: Option<BoundingBox>, ellipse: Option<Ellipse>) -> View {
         hidden_edges: [false; 4],
         cut_off: [false; 4],
         cues: Default::default(),
-        depth_scaled_by_frame: false,
+        depth_scale: crate::scene::DepthScale::Source,
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::fit::Fit;
 use crate::body_model::BodyModel;
 use crate::geometry::linalg::invert_spd;
-use crate::scene::View;
+use crate::scene::{DepthScale, View};
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::cues::MeasuredCue;
@@ -78,7 +78,11 @@ impl Fit {
             NoiseGroup::Depth => {
                 let source = view.cues.depth.and_then(|depth| depth.source);
                 let of_frame = Constant::DepthOfFrame(source, view.frame_index);
-                (Some(Constant::Depth(source)), view.depth_scaled_by_frame.then_some(of_frame))
+                let of_source = Constant::Depth(source);
+                (
+                    (view.depth_scale != DepthScale::Known).then_some(of_source),
+                    (view.depth_scale == DepthScale::Frame).then_some(of_frame),
+                )
             }
             NoiseGroup::BoxDistance => (Some(Constant::Distance(source())), None),
             NoiseGroup::BoxSize => {

@@ -11,7 +11,7 @@ use nalgebra::SVector;
 
 use super::scale_system::{ScaleCovariance, ScaleSystem, Told};
 use crate::optimize::normal_equations::PARAMETERS;
-use crate::scene::{Cues, ObjectViews};
+use crate::scene::{Cues, DepthScale, ObjectViews};
 use crate::solve::estimate::Matrix9;
 use crate::tuning::{DEPTH_SCALE_SD, FRAME_SCALE_SD, SIZE_BIAS_SD};
 
@@ -173,11 +173,11 @@ impl CueScales {
         let category = views.category_index;
         let factor = |constant: Constant| self.values.get(&constant).map_or(1.0, |value| (-value).exp());
         for view in &mut views.views {
-            let (frame, scaled_by_frame) = (view.frame_index, view.depth_scaled_by_frame);
+            let (frame, scale) = (view.frame_index, view.depth_scale);
             let Cues { depth, box3d } = &mut view.cues;
-            if let Some(depth) = depth {
+            if let Some(depth) = depth.as_mut().filter(|_| scale != DepthScale::Known) {
                 let mut factor_of_depth = factor(Constant::Depth(depth.source));
-                if scaled_by_frame {
+                if scale == DepthScale::Frame {
                     factor_of_depth *= factor(Constant::DepthOfFrame(depth.source, frame));
                 }
                 depth.median *= factor_of_depth;
