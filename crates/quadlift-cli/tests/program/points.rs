@@ -80,7 +80,7 @@ fn sweeps_are_read_where_they_are_and_damaged_ones_are_named() {
     folder.write("velodyne/a.bin", &bytes);
     folder.write("velodyne/cut.bin", &bytes[..30]);
     let cloud = json!({
-        "path": "velodyne/a.bin", "transform": [[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0]], "source": "velodyne",
+        "path": "velodyne/a.bin", "transform": [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0]], "source": "velodyne",
     });
     let told = |cloud: Value| {
         let mut scene = scene.clone();
