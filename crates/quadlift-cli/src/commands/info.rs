@@ -336,11 +336,10 @@ fn render(report: &Report) -> String {
         line("depth images", report.depth_images.to_string());
     }
     if report.points > 0 {
-        let observed = match report.observed_points {
-            0 => String::new(),
-            observed => format!(", observed {observed} times"),
-        };
-        line("points", format!("{}{observed}", report.points));
+        line("points", report.points.to_string());
+    }
+    if report.observed_points > 0 {
+        line("observations", report.observed_points.to_string());
     }
     if report.point_clouds > 0 {
         line("point clouds", report.point_clouds.to_string());

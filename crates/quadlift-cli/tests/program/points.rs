@@ -39,7 +39,7 @@ fn points_of_a_colmap_model_tell_how_far_an_object_is() {
     assert_eq!(scene["frames"][0]["observed_points"].as_array().unwrap().len(), 48);
     assert_eq!(scene["frames"][1]["observed_points"].as_array().unwrap().len(), 12);
     let info = folder.run("info scene.json").stdout;
-    assert!(info.contains("points       60, observed 60 times"), "{info}");
+    assert!(info.contains("points       60\nobservations 60\n"), "{info}");
     // One view of the object is enough; what the other image observed is behind it.
     scene["detections"] = json!([detections()[0]]);
     folder.write_json("one.json", &scene);
