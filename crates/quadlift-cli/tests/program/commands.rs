@@ -274,7 +274,7 @@ fn surfaces_are_found_from_what_stands_on_them() {
     scene.as_object_mut().unwrap().remove("up");
     folder.write_json("scene.json", &scene);
     let refused = folder.run("localize scene.json --supporting-surfaces");
-    assert!(refused.code == 2 && refused.stderr.contains("\"up\" direction"), "{} {}", refused.code, refused.stderr);
+    assert!(refused.code == 1 && refused.stderr.contains("\"up\" direction"), "{} {}", refused.code, refused.stderr);
     assert!(folder.run("localize scene.json --supporting-surfaces --method lfd").stderr.contains("--method map only"));
 }
 

