@@ -1,9 +1,11 @@
-//! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes.
+//! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes; poses that
+//! are refined with the objects.
 
 mod centers;
 mod images;
 mod p3p;
 mod real;
+mod refinement;
 mod rooms;
 
 use std::path::Path;
@@ -20,8 +22,12 @@ use crate::report::Report;
 pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
     let mut report = Report::new("cameras", "Cameras from objects");
     rooms::run(seed, progress, &mut report)?;
+    refinement::run(seed, progress, &mut report)?;
     match data_folder(data) {
-        Ok(folder) => real::run(&folder, seed, progress, &mut report)?,
+        Ok(folder) => {
+            real::run(&folder, seed, progress, &mut report)?;
+            refinement::run_real(&folder, seed, progress, &mut report)?;
+        }
         Err(Error::NoData(_)) => {
             report.text("Without the real data LINEMOD Occlusion and TUW are left out.".to_owned())
         }

@@ -9,6 +9,9 @@ use super::text::lines;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 
+/// Reads the points of a file from its bytes.
+type Parse = fn(&Path, &[u8]) -> Result<Vec<[f64; 3]>, ReadError>;
+
 /// The endings of the files, for messages.
 const KNOWN: &str = ".ply, .bin (KITTI's x, y, z, reflectance; nuScenes' .pcd.bin), .npy, .csv, .txt or .xyz";
 
@@ -19,7 +22,7 @@ const KNOWN: &str = ".ply, .bin (KITTI's x, y, z, reflectance; nuScenes' .pcd.bi
 /// [`ReadError`] with the place, what was found and what was expected.
 pub(crate) fn read_point_cloud(path: &Path) -> Result<Vec<[f64; 3]>, ReadError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let parse: fn(&Path, &[u8]) -> Result<Vec<[f64; 3]>, ReadError> = match name.rsplit_once('.') {
+    let parse: Parse = match name.rsplit_once('.') {
         Some((_, "ply")) => ply::parse,
         Some((rest, "bin")) if rest.ends_with(".pcd") => |path, bytes| floats(path, bytes, 5),
         Some((_, "bin")) => |path, bytes| floats(path, bytes, 4),

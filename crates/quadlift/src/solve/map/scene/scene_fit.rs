@@ -493,11 +493,7 @@ impl SceneFit {
 
     /// The corrections of the poses.
     pub(crate) fn refined_poses(&self) -> Vec<RefinedPose> {
-        let of = |frame_index: usize| {
-            let (turn, shift, covariance) = self.poses.of_frame(frame_index)?;
-            Some(RefinedPose { frame_index, turn, shift, covariance })
-        };
-        self.poses.frames().filter_map(of).collect()
+        self.poses.refined()
     }
 
     /// Root mean square corrections of the poses, if estimated.

@@ -218,7 +218,7 @@ impl Equations {
         let mut rho = dot(&residual, &z);
         let enough = TOLERANCE * TOLERANCE * rho;
         for _ in 0..ITERATIONS {
-            if !(rho > enough) {
+            if rho <= enough || rho.is_nan() {
                 break;
             }
             let product = self.times(&direction);

@@ -10,6 +10,7 @@ use crate::optimize::normal_equations::{PARAMETERS, Row};
 use crate::scene::ObjectViews;
 use crate::solve::estimate::Matrix9;
 use crate::solve::options::PoseNoise;
+use crate::solve::refined_pose::RefinedPose;
 
 /// Correction of a camera: a rotation about its centre (rotation vector, radians) and a shift (world units), both in
 /// world axes.
@@ -121,15 +122,16 @@ impl PoseCorrections {
         }
     }
 
-    /// The correction of a frame, and its covariance.
-    pub(crate) fn of_frame(&self, frame: usize) -> Option<(Rotation3<f64>, Vector3<f64>, Option<Matrix6<f64>>)> {
-        let Correction { turn, shift } = self.frames.get(&frame)?;
-        Some((*turn, *shift, self.covariance.as_ref().and_then(|system| system.covariance(frame, frame))))
-    }
-
-    /// Corrected frames.
-    pub(crate) fn frames(&self) -> impl Iterator<Item = usize> {
-        self.frames.keys().copied()
+    /// The corrections, in the order of the frames.
+    pub(crate) fn refined(&self) -> Vec<RefinedPose> {
+        let covariance = |frame: usize| self.covariance.as_ref().and_then(|system| system.covariance(frame, frame));
+        let of = |(&frame_index, &Correction { turn, shift }): (&usize, &Correction)| RefinedPose {
+            frame_index,
+            turn,
+            shift,
+            covariance: covariance(frame_index),
+        };
+        self.frames.iter().map(of).collect()
     }
 
     /// What the errors of the corrected cameras add to the covariance of an object's parameters.
