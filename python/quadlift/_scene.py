@@ -442,7 +442,9 @@ class Estimates(EstimateArrays):
             up_sd_deg=up_sd_deg,
             height=height,
         )
-        return Location._of(self._localized.locate(query), lambda row: self.object_ids[row])
+        found, ids = self._localized.locate(query)
+        of_text = {str(object_id): object_id for object_id in self.object_ids}
+        return Location._of(found, lambda row: of_text[ids[row]])
 
     def to_scene(self) -> Scene:
         """A scene with the cameras and frames and the estimates as objects, as written by the program.

@@ -274,18 +274,20 @@ impl PyLocalized {
         Ok(dict)
     }
 
-    /// The camera of an image in the map that the estimates are; objects are rows of the estimates.
-    fn locate<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<Bound<'py, PyDict>> {
+    /// The camera of an image in the map that the estimates are, and the ids of the objects that it names by their positions.
+    fn locate<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<&str>)> {
         let scene = self.scene();
-        let landmark = |(row, estimate): (usize, &Estimate)| {
+        let landmark = |estimate: &Estimate| {
             let category = estimate.category_index.map(|index| scene.categories[index].clone());
-            Some((row, Landmark::from_estimate(estimate, category)?))
+            let id = scene.object_ids[estimate.object_index].as_str();
+            Some((id, Landmark::from_estimate(estimate, category)?))
         };
-        let (rows, landmarks): (Vec<usize>, Vec<Landmark>) =
-            self.localization.estimates.iter().enumerate().filter_map(landmark).unzip();
+        let (ids, landmarks): (Vec<&str>, Vec<Landmark>) =
+            self.localization.estimates.iter().filter_map(landmark).unzip();
+        let rows: Vec<usize> = (0..ids.len()).collect();
         let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise_of(&self.localization))?);
         let located = py.detach(|| LandmarkMap::new(landmarks).locate(&boxes, &options));
-        location(py, &located, boxes.boxes.len(), &rows)
+        Ok((location(py, &located, boxes.boxes.len(), &rows)?, ids))
     }
 
     /// The scene with the estimates as its objects: what the program writes.
