@@ -31,7 +31,8 @@
 //! let projection = Projection::from_camera(&intrinsics, &truth);
 //! let boxes = landmarks.iter().map(|landmark| {
 //!     let bounding_box = project_bounding_box(&projection, &landmark.ellipsoid)?;
-//!  });
+//!     Ok(QueryBox { bounding_box, box_in_image: None, category: landmark.category.clone() })
+//! });
 //! let boxes = boxes.collect::<Result<Vec<_>, quadlift::geometry::ProjectionError>>()?;
 //! let query = Query { intrinsics, image_size: Some([640.0, 480.0].into()), boxes };
 //! let map = LandmarkMap::new(landmarks);
