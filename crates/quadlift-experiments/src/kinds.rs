@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, average};
+use crate::scores::{Figure, average, median};
 use crate::table::{Cell, Table};
 
 /// Scenes of each set.
@@ -170,11 +170,6 @@ fn median_of_boxes(scene: &Scene, object: u32) -> Option<Body> {
     let [width, height] = [0, 1].map(|k| median(sizes.iter().map(|size| size[k]).collect()));
     let half_extents = Vector3::new(width?, width?, height?) * 0.5;
     Some(Body::Cuboid(Cuboid { center, half_extents, rotation: Rotation3::identity() }))
-}
-
-pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

@@ -36,6 +36,14 @@ pub struct Headline {
     pub decimals: usize,
 }
 
+impl Headline {
+    /// A figure without a standard error and without a counterpart in the paper, with three decimals.
+    pub(crate) fn ours(id: &'static str, what: &str, row: &str, value: f64) -> Self {
+        let ours = Figure { value, standard_error: None };
+        Self { id, what: what.to_owned(), paper: None, ours, row: row.to_owned(), decimals: 3 }
+    }
+}
+
 /// The result of an experiment.
 #[derive(Debug, Clone)]
 pub struct Report {

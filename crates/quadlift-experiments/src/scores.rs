@@ -90,6 +90,17 @@ pub fn pooled(sequences: &[Vec<f64>]) -> Option<Figure> {
     average(&[sequences.concat()])
 }
 
+/// The median, the upper one of an even number; `None` without values.
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// The same as a figure without a standard error.
+pub(crate) fn median_figure(values: Vec<f64>) -> Option<Figure> {
+    median(values).map(|value| Figure { value, standard_error: None })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::kitti::{AVERAGED, cars, protocol};
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, Measure, average};
+use crate::scores::{Figure, Measure, average, median_figure};
 use crate::table::{Cell, Table};
 
 /// Cars, frames and drives of each row, and the noise of the edges of boxes in half sizes.
@@ -131,11 +131,6 @@ fn spread(errors: &[Vector3<f64>]) -> f64 {
     (errors.iter().map(|error| (error - mean).norm_squared()).sum::<f64>() / count).sqrt()
 }
 
-fn median(mut values: Vec<f64>) -> Option<Figure> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).map(|value| Figure { value: *value, standard_error: None })
-}
-
 /// Adds the table of simulated drives.
 pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<(), Error> {
     let steps = Steps::new("cameras", ERRORS.len() * MOTIONS.len(), progress);
@@ -168,7 +163,8 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
                 Some(_) if as_given > 0.0 => halved.push((name, errors, rotation / as_given)),
                 Some(_) => {}
             }
-            let normalised = |of: fn(&Scores) -> &Vec<f64>| median(drives.iter().flat_map(|s| of(s).clone()).collect());
+            let normalised =
+                |of: fn(&Scores) -> &Vec<f64>| median_figure(drives.iter().flat_map(|s| of(s).clone()).collect());
             table.push(vec![
                 errors.0.into(),
                 name.into(),
@@ -185,14 +181,12 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
     let suits =
         |(name, (_, _, _, memory), _): &&(&str, (&str, f64, f64, f64), f64)| (*name == "slow") == (*memory > 0.0);
     let worst = halved.iter().filter(suits).map(|(_, _, ratio)| *ratio).fold(0.0, f64::max);
-    report.headlines.push(Headline {
-        id: "cameras_refined",
-        what: "rotation errors of refined poses over those given, simulated drives, largest".to_owned(),
-        paper: None,
-        ours: Figure { value: worst, standard_error: None },
-        row: "map".to_owned(),
-        decimals: 3,
-    });
+    report.headlines.push(Headline::ours(
+        "cameras_refined",
+        "rotation errors of refined poses over those given, simulated drives, largest",
+        "map",
+        worst,
+    ));
     Ok(())
 }
 

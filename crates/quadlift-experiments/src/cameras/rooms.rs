@@ -16,7 +16,6 @@ use super::images::{Known, Split, TITLES, Tally, divide, located, located_by_cen
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::Figure;
 use crate::table::{Cell, Table};
 
 /// Objects of a room, images of it, and rooms of each row.
@@ -169,14 +168,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         }
     }
     report.table(table);
-    let headline = |id: &'static str, what: &str, value: f64| Headline {
-        id,
-        what: what.to_owned(),
-        paper: None,
-        ours: Figure { value, standard_error: None },
-        row: "locate".to_owned(),
-        decimals: 3,
-    };
+    let headline = |id, what, value| Headline::ours(id, what, "locate", value);
     report.headlines.push(headline(
         "cameras_right",
         "share of images of rooms that are located, the lowest",

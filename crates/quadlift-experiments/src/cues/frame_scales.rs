@@ -7,10 +7,11 @@ use quadlift::synthetic::{CueOptions, DepthNoise, simulate_cues};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
 
-use super::synthetic::{OBJECTS, SCENES, median, noisy_boxes};
+use super::synthetic::{OBJECTS, SCENES, noisy_boxes};
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::Report;
+use crate::scores::median_figure;
 use crate::table::{Cell, Table};
 
 /// Frames of each scene.
@@ -72,7 +73,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         steps.done();
         for (k, (table, decimals)) in tables.iter_mut().zip([3, 1]).enumerate() {
             let figure = |column: &Vec<[f64; 2]>| {
-                Cell::figure(median(column.iter().map(|e| e[k]).filter(|x| x.is_finite()).collect()), decimals)
+                Cell::figure(median_figure(column.iter().map(|e| e[k]).filter(|x| x.is_finite()).collect()), decimals)
             };
             let label: Cell = frames.to_string().as_str().into();
             table.push(std::iter::once(label).chain(columns.iter().map(figure)).collect());

@@ -11,11 +11,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::synthetic::{EDGE_NOISE, FIRST_SEED, SCENES, median, noisy_boxes};
+use super::synthetic::{EDGE_NOISE, FIRST_SEED, SCENES, noisy_boxes};
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, pooled};
+use crate::scores::{Figure, median_figure, pooled};
 use crate::table::{Cell, Table};
 
 /// Views of each object.
@@ -146,19 +146,17 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         if let Some(boxes) = o3d[0] {
             o3d[2..3].iter().flatten().for_each(|with| worse = worse.max(boxes.value - with.value));
         }
-        let nees = |column: usize| median(of(column).flatten().filter_map(|s| s.1).collect());
+        let nees = |column: usize| median_figure(of(column).flatten().filter_map(|s| s.1).collect());
         let label = || std::iter::once(Cell::from(views.to_string().as_str()));
         tables[0].push(label().chain(o3d.into_iter().map(|f| Cell::figure(f, 3))).collect());
         tables[1].push(label().chain((0..MEASURED.len()).map(|column| Cell::figure(nees(column), 1))).collect());
     }
     tables.into_iter().for_each(|table| report.table(table));
-    report.headlines.push(Headline {
-        id: "cues_outlines_worse",
-        what: "most that O3D falls with outlines beside boxes".to_owned(),
-        paper: None,
-        ours: Figure { value: worse, standard_error: None },
-        row: "map".to_owned(),
-        decimals: 3,
-    });
+    report.headlines.push(Headline::ours(
+        "cues_outlines_worse",
+        "most that O3D falls with outlines beside boxes",
+        "map",
+        worse,
+    ));
     Ok(())
 }

@@ -17,11 +17,11 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::synthetic::{EDGE_NOISE, OBJECTS, SCENES, median, noisy_boxes_in};
+use super::synthetic::{EDGE_NOISE, OBJECTS, SCENES, noisy_boxes_in};
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, pooled};
+use crate::scores::{Figure, median_figure, pooled};
 use crate::table::{Cell, Table};
 
 /// Scenes other than those on which the rules for points were chosen.
@@ -203,7 +203,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         if let (true, Some(boxes), Some(with)) = (views > 1, o3d[0], o3d[1]) {
             worse = worse.max(boxes.value - with.value);
         }
-        let normalised = |k: usize| median(of(k).flatten().filter_map(|score| score.1).collect());
+        let normalised = |k: usize| median_figure(of(k).flatten().filter_map(|score| score.1).collect());
         let share = |k: usize| {
             let sum: f64 = scenes.iter().map(|scene| scene[k].1).sum();
             Some(Figure { value: 100.0 * sum / scenes.len() as f64, standard_error: None })
@@ -216,13 +216,11 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         shares.push(row(&share, 0));
     }
     tables.into_iter().chain([shares]).for_each(|table| report.table(table));
-    report.headlines.push(Headline {
-        id: "points_worse",
-        what: "most that O3D falls with points, two views and more".to_owned(),
-        paper: None,
-        ours: Figure { value: worse, standard_error: None },
-        row: "map".to_owned(),
-        decimals: 3,
-    });
+    report.headlines.push(Headline::ours(
+        "points_worse",
+        "most that O3D falls with points, two views and more",
+        "map",
+        worse,
+    ));
     Ok(())
 }

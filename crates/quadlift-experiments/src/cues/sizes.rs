@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::kitti::{AVERAGED, protocol};
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, Measure, average, pooled};
+use crate::scores::{Figure, Measure, average, median_figure, pooled};
 use crate::table::{Cell, Table};
 
 /// Objects and categories of a scene, and scenes of each row.
@@ -88,11 +88,6 @@ fn synthetic(
     Ok(both)
 }
 
-fn median(mut values: Vec<f64>) -> Option<Figure> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).map(|value| Figure { value: *value, standard_error: None })
-}
-
 /// Adds the table of synthetic scenes.
 pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<(), Error> {
     let steps = Steps::new("cues", BODIES.len() * SIZES.len() * VIEWS.len(), progress);
@@ -114,7 +109,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
                 let scenes: Vec<_> = (0..SCENES).into_par_iter().map(of_scene).collect::<Result<_, Error>>()?;
                 steps.done();
                 let o3d = [0, 1].map(|k: usize| pooled(&scenes.iter().map(|s| s[k].0.clone()).collect::<Vec<_>>()));
-                let errors = [0, 1].map(|k: usize| median(scenes.iter().flat_map(|s| s[k].1.clone()).collect()));
+                let errors = [0, 1].map(|k: usize| median_figure(scenes.iter().flat_map(|s| s[k].1.clone()).collect()));
                 if let [Some(without), Some(with)] = o3d {
                     worse = worse.max(without.value - with.value);
                     gains.push(with.value - without.value);
@@ -126,14 +121,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         }
     }
     report.table(table);
-    let headline = |id, what: &str, value| Headline {
-        id,
-        what: what.to_owned(),
-        paper: None,
-        ours: Figure { value, standard_error: None },
-        row: "map".to_owned(),
-        decimals: 3,
-    };
+    let headline = |id, what, value| Headline::ours(id, what, "map", value);
     let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
     report.headlines.push(headline("cues_sizes_gain", "mean gain of O3D with sizes from the scene, synthetic", mean));
     report.headlines.push(headline(
@@ -233,13 +221,11 @@ pub(super) fn run_real(data: &Path, seed: u64, progress: Progress, report: &mut 
         steps.done();
     }
     report.table(table);
-    report.headlines.push(Headline {
-        id: "cues_sizes_real",
-        what: "mean gain of O3D with sizes from the scene, real data".to_owned(),
-        paper: None,
-        ours: Figure { value: gains.iter().sum::<f64>() / gains.len().max(1) as f64, standard_error: None },
-        row: "map".to_owned(),
-        decimals: 3,
-    });
+    report.headlines.push(Headline::ours(
+        "cues_sizes_real",
+        "mean gain of O3D with sizes from the scene, real data",
+        "map",
+        gains.iter().sum::<f64>() / gains.len().max(1) as f64,
+    ));
     Ok(())
 }

@@ -12,12 +12,11 @@ use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
 
 use super::sizes::{STRIDES, real_rows, thinned};
-use super::synthetic::median;
 use crate::error::Error;
 use crate::kitti::protocol;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, Measure, average, pooled};
+use crate::scores::{Figure, Measure, average, median_figure, pooled};
 use crate::table::{Cell, Table};
 
 /// Objects of a scene, scenes of each row, and views.
@@ -159,7 +158,8 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
                 let scenes: Vec<_> = (0..SCENES).into_par_iter().map(of_scene).collect::<Result<_, Error>>()?;
                 steps.done();
                 let o3d = [0, 1].map(|k: usize| pooled(&scenes.iter().map(|s| s[k].o3d.clone()).collect::<Vec<_>>()));
-                let normalised = [0, 1].map(|k: usize| median(scenes.iter().flat_map(|s| s[k].nees.clone()).collect()));
+                let normalised =
+                    [0, 1].map(|k: usize| median_figure(scenes.iter().flat_map(|s| s[k].nees.clone()).collect()));
                 if let [Some(without), Some(with)] = o3d {
                     worse = worse.max(without.value - with.value);
                     gains.push(with.value - without.value);
@@ -175,14 +175,7 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         }
     }
     report.table(table);
-    let headline = |id, what: &str, value| Headline {
-        id,
-        what: what.to_owned(),
-        paper: None,
-        ours: Figure { value, standard_error: None },
-        row: "map".to_owned(),
-        decimals: 3,
-    };
+    let headline = |id, what, value| Headline::ours(id, what, "map", value);
     let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
     report.headlines.push(headline("cues_surfaces_gain", "mean gain of O3D with supporting surfaces, synthetic", mean));
     report.headlines.push(headline(

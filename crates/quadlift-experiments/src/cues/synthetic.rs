@@ -14,7 +14,7 @@ use super::fusion::mean_box;
 use crate::error::Error;
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, pooled};
+use crate::scores::{Figure, median_figure, pooled};
 use crate::table::{Cell, Table};
 
 /// Views of each object.
@@ -121,12 +121,6 @@ fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
     (0..CUES.len()).map(of_column).collect()
 }
 
-/// The median; `None` without values.
-pub(super) fn median(mut values: Vec<f64>) -> Option<Figure> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).map(|value| Figure { value: *value, standard_error: None })
-}
-
 /// Adds the tables of synthetic scenes.
 pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<(), Error> {
     let steps = Steps::new("cues", VIEWS.len(), progress);
@@ -149,7 +143,8 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
         let scenes: Vec<_> = (0..SCENES).into_par_iter().map(of_scene).collect::<Result<_, _>>()?;
         steps.done();
         let of = |column: usize| scenes.iter().flat_map(move |scene: &Vec<Vec<Option<Score>>>| scene[column].clone());
-        let found = |column: usize, value: fn(&Score) -> f64| median(of(column).flatten().map(|s| value(&s)).collect());
+        let found =
+            |column: usize, value: fn(&Score) -> f64| median_figure(of(column).flatten().map(|s| value(&s)).collect());
         let o3d: Vec<Option<Figure>> = (0..CUES.len())
             .map(|column| pooled(&[of(column).map(|score| score.map_or(0.0, |s| s.o3d)).collect()]))
             .collect();
@@ -163,20 +158,18 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
             std::iter::once(label).chain(figures.into_iter().map(|f| Cell::figure(f, decimals))).collect()
         };
         let each = |value: fn(&Score) -> f64| (0..CUES.len()).map(|column| found(column, value)).collect::<Vec<_>>();
-        let normalised = |column: usize| median(of(column).flatten().filter_map(|s| s.nees).collect());
+        let normalised = |column: usize| median_figure(of(column).flatten().filter_map(|s| s.nees).collect());
         tables[0].push(row(o3d, 3));
         tables[1].push(row(each(|s| s.center), 3));
         tables[2].push(row(each(|s| s.size), 3));
         tables[3].push(row((0..CUES.len()).map(normalised).collect(), 1));
     }
     tables.into_iter().for_each(|table| report.table(table));
-    report.headlines.push(Headline {
-        id: "cues_worse",
-        what: "most that O3D falls with a cue, two views and more".to_owned(),
-        paper: None,
-        ours: Figure { value: worse, standard_error: None },
-        row: "map".to_owned(),
-        decimals: 3,
-    });
+    report.headlines.push(Headline::ours(
+        "cues_worse",
+        "most that O3D falls with a cue, two views and more",
+        "map",
+        worse,
+    ));
     Ok(())
 }

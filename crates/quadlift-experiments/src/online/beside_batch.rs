@@ -12,8 +12,8 @@ use super::replay::replay;
 use crate::association::case::Case;
 use crate::association::{driving, synthetic, without_ids};
 use crate::error::Error;
-use crate::kinds::median;
 use crate::report::{Headline, Report};
+use crate::scores::median;
 use crate::scores::{Figure, mean};
 use crate::table::{Cell, Table};
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::images::SceneImages;
-use super::records::SceneFile;
+use super::records::{FrameRecord, SceneFile};
 use crate::error::{EntryError, ReadError};
 use crate::images::read_depth_image_of_size;
 
@@ -81,6 +81,24 @@ impl SceneFile {
         self.frames.iter().any(|frame| frame.depth.is_some())
     }
 
+    /// The detections without a depth of one source (of all without one), by the frames that have what may give it.
+    pub(super) fn without_depth(
+        &self,
+        scene: &Scene,
+        source_index: Option<u32>,
+        may_give: impl Fn(&FrameRecord) -> bool,
+    ) -> BTreeMap<u32, Vec<usize>> {
+        let mut frames: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (index, detection) in scene.detections.iter().enumerate() {
+            let chosen = source_index.is_none() || detection.source_index == source_index;
+            let has_depth = detection.cues.as_deref().is_some_and(|cues| cues.depth.is_some());
+            if chosen && !has_depth && may_give(&self.frames[detection.frame_index as usize]) {
+                frames.entry(detection.frame_index).or_default().push(index);
+            }
+        }
+        frames
+    }
+
     /// Reads the depth images of the frames and gives the scene's detections of one source (of all without one) the depth of
     /// their visible surface, where they have none: inside their mask if they have one, otherwise inside their box
     /// ([`DepthImage::surface`]). The scene must be that of this file ([`Self::to_scene`]), and `path` is the file's. A depth image
@@ -99,14 +117,7 @@ impl SceneFile {
         let mut found = DepthsFound::default();
         let folder = path.parent().unwrap_or(Path::new(""));
         let images = self.to_images(path)?;
-        let mut frames: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-        for (index, detection) in scene.detections.iter().enumerate() {
-            let chosen = source_index.is_none() || detection.source_index == source_index;
-            let has_depth = detection.cues.as_deref().is_some_and(|cues| cues.depth.is_some());
-            if chosen && !has_depth && self.frames[detection.frame_index as usize].depth.is_some() {
-                frames.entry(detection.frame_index).or_default().push(index);
-            }
-        }
+        let frames = self.without_depth(scene, source_index, |frame| frame.depth.is_some());
         let named =
             || frames.keys().filter_map(|&frame| Some(folder.join(&self.frames[frame as usize].depth.as_ref()?.path)));
         if let Some(first) = named().next().filter(|_| frames.len() > 1 && !named().any(|path| path.exists())) {

@@ -2,7 +2,7 @@
 //! depths of detections that they show.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Vector2};
@@ -109,12 +109,16 @@ struct Candidate<'a> {
     shared: Option<(bool, Vec<u32>)>,
 }
 
+/// Whether a frame has a cloud of its own, or it is known which points it observed.
+fn has_points(frame: &FrameRecord) -> bool {
+    frame.point_cloud.is_some() || frame.observed_points.is_some()
+}
+
 impl SceneFile {
     /// Whether detections may get a depth from points: a frame has a cloud, or the scene has one, or it is known which points a frame
     /// observed.
     pub fn has_points_of_frames(&self) -> bool {
-        let of_frame = |frame: &FrameRecord| frame.point_cloud.is_some() || frame.observed_points.is_some();
-        self.point_cloud.is_some() || self.frames.iter().any(of_frame)
+        self.point_cloud.is_some() || self.frames.iter().any(has_points)
     }
 
     /// Gives the scene's detections of one source (of all without one) the depth of their visible surface, where they have none, from
@@ -136,17 +140,7 @@ impl SceneFile {
         let mut found = DepthsFound::default();
         let images = self.to_images(path)?;
         let mut clouds = Clouds { folder: path.parent().unwrap_or(Path::new("")), cache: HashMap::new(), cached: 0 };
-        let mut frames: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-        for (index, detection) in scene.detections.iter().enumerate() {
-            let chosen = source_index.is_none() || detection.source_index == source_index;
-            let has_depth = detection.cues.as_deref().is_some_and(|cues| cues.depth.is_some());
-            let frame = &self.frames[detection.frame_index as usize];
-            let has_points =
-                frame.point_cloud.is_some() || frame.observed_points.is_some() || self.point_cloud.is_some();
-            if chosen && !has_depth && has_points {
-                frames.entry(detection.frame_index).or_default().push(index);
-            }
-        }
+        let frames = self.without_depth(scene, source_index, |frame| self.point_cloud.is_some() || has_points(frame));
         let mut candidates = Vec::new();
         for (done, (&frame_index, detections)) in frames.iter().enumerate() {
             if observer.progress(done, frames.len()).is_break() {

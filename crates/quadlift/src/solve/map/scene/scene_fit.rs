@@ -207,10 +207,9 @@ impl SceneFit {
 
     /// Rounds of noise levels and refits, from these fits and levels.
     pub(super) fn again(self, context: &MapContext) -> Self {
-        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, sizes, surfaces, .. } = self;
-        let (upright_share, upright_noise) = (self.upright_share, self.upright_noise);
+        let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, .. } = self;
         let mut started = noise;
-        let pose_prior = PosePrior::new(context.options, usual_distance(&fits));
+        let pose_prior = PosePrior::new(context.options, || usual_distance(&fits));
         for round in 0..ROUNDS {
             if context.watch.is_cancelled() {
                 break;
@@ -237,7 +236,7 @@ impl SceneFit {
             // Poses would follow what the objects have not yet.
             let moved = pose_prior.filter(|_| round > 0).map(|prior| {
                 let terms = map_indices(fits.len(), |k| fits[k].as_ref().ok().and_then(|fit| fit.pose_terms(&noise)));
-                poses.update(terms.into_iter().flatten().collect(), &prior)
+                poses.update(&terms.into_iter().flatten().collect::<Vec<_>>(), &prior)
             });
             let scaled = scale_terms(&fits, &noise, context).map(|terms| scales.update(&terms));
             let cues = scaled.is_some();
@@ -275,19 +274,7 @@ impl SceneFit {
         if context.options.sigmas.is_none() && context.options.common_errors {
             noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
         }
-        Self {
-            fits,
-            noise,
-            statistics,
-            reference,
-            ground,
-            poses,
-            scales,
-            sizes,
-            surfaces,
-            upright_share,
-            upright_noise,
-        }
+        Self { fits, noise, statistics, reference, ground, poses, scales, ..self }
     }
 
     /// What the measurements of an object tell about its size; `None` where they contradict each other.

@@ -25,16 +25,18 @@ pub(crate) struct PosePrior {
 }
 
 impl PosePrior {
-    /// The prior of the options; `None` where poses are taken as exact. `distance`: a usual distance between cameras and objects.
-    pub(crate) fn new(options: &MapOptions, distance: f64) -> Option<Self> {
+    /// The prior of the options; `None` where poses are taken as exact. `distance` gives a usual distance between cameras and objects.
+    pub(crate) fn new(options: &MapOptions, distance: impl FnOnce() -> f64) -> Option<Self> {
         let motion = options.refine_poses;
         if options.pose_noise.is_none() && motion.is_none() {
             return None;
         }
-        let larger = if motion == Some(PoseMotion::Slow) { SLOW } else { 1.0 };
-        let first = PoseNoise { rotation_sd: larger * FIRST_ROTATION, translation_sd: larger * FIRST_SHIFT * distance };
+        let first = || {
+            let larger = if motion == Some(PoseMotion::Slow) { SLOW } else { 1.0 };
+            PoseNoise { rotation_sd: larger * FIRST_ROTATION, translation_sd: larger * FIRST_SHIFT * distance() }
+        };
         Some(Self {
-            levels: options.pose_noise.unwrap_or(first),
+            levels: options.pose_noise.unwrap_or_else(first),
             estimated: options.pose_noise.is_none(),
             memory: if motion == Some(PoseMotion::Slow) { CORRELATED_FRAMES } else { 0.0 },
         })
@@ -72,7 +74,7 @@ mod tests {
     fn the_precision_is_the_inverse_of_the_covariance() {
         for refine_poses in [PoseMotion::Slow, PoseMotion::Independent] {
             let options = MapOptions { refine_poses: Some(refine_poses), ..Default::default() };
-            let prior = PosePrior::new(&options, 20.0).unwrap();
+            let prior = PosePrior::new(&options, || 20.0).unwrap();
             let larger = if refine_poses == PoseMotion::Slow { SLOW } else { 1.0 };
             assert!(prior.estimated && prior.levels.translation_sd == larger * 0.2);
             let frames = [3, 4, 9, 200];
@@ -94,6 +96,6 @@ mod tests {
                 }
             }
         }
-        assert!(PosePrior::new(&MapOptions::default(), 1.0).is_none());
+        assert!(PosePrior::new(&MapOptions::default(), || 1.0).is_none());
     }
 }

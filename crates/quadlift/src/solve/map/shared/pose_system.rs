@@ -39,7 +39,7 @@ struct Coupling {
 impl PoseSystem {
     /// Builds and solves the equations; `None` where they are singular or nothing is seen. `before` is the correction of a frame so far.
     pub(crate) fn new(
-        objects: Vec<ObjectPoseTerms>,
+        objects: &[ObjectPoseTerms],
         prior: &PosePrior,
         levels: PoseNoise,
         before: impl Fn(usize) -> Motion,
@@ -63,7 +63,7 @@ impl PoseSystem {
             }
         }
         let mut couplings = Vec::with_capacity(objects.len());
-        for object in &objects {
+        for object in objects {
             let Some(root) = nalgebra::Cholesky::new(object.covariance) else { continue };
             let mut coupled = Vec::with_capacity(object.frames.len());
             for term in &object.frames {
@@ -158,7 +158,6 @@ impl Equations {
                 first[*k] = first[*k].min(least);
             }
         }
-        // The selected inverse needs the columns between: an envelope has them.
         first
     }
 

@@ -94,7 +94,7 @@ pub(crate) struct PoseCorrections {
 impl PoseCorrections {
     /// Corrects the frames from the fitted objects and the prior: one step of Gauss and Newton for cameras and objects together. Returns
     /// what is new in the corrections, which the objects then follow.
-    pub(crate) fn update(&mut self, objects: Vec<ObjectPoseTerms>, prior: &PosePrior) -> Self {
+    pub(crate) fn update(&mut self, objects: &[ObjectPoseTerms], prior: &PosePrior) -> Self {
         let levels = self.levels.unwrap_or(prior.levels);
         let before = |frame: usize| self.frames.get(&frame).map_or_else(Motion::zeros, Correction::motion);
         let Some(system) = PoseSystem::new(objects, prior, levels, before) else { return Self::default() };
