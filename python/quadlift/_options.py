@@ -77,8 +77,9 @@ class Options(TypedDict, total=False):
     """Find level surfaces from the objects that stand on them (tables, shelves, the floor); needs the scene's `up`."""
     camera_height: float | None
     """Height of the cameras above the ground plane, world units."""
-    refine_poses: Literal["independent", "slow"] | None
-    """Correct the poses together with the objects: errors of frames are independent, or slow (GPS, drifting odometry).
+    refine_poses: Literal["auto", "independent", "slow"] | None
+    """Correct the poses together with the objects: errors of frames are independent, or slow (GPS, drifting odometry);
+    "auto" decides by the boxes.
     `Estimates.to_scene` has the corrected poses."""
     pose_noise: tuple[float, float] | None
     """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame."""

@@ -90,10 +90,10 @@ impl FromStr for MeasurementKind {
 
 impl PoseMotion {
     /// All motions, in the order of their names.
-    pub const ALL: [Self; 2] = [Self::Independent, Self::Slow];
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Independent, Self::Slow];
 
     /// The names of all motions, as [`Display`] writes and [`FromStr`] reads them.
-    pub const NAMES: [&str; 2] = ["independent", "slow"];
+    pub const NAMES: [&str; 3] = ["auto", "independent", "slow"];
 
     /// The name of the motion.
     pub fn name(self) -> &'static str {

@@ -283,11 +283,12 @@ fn refined_poses_are_in_the_result_beside_the_given_ones() {
     let folder = Folder::new();
     folder.succeed("synth -q -o scene.json --objects 12 --views 8 --noise box:0.01 --pose-noise 0.3");
     let scene = folder.json("scene.json");
-    for (option, motion) in [("--refine-poses", "independent"), ("--refine-poses=slow", "slow")] {
+    for (option, motion) in [("--refine-poses", "auto"), ("--refine-poses=slow", "slow")] {
         folder.succeed(&format!("localize scene.json {option} -o out.json"));
         let result = folder.json("out.json");
         assert_eq!(result["localization"]["settings"]["refine_poses"], motion);
         assert!(result["localization"]["noise"]["pose_rotation"].as_f64().unwrap() > 1e-4);
+        assert_eq!(result["localization"]["noise"]["pose_memory"], if motion == "slow" { 100.0 } else { 0.0 });
         let frames = result["frames"].as_array().unwrap();
         for (frame, given) in frames.iter().zip(scene["frames"].as_array().unwrap()) {
             assert_eq!(frame["given_cam_from_world"], given["cam_from_world"]);

@@ -46,6 +46,8 @@ pub struct Localization {
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, where [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub pose_noise: Option<PoseNoise>,
+    /// Frames over which the errors of poses last, 0 if those of frames are independent; found by [`crate::solve::PoseMotion::Auto`].
+    pub pose_memory: Option<f64>,
     /// Corrections of the poses of the frames that show objects, where [`crate::solve::MapOptions::refine_poses`] or
     /// [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub refined_poses: Vec<RefinedPose>,
@@ -67,8 +69,10 @@ pub struct Localization {
 impl Localization {
     /// The noise levels by their names in results, pose noise last.
     pub fn noise_levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        let of_poses =
-            self.pose_noise.map(|poses| POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd]));
+        let of_poses = self
+            .pose_noise
+            .zip(self.pose_memory)
+            .map(|(poses, memory)| POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd, memory]));
         self.noise.levels().chain(of_poses.into_iter().flatten())
     }
 }
@@ -151,7 +155,7 @@ pub fn localize_observed(
     };
     let folds_of =
         |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
-    let mut refined_poses = Vec::new();
+    let (mut refined_poses, mut pose_memory) = (Vec::new(), None);
     let (mut cue_scales, mut learnt_sizes, mut supporting_surfaces) = (Vec::new(), Vec::new(), Vec::new());
     let (mut estimates, noise, pose_noise, body, folds, predicted) = if let Some(map_options) = map_options {
         let context = MapContext {
@@ -167,7 +171,7 @@ pub fn localize_observed(
         let solution = map(objects.len(), &views_of, &context, &folds_of);
         (cue_scales, learnt_sizes) = (solution.cue_scales, solution.learnt_sizes);
         supporting_surfaces = solution.supporting_surfaces;
-        refined_poses = solution.refined_poses;
+        (refined_poses, pose_memory) = (solution.refined_poses, solution.pose_memory);
         (solution.estimates, solution.noise, solution.pose_noise, solution.body, solution.folds, solution.predicted)
     } else {
         let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
@@ -217,6 +221,7 @@ pub fn localize_observed(
         skipped,
         noise,
         pose_noise,
+        pose_memory,
         refined_poses,
         cue_scales,
         learnt_sizes,

@@ -60,8 +60,8 @@ pub(super) const CORRELATION_NAMES: [&str; 3] = ["edge_correlation", "ellipse_co
 /// Mean squared residual of a scene in units of the noise, and the relative variance of that of its objects.
 pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
 
-/// Pose noise in results, which is not noise of detections.
-pub(crate) const POSE_NOISE_NAMES: [&str; 2] = ["pose_rotation", "pose_translation"];
+/// Pose noise in results, which is not noise of detections: root mean square corrections, and frames over which errors last.
+pub(crate) const POSE_NOISE_NAMES: [&str; 3] = ["pose_rotation", "pose_translation", "pose_memory"];
 
 /// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to
 /// the half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis

@@ -85,7 +85,8 @@ fn rotation_error(made: &SyntheticScene, given: &SyntheticScene, found: &Localiz
 fn independent_errors_of_poses_are_halved_and_objects_gain() {
     let exact = street(0.02);
     let (given, _) = with_errors(&exact, [0.01, 0.05], 0.0);
-    let (before, after) = (found(&given, None), found(&given, Some(PoseMotion::Independent)));
+    let (before, after) = (found(&given, None), found(&given, Some(PoseMotion::Auto)));
+    assert_eq!((before.pose_memory, after.pose_memory), (None, Some(0.0)));
     let (a, b) = (rotation_error(&exact, &given, &before), rotation_error(&exact, &given, &after));
     let (without, with) = (scores(&given, &before), scores(&given, &after));
     println!("independent: rotation {a:.4} -> {b:.4}, IoU and NEES {without:?} -> {with:?}");
@@ -99,19 +100,34 @@ fn slow_errors_of_poses_are_followed() {
     let (given, _) = with_errors(&exact, [0.02, 0.3], 100.0);
     let of = |motion| {
         let found = found(&given, motion);
-        (rotation_error(&exact, &given, &found), scores(&given, &found))
+        (rotation_error(&exact, &given, &found), scores(&given, &found), found.pose_memory)
     };
-    let (none, slow) = (of(None), of(Some(PoseMotion::Slow)));
+    let (none, slow) = (of(None), of(Some(PoseMotion::Auto)));
     println!("slow: {none:?} -> {slow:?}");
+    assert!(slow.2 >= Some(30.0), "{slow:?}");
     assert!(slow.0 < 0.5 * none.0, "{none:?} {slow:?}");
     assert!(slow.1.0 > none.1.0 + 0.2 && (4.0..14.0).contains(&slow.1.1), "{none:?} {slow:?}");
+}
+
+/// Slow errors that are said to be independent would make covariances far too small: the evidence must tell them apart.
+#[test]
+fn errors_of_a_few_frames_are_told_from_independent_ones() {
+    let exact = street(0.03);
+    for (memory, expected) in [(0.0, 0.0..1.0), (20.0, 10.0..40.0)] {
+        let (given, _) = with_errors(&exact, [0.01, 0.2], memory);
+        let found = found(&given, Some(PoseMotion::Auto));
+        let chosen = found.pose_memory.unwrap();
+        assert!(expected.contains(&chosen), "{memory}: {chosen}");
+        let honest = scores(&given, &found).1;
+        assert!((4.0..16.0).contains(&honest), "{memory}: {honest}");
+    }
 }
 
 #[test]
 fn exact_poses_stay() {
     for (noise, most) in [(0.0, 1e-6), (0.03, 2e-3)] {
         let exact = street(noise);
-        let refined = found(&exact, Some(PoseMotion::Independent));
+        let refined = found(&exact, Some(PoseMotion::Auto));
         assert!(refined.refined_poses.len() > 50);
         let moved = refined.refined_poses.iter().map(|r| r.turn.angle()).fold(0.0, f64::max);
         let shifted = refined.refined_poses.iter().map(|r| r.shift.norm()).fold(0.0, f64::max);

@@ -126,9 +126,9 @@ pub struct Args {
     #[arg(long, value_name = "H", value_parser = args::positive)]
     camera_height: Option<f64>,
 
-    /// Correct the poses together with the objects: errors of frames are independent (default) or slow (GPS, drifting
-    /// odometry). Results have the corrected poses
-    #[arg(long, value_name = "MOTION", num_args = 0..=1, require_equals = true, default_missing_value = "independent",
+    /// Correct the poses together with the objects. Errors of frames are independent, or slow (GPS, drifting odometry);
+    /// auto (default) decides by the boxes. Results have the corrected poses
+    #[arg(long, value_name = "MOTION", num_args = 0..=1, require_equals = true, default_missing_value = "auto",
           value_parser = pose_motion(), hide_possible_values = true)]
     refine_poses: Option<PoseMotion>,
 

@@ -41,6 +41,8 @@ pub(crate) struct MapSolution {
     pub noise: Sigmas,
     /// Root mean square corrections of the poses, if estimated.
     pub pose_noise: Option<PoseNoise>,
+    /// Frames over which their errors last.
+    pub pose_memory: Option<f64>,
     /// Corrections of the poses.
     pub refined_poses: Vec<RefinedPose>,
     /// The scales of cues.
@@ -131,6 +133,7 @@ pub(crate) fn map(
         estimates,
         noise,
         pose_noise,
+        pose_memory: scene.pose_memory(),
         refined_poses: scene.refined_poses(),
         cue_scales,
         learnt_sizes,

@@ -234,9 +234,9 @@ impl SceneFit {
                 fits.iter_mut().flatten().for_each(|fit| fit.stand_on_ground(ground, up));
             }
             // Poses would follow what the objects have not yet.
-            let moved = pose_prior.filter(|_| round > 0).map(|prior| {
+            let moved = pose_prior.as_ref().filter(|_| round > 0).map(|prior| {
                 let terms = map_indices(fits.len(), |k| fits[k].as_ref().ok().and_then(|fit| fit.pose_terms(&noise)));
-                poses.update(&terms.into_iter().flatten().collect::<Vec<_>>(), &prior)
+                poses.update(&terms.into_iter().flatten().collect::<Vec<_>>(), prior)
             });
             let scaled = scale_terms(&fits, &noise, context).map(|terms| scales.update(&terms));
             let cues = scaled.is_some();
@@ -481,6 +481,11 @@ impl SceneFit {
     /// The corrections of the poses.
     pub(crate) fn refined_poses(&self) -> Vec<RefinedPose> {
         self.poses.refined()
+    }
+
+    /// Frames over which the errors of poses last, if they are estimated.
+    pub(crate) fn pose_memory(&self) -> Option<f64> {
+        self.poses.memory()
     }
 
     /// Root mean square corrections of the poses, if estimated.

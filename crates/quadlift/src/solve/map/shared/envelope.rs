@@ -91,6 +91,11 @@ pub(crate) struct Factor {
 }
 
 impl Factor {
+    /// Logarithm of the determinant of the matrix.
+    pub(crate) fn log_determinant(&self) -> f64 {
+        -2.0 * self.inverse_diagonal.iter().flat_map(|block| (0..6).map(|k| block[(k, k)].ln())).sum::<f64>()
+    }
+
     /// The solution for a right side.
     pub(crate) fn solve(&self, right: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
         let mut x = right.to_vec();

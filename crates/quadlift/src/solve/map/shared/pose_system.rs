@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
 use super::envelope::{Envelope, Factor};
-use super::pose_prior::PosePrior;
+use super::pose_prior::PoseLevels;
 use super::poses::{Motion, ObjectPoseTerms};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::solve::options::PoseNoise;
@@ -29,6 +29,8 @@ pub(crate) struct PoseSystem {
     frames: Vec<usize>,
     step: Vec<Motion>,
     covariance: Envelope,
+    /// Logarithm of the evidence for the levels, but for a constant of the measurements.
+    log_evidence: f64,
 }
 
 /// What an object couples: positions of frames, and their couplings in units in which the object's information is 1.
@@ -40,8 +42,7 @@ impl PoseSystem {
     /// Builds and solves the equations; `None` where they are singular or nothing is seen. `before` is the correction of a frame so far.
     pub(crate) fn new(
         objects: &[ObjectPoseTerms],
-        prior: &PosePrior,
-        levels: PoseNoise,
+        levels: PoseLevels,
         before: impl Fn(usize) -> Motion,
     ) -> Option<Self> {
         let mut frames: Vec<usize> = objects.iter().flat_map(|o| o.frames.iter().map(|term| term.frame)).collect();
@@ -51,8 +52,8 @@ impl PoseSystem {
         let mut diagonal = vec![Matrix6::zeros(); frames.len()];
         let mut right = vec![Motion::zeros(); frames.len()];
         // The prior.
-        let scale = scale_of(levels);
-        let precision = prior.precision(&frames);
+        let scale = levels.scale();
+        let precision = levels.precision(&frames);
         let motions: Vec<Motion> = frames.iter().map(|frame| before(*frame)).collect();
         for (k, (with_itself, with_before)) in precision.iter().enumerate() {
             diagonal[k] += Matrix6::from_diagonal(&(scale * *with_itself));
@@ -75,10 +76,19 @@ impl PoseSystem {
             coupled.sort_by_key(|(k, _)| *k);
             couplings.push(Coupling { frames: coupled });
         }
-        let equations = Equations { diagonal, precision, scale, couplings, is_correlated: prior.is_correlated() };
-        let (step, covariance) = equations.solve(&right)?;
+        let equations = Equations { diagonal, precision, scale, couplings, is_correlated: levels.is_correlated() };
+        let Solution { step, covariance, log_determinant } = equations.solve(&right)?;
+        // What the measurements say, as a normal distribution of the motions: integrated with the prior (method, section 11.2).
+        let told = equations.times(&motions);
+        let explained = (0..frames.len()).map(|k| (right[k] + told[k]).dot(&(motions[k] + step[k]))).sum::<f64>();
+        let log_evidence = 0.5 * (levels.log_determinant(&frames) - log_determinant + explained);
         let is_finite = step.iter().all(|motion| motion.iter().all(|x| x.is_finite()));
-        is_finite.then_some(Self { frames, step, covariance })
+        is_finite.then_some(Self { frames, step, covariance, log_evidence })
+    }
+
+    /// Logarithm of the evidence for the levels; only differences between levels mean something.
+    pub(crate) fn log_evidence(&self) -> f64 {
+        self.log_evidence
     }
 
     /// The frames, ascending.
@@ -97,9 +107,10 @@ impl PoseSystem {
         self.covariance.block(place(frame)?, place(other)?)
     }
 
-    /// The levels of the prior that these motions show (MacKay's rule), and the number of parameters that the measurements determine.
-    pub(crate) fn levels(&self, motions: &[Motion], prior: &PosePrior, levels: PoseNoise) -> (PoseNoise, f64) {
-        let precision = prior.precision(&self.frames);
+    /// The standard deviations that these motions show (MacKay's rule), and the number of parameters that the measurements determine.
+    /// `first` is where their estimation started.
+    pub(crate) fn levels(&self, motions: &[Motion], first: PoseLevels, levels: PoseLevels) -> (PoseLevels, f64) {
+        let precision = levels.precision(&self.frames);
         let (mut squares, mut spread) = (Motion::zeros(), Motion::zeros());
         for (k, (with_itself, with_before)) in precision.iter().enumerate() {
             squares += motions[k].component_mul(&motions[k]) * *with_itself;
@@ -111,23 +122,25 @@ impl PoseSystem {
             }
         }
         let all = 3.0 * self.frames.len() as f64;
-        let of = |first: usize, level: f64, usual: f64| {
-            let sum = |of: &Motion| of.fixed_rows::<3>(first).sum();
+        let of = |from: usize, level: f64, usual: f64| {
+            let sum = |of: &Motion| of.fixed_rows::<3>(from).sum();
             let determined = (all - sum(&spread) / (level * level)).clamp(0.0, all);
             // The levels may at most halve or double: noise levels and objects follow.
             let updated = (sum(&squares) / determined.max(1e-3 * all)).sqrt().clamp(0.5 * level, 2.0 * level);
             (updated.clamp(SMALLEST * usual, LARGEST * usual), determined)
         };
-        let first = prior.levels;
-        let (rotation_sd, rotations) = of(0, levels.rotation_sd, first.rotation_sd);
-        let (translation_sd, shifts) = of(3, levels.translation_sd, first.translation_sd);
-        (PoseNoise { rotation_sd, translation_sd }, rotations + shifts)
+        let (usual, now) = (first.noise, levels.noise);
+        let (rotation_sd, rotations) = of(0, now.rotation_sd, usual.rotation_sd);
+        let (translation_sd, shifts) = of(3, now.translation_sd, usual.translation_sd);
+        (PoseLevels { noise: PoseNoise { rotation_sd, translation_sd }, ..levels }, rotations + shifts)
     }
 }
 
-/// Precision of each component of a motion.
-fn scale_of(levels: PoseNoise) -> Motion {
-    Motion::from_fn(|k, _| if k < 3 { levels.rotation_sd.powi(-2) } else { levels.translation_sd.powi(-2) })
+/// The solution of the equations, their inverse within the envelope, and the logarithm of their determinant.
+struct Solution {
+    step: Vec<Motion>,
+    covariance: Envelope,
+    log_determinant: f64,
 }
 
 /// The equations: information of measurements and prior less what the objects take.
@@ -196,8 +209,7 @@ impl Equations {
         product
     }
 
-    /// The solution and the covariance.
-    fn solve(&self, right: &[Motion]) -> Option<(Vec<Motion>, Envelope)> {
+    fn solve(&self, right: &[Motion]) -> Option<Solution> {
         let mut segment = self.diagonal.len().max(1);
         while Envelope::work(&self.first_columns(segment)) > MOST_WORK {
             segment = segment.div_ceil(2);
@@ -205,7 +217,7 @@ impl Equations {
         let factor = self.envelope(segment).factor()?;
         let step =
             if segment >= self.diagonal.len() { factor.solve(right) } else { self.conjugate_gradients(&factor, right) };
-        Some((step, factor.inverse()))
+        Some(Solution { step, covariance: factor.inverse(), log_determinant: factor.log_determinant() })
     }
 
     fn conjugate_gradients(&self, preconditioner: &Factor, right: &[Motion]) -> Vec<Motion> {
@@ -232,5 +244,70 @@ impl Equations {
             rho = next;
         }
         x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::map::shared::poses::FrameTerm;
+    use crate::synthetic::random::{normal, stream};
+    use nalgebra::{Cholesky, DMatrix, DVector, SVector};
+
+    const FRAMES: [usize; 3] = [2, 3, 7];
+    const ROWS: usize = 10;
+
+    /// Logarithm of the density of the residuals, with motions and parameters integrated out: those have a wide prior.
+    fn marginal(residuals: &DVector<f64>, by: &DMatrix<f64>, by_object: &DMatrix<f64>, levels: PoseLevels) -> f64 {
+        let sd = levels.scale().map(|scale| scale.powf(-0.5));
+        let covariance = DMatrix::from_fn(6 * FRAMES.len(), 6 * FRAMES.len(), |i, j| {
+            let gap = FRAMES[i / 6].abs_diff(FRAMES[j / 6]) as f64;
+            let correlation = if i / 6 == j / 6 { 1.0 } else { (-gap / levels.memory).exp() };
+            if i % 6 == j % 6 { sd[i % 6] * sd[j % 6] * correlation } else { 0.0 }
+        });
+        let of_noise = DMatrix::identity(residuals.len(), residuals.len());
+        let all = of_noise + by * covariance * by.transpose() + by_object * by_object.transpose() * 1e7;
+        let root = Cholesky::new(all).unwrap();
+        -root.l().diagonal().map(f64::ln).sum() - 0.5 * residuals.dot(&root.solve(residuals))
+    }
+
+    #[test]
+    fn the_evidence_is_the_density_of_the_residuals() {
+        let mut rng = stream(3, 1);
+        let count = ROWS * FRAMES.len();
+        let mut by = DMatrix::zeros(count, 6 * FRAMES.len());
+        for row in 0..count {
+            for k in 0..6 {
+                by[(row, 6 * (row / ROWS) + k)] = normal(&mut rng);
+            }
+        }
+        let by_object = DMatrix::from_fn(count, PARAMETERS, |_, _| normal(&mut rng));
+        let residuals = DVector::from_fn(count, |_, _| 1.5 * normal(&mut rng));
+        let mut frames = Vec::new();
+        for (k, frame) in FRAMES.into_iter().enumerate() {
+            let mut term = FrameTerm::new(frame);
+            for row in k * ROWS..(k + 1) * ROWS {
+                let by_motion = Motion::from_fn(|i, _| by[(row, 6 * k + i)]);
+                let parameters = std::array::from_fn(|i| by_object[(row, i)]);
+                term.add(residuals[row], &by_motion, &parameters, 1.0);
+            }
+            frames.push(term);
+        }
+        let information =
+            SMatrix::<f64, PARAMETERS, PARAMETERS>::from_fn(|i, j| by_object.column(i).dot(&by_object.column(j)));
+        let covariance = information.try_inverse().unwrap();
+        let step = -(covariance * SVector::<f64, PARAMETERS>::from_fn(|i, _| by_object.column(i).dot(&residuals)));
+        let objects = [ObjectPoseTerms { frames, covariance, step }];
+        let of = |rotation_sd, translation_sd, memory| {
+            let levels = PoseLevels { noise: PoseNoise { rotation_sd, translation_sd }, memory };
+            let system = PoseSystem::new(&objects, levels, |_| Motion::zeros()).unwrap();
+            (system.log_evidence(), marginal(&residuals, &by, &by_object, levels))
+        };
+        let (first, expected_first) = of(0.3, 0.5, 1e-9);
+        for (rotation_sd, translation_sd, memory) in [(0.3, 0.5, 10.0), (0.1, 0.7, 3.0), (2.0, 0.01, 100.0)] {
+            let (found, expected) = of(rotation_sd, translation_sd, memory);
+            let (found, expected) = (found - first, expected - expected_first);
+            assert!((found - expected).abs() < 1e-4 * expected.abs().max(1.0), "{memory}: {found} {expected}");
+        }
     }
 }

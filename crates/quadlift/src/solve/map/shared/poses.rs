@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
 
-use super::pose_prior::PosePrior;
+use super::pose_prior::{PoseLevels, PosePrior};
 use super::pose_system::PoseSystem;
 use crate::optimize::normal_equations::{PARAMETERS, Row};
+use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 use crate::solve::estimate::Matrix9;
-use crate::solve::options::PoseNoise;
 use crate::solve::refined_pose::RefinedPose;
 
 /// Correction of a camera: a rotation about its centre (rotation vector, radians) and a shift (world units), both in
@@ -79,34 +79,56 @@ impl Correction {
     }
 }
 
+/// A step: the equations, the corrections after it, the levels that they show, and the number of parameters that are determined.
+type StepOfLevels = (PoseSystem, Vec<Correction>, PoseLevels, f64);
+
 /// Corrections of the cameras, by frame index.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PoseCorrections {
     frames: BTreeMap<usize, Correction>,
     /// Covariance of the motions of two frames.
     covariance: Option<PoseSystem>,
-    /// Standard deviations of the motions, given or estimated.
-    levels: Option<PoseNoise>,
+    /// Levels of the motions, given or estimated, for each memory that errors may have.
+    levels: Vec<PoseLevels>,
+    /// The memory whose evidence is largest.
+    memory: Option<f64>,
     /// Number of parameters of the motions that the measurements determine.
     determined: f64,
 }
 
 impl PoseCorrections {
-    /// Corrects the frames from the fitted objects and the prior: one step of Gauss and Newton for cameras and objects together. Returns
-    /// what is new in the corrections, which the objects then follow.
+    /// Corrects the frames from the fitted objects and the prior: one step of Gauss and Newton for cameras and objects together, with the
+    /// levels whose evidence is largest. Returns what is new in the corrections, which the objects then follow.
     pub(crate) fn update(&mut self, objects: &[ObjectPoseTerms], prior: &PosePrior) -> Self {
-        let levels = self.levels.unwrap_or(prior.levels);
-        let before = |frame: usize| self.frames.get(&frame).map_or_else(Motion::zeros, Correction::motion);
-        let Some(system) = PoseSystem::new(objects, prior, levels, before) else { return Self::default() };
-        let mut step = Self::default();
-        for (frame, more) in system.frames().iter().zip(system.step()) {
-            let more = Correction::of(more);
-            self.frames.insert(*frame, more.after(self.frames.get(frame)));
-            step.frames.insert(*frame, more);
+        if self.levels.len() != prior.first.len() {
+            self.levels.clone_from(&prior.first);
         }
-        let motions: Vec<Motion> = system.frames().iter().map(|frame| self.frames[frame].motion()).collect();
-        let (updated, determined) = system.levels(&motions, prior, levels);
-        self.levels = Some(if prior.estimated { updated } else { levels });
+        let before = |frame: usize| self.frames.get(&frame).map_or_else(Motion::zeros, Correction::motion);
+        let stepped = |k: usize| {
+            let system = PoseSystem::new(objects, self.levels[k], before)?;
+            let corrected = |(frame, step): (&usize, &Motion)| Correction::of(step).after(self.frames.get(frame));
+            let corrections: Vec<Correction> = system.frames().iter().zip(system.step()).map(corrected).collect();
+            let motions: Vec<Motion> = corrections.iter().map(Correction::motion).collect();
+            let (levels, determined) = system.levels(&motions, prior.first[k], self.levels[k]);
+            Some((system, corrections, levels, determined))
+        };
+        let all = map_indices(self.levels.len(), stepped);
+        if prior.estimated {
+            all.iter().zip(&mut self.levels).for_each(|(found, levels)| {
+                if let Some((_, _, updated, _)) = found {
+                    *levels = *updated;
+                }
+            });
+        }
+        // The first of equal ones: independent errors.
+        let better = |a: StepOfLevels, b: StepOfLevels| if b.0.log_evidence() > a.0.log_evidence() { b } else { a };
+        let Some((system, corrections, levels, determined)) = all.into_iter().flatten().reduce(better) else {
+            return Self::default();
+        };
+        let steps = system.frames().iter().copied().zip(system.step().iter().map(Correction::of));
+        let step = Self { frames: steps.collect(), ..Self::default() };
+        self.frames.extend(system.frames().iter().copied().zip(corrections));
+        self.memory = Some(levels.memory);
         self.determined = determined;
         self.covariance = Some(system);
         step
@@ -153,6 +175,11 @@ impl PoseCorrections {
     /// Number of parameters of the cameras that the measurements determine: they took as many degrees of freedom of the residuals.
     pub(crate) fn determined(&self) -> f64 {
         self.determined
+    }
+
+    /// Frames over which the errors of poses last, once poses were corrected.
+    pub(crate) fn memory(&self) -> Option<f64> {
+        self.memory
     }
 
     /// Root mean square rotation (radians) and shift (world units) of the corrected frames.
