@@ -248,7 +248,10 @@ pub(super) fn run_real(data: &Path, seed: u64, progress: Progress, report: &mut 
         .iter()
         .map(|name| TrueScene::read(data, &format!("kitti_{name}_aligned"), name))
         .collect::<Result<_, _>>()?;
-    let mut table = Table::new("Refined poses: KITTI, RRC boxes, car prior", titles);
+    let mut table = Table::new(
+        "Refined poses: KITTI, RRC boxes, car prior (from the cameras: the registered scene places the true cars in each frame)",
+        titles,
+    );
     for (poses, words) in kinds {
         let read = |name: &&str| TrueScene::read(data, &format!("kitti_{name}_{poses}"), name);
         let scenes: Vec<TrueScene> = AVERAGED.iter().map(read).collect::<Result<_, _>>()?;
