@@ -7,8 +7,10 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
-# A crate is published with what it needs to be built, and without the tests' data. Bytes of a package.
-limit=500000
+# A crate is published with what it needs to be built, and without tests and data: bytes of a package (code grows; crates.io
+# takes 10 MB), and the kinds of its files.
+limit=1000000
+kinds='\.(rs|toml|md|html|py|lock)$|/LICENSE-(MIT|APACHE)$|/Cargo\.toml\.orig$|/\.cargo_vcs_info\.json$'
 
 rm -rf "$target/package"
 cargo fetch --locked
@@ -26,6 +28,12 @@ for package in "$target"/package/*.crate; do
     tar -xzf "$package" -C "$unpacked"
     for file in README.md LICENSE-MIT LICENSE-APACHE Cargo.lock; do
         [ -s "$unpacked/$name/$file" ] || problem "$name has no $file"
+    done
+    for file in $(tar -tzf "$package" | grep -vE "$kinds" || true); do
+        problem "$name holds $file, which is neither code nor documentation"
+    done
+    for file in $(cd "$unpacked/$name" && find . -name tests.rs -o -name '*_tests.rs'); do
+        problem "$name holds $file; see \`exclude\` in its Cargo.toml"
     done
     [ ! -e "$unpacked/$name/tests" ] || problem "$name holds its tests; see \`exclude\` in its Cargo.toml"
     for field in description repository readme keywords categories license rust-version; do

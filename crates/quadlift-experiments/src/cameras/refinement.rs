@@ -11,7 +11,7 @@ use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene,
 use quadlift::{Localization, LocalizeOptions, localize};
 use rayon::prelude::*;
 
-use crate::data::TrueScene;
+use crate::data::{FEWEST_VIEWS, TrueScene};
 use crate::error::Error;
 use crate::kitti::{AVERAGED, cars, protocol};
 use crate::progress::{Progress, Steps};
@@ -198,15 +198,10 @@ pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<
 /// Volume IoU and the distance of the centres of each object as its cameras see it, averaged over its views: the true object of the
 /// `registered` scene is placed by the pose of that scene's camera, the estimate by the refined one. What moves cameras and objects
 /// together does not count.
-fn seen_from_cameras(
-    given: &TrueScene,
-    registered: &TrueScene,
-    options: &LocalizeOptions,
-) -> Result<Vec<(f64, f64)>, Error> {
-    let found = localize(&given.scene, options)?;
+fn seen_from_cameras(found: &Localization, given: &TrueScene, registered: &TrueScene) -> Vec<(f64, f64)> {
     let pose = |frame: &quadlift::scene::Frame| frame.projection.camera_pose();
     let mut scores = Vec::new();
-    for estimate in found.estimates.iter().filter(|estimate| estimate.views.len() >= 2) {
+    for estimate in found.estimates.iter().filter(|estimate| estimate.views.len() >= FEWEST_VIEWS) {
         let id = &given.scene.object_ids[estimate.object_index];
         let Some(truth) = registered.truth.iter().find(|object| object.id == *id).and_then(|object| object.cuboid)
         else {
@@ -224,12 +219,15 @@ fn seen_from_cameras(
             Some(Cuboid { center, rotation: motion.rotation * truth.rotation, ..truth })
         };
         let views: Vec<Cuboid> = estimate.views.iter().filter_map(|view| placed(view.frame_index)).collect();
+        if views.is_empty() {
+            continue;
+        }
         let overlap = |truth: &Cuboid| estimate.body.map_or(0.0, |body| iou3d_bodies(&body, &Body::Cuboid(*truth)));
         let distance = |truth: &Cuboid| estimate.center.map_or(f64::INFINITY, |center| (center - truth.center).norm());
-        let mean = |of: &dyn Fn(&Cuboid) -> f64| views.iter().map(of).sum::<f64>() / views.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Cuboid) -> f64| views.iter().map(of).sum::<f64>() / views.len() as f64;
         scores.push((mean(&overlap), mean(&distance)));
     }
-    Ok(scores)
+    scores
 }
 
 fn isometry(pose: &CamFromWorld) -> Option<IsometryMatrix3<f64>> {
@@ -258,14 +256,16 @@ pub(super) fn run_real(data: &Path, seed: u64, progress: Progress, report: &mut 
         for (name, refine_poses) in MOTIONS {
             let mut options = LocalizeOptions::from(MapOptions { refine_poses, ..cars(BodyKind::Cuboid) });
             protocol("rrc", seed)(&mut options);
-            let scores: Vec<_> = scenes.par_iter().map(|scene| scene.scores(&options)).collect::<Result<_, Error>>()?;
+            let found: Vec<Localization> =
+                (scenes.par_iter().map(|scene| localize(&scene.scene, &options))).collect::<Result<_, _>>()?;
             steps.done();
+            let scores: Vec<_> = scenes.iter().zip(&found).map(|(scene, found)| scene.scores_of(found)).collect();
             let of = |measure: Measure| average(&scores.iter().map(|s| measure.values(s)).collect::<Vec<_>>());
             let mut cells: Vec<Cell> = vec![words.into(), name.into(), Cell::figure(of(Measure::O3d), 3)];
             cells.push(Cell::figure(of(Measure::CenterWithin(1.0)), 1));
-            let seen: Vec<Vec<(f64, f64)>> = (scenes.par_iter().zip(&registered))
-                .map(|(scene, registered)| seen_from_cameras(scene, registered, &options))
-                .collect::<Result<_, Error>>()?;
+            let seen: Vec<Vec<(f64, f64)>> = (found.iter().zip(&scenes).zip(&registered))
+                .map(|((found, scene), registered)| seen_from_cameras(found, scene, registered))
+                .collect();
             let averaged = |of: fn(&(f64, f64)) -> f64| {
                 average(&seen.iter().map(|scores| scores.iter().map(of).collect()).collect::<Vec<_>>())
             };

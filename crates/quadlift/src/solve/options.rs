@@ -127,8 +127,8 @@ pub struct PoseNoise {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PoseMotion {
-    /// The evidence of the boxes decides how fast they change: each frame has an error of its own, or errors last about 10 or
-    /// 100 frames (docs/method.md, section 11.2).
+    /// The evidence of the boxes decides how fast they change: each frame has an error of its own, or errors last about 10,
+    /// 30 or 100 frames (docs/method.md, section 11.2).
     Auto,
     /// Each frame has an error of its own: structure from motion, AR frameworks.
     Independent,

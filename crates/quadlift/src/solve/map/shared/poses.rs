@@ -79,8 +79,22 @@ impl Correction {
     }
 }
 
-/// A step: the equations, the corrections after it, the levels that they show, and the number of parameters that are determined.
-type StepOfLevels = (PoseSystem, Vec<Correction>, PoseLevels, f64);
+/// A step under the levels of one memory.
+struct Candidate {
+    system: PoseSystem,
+    /// The corrections after it, in the order of the system's frames.
+    corrections: Vec<Correction>,
+    /// The levels that they show.
+    levels: PoseLevels,
+    /// Number of parameters that the measurements determine.
+    determined: f64,
+}
+
+impl Candidate {
+    fn is_worse_than(&self, other: &Self) -> bool {
+        self.system.log_evidence() < other.system.log_evidence()
+    }
+}
 
 /// Corrections of the cameras, by frame index.
 #[derive(Debug, Clone, Default)]
@@ -110,21 +124,18 @@ impl PoseCorrections {
             let corrections: Vec<Correction> = system.frames().iter().zip(system.step()).map(corrected).collect();
             let motions: Vec<Motion> = corrections.iter().map(Correction::motion).collect();
             let (levels, determined) = system.levels(&motions, prior.first[k], self.levels[k]);
-            Some((system, corrections, levels, determined))
+            Some(Candidate { system, corrections, levels, determined })
         };
-        let all = map_indices(self.levels.len(), stepped);
+        let candidates = map_indices(self.levels.len(), stepped);
         if prior.estimated {
-            all.iter().zip(&mut self.levels).for_each(|(found, levels)| {
-                if let Some((_, _, updated, _)) = found {
-                    *levels = *updated;
-                }
-            });
+            for (levels, candidate) in self.levels.iter_mut().zip(&candidates) {
+                *levels = candidate.as_ref().map_or(*levels, |candidate| candidate.levels);
+            }
         }
         // The first of equal ones: independent errors.
-        let better = |a: StepOfLevels, b: StepOfLevels| if b.0.log_evidence() > a.0.log_evidence() { b } else { a };
-        let Some((system, corrections, levels, determined)) = all.into_iter().flatten().reduce(better) else {
-            return Self::default();
-        };
+        let better = |a: Candidate, b| if a.is_worse_than(&b) { b } else { a };
+        let best = candidates.into_iter().flatten().reduce(better);
+        let Some(Candidate { system, corrections, levels, determined }) = best else { return Self::default() };
         let steps = system.frames().iter().copied().zip(system.step().iter().map(Correction::of));
         let step = Self { frames: steps.collect(), ..Self::default() };
         self.frames.extend(system.frames().iter().copied().zip(corrections));
