@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use quadlift::locate::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
 use quadlift::synthetic::{
-    CategoryOptions, CategorySizes, Detector, Noise, Observations, SyntheticOptions, generate_categories,
+    CategoryOptions, CategorySizes, Detector, Noise, Observations, SyntheticOptions, Trajectory, generate_categories,
 };
 
 fn main() {
@@ -16,8 +16,9 @@ fn main() {
         let options = SyntheticOptions {
             objects: 30,
             views: 40,
-            cube_side: 6.0,
-            distance: 8.0,
+            cube_side: 20.0,
+            distance: 40.0,
+            trajectory: Trajectory::Orbit,
             observations: Observations::Boxes,
             noise: vec![Noise::BoxEdges(0.03)],
             detector: Detector { misses: 0.2, false_boxes: 0.2, ..Default::default() },
@@ -54,6 +55,9 @@ fn main() {
         }
         times.sort_by(f64::total_cmp);
         let (median, most) = (times[times.len() / 2], times[times.len() - 1]);
-        println!("{categories:2} categories: median {median:.1} ms, longest {most:.0} ms; {located} of {} located", times.len());
+        println!(
+            "{categories:2} categories: median {median:.1} ms, longest {most:.0} ms; {located} of {} located",
+            times.len()
+        );
     }
 }

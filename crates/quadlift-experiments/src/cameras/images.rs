@@ -2,7 +2,7 @@
 
 use quadlift::geometry::CamFromWorld;
 use quadlift::locate::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
-use quadlift::nalgebra::{Unit, Vector3};
+use quadlift::nalgebra::{Matrix6, Rotation3, Unit, Vector3, Vector6};
 use quadlift::scene::Scene;
 use quadlift::{LocalizeOptions, localize};
 
@@ -135,30 +135,64 @@ pub(super) struct Tally {
     pub right: usize,
     /// Beyond them, and claimed to be right.
     pub wrong: usize,
+    /// Of the wrong ones, those that their own covariance excludes; without a covariance all.
+    pub excluded: usize,
 }
 
 impl Tally {
-    pub(super) fn add(&mut self, pose: Option<&CamFromWorld>, claimed: bool, truth: &CamFromWorld, bound: f64) {
-        let is_near = pose.is_some_and(|pose| is_within(pose, truth, bound));
+    /// Counts a pose that is claimed to be right, if there is one; `covariance` is that of its errors, as of
+    /// [`LocatedPose`](quadlift::locate::LocatedPose).
+    fn add(
+        &mut self,
+        claimed: Option<&CamFromWorld>,
+        covariance: Option<&Matrix6<f64>>,
+        truth: &CamFromWorld,
+        bound: f64,
+    ) {
         self.images += 1;
-        self.right += usize::from(claimed && is_near);
-        self.wrong += usize::from(claimed && !is_near);
+        let Some(pose) = claimed else { return };
+        if is_within(pose, truth, bound) {
+            self.right += 1;
+            return;
+        }
+        self.wrong += 1;
+        let is_excluded = covariance.is_none_or(|covariance| normalised_square(pose, covariance, truth) > EXCLUDED);
+        self.excluded += usize::from(is_excluded);
     }
 
     pub(super) fn plus(self, other: Self) -> Self {
-        Self { images: self.images + other.images, right: self.right + other.right, wrong: self.wrong + other.wrong }
+        Self {
+            images: self.images + other.images,
+            right: self.right + other.right,
+            wrong: self.wrong + other.wrong,
+            excluded: self.excluded + other.excluded,
+        }
     }
 
-    /// Number of images; percentages within the bounds, wrong although claimed, refused.
+    /// Number of images; percentages within the bounds, wrong although claimed, of these excluded by the covariance, refused.
     pub(super) fn cells(&self) -> Vec<Cell> {
         let percent = |n: usize| Cell::number(100.0 * n as f64 / self.images.max(1) as f64, 1);
         let refused = self.images - self.right - self.wrong;
-        vec![Cell::number(self.images as f64, 0), percent(self.right), percent(self.wrong), percent(refused)]
+        let images = Cell::number(self.images as f64, 0);
+        vec![images, percent(self.right), percent(self.wrong), percent(self.excluded), percent(refused)]
     }
 }
 
 /// Titles of [`Tally::cells`].
-pub(super) const TITLES: [&str; 4] = ["images", "right [%]", "wrong [%]", "refused [%]"];
+pub(super) const TITLES: [&str; 5] = ["images", "right [%]", "wrong [%]", "excluded [%]", "refused [%]"];
+
+/// The normalised squared error with six parameters that one in a thousand exceeds.
+const EXCLUDED: f64 = 22.46;
+
+/// The normalised squared error of a pose: of the motion of the camera, in its frame, that leads to the truth.
+fn normalised_square(pose: &CamFromWorld, covariance: &Matrix6<f64>, truth: &CamFromWorld) -> f64 {
+    let (from, to) = (pose.matrix(), truth.matrix());
+    let turn = to.fixed_columns::<3>(0) * from.fixed_columns::<3>(0).transpose();
+    let shift = to.column(3) - turn * from.column(3);
+    let turn = Rotation3::from_matrix_unchecked(turn).scaled_axis();
+    let error = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
+    covariance.cholesky().map_or(f64::INFINITY, |root| error.dot(&root.solve(&error)))
+}
 
 /// Largest error of the rotation, degrees.
 const MOST_DEGREES: f64 = 5.0;
@@ -194,8 +228,9 @@ pub(super) fn located(all: &MapAndImages, known: Known, least: usize, bound: f64
             sd: GRAVITY_SD,
         });
         let found = all.map.locate(&image.query, &LocateOptions { gravity, ..all.options.clone() });
-        let best = found.poses.first().map(|pose| &pose.cam_from_world);
-        tally.add(best, found.status == LocateStatus::Ok, &image.truth, bound);
+        let best = found.poses.first().filter(|_| found.status == LocateStatus::Ok);
+        let covariance = best.map(|pose| &pose.covariance);
+        tally.add(best.map(|pose| &pose.cam_from_world), covariance, &image.truth, bound);
     }
     tally
 }
@@ -205,7 +240,7 @@ pub(super) fn located_by_centers(all: &MapAndImages, least: usize, bound: f64, s
     let mut tally = Tally::default();
     for image in all.images.iter().filter(|image| image.seen >= least) {
         let found = locate_by_centers(&all.map, &image.query, seed);
-        tally.add(found.as_ref(), found.is_some(), &image.truth, bound);
+        tally.add(found.as_ref(), None, &image.truth, bound);
     }
     tally
 }

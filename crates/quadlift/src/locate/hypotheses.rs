@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::prepared::{Candidate, PreparedQuery};
-use super::refine::{Pose, refine};
+use super::refine::{Match, Pose, refine};
 use super::score::{gain, predictions};
 
 /// Hypotheses that are examined at most; of more, evenly spread ones are.
@@ -13,7 +13,7 @@ const MOST_HYPOTHESES: usize = 16_000;
 const MOST_COMPARISONS: usize = 30_000_000;
 
 /// Hypotheses of a round: the search may end after one that explains most of the image.
-const HYPOTHESES_OF_ROUND: usize = 250;
+const HYPOTHESES_OF_ROUND: usize = 100;
 
 /// Candidates that hypotheses are made of, about: of more, those of the boxes that may show the fewest landmarks.
 const MOST_CANDIDATES: usize = 800;
@@ -62,7 +62,7 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Ve
         .step_by(groups.rounds())
         .filter_map(|group| {
             let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
-            let matches: Vec<(usize, usize)> = members.iter().map(|c| (c.query_box, c.landmark)).collect();
+            let matches: Vec<Match> = members.iter().map(|c| Match::new(query, c.query_box, c.landmark)).collect();
             let refined = refine(query, aligned(query, &members)?, &matches, STEPS)?;
             (refined.cost < MOST_COST * 4.0 * members.len() as f64)
                 .then(|| (quick_score(query, &refined.pose), refined.pose))
@@ -89,7 +89,7 @@ fn quick_score(query: &PreparedQuery, pose: &Pose) -> f64 {
             let prediction = predicted[landmark].as_ref()?;
             let measured = &query.boxes[index];
             let near = (prediction.edges[0] - measured.edges[0]).abs() < 2.0 * (measured.edges[2] - measured.edges[0]);
-            near.then(|| gain(query, pose, prediction, (index, landmark), WIDEN))
+            near.then(|| gain(query, pose, prediction, &Match::new(query, index, landmark), WIDEN))
         });
         gains.fold(0.0, f64::max)
     };

@@ -108,6 +108,25 @@ impl Predicted {
         slope / -by_edge
     }
 
+    /// Where the outline touches an edge, in coordinates (X / Z, Y / Z).
+    pub(super) fn touches(&self, edge: usize) -> Vector3<f64> {
+        let mut line = Vector3::zeros();
+        line[edge % 2] = 1.0;
+        line[2] = -self.edges[edge];
+        // The pole of the tangent line.
+        let seen = self.conic * line;
+        seen / seen.z
+    }
+
+    /// Whether a point (X / Z, Y / Z, 1) is inside of the outline.
+    pub(super) fn covers(&self, point: &Vector3<f64>) -> bool {
+        let [x0, y0, x1, y1] = self.edges;
+        let in_box = point.x > x0 && point.x < x1 && point.y > y0 && point.y < y1;
+        // The quadratic form of the outline has the sign that it has at the centre.
+        in_box
+            && self.conic.try_inverse().is_some_and(|outline| point.dot(&(outline * point)) * self.conic[(2, 2)] > 0.0)
+    }
+
     /// Variance of an edge from that of the centre of the landmark (covariance in the world).
     fn center_variance(&self, pose: &Pose, covariance: &Matrix3<f64>, axis: usize) -> f64 {
         let z = self.center.z;
@@ -126,20 +145,36 @@ pub(super) struct EdgeResidual {
     pub sd: f64,
 }
 
-/// The four edges of a box against a predicted one. `None` where the edge says nothing: cut off, and the body reaches beyond the image.
+/// A box and the landmark that it shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Match {
+    pub query_box: usize,
+    pub landmark: usize,
+    /// Edges beyond which the body may reach: the image ends there, or something hides the rest.
+    pub one_sided: [bool; 4],
+}
+
+impl Match {
+    /// A match of which nothing is hidden.
+    pub(super) fn new(query: &PreparedQuery, query_box: usize, landmark: usize) -> Self {
+        Self { query_box, landmark, one_sided: query.boxes[query_box].cut_off }
+    }
+}
+
+/// The four edges of a box against a predicted one. `None` where the edge says nothing: one-sided, and the body reaches beyond it.
 pub(super) fn edge_residuals(
     query: &PreparedQuery,
     pose: &Pose,
     predicted: &Predicted,
-    (query_box, landmark): (usize, usize),
+    of: &Match,
 ) -> [Option<EdgeResidual>; 4] {
-    let measured = &query.boxes[query_box];
-    let covariance = query.map.landmarks()[landmark].center_covariance.as_ref();
+    let measured = &query.boxes[of.query_box];
+    let covariance = query.map.landmarks()[of.landmark].center_covariance.as_ref();
     let of_map = [0, 1].map(|axis| covariance.map_or(0.0, |c| 2.0 * predicted.center_variance(pose, c, axis)));
     std::array::from_fn(|edge| {
         let off = predicted.edges[edge] - measured.edges[edge];
         let outwards = if edge < 2 { -off } else { off };
-        if measured.cut_off[edge] && outwards >= 0.0 {
+        if of.one_sided[edge] && outwards >= 0.0 {
             return None;
         }
         // An error of the centre moves opposite edges together: twice its variance for each gives the centre its own.
@@ -154,12 +189,12 @@ struct Equations {
     cost: f64,
 }
 
-fn equations(query: &PreparedQuery, pose: &Pose, matches: &[(usize, usize)]) -> Option<Equations> {
+fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Equations> {
     let mut all = Equations { hessian: Matrix6::zeros(), gradient: Vector6::zeros(), cost: 0.0 };
     let student_t = StudentT::new(DOF);
-    for &(query_box, landmark) in matches {
-        let predicted = Predicted::new(pose, &query.map.center(landmark), query.map.shape(landmark))?;
-        let residuals = edge_residuals(query, pose, &predicted, (query_box, landmark));
+    for of in matches {
+        let predicted = Predicted::new(pose, &query.map.center(of.landmark), query.map.shape(of.landmark))?;
+        let residuals = edge_residuals(query, pose, &predicted, of);
         for (edge, of_edge) in residuals.into_iter().enumerate() {
             let Some(EdgeResidual { residual, sd }) = of_edge else { continue };
             let slope = predicted.slope(edge) / sd;
@@ -204,7 +239,7 @@ pub(super) struct Refined {
 }
 
 /// The pose near a start at which the matched boxes agree best; `None` where a body is not in front of the camera.
-pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[(usize, usize)], steps: usize) -> Option<Refined> {
+pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[Match], steps: usize) -> Option<Refined> {
     let mut pose = start;
     let mut now = equations(query, &pose, matches)?;
     let mut damping = DAMPING;
@@ -260,6 +295,23 @@ mod tests {
         }
         let behind = Pose { translation: -pose().translation, ..pose() };
         assert!(Predicted::new(&behind, &body().center.coords, &body().shape()).is_none());
+    }
+
+    #[test]
+    fn outlines_touch_their_edges_and_cover_what_is_inside() {
+        let predicted = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap();
+        let middle = predicted.center / predicted.center.z;
+        assert!(predicted.covers(&middle));
+        for edge in 0..4 {
+            let at = predicted.touches(edge);
+            assert!((at[edge % 2] - predicted.edges[edge]).abs() < 1e-12);
+            assert!(predicted.covers(&(middle + (at - middle) * 0.999)));
+            assert!(!predicted.covers(&(middle + (at - middle) * 1.001)));
+        }
+        let [x0, y0, x1, y1] = predicted.edges;
+        for (x, y) in [(x0, y0), (x1, y0), (x0, y1), (x1, y1)] {
+            assert!(!predicted.covers(&Vector3::new(x, y, 1.0)), "a corner of the box");
+        }
     }
 
     #[test]

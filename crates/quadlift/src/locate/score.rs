@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::LocatedPose;
 use super::prepared::PreparedQuery;
-use super::refine::{Pose, Predicted, edge_residuals, refine};
+use super::refine::{Match, Pose, Predicted, edge_residuals, refine};
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::optimize::student_t::StudentT;
 
@@ -28,35 +28,54 @@ pub(super) fn predictions(query: &PreparedQuery, pose: &Pose) -> Vec<Option<Pred
 }
 
 /// Logarithm of the odds that a box shows a landmark, against a false box; `widen` multiplies standard deviations.
-pub(super) fn gain(query: &PreparedQuery, pose: &Pose, predicted: &Predicted, pair: (usize, usize), widen: f64) -> f64 {
+pub(super) fn gain(query: &PreparedQuery, pose: &Pose, predicted: &Predicted, of: &Match, widen: f64) -> f64 {
     let student_t = StudentT::new(super::refine::DOF);
-    let clutter = query.boxes[pair.0].log_clutter / 4.0;
-    let edges = edge_residuals(query, pose, predicted, pair).into_iter().flatten().map(|edge| {
+    let clutter = query.boxes[of.query_box].log_clutter / 4.0;
+    let edges = edge_residuals(query, pose, predicted, of).into_iter().flatten().map(|edge| {
         let residual = edge.residual / widen;
         LOG_PEAK - 0.5 * student_t.cost_of_one(residual * residual) - (edge.sd * widen).ln() - clutter
     });
     SEEN.ln() + edges.sum::<f64>()
 }
 
+/// Whether a box is so near to a predicted one that they may show the same object.
+fn is_near(query: &PreparedQuery, query_box: usize, predicted: &Predicted) -> bool {
+    let (a, b) = (&query.boxes[query_box].edges, &predicted.edges);
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+/// Which edges of a landmark a nearer one hides: those that the outline touches inside of the other's outline.
+fn hidden_edges(predicted: &[Option<Predicted>], of: &Predicted) -> [bool; 4] {
+    std::array::from_fn(|edge| {
+        let at = of.touches(edge);
+        predicted.iter().flatten().any(|other| other.center.z < of.center.z && other.covers(&at))
+    })
+}
+
 /// The boxes that a pose explains with the landmarks that they show, and the sum of their gains.
-fn matches(query: &PreparedQuery, pose: &Pose, predicted: &[Option<Predicted>]) -> (Vec<(usize, usize)>, f64) {
+fn matches(query: &PreparedQuery, pose: &Pose, predicted: &[Option<Predicted>]) -> (Vec<Match>, f64) {
+    let mut possible = Vec::new();
     let mut pairs = Vec::new();
     for (index, alike) in query.alike.iter().enumerate() {
         for &landmark in alike {
-            let Some(prediction) = &predicted[landmark] else { continue };
-            let gain = gain(query, pose, prediction, (index, landmark), 1.0);
+            let Some(prediction) = predicted[landmark].as_ref().filter(|p| is_near(query, index, p)) else { continue };
+            let mut of = Match::new(query, index, landmark);
+            let hidden = hidden_edges(predicted, prediction);
+            of.one_sided.iter_mut().zip(hidden).for_each(|(one_sided, hidden)| *one_sided |= hidden);
+            let gain = gain(query, pose, prediction, &of, 1.0);
             if gain > 0.0 {
                 pairs.push(Pair { row: index as u32, column: landmark as u32, gain });
+                possible.push(of);
             }
         }
     }
     let chosen = best_pairs(&pairs);
     let sum = chosen.iter().map(|&k| pairs[k].gain).sum();
-    (chosen.iter().map(|&k| (pairs[k].row as usize, pairs[k].column as usize)).collect(), sum)
+    (chosen.iter().map(|&k| possible[k]).collect(), sum)
 }
 
 /// Logarithm of the probability that the landmarks that a pose should show, and that have no box, are missed.
-fn log_missed(query: &PreparedQuery, matches: &[(usize, usize)], predicted: &[Option<Predicted>]) -> f64 {
+fn log_missed(query: &PreparedQuery, matches: &[Match], predicted: &[Option<Predicted>]) -> f64 {
     let Some(image) = query.image else { return 0.0 };
     let mut missed = 0usize;
     for (landmark, prediction) in predicted.iter().enumerate() {
@@ -65,7 +84,7 @@ fn log_missed(query: &PreparedQuery, matches: &[(usize, usize)], predicted: &[Op
         let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
         let in_image = x > image[0] && x < image[2] && y > image[1] && y < image[3];
         let large = 0.25 * (x1 - x0) * (y1 - y0) > (EXPECTED_SIZE * query.smallest).powi(2);
-        if !in_image || !large || matches.iter().any(|&(_, matched)| matched == landmark) {
+        if !in_image || !large || matches.iter().any(|of| of.landmark == landmark) {
             continue;
         }
         let hides = |other: &Predicted| {
@@ -77,8 +96,9 @@ fn log_missed(query: &PreparedQuery, matches: &[(usize, usize)], predicted: &[Op
     missed as f64 * (1.0 - SEEN).ln()
 }
 
-/// The pose near a start that explains most, with its evidence; `None` where it explains nothing.
-pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose> {
+/// The pose near a start that explains most, with its evidence; `None` where it explains nothing, or where one that is known already is
+/// approached.
+pub(super) fn located(query: &PreparedQuery, start: Pose, is_known: impl Fn(&Pose) -> bool) -> Option<LocatedPose> {
     let mut pose = start;
     let mut before = Vec::new();
     let mut refined = None;
@@ -92,6 +112,9 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
         }
         let better = refine(query, pose, &matches, STEPS)?;
         pose = better.pose;
+        if is_known(&pose) {
+            return None;
+        }
         before = matches;
         refined = Some(better);
     }
@@ -118,7 +141,7 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
     evidence.is_finite().then_some(()).and_then(|()| pose.checked()).map(|cam_from_world| LocatedPose {
         cam_from_world,
         covariance,
-        matches,
+        matches: matches.iter().map(|of| (of.query_box, of.landmark)).collect(),
         evidence,
     })
 }

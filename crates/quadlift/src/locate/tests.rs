@@ -151,6 +151,18 @@ fn what_cannot_be_told_is_not() {
     let found = locate(ring, &query);
     assert_eq!(found.status, LocateStatus::Ambiguous);
     assert!(found.poses.len() >= 6, "{}", found.poses.len());
+    // Objects on one table, of different categories: one pose, which is right.
+    let table: Vec<Landmark> = (0..6)
+        .map(|k| {
+            let mut landmark = all[k].clone();
+            landmark.ellipsoid.center = Point3::new(0.4 * k as f64 - 1.0, 0.3 * (k * k % 5) as f64, 0.7);
+            landmark
+        })
+        .collect();
+    let found = locate(table.clone(), &image(&mut rng, &table, &pose, 0.01, 0.0, 0.0));
+    assert_eq!(found.status, LocateStatus::Ok);
+    let (position, angle) = errors(&found.poses[0].cam_from_world, &pose);
+    assert!(position < 0.2 && angle < 3.0, "{position} {angle}");
     // Hundreds of equal objects: whatever the answer, it ends.
     let many: Vec<Landmark> = room(&mut rng, 300, 1);
     let query = image(&mut rng, &many[..40], &pose, 0.02, 0.0, 0.0);
@@ -161,6 +173,53 @@ fn what_cannot_be_told_is_not() {
     broken[0].ellipsoid.center.x = f64::NAN;
     broken[1].ellipsoid.semi_axes.x = 0.0;
     let _ = locate(broken, &query);
+}
+
+#[test]
+fn edges_behind_other_objects_are_one_sided() {
+    // A wall of objects in the background, halves of which nearer ones hide.
+    let mut rng = ChaCha8Rng::seed_from_u64(12);
+    let ball = |x: f64, y: f64, z: f64, radius: f64, name: &str| Landmark {
+        ellipsoid: Ellipsoid {
+            center: Point3::new(x, y, z),
+            semi_axes: Vector3::repeat(radius),
+            rotation: Rotation3::identity(),
+        },
+        center_covariance: None,
+        category: Some(name.to_owned()),
+    };
+    let landmarks = vec![
+        ball(-0.5, 1.0, 0.3, 0.2, "a"),
+        ball(0.1, 1.2, 0.3, 0.2, "b"),
+        ball(0.7, 1.1, 0.3, 0.2, "c"),
+        ball(0.4, 0.8, 0.9, 0.2, "d"),
+        ball(-0.62, 0.0, 0.45, 0.15, "e"),
+        ball(0.3, -0.1, 0.45, 0.15, "f"),
+        ball(-0.1, 0.2, 0.8, 0.15, "g"),
+    ];
+    let pose = looking(&Point3::new(0.0, -4.0, 1.0), &Point3::new(0.0, 0.5, 0.4));
+    let mut query = image(&mut rng, &landmarks, &pose, 1e-6, 0.0, 0.0);
+    assert_eq!(query.boxes.len(), landmarks.len());
+    // The box of each object ends where a nearer one begins.
+    let boxes: Vec<BoundingBox> = query.boxes.iter().map(|b| b.bounding_box).collect();
+    let mut cut = 0;
+    for (far, near) in [(0, 4), (1, 5)] {
+        let b = &mut query.boxes[far].bounding_box;
+        let (a, c) = (b.x0, boxes[near].x1);
+        if a < c && c < b.center().x {
+            *b = BoundingBox::new([c, b.y0, b.x1, b.y1]).unwrap();
+            cut += 1;
+        } else if boxes[near].x0 < b.x1 && boxes[near].x0 > b.center().x {
+            *b = BoundingBox::new([b.x0, b.y0, boxes[near].x0, b.y1]).unwrap();
+            cut += 1;
+        }
+    }
+    assert_eq!(cut, 2);
+    let found = locate(landmarks, &query);
+    assert_eq!(found.status, LocateStatus::Ok);
+    assert_eq!(found.poses[0].matches.len(), 7);
+    let (position, angle) = errors(&found.poses[0].cam_from_world, &pose);
+    assert!(position < 1e-3 && angle < 0.02, "{position} {angle}");
 }
 
 #[test]
