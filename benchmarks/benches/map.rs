@@ -1,4 +1,4 @@
-//! The default estimator on whole synthetic scenes: clean, noisy and with outliers, and with many views.
+//! The default estimator on whole synthetic scenes: clean, noisy and with outliers, with refined poses, and with many views.
 //!
 //! `cargo bench --manifest-path benchmarks/Cargo.toml --bench map`. One thread: `RAYON_NUM_THREADS=1`. Times are per scene
 //! of 50 objects.
@@ -8,8 +8,8 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion};
-use quadlift::solve::{BodyKind, MapOptions};
-use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
+use quadlift::solve::{BodyKind, MapOptions, PoseMotion};
+use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 
 fn main() {
@@ -35,6 +35,24 @@ fn main() {
         group.bench_with_input(name, &scene, |b, scene| {
             b.iter(|| localize(black_box(scene), &options).unwrap())
         });
+    }
+    group.finish();
+    let mut group = criterion.benchmark_group("refine_poses");
+    group.sample_size(10);
+    for (name, objects, views) in [("24 objects, 60 frames", 24, 60), ("700 objects, 2000 frames", 700, 2000)] {
+        let street = SyntheticOptions { objects, views, trajectory: Trajectory::Street, ..boxes(0.03) };
+        let exact = generate(&street).unwrap().scene;
+        let wrong = generate(&SyntheticOptions { pose_noise: 0.2, ..street }).unwrap().scene;
+        let of = |refine_poses| {
+            LocalizeOptions::from(MapOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() })
+        };
+        let auto = Some(PoseMotion::Auto);
+        for (what, scene, options) in
+            [("as given", &exact, of(None)), ("exact", &exact, of(auto)), ("wrong", &wrong, of(auto))]
+        {
+            let id = BenchmarkId::new(name, what);
+            group.bench_with_input(id, scene, |b, scene| b.iter(|| localize(black_box(scene), &options).unwrap()));
+        }
     }
     group.finish();
     let mut group = criterion.benchmark_group("map_one_object_by_views");

@@ -85,7 +85,7 @@ def localize(
     **options : Options
         The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `associate`, `ids`,
         `cross_validate`, `min_views`, `upright`, `ground_plane`, `supporting_surfaces`, `camera_height`,
-        `refine_poses`, `pose_noise`, `sigmas`, `calibration`, `accept_inconsistent`,
+        `refine_poses`, `fixed_extrinsics`, `pose_noise`, `sigmas`, `calibration`, `accept_inconsistent`,
         `reg_lambda`, `seed`, `threads`, `progress`.
 
     Returns

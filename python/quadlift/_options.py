@@ -81,6 +81,8 @@ class Options(TypedDict, total=False):
     """Correct the poses together with the objects: errors of frames are independent, or slow (GPS, drifting odometry);
     "auto" decides by the boxes.
     `Estimates.to_scene` has the corrected poses."""
+    fixed_extrinsics: bool
+    """Take the places of cameras in their rig as exact; `refine_poses` then corrects the pose of the rig alone."""
     pose_noise: tuple[float, float] | None
     """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame."""
     sigmas: Mapping[str, float] | None
@@ -118,6 +120,7 @@ DEFAULTS: dict[str, Any] = {
     "supporting_surfaces": False,
     "camera_height": None,
     "refine_poses": None,
+    "fixed_extrinsics": False,
     "pose_noise": None,
     "sigmas": None,
     "calibration": (),
@@ -146,7 +149,14 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     if keywords["sigmas"] is not None:
         keywords["sigmas"] = _sigmas(keywords["sigmas"])
     keywords["calibration"] = _calibration(keywords["calibration"])
-    for name in ("cross_validate", "upright", "ground_plane", "supporting_surfaces", "accept_inconsistent"):
+    for name in (
+        "cross_validate",
+        "upright",
+        "ground_plane",
+        "supporting_surfaces",
+        "fixed_extrinsics",
+        "accept_inconsistent",
+    ):
         keywords[name] = _checks.flag(name, keywords[name])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)

@@ -45,6 +45,7 @@ pub struct LocalizeKeywords {
     camera_height: Option<f64>,
     pose_noise: Option<[f64; 2]>,
     refine_poses: Option<String>,
+    fixed_extrinsics: bool,
     reg_lambda: Option<f64>,
     sigmas: Option<HashMap<String, f64>>,
     accept_inconsistent: bool,
@@ -98,6 +99,10 @@ impl LocalizeKeywords {
             map.supporting_surfaces = self.supporting_surfaces;
             map.camera_height = self.camera_height;
             map.refine_poses = self.refine_poses.as_deref().map(|name| named("refine_poses", name)).transpose()?;
+            map.refine_extrinsics = !self.fixed_extrinsics;
+            if self.fixed_extrinsics && self.refine_poses.is_none() {
+                return Err(refuse("fixed_extrinsics needs refine_poses"));
+            }
             let sds = self.pose_noise;
             map.pose_noise = sds.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
             if let Some(levels) = &self.sigmas {

@@ -183,6 +183,7 @@ impl Session {
             projection: frame.projection,
             image_size: frame.image_size,
             lens: frame.lens,
+            rig: None,
         };
         let now = frame.time;
         self.last_images.insert(camera_name(&camera).to_owned(), (now, image));

@@ -30,6 +30,7 @@ OF_SCENES = OF_OBJECTS | {
     "supporting_surfaces",
     "camera_height",
     "refine_poses",
+    "fixed_extrinsics",
     "pose_noise",
     "accept_inconsistent",
 }

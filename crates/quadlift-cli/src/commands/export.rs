@@ -1,5 +1,6 @@
 //! `quadlift export`: objects and cameras of a scene file in the formats of other programs.
 
+mod cameras;
 mod formats;
 mod rerun;
 mod tables;
@@ -36,6 +37,8 @@ Examples:
   quadlift export boxer objects.json -o boxer_3dbbs.csv --only-detected
   quadlift export coco objects.json -o annotations.json
   quadlift export geojson objects.json -o objects.geojson --origin 48.2,16.37,170
+  quadlift export tum objects.json -o trajectory.txt
+  quadlift export colmap objects.json -o sparse/
   quadlift export mcap objects.json -o objects.mcap
   quadlift export ros objects.json -o detections.json --frame-id map
   quadlift export rerun scene.json objects.json -o recording/
@@ -61,6 +64,8 @@ pub struct Common {
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     match &args.format {
+        Format::Tum { common, camera } => cameras::tum(common, camera.as_deref(), out),
+        Format::Colmap { common } => cameras::colmap(common, out),
         Format::Parquet { common } => tables::run(common, out),
         Format::Rerun(args) => rerun::run(args, out),
         Format::Csv { common, views } => {

@@ -297,6 +297,29 @@ fn refined_poses_are_in_the_result_beside_the_given_ones() {
             assert!(covariance.len() == 6 && covariance[0][0].as_f64().unwrap() > 0.0);
         }
     }
+    // The refined poses leave as a trajectory and as a model, which come back.
+    folder.succeed("export tum out.json -o trajectory.txt");
+    folder.succeed("export colmap out.json -o sparse");
+    folder.succeed("import colmap sparse -o model.json");
+    folder.write("camera.txt", "500 500 320 240\n");
+    folder.succeed("import tum trajectory.txt --intrinsics camera.txt --image-size 640x480 -o poses.json");
+    let numbers = |frame: &Value| -> Vec<f64> {
+        let rows = frame["cam_from_world"].as_array().unwrap();
+        rows.iter().flat_map(|row| row.as_array().unwrap()).map(|x| x.as_f64().unwrap()).collect()
+    };
+    let refined = folder.json("out.json");
+    for read in ["model.json", "poses.json"] {
+        let read = folder.json(read);
+        let (read, refined) = (read["frames"].as_array().unwrap(), refined["frames"].as_array().unwrap());
+        assert_eq!(read.len(), refined.len());
+        for (a, b) in read.iter().zip(refined) {
+            assert!(numbers(a).iter().zip(numbers(b)).all(|(a, b)| (a - b).abs() < 1e-9), "{a} {b}");
+        }
+    }
+    assert!(folder.run("export tum out.json -o t.txt --camera other").stderr.contains("no frame has the camera"));
+    folder.succeed("localize scene.json --refine-poses --fixed-extrinsics -o out.json");
+    assert_eq!(folder.json("out.json")["localization"]["settings"]["fixed_extrinsics"], true);
+    assert_eq!(folder.run("localize scene.json --fixed-extrinsics").code, 2);
     assert_eq!(folder.run("localize scene.json --refine-poses=fast").code, 2);
     assert!(folder.run("localize scene.json --refine-poses --method lfd").stderr.contains("--method map only"));
 }

@@ -5,14 +5,18 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
-use quadlift::scene::{DetectionInput, Scene, SceneBuilder, SceneError};
+use quadlift::scene::{DetectionInput, RigCamera, Scene, SceneBuilder, SceneError};
 
-use super::records::{CameraRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, SceneFile, SegmentationRecord};
+use super::records::{
+    CameraRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, RIG_FRAME, SceneFile, SegmentationRecord,
+};
 use super::suggest::known_names;
 use crate::error::EntryError;
 
 /// A checked camera with its image size.
 struct CheckedCamera {
+    /// Its index in the file.
+    number: u32,
     camera: Camera,
     image_size: Option<[f64; 2]>,
 }
@@ -54,7 +58,11 @@ impl SceneFile {
                 Posed::Camera(camera, pose) => builder.add_frame_of_camera(&frame.id, camera, &pose, image_size),
                 Posed::Projection(projection) => builder.add_frame(&frame.id, projection, image_size),
             };
-            added.map_err(|error| EntryError::new(entry(""), error))?;
+            let added = added.map_err(|error| EntryError::new(entry(""), error))?;
+            if let Some(instant) = frame.extra.get(RIG_FRAME).and_then(serde_json::Value::as_u64) {
+                let camera = frame.camera.as_deref().and_then(|id| cameras.get(id)).map(|camera| camera.number);
+                builder.taken_by_rig(added, RigCamera { instant, camera });
+            }
         }
         if let Some(cloud) = self.point_cloud.as_deref() {
             cloud.check(true, |field| format!("point_cloud{field}"))?;
@@ -90,7 +98,8 @@ impl SceneFile {
             let entry = |field: &str| format!("cameras[{index}]{field}");
             let camera = camera(record, entry)?;
             let image_size = image_size(record.width, record.height, entry)?;
-            if cameras.insert(record.id.as_str(), CheckedCamera { camera, image_size }).is_some() {
+            let number = u32::try_from(index).unwrap_or(u32::MAX);
+            if cameras.insert(record.id.as_str(), CheckedCamera { number, camera, image_size }).is_some() {
                 return Err(EntryError::new(entry(""), format!("the camera id \"{}\" is used twice", record.id)));
             }
         }

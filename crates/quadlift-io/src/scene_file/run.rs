@@ -40,6 +40,9 @@ pub fn settings_record(options: &LocalizeOptions, priors: Option<&str>) -> Value
         json["pose_noise"] = map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
         if let Some(motion) = map.refine_poses {
             json["refine_poses"] = motion.name().into();
+            if !map.refine_extrinsics {
+                json["fixed_extrinsics"] = true.into();
+            }
         }
         json["priors"] = priors.into();
         if map.learn_sizes {

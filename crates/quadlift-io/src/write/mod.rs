@@ -6,6 +6,7 @@
 
 pub mod bop;
 pub mod boxer;
+pub mod cameras;
 pub mod coco;
 mod colors;
 pub mod csv;

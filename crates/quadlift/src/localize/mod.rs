@@ -7,12 +7,14 @@ mod validate;
 pub use measurement_kind::MeasurementKind;
 pub use options::LocalizeOptions;
 
+use std::sync::Arc;
+
 use crate::cross_validation::{CrossValidation, choose_folds, summarise};
 use crate::diagnosis::{Diagnosis, diagnose};
 use crate::observer::{Observer, Unobserved, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
-use crate::solve::map::{MapContext, map};
+use crate::solve::map::{MapContext, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
     BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, OptionError,
@@ -161,6 +163,7 @@ pub fn localize_observed(
         let context = MapContext {
             categories: &scene.categories,
             up: scene.up,
+            pose_unknowns: Arc::new(PoseUnknowns::of(&scene.frames, map_options.refine_extrinsics)),
             cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
             seed: options.seed,
             has_cues: scene.detections.iter().any(|d| d.cues.is_some()),

@@ -40,7 +40,8 @@ impl Frame {
 
     /// The frame of a scene.
     pub(super) fn to_scene(&self) -> scene::Frame {
-        scene::Frame { id: self.id.clone(), projection: self.projection, image_size: self.image_size, lens: self.lens }
+        let Self { projection, image_size, lens, .. } = *self;
+        scene::Frame { id: self.id.clone(), projection, image_size, lens, rig: None }
     }
 }
 

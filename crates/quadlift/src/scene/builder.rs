@@ -9,7 +9,7 @@ use super::Scene;
 use super::cues::Cues;
 use super::error::SceneError;
 use super::outlines::{Outlines, Shape, check_outline};
-use super::parts::{Detection, Frame, SceneParts, Undistorted};
+use super::parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection};
 
 /// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
@@ -102,7 +102,8 @@ impl SceneBuilder {
         {
             return Err(SceneError::ImageSize { width, height });
         }
-        self.push_frame(Frame { id: id.to_owned(), projection, image_size: image_size.map(Vector2::from), lens: None })
+        let image_size = image_size.map(Vector2::from);
+        self.push_frame(Frame { id: id.to_owned(), projection, image_size, lens: None, rig: None })
     }
 
     /// Adds an image of a camera of any model; the detections in it will be undistorted. Returns its index.
@@ -119,6 +120,13 @@ impl SceneBuilder {
         let index = self.add_frame(id, Projection::from_camera(&camera.pinhole(), cam_from_world), image_size)?;
         self.scene.frames[index].lens = (!camera.is_pinhole()).then_some(*camera);
         Ok(index)
+    }
+
+    /// Says when and by which camera of a rig a frame was taken; nothing for an index that [`Self::add_frame`] did not return.
+    pub fn taken_by_rig(&mut self, frame_index: usize, rig: RigCamera) {
+        if let Some(frame) = self.scene.frames.get_mut(frame_index) {
+            frame.rig = Some(rig);
+        }
     }
 
     fn push_frame(&mut self, frame: Frame) -> Result<usize, SceneError> {

@@ -18,7 +18,7 @@ pub use error::SceneError;
 pub use hidden::hidden_edges;
 pub(crate) use outlines::extreme_corners;
 pub use outlines::{FrameOutline, OutlineError, Outlines, Shape, check_outline, hidden_lines};
-pub use parts::{Detection, Frame, SceneParts, Undistorted};
+pub use parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 pub use skipped::SkippedDetections;
 pub use sources::SourceError;
 pub(crate) use views::{BORDER_TOLERANCE_PX, edges_at_border};

@@ -49,6 +49,18 @@ pub struct Frame {
     /// The camera of the image, if it has lens distortion. The measurements of a scene are already undistorted; this is
     /// for later measurements in the image.
     pub lens: Option<Camera>,
+    /// When and by which camera of a rig it was taken, if by one.
+    pub rig: Option<RigCamera>,
+}
+
+/// When and by which camera of a rig an image was taken. The images of one instant have poses with a common error
+/// ([`crate::solve::MapOptions::refine_poses`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RigCamera {
+    /// Number of the instant; greater ones are later.
+    pub instant: u64,
+    /// Number of the camera, from 0, if it is known which one.
+    pub camera: Option<u32>,
 }
 
 /// Measurements in an image, in the pixels of [`Frame::projection`].

@@ -1,5 +1,7 @@
 //! Estimates one object from its views, without a scene.
 
+use std::sync::Arc;
+
 use nalgebra::{Unit, Vector3};
 
 use super::closed_form::solve_closed_form;
@@ -86,6 +88,7 @@ impl Estimator {
         let context = MapContext {
             categories: &categories,
             up: self.up,
+            pose_unknowns: Arc::default(),
             cameras: views.iter().filter_map(|view| view.projection.center_in_world()).collect(),
             seed: self.seed,
             has_cues: views.iter().any(|view| !view.cues.is_empty()),

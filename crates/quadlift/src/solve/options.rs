@@ -183,9 +183,12 @@ pub struct MapOptions {
     /// Prior of pose corrections, one per frame, which are then estimated. `None` takes the poses as exact. It helps only if
     /// each frame shows several objects.
     pub pose_noise: Option<PoseNoise>,
-    /// Whether poses are corrected with levels of their errors that are estimated, too (those of [`MapOptions::pose_noise`], where it is
+    /// Whether poses are corrected, those of frames that a rig took at one instant together, with levels of their errors that are estimated, too (those of [`MapOptions::pose_noise`], where it is
     /// given), and how the errors change from frame to frame.
     pub refine_poses: Option<PoseMotion>,
+    /// Whether the places of cameras in their rig ([`crate::scene::Frame::rig`]) are corrected with the poses; the default. Errors of
+    /// extrinsics that are taken as exact move the whole rig.
+    pub refine_extrinsics: bool,
     /// Whether covariances include errors that the views of an object share, and differences between objects. Estimates do not
     /// depend on it.
     pub common_errors: bool,
@@ -212,6 +215,7 @@ impl Default for MapOptions {
             hidden_edges: true,
             pose_noise: None,
             refine_poses: None,
+            refine_extrinsics: true,
             common_errors: true,
             sigmas: None,
         }

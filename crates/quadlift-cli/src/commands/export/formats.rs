@@ -32,6 +32,19 @@ pub enum Format {
         #[arg(long, value_name = "FILE")]
         views: Option<PathBuf>,
     },
+    /// TUM: the trajectory of a camera, as given or refined
+    Tum {
+        #[command(flatten)]
+        common: Common,
+        /// The camera, by its id in the scene, if frames have several
+        #[arg(long, value_name = "ID")]
+        camera: Option<String>,
+    },
+    /// COLMAP: a folder with the model of the cameras, as given or refined, in text form
+    Colmap {
+        #[command(flatten)]
+        common: Common,
+    },
     /// Parquet: a folder of tables with the whole scene file
     Parquet {
         #[command(flatten)]

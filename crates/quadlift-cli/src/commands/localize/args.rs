@@ -132,6 +132,11 @@ pub struct Args {
           value_parser = pose_motion(), hide_possible_values = true)]
     refine_poses: Option<PoseMotion>,
 
+    /// Take the places of cameras in their rig as exact: --refine-poses then corrects the pose of the rig alone (frames with
+    /// the same `rig_frame` are taken by one rig)
+    #[arg(long, requires = "refine_poses")]
+    fixed_extrinsics: bool,
+
     /// Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame
     #[arg(long, value_name = "RAD,LENGTH", value_parser = args::pose_noise)]
     pose_noise: Option<PoseNoise>,
@@ -204,6 +209,7 @@ impl Args {
                 map.camera_height = self.camera_height;
                 map.pose_noise = self.pose_noise;
                 map.refine_poses = self.refine_poses;
+                map.refine_extrinsics = !self.fixed_extrinsics;
                 map.sigmas = self.sigmas.as_ref().map(read_sigmas).transpose()?;
                 map.learn_sizes = self.priors.iter().any(|name| name.as_os_str() == "scene");
             }

@@ -1,7 +1,10 @@
 //! Input shared by the objects of a scene.
 
+use std::sync::Arc;
+
 use nalgebra::{Point3, Unit, Vector3};
 
+use super::shared::pose_unknowns::PoseUnknowns;
 use crate::observer::Watch;
 use crate::scene::ObjectViews;
 use crate::solve::options::{CategoryPrior, MapOptions};
@@ -15,6 +18,8 @@ pub(crate) struct MapContext<'a> {
     pub up: Option<Unit<Vector3<f64>>>,
     /// Centres of all cameras, for the ground plane.
     pub cameras: Vec<Point3<f64>>,
+    /// Which motion corrects the pose of which camera.
+    pub pose_unknowns: Arc<PoseUnknowns>,
     /// Seed of the hypotheses and of the random starts.
     pub seed: u64,
     /// Whether detections have depths or 3D boxes.

@@ -18,6 +18,7 @@ pub(super) mod shared;
 pub(crate) use self::context::MapContext;
 use self::scene::body_selection::BodyKinds;
 use self::scene::scene_fit::SceneFit;
+pub(crate) use self::shared::pose_unknowns::PoseUnknowns;
 use super::cue_scale::CueScale;
 use super::estimate::Estimate;
 use super::learnt_size::LearntCategorySize;

@@ -191,7 +191,7 @@ impl Fit {
         objective.each_row(&self.body, &mut of_row);
         objective.each_cue_row(&self.body, of_row);
         let step = -(covariance * equations.gradient());
-        Some(ObjectPoseTerms { frames: frames.into_values().collect(), covariance, step })
+        Some(ObjectPoseTerms { frames: frames.into_values().collect(), cross: Vec::new(), covariance, step })
     }
 
     /// Residual statistics under the noise levels of the last fit.
@@ -414,7 +414,7 @@ impl Fit {
         if context.corrects_poses()
             && let Some(terms) = self.pose_terms(noise)
         {
-            local += shared.poses.added_covariance(&terms);
+            local += shared.poses.added_covariance(terms);
         }
         Some(local)
     }

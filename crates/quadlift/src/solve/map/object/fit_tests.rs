@@ -42,6 +42,7 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
         categories: &scene.categories,
         up,
         cameras: Vec::new(),
+        pose_unknowns: Arc::default(),
         seed: 0,
         enclosing_quantile: 0.85,
         options: &options,
@@ -107,9 +108,9 @@ fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
         let moved = Vector6::new(0.01, -0.02, 0.03, 0.4, 0.5, -0.6);
         let mut poses = PoseCorrections::of_frames(&BTreeMap::from([(2, moved)]));
         let pose_noise = Some(PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 });
-        let prior = PosePrior::new(&MapOptions { pose_noise, ..Default::default() }, || 1.0).unwrap();
+        let prior = PosePrior::new(&MapOptions { pose_noise, ..Default::default() }, &Arc::default(), || 1.0).unwrap();
         // With this noise measurements are worth nothing.
-        let step = poses.update(&[fit.pose_terms(&noise.scaled(1e5)).unwrap()], &prior);
+        let step = poses.update(vec![fit.pose_terms(&noise.scaled(1e5)).unwrap()], &prior);
         assert!((step.motion_of(2).unwrap() + moved).norm() < 1e-6);
         assert!(poses.motion_of(2).unwrap().norm() < 1e-6);
         assert!(poses.determined() < 1e-4);

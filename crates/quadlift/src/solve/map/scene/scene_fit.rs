@@ -209,11 +209,9 @@ impl SceneFit {
     pub(super) fn again(self, context: &MapContext) -> Self {
         let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, .. } = self;
         let mut started = noise;
-        let pose_prior = PosePrior::new(context.options, || usual_distance(&fits));
-        for round in 0..ROUNDS {
-            if context.watch.is_cancelled() {
-                break;
-            }
+        let pose_prior = PosePrior::new(context.options, &context.pose_unknowns, || usual_distance(&fits));
+        let (mut round, mut follows) = (0, false);
+        while round < ROUNDS && !context.watch.is_cancelled() {
             statistics = NoiseStatistics::default();
             // Summed in the order of the objects, so that the result does not depend on the number of threads.
             let misfits: Vec<Option<Misfit>> = fits.iter().flatten().map(|fit| fit.misfit(&noise)).collect();
@@ -234,10 +232,19 @@ impl SceneFit {
                 fits.iter_mut().flatten().for_each(|fit| fit.stand_on_ground(ground, up));
             }
             // Poses would follow what the objects have not yet.
-            let moved = pose_prior.as_ref().filter(|_| round > 0).map(|prior| {
+            let as_given = poses.is_empty();
+            // Poses as given are looked at when the noise is about known, and when it is known.
+            let looks = !as_given || settled || round == 1 || round + 1 == ROUNDS;
+            let corrects = |prior: &&PosePrior| round > 0 && (looks || !prior.may_be_exact);
+            let moved = pose_prior.as_ref().filter(corrects).map(|prior| {
                 let terms = map_indices(fits.len(), |k| fits[k].as_ref().ok().and_then(|fit| fit.pose_terms(&noise)));
-                poses.update(&terms.into_iter().flatten().collect::<Vec<_>>(), prior)
+                poses.update(terms.into_iter().flatten().collect(), prior)
             });
+            let moved = moved.filter(|moved| !moved.is_empty());
+            // The objects then follow the cameras, once.
+            if as_given && !poses.is_empty() && !follows {
+                (round, follows) = (1, true);
+            }
             let scaled = scale_terms(&fits, &noise, context).map(|terms| scales.update(&terms));
             let cues = scaled.is_some();
             if moved.is_some() || cues {
@@ -264,10 +271,11 @@ impl SceneFit {
                 };
                 Ok(if restart { fit.restarted(&noise, context) } else { fit })
             });
-            let shared = ground.is_some() || pose_prior.is_some() || cues;
+            let shared = ground.is_some() || !poses.is_empty() || cues;
             if settled && (!shared || round >= SHARED_ROUNDS) {
                 break;
             }
+            round += 1;
         }
         let misfits = fits.iter().flatten().filter_map(|fit| fit.misfit(&noise));
         let reference = Reference::among(&noise, misfits, context.options).at_most_the_noise(&noise);

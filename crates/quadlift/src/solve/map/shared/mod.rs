@@ -4,8 +4,10 @@
 pub(crate) mod cue_scales;
 mod envelope;
 pub(crate) mod ground;
+pub(crate) mod pose_evidence;
 pub(crate) mod pose_prior;
 mod pose_system;
+pub(crate) mod pose_unknowns;
 pub(crate) mod poses;
 mod scale_system;
 pub(crate) mod size_model;

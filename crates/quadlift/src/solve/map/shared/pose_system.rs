@@ -22,14 +22,19 @@ const TOLERANCE: f64 = 1e-8;
 const SMALLEST: f64 = 1e-4;
 const LARGEST: f64 = 4.0;
 
+/// Factor by which a level changes in one step, at most: noise levels and objects follow.
+pub(super) const LARGEST_STEP: f64 = 2.0;
+
 /// The solved equations.
 #[derive(Debug, Clone)]
 pub(crate) struct PoseSystem {
-    /// Frames, ascending.
-    frames: Vec<usize>,
+    /// Numbers of the motions, ascending.
+    numbers: Vec<usize>,
     step: Vec<Motion>,
+    /// The corrections after the step.
+    motions: Vec<Motion>,
     covariance: Envelope,
-    /// Logarithm of the evidence for the levels, but for a constant of the measurements.
+    /// Logarithm of the evidence for the levels, against that for poses that are exact.
     log_evidence: f64,
 }
 
@@ -45,24 +50,25 @@ impl PoseSystem {
         levels: PoseLevels,
         before: impl Fn(usize) -> Motion,
     ) -> Option<Self> {
-        let mut frames: Vec<usize> = objects.iter().flat_map(|o| o.frames.iter().map(|term| term.frame)).collect();
-        frames.sort_unstable();
-        frames.dedup();
-        let position: BTreeMap<usize, usize> = frames.iter().enumerate().map(|(k, frame)| (*frame, k)).collect();
-        let mut diagonal = vec![Matrix6::zeros(); frames.len()];
-        let mut right = vec![Motion::zeros(); frames.len()];
+        let mut numbers: Vec<usize> = objects.iter().flat_map(|o| o.frames.iter().map(|term| term.frame)).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let position: BTreeMap<usize, usize> = numbers.iter().enumerate().map(|(k, number)| (*number, k)).collect();
+        let mut diagonal = vec![Matrix6::zeros(); numbers.len()];
+        let mut right = vec![Motion::zeros(); numbers.len()];
         // The prior.
-        let scale = levels.scale();
-        let precision = levels.precision(&frames);
-        let motions: Vec<Motion> = frames.iter().map(|frame| before(*frame)).collect();
+        let precision = levels.precision(&numbers);
+        let motions: Vec<Motion> = numbers.iter().map(|number| before(*number)).collect();
         for (k, (with_itself, with_before)) in precision.iter().enumerate() {
+            let scale = levels.scale(numbers[k]);
             diagonal[k] += Matrix6::from_diagonal(&(scale * *with_itself));
             right[k] -= scale.component_mul(&motions[k]) * *with_itself;
-            if k > 0 {
+            if *with_before != 0.0 {
                 right[k] -= scale.component_mul(&motions[k - 1]) * *with_before;
                 right[k - 1] -= scale.component_mul(&motions[k]) * *with_before;
             }
         }
+        let mut cross: BTreeMap<(usize, usize), Matrix6<f64>> = BTreeMap::new();
         let mut couplings = Vec::with_capacity(objects.len());
         for object in objects {
             let Some(root) = nalgebra::Cholesky::new(object.covariance) else { continue };
@@ -75,25 +81,32 @@ impl PoseSystem {
             }
             coupled.sort_by_key(|(k, _)| *k);
             couplings.push(Coupling { frames: coupled });
+            for ((row, column), block) in &object.cross {
+                *cross.entry((position[row], position[column])).or_default() += block;
+            }
         }
-        let equations = Equations { diagonal, precision, scale, couplings, is_correlated: levels.is_correlated() };
+        let scale = levels.scale(0);
+        let correlated = if levels.is_correlated() { levels.instants(&numbers).len() } else { 0 };
+        let cross = cross.into_iter().collect();
+        let equations = Equations { diagonal, precision, scale, couplings, cross, correlated };
         let Solution { step, covariance, log_determinant } = equations.solve(&right)?;
         // What the measurements say, as a normal distribution of the motions: integrated with the prior (method, section 11.2).
         let told = equations.times(&motions);
-        let explained = (0..frames.len()).map(|k| (right[k] + told[k]).dot(&(motions[k] + step[k]))).sum::<f64>();
-        let log_evidence = 0.5 * (levels.log_determinant(&frames) - log_determinant + explained);
+        let explained = (0..numbers.len()).map(|k| (right[k] + told[k]).dot(&(motions[k] + step[k]))).sum::<f64>();
+        let log_evidence = 0.5 * (levels.log_determinant(&numbers) - log_determinant + explained);
         let is_finite = step.iter().all(|motion| motion.iter().all(|x| x.is_finite()));
-        is_finite.then_some(Self { frames, step, covariance, log_evidence })
+        let motions = motions.iter().zip(&step).map(|(before, step)| before + step).collect();
+        is_finite.then_some(Self { numbers, step, motions, covariance, log_evidence })
     }
 
-    /// Logarithm of the evidence for the levels; only differences between levels mean something.
+    /// Logarithm of the evidence for the levels, against that for poses that are exact.
     pub(crate) fn log_evidence(&self) -> f64 {
         self.log_evidence
     }
 
-    /// The frames, ascending.
-    pub(crate) fn frames(&self) -> &[usize] {
-        &self.frames
+    /// The numbers of the motions, ascending.
+    pub(crate) fn numbers(&self) -> &[usize] {
+        &self.numbers
     }
 
     /// The step of each.
@@ -101,16 +114,18 @@ impl PoseSystem {
         &self.step
     }
 
-    /// Covariance of the motions of two frames (rows, columns); `None` where no object couples them.
-    pub(crate) fn covariance(&self, frame: usize, other: usize) -> Option<Matrix6<f64>> {
-        let place = |frame: usize| self.frames.binary_search(&frame).ok();
-        self.covariance.block(place(frame)?, place(other)?)
+    /// Covariance of the motions with two numbers (rows, columns); `None` where no object couples them.
+    pub(crate) fn covariance(&self, number: usize, other: usize) -> Option<Matrix6<f64>> {
+        let place = |number: usize| self.numbers.binary_search(&number).ok();
+        self.covariance.block(place(number)?, place(other)?)
     }
 
-    /// The standard deviations that these motions show (MacKay's rule), and the number of parameters that the measurements determine.
-    /// `first` is where their estimation started.
-    pub(crate) fn levels(&self, motions: &[Motion], first: PoseLevels, levels: PoseLevels) -> (PoseLevels, f64) {
-        let precision = levels.precision(&self.frames);
+    /// The standard deviations that the corrections show (MacKay's rule), and the number of parameters that the measurements determine.
+    /// `levels` are those of the equations; they change by a factor of `largest_step`, at most.
+    pub(crate) fn levels(&self, levels: PoseLevels, largest_step: f64) -> (PoseLevels, f64) {
+        let motions = &self.motions;
+        let instants = levels.instants(&self.numbers);
+        let precision = levels.precision(instants);
         let (mut squares, mut spread) = (Motion::zeros(), Motion::zeros());
         for (k, (with_itself, with_before)) in precision.iter().enumerate() {
             squares += motions[k].component_mul(&motions[k]) * *with_itself;
@@ -121,15 +136,15 @@ impl PoseSystem {
                 spread += z * (2.0 * with_before);
             }
         }
-        let all = 3.0 * self.frames.len() as f64;
+        let all = 3.0 * instants.len() as f64;
         let of = |from: usize, level: f64, usual: f64| {
             let sum = |of: &Motion| of.fixed_rows::<3>(from).sum();
             let determined = (all - sum(&spread) / (level * level)).clamp(0.0, all);
-            // The levels may at most halve or double: noise levels and objects follow.
-            let updated = (sum(&squares) / determined.max(1e-3 * all)).sqrt().clamp(0.5 * level, 2.0 * level);
+            let updated = (sum(&squares) / determined.max(1e-3 * all)).sqrt();
+            let updated = updated.clamp(level / largest_step, largest_step * level);
             (updated.clamp(SMALLEST * usual, LARGEST * usual), determined)
         };
-        let (usual, now) = (first.noise, levels.noise);
+        let (usual, now) = (levels.first, levels.noise);
         let (rotation_sd, rotations) = of(0, now.rotation_sd, usual.rotation_sd);
         let (translation_sd, shifts) = of(3, now.translation_sd, usual.translation_sd);
         (PoseLevels { noise: PoseNoise { rotation_sd, translation_sd }, ..levels }, rotations + shifts)
@@ -149,7 +164,10 @@ struct Equations {
     precision: Vec<(f64, f64)>,
     scale: Motion,
     couplings: Vec<Coupling>,
-    is_correlated: bool,
+    /// Positions, row and column, with what the motions of a rig and of its camera have in common.
+    cross: Vec<((usize, usize), Matrix6<f64>)>,
+    /// So many motions, the first ones, follow each other.
+    correlated: usize,
 }
 
 impl Equations {
@@ -158,9 +176,12 @@ impl Equations {
         let start = |k: usize| k / segment * segment;
         let mut first: Vec<usize> = (0..self.diagonal.len()).collect();
         for (k, first) in first.iter_mut().enumerate() {
-            if self.is_correlated && k > start(k) {
+            if k < self.correlated && k > start(k) {
                 *first = k - 1;
             }
+        }
+        for ((row, column), _) in &self.cross {
+            first[*row] = first[*row].min((*column).max(start(*row)));
         }
         for coupling in &self.couplings {
             let mut least = usize::MAX;
@@ -179,9 +200,12 @@ impl Equations {
         let mut matrix = Envelope::zeros(&first);
         for (k, block) in self.diagonal.iter().enumerate() {
             matrix.add(k, k, block);
-            if self.is_correlated && first[k] < k {
+            if k < self.correlated && first[k] < k {
                 matrix.add(k, k - 1, &Matrix6::from_diagonal(&(self.scale * self.precision[k].1)));
             }
+        }
+        for ((row, column), block) in self.cross.iter().filter(|((row, column), _)| column / segment == row / segment) {
+            matrix.add(*row, *column, block);
         }
         for Coupling { frames } in &self.couplings {
             for (place, (row, a)) in frames.iter().enumerate() {
@@ -195,12 +219,14 @@ impl Equations {
 
     fn times(&self, x: &[Motion]) -> Vec<Motion> {
         let mut product: Vec<Motion> = self.diagonal.iter().zip(x).map(|(block, x)| block * x).collect();
-        if self.is_correlated {
-            for k in 1..x.len() {
-                let with_before = self.scale * self.precision[k].1;
-                product[k] += with_before.component_mul(&x[k - 1]);
-                product[k - 1] += with_before.component_mul(&x[k]);
-            }
+        for k in 1..self.correlated {
+            let with_before = self.scale * self.precision[k].1;
+            product[k] += with_before.component_mul(&x[k - 1]);
+            product[k - 1] += with_before.component_mul(&x[k]);
+        }
+        for ((row, column), block) in &self.cross {
+            product[*row] += block * x[*column];
+            product[*column] += block.tr_mul(&x[*row]);
         }
         for Coupling { frames } in &self.couplings {
             let sum: nalgebra::SVector<f64, PARAMETERS> = frames.iter().map(|(k, block)| block.tr_mul(&x[*k])).sum();
@@ -259,7 +285,7 @@ mod tests {
 
     /// Logarithm of the density of the residuals, with motions and parameters integrated out: those have a wide prior.
     fn marginal(residuals: &DVector<f64>, by: &DMatrix<f64>, by_object: &DMatrix<f64>, levels: PoseLevels) -> f64 {
-        let sd = levels.scale().map(|scale| scale.powf(-0.5));
+        let sd = levels.scale(0).map(|scale| scale.powf(-0.5));
         let covariance = DMatrix::from_fn(6 * FRAMES.len(), 6 * FRAMES.len(), |i, j| {
             let gap = FRAMES[i / 6].abs_diff(FRAMES[j / 6]) as f64;
             let correlation = if i / 6 == j / 6 { 1.0 } else { (-gap / levels.memory).exp() };
@@ -297,9 +323,10 @@ mod tests {
             SMatrix::<f64, PARAMETERS, PARAMETERS>::from_fn(|i, j| by_object.column(i).dot(&by_object.column(j)));
         let covariance = information.try_inverse().unwrap();
         let step = -(covariance * SVector::<f64, PARAMETERS>::from_fn(|i, _| by_object.column(i).dot(&residuals)));
-        let objects = [ObjectPoseTerms { frames, covariance, step }];
+        let objects = [ObjectPoseTerms { frames, cross: Vec::new(), covariance, step }];
         let of = |rotation_sd, translation_sd, memory| {
-            let levels = PoseLevels { noise: PoseNoise { rotation_sd, translation_sd }, memory };
+            let noise = PoseNoise { rotation_sd, translation_sd };
+            let levels = PoseLevels { noise, memory, extrinsics: noise, first: noise, first_camera: usize::MAX };
             let system = PoseSystem::new(&objects, levels, |_| Motion::zeros()).unwrap();
             (system.log_evidence(), marginal(&residuals, &by, &by_object, levels))
         };

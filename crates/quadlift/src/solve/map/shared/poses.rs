@@ -1,13 +1,14 @@
 //! Corrections of the camera poses: one small motion per frame, estimated with all objects (docs/method.md, section 11.2).
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::{Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
 
 use super::pose_prior::{PoseLevels, PosePrior};
-use super::pose_system::PoseSystem;
+use super::pose_system::{LARGEST_STEP, PoseSystem};
+use super::pose_unknowns::PoseUnknowns;
 use crate::optimize::normal_equations::{PARAMETERS, Row};
-use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 use crate::solve::estimate::Matrix9;
 use crate::solve::refined_pose::RefinedPose;
@@ -41,13 +42,32 @@ impl FrameTerm {
         self.gradient += by_motion * (residual * weight);
         self.coupling += by_motion * SVector::from(*by_object).transpose() * weight;
     }
+
+    /// The same about a motion by which that of the camera has this derivative.
+    pub(super) fn by(&self, by: &Matrix6<f64>) -> Self {
+        Self {
+            frame: self.frame,
+            information: by.transpose() * self.information * by,
+            gradient: by.tr_mul(&self.gradient),
+            coupling: by.transpose() * self.coupling,
+        }
+    }
+
+    /// Adds what another frame tells, if it has the same motion.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        self.information += other.information;
+        self.gradient += other.gradient;
+        self.coupling += other.coupling;
+    }
 }
 
 /// What an object tells about the cameras that see it.
 #[derive(Debug, Clone)]
 pub(crate) struct ObjectPoseTerms {
-    /// By frame, each once.
+    /// By frame, each once; by unknown after [`PoseUnknowns::of_object`].
     pub frames: Vec<FrameTerm>,
+    /// Products of the derivatives by the motions of two unknowns that move the same camera: the larger number, the smaller one.
+    pub cross: Vec<((usize, usize), Matrix6<f64>)>,
     /// Covariance of the object's parameters were the cameras known.
     pub covariance: Matrix9,
     /// The step that its parameters are still from their minimum.
@@ -57,19 +77,19 @@ pub(crate) struct ObjectPoseTerms {
 /// The correction of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Correction {
-    turn: Rotation3<f64>,
-    shift: Vector3<f64>,
+    pub(super) turn: Rotation3<f64>,
+    pub(super) shift: Vector3<f64>,
 }
 
 impl Correction {
-    fn of(motion: &Motion) -> Self {
+    pub(super) fn of(motion: &Motion) -> Self {
         Self {
             turn: Rotation3::new(motion.fixed_rows::<3>(0).into_owned()),
             shift: motion.fixed_rows::<3>(3).into_owned(),
         }
     }
 
-    fn motion(&self) -> Motion {
+    pub(super) fn motion(&self) -> Motion {
         let turn = self.turn.scaled_axis();
         Motion::new(turn.x, turn.y, turn.z, self.shift.x, self.shift.y, self.shift.z)
     }
@@ -77,22 +97,9 @@ impl Correction {
     fn after(&self, before: Option<&Self>) -> Self {
         before.map_or(*self, |b| Self { turn: self.turn * b.turn, shift: self.shift + b.shift })
     }
-}
 
-/// A step under the levels of one memory.
-struct Candidate {
-    system: PoseSystem,
-    /// The corrections after it, in the order of the system's frames.
-    corrections: Vec<Correction>,
-    /// The levels that they show.
-    levels: PoseLevels,
-    /// Number of parameters that the measurements determine.
-    determined: f64,
-}
-
-impl Candidate {
-    fn is_worse_than(&self, other: &Self) -> bool {
-        self.system.log_evidence() < other.system.log_evidence()
+    fn inverse(&self) -> Self {
+        Self { turn: self.turn.inverse(), shift: -self.shift }
     }
 }
 
@@ -100,9 +107,13 @@ impl Candidate {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PoseCorrections {
     frames: BTreeMap<usize, Correction>,
-    /// Covariance of the motions of two frames.
+    /// Which motion moves which camera.
+    unknowns: Arc<PoseUnknowns>,
+    /// The motions, by their numbers.
+    motions: BTreeMap<usize, Correction>,
+    /// Covariance of two motions.
     covariance: Option<PoseSystem>,
-    /// Levels of the motions, given or estimated, for each memory that errors may have.
+    /// Levels of the motions, given or estimated, for each memory that errors may have; empty unless poses are corrected.
     levels: Vec<PoseLevels>,
     /// The memory whose evidence is largest.
     memory: Option<f64>,
@@ -112,37 +123,43 @@ pub(crate) struct PoseCorrections {
 
 impl PoseCorrections {
     /// Corrects the frames from the fitted objects and the prior: one step of Gauss and Newton for cameras and objects together, with the
-    /// levels whose evidence is largest. Returns what is new in the corrections, which the objects then follow.
-    pub(crate) fn update(&mut self, objects: &[ObjectPoseTerms], prior: &PosePrior) -> Self {
-        if self.levels.len() != prior.first.len() {
-            self.levels.clone_from(&prior.first);
-        }
-        let before = |frame: usize| self.frames.get(&frame).map_or_else(Motion::zeros, Correction::motion);
-        let stepped = |k: usize| {
-            let system = PoseSystem::new(objects, self.levels[k], before)?;
-            let corrected = |(frame, step): (&usize, &Motion)| Correction::of(step).after(self.frames.get(frame));
-            let corrections: Vec<Correction> = system.frames().iter().zip(system.step()).map(corrected).collect();
-            let motions: Vec<Motion> = corrections.iter().map(Correction::motion).collect();
-            let (levels, determined) = system.levels(&motions, prior.first[k], self.levels[k]);
-            Some(Candidate { system, corrections, levels, determined })
-        };
-        let candidates = map_indices(self.levels.len(), stepped);
-        if prior.estimated {
-            for (levels, candidate) in self.levels.iter_mut().zip(&candidates) {
-                *levels = candidate.as_ref().map_or(*levels, |candidate| candidate.levels);
+    /// levels whose evidence is largest. Poses that may be exact stay as given where that is not clearly larger than the evidence for it.
+    /// Returns what is new in the corrections, which the objects then follow.
+    pub(crate) fn update(&mut self, objects: Vec<ObjectPoseTerms>, prior: &PosePrior) -> Self {
+        let objects: Vec<_> = objects.into_iter().map(|object| prior.unknowns.of_object(object)).collect();
+        let before = |number: usize| self.motions.get(&number).map_or_else(Motion::zeros, Correction::motion);
+        let mut levels = prior.contenders(&objects, &self.levels, before);
+        let system = levels.first().and_then(|levels| PoseSystem::new(&objects, *levels, before));
+        let corrected = system.map_or_else(Self::default, |system| {
+            let stepped =
+                |(number, step): (&usize, &Motion)| (*number, Correction::of(step).after(self.motions.get(number)));
+            let motions = system.numbers().iter().zip(system.step()).map(stepped).collect();
+            let (shown, determined) = system.levels(levels[0], LARGEST_STEP);
+            if prior.estimated {
+                levels[0] = shown;
             }
+            Self {
+                frames: prior.unknowns.corrections(&motions),
+                unknowns: prior.unknowns.clone(),
+                motions,
+                covariance: Some(system),
+                memory: Some(levels[0].memory),
+                levels,
+                determined,
+            }
+        });
+        let before = std::mem::replace(self, corrected);
+        let mut step = self.frames.clone();
+        for (frame, old) in &before.frames {
+            let back = old.inverse();
+            step.entry(*frame).and_modify(|new| *new = new.after(Some(&back))).or_insert(back);
         }
-        // The first of equal ones: independent errors.
-        let better = |a: Candidate, b| if a.is_worse_than(&b) { b } else { a };
-        let best = candidates.into_iter().flatten().reduce(better);
-        let Some(Candidate { system, corrections, levels, determined }) = best else { return Self::default() };
-        let steps = system.frames().iter().copied().zip(system.step().iter().map(Correction::of));
-        let step = Self { frames: steps.collect(), ..Self::default() };
-        self.frames.extend(system.frames().iter().copied().zip(corrections));
-        self.memory = Some(levels.memory);
-        self.determined = determined;
-        self.covariance = Some(system);
-        step
+        Self { frames: step, ..Self::default() }
+    }
+
+    /// Whether poses are corrected.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.frames.is_empty()
     }
 
     /// Moves the cameras of an object's views.
@@ -157,7 +174,17 @@ impl PoseCorrections {
 
     /// The corrections, in the order of the frames.
     pub(crate) fn refined(&self) -> Vec<RefinedPose> {
-        let covariance = |frame: usize| self.covariance.as_ref().and_then(|system| system.covariance(frame, frame));
+        let covariance = |frame: usize| {
+            let system = self.covariance.as_ref()?;
+            let by = self.unknowns.of_frame(frame);
+            let mut sum = Matrix6::zeros();
+            for (number, a) in &by {
+                for (other, b) in &by {
+                    sum += a * system.covariance(*number, *other)? * b.transpose();
+                }
+            }
+            Some((sum + sum.transpose()) * 0.5)
+        };
         let of = |(&frame_index, &Correction { turn, shift }): (&usize, &Correction)| RefinedPose {
             frame_index,
             turn,
@@ -168,8 +195,9 @@ impl PoseCorrections {
     }
 
     /// What the errors of the corrected cameras add to the covariance of an object's parameters.
-    pub(crate) fn added_covariance(&self, object: &ObjectPoseTerms) -> Matrix9 {
+    pub(crate) fn added_covariance(&self, object: ObjectPoseTerms) -> Matrix9 {
         let Some(system) = &self.covariance else { return Matrix9::zeros() };
+        let object = self.unknowns.of_object(object);
         let follow: Vec<(usize, SMatrix<f64, PARAMETERS, 6>)> =
             object.frames.iter().map(|term| (term.frame, object.covariance * term.coupling.transpose())).collect();
         let mut added = Matrix9::zeros();
@@ -206,8 +234,8 @@ impl PoseCorrections {
 impl PoseCorrections {
     /// Corrected frames.
     pub(crate) fn of_frames(frames: &BTreeMap<usize, Motion>) -> Self {
-        let frames = frames.iter().map(|(frame, motion)| (*frame, Correction::of(motion))).collect();
-        Self { frames, ..Self::default() }
+        let frames: BTreeMap<_, _> = frames.iter().map(|(frame, motion)| (*frame, Correction::of(motion))).collect();
+        Self { motions: frames.clone(), frames, ..Self::default() }
     }
 
     /// The motion of a frame.
