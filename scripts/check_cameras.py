@@ -94,6 +94,13 @@ def check_rigs(quadlift, folder, seed):
             largest = max(largest, difference)
         assert "inconsistent" not in text, text
         assert ("computed from the frames and rigs" in text) == (form == "text"), text
+    # The scene as a model again, which has no rigs.
+    run(quadlift, "export", "colmap", folder / "scene.json", "-o", folder / f"exported{seed}")
+    exported = pycolmap.Reconstruction(folder / f"exported{seed}")
+    assert len(exported.cameras) == len(scene["cameras"]) and len(exported.images) == 14, exported
+    for image in exported.images.values():
+        frame = next(frame for frame in scene["frames"] if frame["id"] == image.name)
+        largest = max(largest, np.abs(np.array(frame["cam_from_world"]) - image.cam_from_world().matrix()).max())
     assert largest < 1e-12, largest
     return largest
 
