@@ -5,9 +5,9 @@
 
 use nalgebra::{Matrix3, Unit, Vector3};
 
-use super::MapTransform;
 use super::prepared::{Candidate, PreparedMaps, SIZE_SLACK};
 use super::score::quick_score;
+use super::{AlignStatus, Ambiguity, MapTransform};
 use crate::geometry::Similarity;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
@@ -22,8 +22,9 @@ const MOST_SCORES: usize = 10_000_000;
 const MOST_GROUPS: usize = 100;
 const FEWEST_GROUPS: usize = 4;
 
-/// Transforms that are refined with all objects.
-const STARTS: usize = 40;
+/// Transforms that are refined with all objects, and fewer where the maps are large: as many as [`MOST_SCORES`] comparisons allow.
+const MOST_STARTS: usize = 40;
+const FEWEST_STARTS: usize = 6;
 
 /// Half the difference of the logarithms of neighbouring scales, which is also the tolerance at each.
 const HALF_STEP: f64 = 0.04;
@@ -45,6 +46,11 @@ pub(super) struct Starts {
 }
 
 impl Starts {
+    /// The answer where nothing was found: that there is nothing only if all pairs were examined.
+    pub(super) fn none_found(&self) -> AlignStatus {
+        if self.all { AlignStatus::NoAlignment } else { AlignStatus::Ambiguous(Ambiguity::NotSearched) }
+    }
+
     /// How many matches are among the pairs that were examined; any number where all were.
     pub(super) fn examined(&self, maps: &PreparedMaps, matches: &[(usize, usize)]) -> usize {
         if self.all {
@@ -58,7 +64,7 @@ impl Starts {
 /// Transforms of the largest groups of all scales.
 pub(super) fn starts(maps: &PreparedMaps) -> Starts {
     let (log_scales, tolerance) = scales(maps);
-    let mut found = Starts { transforms: Vec::new(), is_examined: vec![false; maps.candidates.len()], all: true };
+    let mut found = Starts { transforms: Vec::new(), is_examined: vec![false; maps.candidates.len()], all: maps.all };
     let each = (2 * MOST_COMPARISONS / log_scales.len().max(1)).isqrt().max(64);
     let groups = MOST_SCORES / (log_scales.len() * maps.candidates.len()).max(1);
     let groups = groups.clamp(FEWEST_GROUPS, MOST_GROUPS);
@@ -75,10 +81,11 @@ pub(super) fn starts(maps: &PreparedMaps) -> Starts {
             }
         }
     }
+    let starts = (MOST_SCORES / maps.candidates.len().max(1)).clamp(FEWEST_STARTS, MOST_STARTS);
     scored.retain(|(score, _)| *score > 0.0);
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (_, transform) in scored {
-        if found.transforms.len() == STARTS {
+        if found.transforms.len() == starts {
             break;
         }
         if !found.transforms.iter().any(|other| maps.same_transform(other, &transform)) {

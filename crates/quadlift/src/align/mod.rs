@@ -229,16 +229,13 @@ pub fn align(a: &[MapObject], b: &[MapObject], options: &AlignOptions) -> Alignm
     transforms.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     transforms.truncate(MOST_TRANSFORMS);
     let status = match &transforms[..] {
-        [] => AlignStatus::NoAlignment,
-        [best, ..] if best.evidence < CLEAR => AlignStatus::NoAlignment,
+        [] => starts.none_found(),
+        [best, ..] if best.evidence < CLEAR => starts.none_found(),
         [best, second, ..] if best.evidence - second.evidence < CLEAR => AlignStatus::Ambiguous(Ambiguity::Several),
-        [best, ..] => match left_open(best) {
-            Some(open) => AlignStatus::Ambiguous(open),
-            None if starts.examined(&maps, &best.matches) < ENOUGH_MATCHES => {
-                AlignStatus::Ambiguous(Ambiguity::NotSearched)
-            }
-            None => AlignStatus::Ok,
-        },
+        [best, ..] if starts.examined(&maps, &best.matches) < ENOUGH_MATCHES => {
+            AlignStatus::Ambiguous(Ambiguity::NotSearched)
+        }
+        [best, ..] => left_open(best).map_or(AlignStatus::Ok, AlignStatus::Ambiguous),
     };
     transforms.iter_mut().for_each(|transform| maps.finish(transform));
     Alignment { status, transforms }

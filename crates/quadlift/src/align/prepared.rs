@@ -1,5 +1,7 @@
 //! Two maps, prepared: objects with the errors that they may have, and which of them may be the same.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::log_shape::{coordinates, covariance_of_log_shape, log_shape};
@@ -16,6 +18,9 @@ const AXES_SD: f64 = 0.1;
 
 /// By how much the logarithm of the ratio of two sizes may differ from that of the scale.
 pub(super) const SIZE_SLACK: f64 = 0.5;
+
+/// Pairs of objects that are kept at most, about: bounds memory and time for large maps whose objects are all alike.
+const MOST_PAIRS: usize = 2_000_000;
 
 /// Transforms are the same when their rotations differ by less than this, radians ...
 const SAME_ANGLE: f64 = 0.05;
@@ -90,6 +95,8 @@ pub(super) struct PreparedMaps {
     pub b: PreparedMap,
     /// Ordered by the objects of A, then by those of B.
     pub candidates: Vec<Candidate>,
+    /// Whether these are all pairs that may be the same.
+    pub all: bool,
     pub options: AlignOptions,
     fewest_alike: usize,
 }
@@ -97,30 +104,32 @@ pub(super) struct PreparedMaps {
 impl PreparedMaps {
     pub(super) fn new(a: &[MapObject], b: &[MapObject], options: &AlignOptions) -> Self {
         let [of_a, of_b] = [a, b].map(PreparedMap::new);
-        let may_be = |p: &PreparedObject, q: &PreparedObject| match (&a[p.index].category, &b[q.index].category) {
-            (Some(x), Some(y)) => x == y,
-            _ => true,
-        };
+        let categories = [(&of_a, a), (&of_b, b)].map(|(map, input)| Categories::new(map, input));
+        let like_a: Vec<usize> = categories[0].names.iter().map(|name| categories[1].count(*name)).collect();
+        let like_b: Vec<usize> = categories[1].names.iter().map(|name| categories[0].count(*name)).collect();
+        // Objects with fewer that are alike come first, where not all pairs can be kept.
+        let mut order: Vec<usize> = (0..like_a.len()).collect();
+        order.sort_by_key(|&i| like_a[i]);
+        let mut left = MOST_PAIRS;
+        order.retain(|&i| {
+            left = left.saturating_sub(like_a[i]);
+            left > 0
+        });
+        let all = order.len() == like_a.len();
+        order.sort_unstable();
+        let log_scale = options.scale.map(f64::ln);
         let mut candidates = Vec::new();
-        let (mut like_a, mut like_b) = (vec![0; of_a.objects.len()], vec![0; of_b.objects.len()]);
-        for (i, p) in of_a.objects.iter().enumerate() {
-            for (j, q) in of_b.objects.iter().enumerate() {
-                if may_be(p, q) {
-                    like_a[i] += 1;
-                    like_b[j] += 1;
-                    candidates.push(Candidate { a: i, b: j, alike: 0, log_ratio: p.log_size - q.log_size });
+        for i in order {
+            for j in categories[1].like(categories[0].names[i]) {
+                let log_ratio = of_a.objects[i].log_size - of_b.objects[j].log_size;
+                if log_scale.is_none_or(|log_scale| (log_ratio - log_scale).abs() < SIZE_SLACK) {
+                    candidates.push(Candidate { a: i, b: j, alike: like_a[i].max(like_b[j]), log_ratio });
                 }
             }
         }
-        for candidate in &mut candidates {
-            candidate.alike = like_a[candidate.a].max(like_b[candidate.b]);
-        }
         let alike = |counts: &[usize]| counts.iter().filter(|&&count| count > 0).count();
         let fewest_alike = alike(&like_a).min(alike(&like_b));
-        if let Some(log_scale) = options.scale.map(f64::ln) {
-            candidates.retain(|candidate| (candidate.log_ratio - log_scale).abs() < SIZE_SLACK);
-        }
-        Self { a: of_a, b: of_b, candidates, options: *options, fewest_alike }
+        Self { a: of_a, b: of_b, candidates, all, options: *options, fewest_alike }
     }
 
     /// Number of objects of the map with fewer that may be one of the other map.
@@ -135,7 +144,7 @@ impl PreparedMaps {
 
     /// Whether two transforms (between the middles of the maps) differ by less than what matters.
     pub(super) fn same_transform(&self, p: &Similarity, q: &Similarity) -> bool {
-        p.rotation.angle_to(&q.rotation) < SAME_ANGLE
+        p.angle_to(q) < SAME_ANGLE
             && (p.scale / q.scale).ln().abs() < SAME_SCALE
             && (p.translation - q.translation).norm() < SAME_SHARE * self.a.extents.norm()
     }
@@ -148,6 +157,42 @@ impl PreparedMaps {
         for pair in &mut transform.matches {
             *pair = (self.a.objects[pair.0].index, self.b.objects[pair.1].index);
         }
+    }
+}
+
+/// The objects of a map by their categories.
+struct Categories<'a> {
+    /// Of each prepared object.
+    names: Vec<Option<&'a str>>,
+    /// Those of each category, and those without one.
+    of_name: BTreeMap<Option<&'a str>, Vec<usize>>,
+}
+
+impl<'a> Categories<'a> {
+    fn new(map: &PreparedMap, input: &'a [MapObject]) -> Self {
+        let names: Vec<_> = map.objects.iter().map(|object| input[object.index].category.as_deref()).collect();
+        let mut of_name: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+        names.iter().enumerate().for_each(|(index, name)| of_name.entry(*name).or_default().push(index));
+        Self { names, of_name }
+    }
+
+    fn of<'b>(&'b self, name: Option<&'b str>) -> &'b [usize] {
+        self.of_name.get(&name).map_or(&[], Vec::as_slice)
+    }
+
+    /// How many objects may be one of a category, or of any.
+    fn count(&self, name: Option<&str>) -> usize {
+        if name.is_none() { self.names.len() } else { self.of(name).len() + self.of(None).len() }
+    }
+
+    /// Which ones, in ascending order.
+    fn like(&self, name: Option<&str>) -> Vec<usize> {
+        if name.is_none() {
+            return (0..self.names.len()).collect();
+        }
+        let mut found = [self.of(name), self.of(None)].concat();
+        found.sort_unstable();
+        found
     }
 }
 

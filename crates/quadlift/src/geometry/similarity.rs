@@ -72,6 +72,16 @@ impl Similarity {
         }
     }
 
+    /// Angle of the rotation in [0, pi], radians; accurate for small ones, too.
+    pub fn angle(&self) -> f64 {
+        self.angle_to(&Self::identity())
+    }
+
+    /// Angle between the rotations of two similarities in [0, pi], radians.
+    pub fn angle_to(&self, other: &Self) -> f64 {
+        2.0 * ((self.rotation.matrix() - other.rotation.matrix()).norm() / 8f64.sqrt()).min(1.0).asin()
+    }
+
     /// The 4x4 matrix `[[s R, t], [0, 1]]`.
     pub fn matrix(&self) -> Matrix4<f64> {
         let mut matrix = Matrix4::identity();
@@ -111,6 +121,11 @@ mod tests {
         let homogeneous = similarity().matrix() * point.to_homogeneous();
         assert!((homogeneous.xyz() - there.coords).norm() < 1e-12);
         assert!(similarity().is_valid());
+        let turned = |angle: f64| Similarity { rotation: Rotation3::new(Vector3::y() * angle), ..similarity() };
+        for angle in [0.0, 1e-9, 0.5, 3.0, std::f64::consts::PI] {
+            assert!((turned(angle).angle() - angle).abs() <= 1e-7 * angle, "{angle}");
+            assert!((turned(angle + 0.1).angle_to(&turned(0.1)) - angle).abs() < 1e-7);
+        }
         assert!(!Similarity { scale: 0.0, ..similarity() }.is_valid());
     }
 
