@@ -241,6 +241,24 @@ pub fn align(a: &[MapObject], b: &[MapObject], options: &AlignOptions) -> Alignm
     Alignment { status, transforms }
 }
 
+/// Chi-square of three degrees of freedom that one centre in a hundred exceeds.
+const SAME_PLACE: f64 = 11.345;
+
+/// Pairs of objects of one map (indices, the lesser first) that may be one object twice: of one category, with centres that agree within
+/// their errors and are nearer to each other than half the sum of the bodies' mean semi-axes, so that they cannot both be there.
+pub fn same_place(map: &[MapObject]) -> Vec<(usize, usize)> {
+    let maps = PreparedMaps::new(map, map, &AlignOptions { scale: Some(1.0), up: None });
+    let objects = &maps.a.objects;
+    let is_one = |p: &prepared::PreparedObject, q: &prepared::PreparedObject| {
+        let off = p.center - q.center;
+        let covariance = p.center_covariance + q.center_covariance;
+        let near = off.norm() < 0.5 * (p.log_size.exp() + q.log_size.exp());
+        near && covariance.cholesky().is_some_and(|factor| off.dot(&factor.solve(&off)) < SAME_PLACE)
+    };
+    let pairs = maps.candidates.iter().filter(|c| c.a < c.b && is_one(&objects[c.a], &objects[c.b]));
+    pairs.map(|c| (objects[c.a].index, objects[c.b].index)).collect()
+}
+
 /// What the objects that agree do not decide.
 fn left_open(best: &MapTransform) -> Option<Ambiguity> {
     let of_rotation = best.covariance.fixed_view::<3, 3>(0, 0).into_owned();

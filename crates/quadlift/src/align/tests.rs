@@ -288,6 +288,19 @@ fn large_maps_of_equal_objects_are_answered() {
 }
 
 #[test]
+fn an_object_that_is_there_twice_is_found() {
+    let mut rng = ChaCha8Rng::seed_from_u64(13);
+    let mut all = room(&mut rng, 20, 5);
+    assert_eq!(super::same_place(&all), []);
+    let mut again = all[7].clone();
+    again.ellipsoid.center.x += 0.01;
+    all.push(again.clone());
+    again.category = Some("another one".into());
+    all.push(again);
+    assert_eq!(super::same_place(&all), [(7, 20)]);
+}
+
+#[test]
 fn objects_without_a_category_may_be_any() {
     let mut rng = ChaCha8Rng::seed_from_u64(12);
     let by = any_similarity(&mut rng, false, true);
