@@ -8,9 +8,8 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::builder::RangedU64ValueParser;
-use quadlift::align::{AlignOptions, AlignStatus, Alignment, CommonUp, align};
-use quadlift::nalgebra::{Unit, Vector3};
-use quadlift_io::align::{MapObjects, alignment_record, scale_of_units};
+use quadlift::align::{AlignOptions, AlignStatus};
+use quadlift_io::align::{MapObjects, MapScale, align_checked, alignment_record, options_of};
 use quadlift_io::guard::check_not_read;
 use quadlift_io::{SceneFile, read_scene_file};
 use serde_json::json;
@@ -94,10 +93,6 @@ impl Map {
         let objects = file.to_map_objects().map_err(|error| error.in_file(path))?;
         Ok(Self { file, objects })
     }
-
-    fn up(&self) -> Option<Unit<Vector3<f64>>> {
-        self.file.up.and_then(|up| Unit::try_new(Vector3::from(up), 1e-9))
-    }
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -114,8 +109,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     args.output.as_deref().map_or(Ok(()), check_not_read)?;
     let options = options(args, &a, &b);
     let start = Instant::now();
-    let mut found = align(&a.objects.objects, &b.objects.objects, &options);
-    let hint = other_assumptions(&a, &b, &options, &mut found);
+    let (found, contradiction) = align_checked(&a.objects, &b.objects, &options);
     out.detail(&format!("aligned in {}", duration(start.elapsed())));
     let title = format!("{HEADING}{}{HEADING:#}", one_line(&format!("{}, {}", args.a.display(), args.b.display())));
     let maps = [&a.objects, &b.objects];
@@ -128,14 +122,14 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     });
     let about = words::assumptions(args, [&a, &b], &options);
     let (AlignStatus::Ok, Some(best)) = (found.status, found.transforms.first()) else {
-        let why = words::refused(&found, maps, options.up.is_some(), hint.as_deref());
+        let why = words::refused(&found, maps, options.up.is_some(), contradiction.as_ref());
         out.report(&format!("{title}: not aligned\n{about}{}", words::candidates(&found)))?;
         out.error(&why);
         document["reason"] = why.into();
         out.document(&document)?;
         return Ok(Outcome::SomethingFailed);
     };
-    hint.iter().for_each(|hint| out.warning(hint));
+    contradiction.iter().for_each(|contradiction| out.warning(&words::contradiction(contradiction, true)));
     let mut text = words::aligned(&title, best, [&a, &b], &options, &about);
     let mut outcome = Outcome::Fine;
     if let Some(output) = &args.output {
@@ -154,51 +148,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 }
 
 fn options(args: &Args, a: &Map, b: &Map) -> AlignOptions {
-    let of_units = scale_of_units(&a.file, &b.file);
-    let scale = if args.similarity { None } else { of_units.or(args.rigid.then_some(1.0)) };
-    let up = a.up().zip(b.up()).filter(|_| !args.no_up);
-    let sd = args.up_sd.to_radians();
-    AlignOptions { scale, up: up.map(|(up_in_a, up_in_b)| CommonUp { up_in_a, up_in_b, sd }) }
-}
-
-/// Standard deviations and least difference of logarithms from which a scale contradicts the known one, and the difference from which the
-/// maps are not aligned at all.
-const DEVIATIONS: f64 = 3.0;
-const LEAST_DIFFERENCE: f64 = 0.01;
-const WRONG_SCALE: f64 = 0.03;
-
-/// Difference of the evidence of a free scale from which a known one is wrong: odds of 100 to 1.
-const CLEAR: f64 = 4.605;
-
-/// What the objects say without the assumptions: whether the known scale is right, and whether the maps can be aligned without the scale or
-/// `up`. Maps whose objects contradict the known scale are not aligned.
-fn other_assumptions(a: &Map, b: &Map, options: &AlignOptions, found: &mut Alignment) -> Option<String> {
-    let with = |options: AlignOptions| align(&a.objects.objects, &b.objects.objects, &options);
-    let is_found = |found: &Alignment| found.status == AlignStatus::Ok;
-    if let Some(known) = options.scale {
-        let free = with(AlignOptions { scale: None, ..*options });
-        if let (true, Some(best)) = (is_found(&free), free.transforms.first()) {
-            let off = (best.a_from_b.scale / known).ln();
-            let contradicts = off.abs() > LEAST_DIFFERENCE.max(DEVIATIONS * best.sds()[2]);
-            let words = format!(
-                "by the objects a unit of B is {:.4} units of A (sd {:.1} %), not {known}",
-                best.a_from_b.scale,
-                100.0 * best.sds()[2]
-            );
-            let evidence = found.transforms.first().map_or(f64::NEG_INFINITY, |best| best.evidence);
-            let is_wrong = off.abs() > WRONG_SCALE && best.evidence > evidence + CLEAR;
-            if contradicts && (is_wrong || !is_found(found)) {
-                found.status = AlignStatus::NoAlignment;
-                return Some(format!("{words}: check the units, or --similarity takes the scale of the objects"));
-            }
-            if contradicts {
-                return Some(format!("{words}; the known scale was kept (--similarity estimates it)"));
-            }
-        }
-    }
-    if is_found(found) || options.up.is_none() {
-        return None;
-    }
-    let without = with(AlignOptions { up: None, ..*options });
-    is_found(&without).then(|| "without `up` of the files the maps are aligned (--no-up): check both `up`".to_owned())
+    let scale = match (args.rigid, args.similarity) {
+        (true, _) => MapScale::Rigid,
+        (_, true) => MapScale::Estimated,
+        _ => MapScale::OfUnits,
+    };
+    options_of(&a.file, &b.file, scale, (!args.no_up).then_some(args.up_sd.to_radians()))
 }

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 /// Draws of three objects of A with one of their categories of B each.
-const DRAWS: usize = 5000;
+const DRAWS: usize = 2000;
 
 /// Centres agree within this share of the extent of map A.
 const NEAR: f64 = 0.02;

@@ -5,7 +5,6 @@ use quadlift::solve::Status;
 
 use crate::error::EntryError;
 use crate::scene_file::{ObjectBodies, SceneFile};
-use crate::write::metres_of;
 
 /// The objects of a map whose bodies are known.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -49,10 +48,4 @@ fn map_object(object: &ObjectBodies) -> Option<MapObject> {
         covariance: object.covariance,
         category: object.category.clone(),
     })
-}
-
-/// How long a unit of the second file is in units of the first one, if both have a known `length_unit`.
-pub fn scale_of_units(a: &SceneFile, b: &SceneFile) -> Option<f64> {
-    let metres = |file: &SceneFile| metres_of(file.length_unit.as_deref()?);
-    Some(metres(b)? / metres(a)?)
 }

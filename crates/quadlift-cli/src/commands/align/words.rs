@@ -1,11 +1,14 @@
 //! What was found, in words.
 
 use quadlift::align::{AlignOptions, AlignStatus, Alignment, Ambiguity, MapTransform};
-use quadlift_io::align::MapObjects;
+use quadlift_io::align::{Contradiction, MapObjects};
 
 use super::{Args, Map};
 use crate::table::{Cell, Table};
 use crate::words::{count, with_unit};
+
+/// Difference of the evidence of transforms that are a hundred times less probable.
+const CLEAR: f64 = 4.605;
 
 /// Maximum number of rows of a table, as of estimates.
 const MOST_ROWS: usize = 10_000;
@@ -24,7 +27,7 @@ pub fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> St
         (Some(scale), Some(x), Some(y)) => format!("scale {scale}: {y} in {x} (--similarity estimates it)"),
         (Some(_), ..) => "rigid: one scale (--rigid)".to_owned(),
     };
-    let has_up = [a, b].map(|map| map.up().is_some());
+    let has_up = [a, b].map(|map| map.file.up.is_some());
     let up = match (&options.up, has_up) {
         (Some(_), _) => format!("`up` of both agrees to {} degrees (--no-up)", args.up_sd),
         (None, [true, true]) => "`up` is not used (--no-up)".to_owned(),
@@ -35,7 +38,7 @@ pub fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> St
 }
 
 /// Why the maps are not aligned.
-pub fn refused(found: &Alignment, [a, b]: [&MapObjects; 2], has_up: bool, hint: Option<&str>) -> String {
+pub fn refused(found: &Alignment, [a, b]: [&MapObjects; 2], has_up: bool, contradicted: Option<&Contradiction>) -> String {
     let needed = if has_up { "two" } else { "three" };
     let why = match found.status {
         AlignStatus::TooFewObjects => format!(
@@ -58,16 +61,31 @@ pub fn refused(found: &Alignment, [a, b]: [&MapObjects; 2], has_up: bool, hint: 
         }
         _ => "no transform explains the maps better than chance".to_owned(),
     };
-    match hint {
-        Some(hint) => format!("the maps were not aligned: {why}; {hint}"),
+    match contradicted {
+        Some(contradicted) => format!("the maps were not aligned: {why}; {}", contradiction(contradicted, false)),
         None => format!("the maps were not aligned: {why}"),
+    }
+}
+
+/// What the objects contradict; `is_aligned`: the maps are aligned all the same.
+pub fn contradiction(contradiction: &Contradiction, is_aligned: bool) -> String {
+    match contradiction {
+        Contradiction::Scale { found, sd, known } => {
+            let kept = if is_aligned { "it was kept all the same, and " } else { "check the units, or " };
+            format!(
+                "by the objects a unit of B is {found:.4} units of A (sd {:.1} %), not {known}: {kept}--similarity takes the scale of the \
+                 objects",
+                100.0 * sd
+            )
+        }
+        Contradiction::Up => "without `up` of the files they are aligned (--no-up): check both `up`".to_owned(),
     }
 }
 
 /// Number of transforms that are not a hundred times less probable than the best one.
 fn equally_good(found: &Alignment) -> usize {
     let best = found.transforms.first().map_or(0.0, |best| best.evidence);
-    found.transforms.iter().filter(|transform| best - transform.evidence < super::CLEAR).count()
+    found.transforms.iter().filter(|transform| best - transform.evidence < CLEAR).count()
 }
 
 /// The transforms that were considered, as a table; empty without any.
