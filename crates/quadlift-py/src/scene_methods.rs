@@ -8,9 +8,7 @@ use pyo3::types::PyBytes;
 use quadlift::align::AlignStatus;
 use quadlift::diagnosis::diagnose;
 use quadlift::scene::Detection;
-use quadlift_io::align::{
-    ALIGNMENT, Contradiction, MapScale, align_checked, alignment_record, merge, options_of,
-};
+use quadlift_io::align::{ALIGNMENT, Contradiction, MapScale, align_checked, alignment_record, merge, options_of};
 use quadlift_io::association::write_objects;
 use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};

@@ -45,9 +45,8 @@ fn maps_are_aligned_and_merged() {
         numbers(&found["a_from_b"]["translation"]).iter().zip([-60.0, -8.0, 0.0]).map(|(x, y)| x - y).collect();
     assert!(off.iter().all(|x| x.abs() < 1.5), "{off:?}");
     let matches = found["matches"].as_array().unwrap();
-    let expected = |(k, found): (usize, &Value)| {
-        found["a"] == format!("object {}", k + 3) && found["b"] == format!("object {k}")
-    };
+    let expected =
+        |(k, found): (usize, &Value)| found["a"] == format!("object {}", k + 3) && found["b"] == format!("object {k}");
     assert!(matches.len() == 10 && matches.iter().enumerate().all(expected), "{found}");
     let ids: Vec<&str> = merged["objects"].as_array().unwrap().iter().map(|o| o["id"].as_str().unwrap()).collect();
     assert_eq!(ids[12..], ["object 12", "b/object 10", "b/object 11", "b/object 12"]);
@@ -121,7 +120,8 @@ fn maps_that_are_not_aligned_say_why_and_nothing_is_written() {
     // All alike: on a grid, and in one row.
     with_objects("grid.json", &|objects| {
         for (k, object) in objects.iter_mut().enumerate() {
-            *object = json!({"id": k.to_string(), "ellipsoid": ball([4.0 * (k % 4) as f64, 4.0 * (k / 4) as f64, 0.0])});
+            *object =
+                json!({"id": k.to_string(), "ellipsoid": ball([4.0 * (k % 4) as f64, 4.0 * (k / 4) as f64, 0.0])});
         }
     });
     refused("grid.json grid.json", "different transforms explain the maps about as well");

@@ -297,19 +297,3 @@ pub(super) fn run_real(data: &Path, seed: u64, progress: Progress, report: &mut 
     report.table(table);
     Ok(())
 }
-
-#[cfg(test)]
-mod temporary {
-    #[test]
-    fn print() {
-        let mut report = crate::report::Report::new("cameras", "x");
-        let t = std::time::Instant::now();
-        let p = |_: &str, _: usize, _: usize| {};
-
-        super::run(1, &p, &mut report).unwrap();
-        println!("{:.1} s", t.elapsed().as_secs_f64());
-        super::run_real("/work/shared/data".as_ref(), 1, &p, &mut report).unwrap();
-        println!("{:.1} s", t.elapsed().as_secs_f64());
-        println!("{}", report.to_text());
-    }
-}

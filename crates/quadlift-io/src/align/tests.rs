@@ -48,7 +48,8 @@ fn map(places: &[(&str, [f64; 3])]) -> SceneFile {
 
 /// A covariance of centre and shape that is no multiple of anything.
 fn covariance() -> Vec<Vec<f64>> {
-    let factor = SMatrix::<f64, 9, 9>::from_fn(|i, j| if i >= j { 0.002 + 0.001 * ((i * 3 + j * 5) % 7) as f64 } else { 0.0 });
+    let factor =
+        SMatrix::<f64, 9, 9>::from_fn(|i, j| if i >= j { 0.002 + 0.001 * ((i * 3 + j * 5) % 7) as f64 } else { 0.0 });
     let matrix = factor * factor.transpose() + SMatrix::<f64, 9, 9>::identity() * 1e-6;
     (0..9).map(|i| matrix.row(i).iter().copied().collect()).collect()
 }
@@ -97,7 +98,9 @@ fn a_file_that_is_moved_shows_the_same() {
     let frame = &moved.frames[0];
     assert_eq!(frame.depth.as_ref().unwrap().scale, 0.0025);
     let given: [[f64; 4]; 3] = serde_json::from_value(frame.extra["given_cam_from_world"].clone()).unwrap();
-    assert!(given.iter().flatten().zip(frame.cam_from_world.unwrap().iter().flatten()).all(|(x, y)| (x - y).abs() < 1e-12));
+    assert!(
+        given.iter().flatten().zip(frame.cam_from_world.unwrap().iter().flatten()).all(|(x, y)| (x - y).abs() < 1e-12)
+    );
     assert!(!frame.extra.contains_key("location"));
     let covariance: [[f64; 6]; 6] = serde_json::from_value(frame.extra["pose_covariance"].clone()).unwrap();
     assert!((covariance[0][0] - 0.01).abs() < 1e-12 && (covariance[4][4] - 0.0625).abs() < 1e-12);
@@ -166,7 +169,8 @@ fn merged_maps_have_matched_objects_once_and_no_id_twice() {
     let [mut a, mut b] = two_maps(1.0);
     // The second camera of B is another one, and so is its object "r", whose id is taken; its estimate of "q" is better.
     b.cameras[1].params[0] = 700.0;
-    b.frames[1] = crate::scene_file::FrameRecord { camera: Some("other".into()), projection: None, ..b.frames[0].clone() };
+    b.frames[1] =
+        crate::scene_file::FrameRecord { camera: Some("other".into()), projection: None, ..b.frames[0].clone() };
     b.frames[1].id = "f1".into();
     b.frames[1].observed_points = Some(Box::new([1]));
     b.objects[5].id = "r".into();
@@ -188,8 +192,7 @@ fn merged_maps_have_matched_objects_once_and_no_id_twice() {
     assert_eq!(merged.renamed_frames.len(), 2);
     let cameras: Vec<_> = merged.file.cameras.iter().map(|camera| camera.id.as_str()).collect();
     assert_eq!(cameras, ["cam", "other", "b/other"]);
-    let detections: Vec<_> =
-        merged.file.detections.iter().map(|d| (&*d.frame, d.object.as_deref().unwrap())).collect();
+    let detections: Vec<_> = merged.file.detections.iter().map(|d| (&*d.frame, d.object.as_deref().unwrap())).collect();
     assert_eq!(detections, [("f0", "p"), ("f1", "unknown"), ("b/f0", "p"), ("b/f1", "b/r")]);
     assert_eq!(merged.file.frames[3].observed_points.as_deref(), Some(&[3][..]));
     assert_eq!(merged.file.points.len(), 4);

@@ -38,7 +38,12 @@ pub fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> St
 }
 
 /// Why the maps are not aligned.
-pub fn refused(found: &Alignment, [a, b]: [&MapObjects; 2], has_up: bool, contradicted: Option<&Contradiction>) -> String {
+pub fn refused(
+    found: &Alignment,
+    [a, b]: [&MapObjects; 2],
+    has_up: bool,
+    contradicted: Option<&Contradiction>,
+) -> String {
     let needed = if has_up { "two" } else { "three" };
     let why = match found.status {
         AlignStatus::TooFewObjects => format!(
