@@ -110,13 +110,16 @@ pub(super) fn moved(a_from_b: &Similarity, pivot: &Vector3<f64>, by: &Vector7) -
     }
 }
 
+/// Residuals and their derivatives.
+type Linearised<const N: usize> = (SVector<f64, N>, SMatrix<f64, N, 7>);
+
 /// Residuals of a match and their derivatives by [`moved`]: of the centre, and of the coordinates of `log A`.
 fn residuals(
     maps: &PreparedMaps,
     now: &Moved,
     pivot: &Vector3<f64>,
     pair: (usize, usize),
-) -> ((Vector3<f64>, SMatrix<f64, 3, 7>), (SVector<f64, 6>, SMatrix<f64, 6, 7>)) {
+) -> (Linearised<3>, Linearised<6>) {
     let center = now.centers[pair.1].0;
     let off = maps.a.objects[pair.0].center - center;
     let arm = center - pivot;
