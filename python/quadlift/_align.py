@@ -88,11 +88,12 @@ class Alignment:
     Attributes
     ----------
     status : str
-        ``"ok"``; ``"ambiguous"``: the objects do not decide it; ``"no_alignment"``: no transform explains the maps better
-        than chance; ``"too_few_objects"``: fewer than three objects (two with a common vertical) of categories of both.
+        ``"ok"``; ``"ambiguous"``: the objects do not decide it; ``"no_alignment"``: no transform explains the maps
+        better than chance; ``"too_few_objects"``: fewer than three objects (two with a common vertical) of categories
+        of both.
     reason : str or None
-        Why it is ambiguous: ``"several"`` (different transforms explain the maps about as well), ``"rotation_open"`` (as
-        objects in one row leave it), ``"scale_open"`` or ``"not_searched"`` (too many objects are alike).
+        Why it is ambiguous: ``"several"`` (different transforms explain the maps about as well), ``"rotation_open"``
+        (as objects in one row leave it), ``"scale_open"`` or ``"not_searched"`` (too many objects are alike).
     contradiction : str or None
         ``"scale"``: by the objects it is another one than the known one; ``"up"``: only without `up` the maps can be
         aligned.

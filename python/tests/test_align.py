@@ -78,7 +78,7 @@ def test_maps_that_are_not_aligned_say_why() -> None:
 
 def test_wrong_arguments_are_named() -> None:
     a = half(0.0, [f"a{k}" for k in range(8)], 1.0, [0.0, 0.0, 0.0])
-    with pytest.raises(quadlift.QuadliftError, match="scale is \"large\""):
+    with pytest.raises(quadlift.QuadliftError, match='scale is "large"'):
         a.align(a, scale="large")  # type: ignore[arg-type]
     with pytest.raises(quadlift.QuadliftError, match="up_sd_deg is 0"):
         a.align(a, up_sd_deg=0)

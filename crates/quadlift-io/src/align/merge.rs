@@ -26,7 +26,8 @@ pub struct Merged {
 
 /// Moves the second file into the frame of the first one and adds it. Objects that are matched have one id, that of the first file; of
 /// other objects, frames and cameras of the second file whose ids are taken, the ids get a prefix. Cameras that are equal are one. Of the
-/// two estimates of a matched object, the one with the smaller variance of the centre is kept.
+/// two estimates of a matched object, the one with the smaller variance of the centre is kept. Where the scale was estimated, sources of depths
+/// and 3D boxes of the second file get the prefix, too: they have another scale there.
 ///
 /// # Errors
 /// [`EntryError`] names the first entry of the second file that cannot be moved.
@@ -38,10 +39,14 @@ pub fn merge(
 ) -> Result<Merged, EntryError> {
     let mut b = b.clone();
     b.move_by(&transform.a_from_b)?;
+    if transform.covariance[(6, 6)] > 0.0 {
+        separate_cue_sources(&mut b);
+    }
     let mut file = a.clone();
     let has = |file: &SceneFile| file.detections.iter().any(|detection| detection.object.is_some());
     let has_detections = has(a) && has(&b);
 
+    let (ids_a, ids_b) = (ids_of(a), ids_of(&b));
     let taken: BTreeSet<&str> = a.cameras.iter().map(|camera| camera.id.as_str()).collect();
     let mut cameras = Names::new(taken);
     for mut camera in b.cameras {
@@ -62,7 +67,7 @@ pub fn merge(
             renamed_frames.push((std::mem::replace(&mut frame.id, id.clone()), id));
         }
         frame.camera = frame.camera.map(|camera| cameras.get(&camera));
-        frame.observed_points.iter_mut().flatten().for_each(|point| *point += first_point);
+        frame.observed_points.iter_mut().flatten().for_each(|point| *point = point.saturating_add(first_point));
         file.frames.push(frame);
     }
     file.points.append(&mut b.points);
@@ -71,11 +76,6 @@ pub fn merge(
         file.cue_sources.entry(name).or_insert(source);
     }
 
-    let ids = |file: &SceneFile| -> BTreeSet<String> {
-        let of_detections = file.detections.iter().filter_map(|detection| detection.object.as_deref());
-        file.objects.iter().map(|object| object.id.as_str()).chain(of_detections).map(str::to_owned).collect()
-    };
-    let (ids_a, ids_b) = (ids(a), ids_of(&b.objects, &b.detections));
     let mut objects = Names::new(ids_a.iter().map(String::as_str).collect());
     for &(i, j) in &transform.matches {
         objects.set(&of_b.ids[j], &of_a.ids[i]);
@@ -114,9 +114,28 @@ pub fn merge(
     Ok(Merged { file, renamed_frames, renamed_objects, has_detections })
 }
 
-fn ids_of(objects: &[ObjectRecord], detections: &[crate::scene_file::DetectionRecord]) -> BTreeSet<String> {
-    let of_detections = detections.iter().filter_map(|detection| detection.object.as_deref());
-    objects.iter().map(|object| object.id.as_str()).chain(of_detections).map(str::to_owned).collect()
+/// Gives the sources of depths and 3D boxes of a map other names: where the scale between the maps was estimated, the scales of a source differ
+/// in the two.
+fn separate_cue_sources(file: &mut SceneFile) {
+    let rename = |source: &mut Option<Box<str>>, default: &str| {
+        *source = Some(format!("{PREFIX}{}", source.as_deref().unwrap_or(default)).into());
+    };
+    for frame in &mut file.frames {
+        frame.depth.iter_mut().for_each(|depth| rename(&mut depth.source, "depth_image"));
+        frame.point_cloud.iter_mut().for_each(|cloud| rename(&mut cloud.source, "point_cloud"));
+    }
+    for detection in &mut file.detections {
+        detection.depth.iter_mut().for_each(|depth| rename(&mut depth.source, "depth"));
+        detection.box3d.iter_mut().for_each(|box3d| rename(&mut box3d.source, "box3d"));
+    }
+    let sources = std::mem::take(&mut file.cue_sources);
+    file.cue_sources = sources.into_iter().map(|(name, source)| (format!("{PREFIX}{name}"), source)).collect();
+}
+
+/// The ids of objects and those that detections name.
+fn ids_of(file: &SceneFile) -> BTreeSet<String> {
+    let of_detections = file.detections.iter().filter_map(|detection| detection.object.as_deref());
+    file.objects.iter().map(|object| object.id.as_str()).chain(of_detections).map(str::to_owned).collect()
 }
 
 /// Whether the centre of the one estimate has the smaller variance. Without a covariance it is the truth.

@@ -216,6 +216,21 @@ fn merged_maps_have_matched_objects_once_and_no_id_twice() {
 }
 
 #[test]
+fn sources_of_depths_have_a_scale_of_their_own_where_the_scale_was_estimated() {
+    let [a, b] = two_maps(2.0);
+    let [of_a, of_b] = [&a, &b].map(|file| file.to_map_objects().unwrap());
+    for (scale, expected) in [(None, Some("b/depth")), (Some(0.5), None)] {
+        let found = align(&of_a.objects, &of_b.objects, &quadlift::align::AlignOptions { scale, up: None });
+        assert_eq!(found.status, AlignStatus::Ok);
+        let merged = merge(&a, &b, [&of_a, &of_b], &found.transforms[0]).unwrap().file;
+        let depth = merged.detections[2].depth.as_ref().unwrap();
+        assert!((depth.median - 4.0).abs() < 0.05, "{}", depth.median);
+        assert_eq!(depth.source.as_deref(), expected);
+        assert_eq!(merged.detections[0].depth.as_ref().unwrap().source, None);
+    }
+}
+
+#[test]
 fn units_decide_the_scale_and_objects_contradict_it() {
     let [a, mut b] = two_maps(1000.0);
     b.length_unit = Some("mm".to_owned());

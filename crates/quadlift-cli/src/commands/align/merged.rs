@@ -34,6 +34,10 @@ pub fn write(
     mut record: Value,
     out: &Output,
 ) -> anyhow::Result<Written> {
+    // What is wrong in one of the files is told with its entry there.
+    for (map, path) in [(a, &args.a), (b, &args.b)] {
+        map.file.to_scene().map_err(|error| error.in_file(path))?;
+    }
     let mut file_b = b.file.clone();
     let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
     file_b.move_paths([&folder(&args.b), &folder(&args.a)])?;
