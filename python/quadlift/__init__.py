@@ -8,6 +8,7 @@ radians, quaternions have w first, and the world unit is arbitrary.
 
 from __future__ import annotations
 
+from ._align import Alignment, MapTransform
 from ._core import QuadliftError, __version__
 from ._cues import Box3dSd, Boxes3d, Depths
 from ._estimates import Alternative, AssociatedObject, Evaluation, InconsistentSceneWarning
@@ -20,6 +21,7 @@ from ._rerun import log_recording
 from ._scene import Estimates, Scene
 
 __all__ = [
+    "Alignment",
     "Alternative",
     "AssociatedObject",
     "Box3dSd",
@@ -33,6 +35,7 @@ __all__ = [
     "Location",
     "MapObject",
     "MapObjects",
+    "MapTransform",
     "ObjectMap",
     "Options",
     "Prior",

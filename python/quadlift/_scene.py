@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import numpy as np
 
 from . import _checks, _core, _estimates, _fiftyone, _locate, _notebook, _options, _rerun
 from ._adapters import FromOtherPackages
+from ._align import Alignment
 from ._estimates import EstimateArrays
 from ._locate import Location
 
@@ -275,6 +277,47 @@ class Scene(FromOtherPackages):
         source = _checks.optional(_checks.text, "source", source)
         scores = self._core.evaluate(_checks.scene("truth", truth), _checks.text("match", match), source)
         return _estimates.Evaluation(**json.loads(scores))
+
+    def align(
+        self,
+        other: Scene,
+        *,
+        scale: Literal["auto", "rigid", "estimated"] = "auto",
+        use_up: bool = True,
+        up_sd_deg: float = 2.0,
+    ) -> Alignment:
+        """Where another map lies in this one, from the objects of both alone, like `quadlift align`.
+
+        Categories, sizes and distances of objects are compared; ids, images and appearance are not used.
+
+        Parameters
+        ----------
+        other : Scene
+            The map that is moved: a scene with objects, such as `Estimates.to_scene()`.
+        scale : {"auto", "rigid", "estimated"}
+            ``"auto"``: from the units of the scenes where both have a known `length_unit`, otherwise estimated;
+            ``"rigid"``: from the units, otherwise 1.
+        use_up : bool
+            Whether `up` of the scenes is used where both have it.
+        up_sd_deg : float
+            Standard deviation of the angle between the two, degrees.
+
+        Returns
+        -------
+        Alignment
+            With the merged map, whose objects `localize` finds again from the detections of both, if they have any.
+
+        Raises
+        ------
+        QuadliftError
+            If an object is invalid.
+        """
+        up_sd = math.radians(_checks.number("up_sd_deg", up_sd_deg))
+        if up_sd <= 0:
+            raise _core.QuadliftError(f"up_sd_deg is {up_sd_deg}; expected a number above 0")
+        up_sd = up_sd if _checks.flag("use_up", use_up) else None
+        found, merged = self._core.align(_checks.scene("other", other), _checks.text("scale", scale), up_sd)
+        return Alignment._of(json.loads(found), None if merged is None else Scene(merged))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

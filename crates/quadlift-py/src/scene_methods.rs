@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use quadlift::align::AlignStatus;
 use quadlift::diagnosis::diagnose;
 use quadlift::scene::Detection;
+use quadlift_io::align::{ALIGNMENT, Contradiction, MapScale, align_checked, alignment_record, merge, options_of};
 use quadlift_io::association::write_objects;
 use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
@@ -34,6 +36,10 @@ use crate::segmentation::SegmentKeywords;
 
 /// An associated object: its id, its evidence, and why it is doubtful.
 type Found = (String, Option<f64>, Option<&'static str>);
+
+/// Where the scale between two maps comes from.
+const MAP_SCALES: [(&str, MapScale); 3] =
+    [("auto", MapScale::OfUnits), ("rigid", MapScale::Rigid), ("estimated", MapScale::Estimated)];
 
 #[pymethods]
 impl PyScene {
@@ -230,6 +236,32 @@ impl PyScene {
         py.detach(|| on_threads(|| scores(estimate.file(), truth.file(), matching, source)))?
             .map(|scores| scores.to_string())
             .map_err(refuse)
+    }
+
+    /// Where another map lies in this one, as JSON, and both as one map where that can be trusted.
+    #[pyo3(signature = (other, scale, up_sd))]
+    fn align(&self, py: Python, other: &Self, scale: &str, up_sd: Option<f64>) -> PyResult<(String, Option<Self>)> {
+        let (a, b) = (self.loaded.file(), other.loaded.file());
+        let scale = choice("scale", scale, &MAP_SCALES)?;
+        let maps = (a.to_map_objects().map_err(refuse)?, b.to_map_objects().map_err(refuse)?);
+        let options = options_of(a, b, scale, up_sd);
+        let (found, contradiction) = py.detach(|| on_threads(|| align_checked(&maps.0, &maps.1, &options)))?;
+        let mut record = alignment_record(&found, [&maps.0, &maps.1]);
+        record["contradiction"] = match contradiction {
+            None => serde_json::Value::Null,
+            Some(Contradiction::Scale { .. }) => "scale".into(),
+            Some(Contradiction::Up) => "up".into(),
+        };
+        let (AlignStatus::Ok, Some(best)) = (found.status, found.transforms.first()) else {
+            return Ok((record.to_string(), None));
+        };
+        let mut moved = b.clone();
+        let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+        moved.move_paths([&folder(&other.loaded.path), &folder(&self.loaded.path)]).map_err(refuse)?;
+        let mut merged = merge(a, &moved, [&maps.0, &maps.1], best).map_err(refuse)?.file;
+        merged.extra.insert(ALIGNMENT.to_owned(), record.clone());
+        let loaded = Loaded::of_result(merged, self.loaded.path.clone())?;
+        Ok((record.to_string(), Some(Self { loaded: Arc::new(loaded) })))
     }
 
     /// The page that shows the scene.

@@ -53,6 +53,7 @@
 //! `serde`: the state of an object map ([`online::MapState`]) can be written and read.
 #![forbid(unsafe_code)]
 
+pub mod align;
 pub mod association;
 mod body_model;
 pub mod cross_validation;

@@ -1,5 +1,6 @@
 //! The subcommands, one file each.
 
+pub mod align;
 pub mod associate;
 pub mod completions;
 pub mod demo;

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
+mod align;
 mod associate;
 #[cfg(not(feature = "parquet"))]
 mod bad_inputs;

@@ -65,7 +65,7 @@ impl Split {
 }
 
 /// A direction across another one.
-fn any_across(up: &Unit<Vector3<f64>>) -> Vector3<f64> {
+pub(super) fn any_across(up: &Unit<Vector3<f64>>) -> Vector3<f64> {
     let other = if up.x.abs() < 0.5 { Vector3::x() } else { Vector3::y() };
     up.cross(&other).normalize()
 }

@@ -1,12 +1,14 @@
-//! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes; poses that
-//! are refined with the objects.
+//! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes; maps that are aligned;
+//! poses that are refined with the objects.
 
+mod alignment;
 mod centers;
 mod images;
 mod p3p;
 mod real;
 mod refinement;
 mod rooms;
+mod triples;
 
 use std::path::Path;
 
@@ -22,10 +24,12 @@ use crate::report::Report;
 pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
     let mut report = Report::new("cameras", "Cameras from objects");
     rooms::run(seed, progress, &mut report)?;
+    alignment::run(seed, progress, &mut report)?;
     refinement::run(seed, progress, &mut report)?;
     match data_folder(data) {
         Ok(folder) => {
             real::run(&folder, seed, progress, &mut report)?;
+            alignment::run_real(&folder, seed, progress, &mut report)?;
             refinement::run_real(&folder, seed, progress, &mut report)?;
         }
         Err(Error::NoData(_)) => {

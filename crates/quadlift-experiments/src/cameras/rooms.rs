@@ -3,7 +3,9 @@
 use std::f64::consts::TAU;
 
 use quadlift::LocalizeOptions;
-use quadlift::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+use quadlift::geometry::{
+    BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, Similarity, project_bounding_box,
+};
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
 use quadlift::solve::{BodyKind, MapOptions};
@@ -20,11 +22,11 @@ use crate::table::{Cell, Table};
 
 /// Objects of a room, images of it, and rooms of each row.
 const OBJECTS: usize = 30;
-const FRAMES: usize = 40;
+pub(super) const FRAMES: usize = 40;
 const ROOMS: u64 = 10;
 
 /// Categories of the objects.
-const CATEGORIES: [usize; 4] = [30, 6, 3, 1];
+pub(super) const CATEGORIES: [usize; 4] = [30, 6, 3, 1];
 
 /// Standard deviation of the edges of the boxes, in mean half sizes.
 const EDGE_NOISE: f64 = 0.03;
@@ -45,7 +47,7 @@ const FEWEST: usize = 4;
 const FIRST_SEED: u64 = 271;
 
 /// A room of 8 x 6 m with z upwards.
-fn room(categories: usize, rng: &mut ChaCha8Rng) -> Vec<(Ellipsoid, usize)> {
+pub(super) fn room(categories: usize, rng: &mut ChaCha8Rng) -> Vec<(Ellipsoid, usize)> {
     let sizes: Vec<Vector3<f64>> = (0..categories)
         .map(|_| Vector3::from_fn(|_, _| rng.random_range(0.6..1.0)) * rng.random_range(0.1..0.4))
         .collect();
@@ -73,18 +75,31 @@ fn camera(angle: f64, rng: &mut ChaCha8Rng) -> Result<CamFromWorld, Error> {
     Ok(CamFromWorld::new(matrix)?)
 }
 
-/// Images of a room; objects have ids, false boxes none.
+/// Images of a room.
 fn scene(categories: usize, seed: u64) -> Result<Scene, Error> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let objects = room(categories, &mut rng);
+    images(&objects, [0, FRAMES], categories, &Similarity::identity(), &mut rng)
+}
+
+/// The images with these numbers, the second one excluded, of the [`FRAMES`] around a room, in a world that is that of the room, moved; objects have
+/// ids, false boxes none.
+pub(super) fn images(
+    objects: &[(Ellipsoid, usize)],
+    [first, end]: [usize; 2],
+    categories: usize,
+    world_from_room: &Similarity,
+    rng: &mut ChaCha8Rng,
+) -> Result<Scene, Error> {
     let intrinsics = Intrinsics::new(FOCAL, FOCAL, WIDTH / 2.0, HEIGHT / 2.0)?;
     let mut builder = SceneBuilder::new("room");
-    builder.up([0.0, 0.0, 1.0])?;
-    for frame in 0..FRAMES {
-        let pose = camera(TAU * frame as f64 / FRAMES as f64, &mut rng)?;
+    builder.up((world_from_room.rotation * Vector3::z()).into())?;
+    for frame in first..end {
+        let pose = camera(TAU * frame as f64 / FRAMES as f64, rng)?;
         let projection = Projection::from_camera(&intrinsics, &pose);
         let frame = frame.to_string();
-        builder.add_frame(&frame, projection, Some([WIDTH, HEIGHT]))?;
+        let moved = Projection::from_camera(&intrinsics, &world_from_room.camera(&pose)?);
+        builder.add_frame(&frame, moved, Some([WIDTH, HEIGHT]))?;
         for (index, (body, category)) in objects.iter().enumerate() {
             let Ok(exact) = project_bounding_box(&projection, body) else { continue };
             let center = exact.center();
@@ -93,7 +108,7 @@ fn scene(categories: usize, seed: u64) -> Result<Scene, Error> {
                 continue;
             }
             let sd = EDGE_NOISE * exact.mean_half_size();
-            let mut edge = |at: f64, most: f64| (at + sd * normal(&mut rng)).clamp(0.0, most);
+            let mut edge = |at: f64, most: f64| (at + sd * normal(rng)).clamp(0.0, most);
             let edges =
                 [edge(exact.x0(), WIDTH), edge(exact.y0(), HEIGHT), edge(exact.x1(), WIDTH), edge(exact.y1(), HEIGHT)];
             let (id, category) = (index.to_string(), category.to_string());
@@ -121,7 +136,7 @@ fn scene(categories: usize, seed: u64) -> Result<Scene, Error> {
 }
 
 /// A number with the standard normal distribution (Box and Muller).
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn normal(rng: &mut ChaCha8Rng) -> f64 {
     let (a, b): (f64, f64) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random_range(0.0..TAU));
     (-2.0 * a.ln()).sqrt() * b.cos()
 }

@@ -1,6 +1,6 @@
 //! Depths and 3D boxes of detections, moved with the world of the corrected poses.
 
-use nalgebra::{DMatrix, Matrix3, Matrix4, Point3, Rotation3};
+use nalgebra::{DMatrix, Matrix3, Matrix4, Point3, Rotation3, Vector3};
 use quadlift::diagnosis::Correction;
 use quadlift::geometry::{quaternion_from_rotation, rotation_from_quaternion};
 
@@ -11,13 +11,17 @@ use crate::scene_file::{Box3dRecord, SceneFile};
 pub(super) fn move_with_world(file: &mut SceneFile, correction: &Correction) {
     let origin = correction.world_point(&Point3::origin());
     let moved = |axis: usize| correction.world_point(&Matrix3::identity().column(axis).into_owned().into()) - origin;
-    let linear = Matrix3::from_columns(&[moved(0), moved(1), moved(2)]);
-    if linear == Matrix3::identity() {
+    move_by(file, &Matrix3::from_columns(&[moved(0), moved(1), moved(2)]), &origin.coords);
+}
+
+/// The same for a world whose points `x` become `linear x + origin`; `linear` is a rotation or a mirror, times a factor.
+pub(super) fn move_by(file: &mut SceneFile, linear: &Matrix3<f64>, origin: &Vector3<f64>) {
+    if *linear == Matrix3::identity() && *origin == Vector3::zeros() {
         return;
     }
     let factor = linear.determinant().abs().cbrt();
     file.frames.iter_mut().filter_map(|frame| frame.depth.as_mut()).for_each(|depth| depth.scale *= factor);
-    let world = linear.to_homogeneous().append_translation(&origin.coords);
+    let world = linear.to_homogeneous().append_translation(origin);
     let larger = Matrix4::new_scaling(factor);
     for cloud in file.frames.iter_mut().filter_map(|frame| frame.point_cloud.as_mut()) {
         cloud.moved_by(if cloud.is_in_world() { &world } else { &larger });
@@ -31,6 +35,9 @@ pub(super) fn move_with_world(file: &mut SceneFile, correction: &Correction) {
         if let Some(box3d) = &mut record.box3d {
             let of_world = box3d.frame.as_deref() == Some("world");
             move_box(box3d, factor, &if of_world { linear / factor } else { Matrix3::identity() });
+            if of_world {
+                box3d.center = box3d.center.map(|center| (Point3::from(center) + origin).into());
+            }
         }
     }
 }
@@ -63,7 +70,7 @@ fn move_box(record: &mut Box3dRecord, factor: f64, turn: &Matrix3<f64>) {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{SMatrix, SVector, Vector3};
+    use nalgebra::{SMatrix, SVector};
     use serde_json::json;
 
     use super::*;

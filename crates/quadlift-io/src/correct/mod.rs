@@ -17,6 +17,7 @@ mod rounding;
 mod tests;
 
 use quadlift::diagnosis::Correction;
+use quadlift::geometry::Similarity;
 
 use crate::error::EntryError;
 use crate::scene_file::SceneFile;
@@ -84,6 +85,22 @@ fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryE
             format!("{} were corrected", count(poses::correct(file, correction)?, "pose"))
         }
     })
+}
+
+/// Moves cameras, points, depths and 3D boxes of a scene to another frame; `up` and objects stay.
+///
+/// # Errors
+/// [`EntryError`], as of [`correct`].
+pub(crate) fn move_world(file: &mut SceneFile, to: &Similarity) -> Result<(), EntryError> {
+    cues::move_by(file, &(to.rotation.matrix() * to.scale), &to.translation);
+    for point in &mut file.points {
+        *point = to.point(&(*point).into()).into();
+    }
+    poses::change(file, |rotation, translation| {
+        let turned = rotation * to.rotation.matrix().transpose();
+        (turned, translation * to.scale - turned * to.translation)
+    })
+    .map(|_| ())
 }
 
 /// Moves the points of the scene, depths and 3D boxes into the world of the corrected poses.

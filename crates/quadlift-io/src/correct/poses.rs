@@ -18,7 +18,8 @@ pub(super) fn scale(file: &mut SceneFile, factor: f64) -> usize {
     change(file, |rotation, translation| (*rotation, translation * factor)).unwrap_or_default()
 }
 
-fn change(
+/// Maps rotation and translation of all poses; returns their number.
+pub(super) fn change(
     file: &mut SceneFile,
     map: impl Fn(&Matrix3<f64>, &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>),
 ) -> Result<usize, EntryError> {

@@ -38,6 +38,8 @@ use quadlift::solve::Covariance;
 use crate::error::EntryError;
 use crate::scene_file::SceneFile;
 
+pub(crate) use units::metres_of;
+
 /// A file in another program's format.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Document {

@@ -13,11 +13,15 @@ const METRES: [(&[&str], f64); 7] = [
     (&["ft", "foot", "feet"], 0.3048),
 ];
 
+/// Metres in a unit, if it is known.
+pub(crate) fn metres_of(unit: &str) -> Option<f64> {
+    METRES.iter().find(|(names, _)| names.contains(&unit)).map(|(_, metres)| *metres)
+}
+
 impl CheckedScene<'_> {
     /// Metres in the world unit, if it is known.
     pub(super) fn known_metres(&self) -> Option<f64> {
-        let unit = self.scene.length_unit.as_deref()?;
-        METRES.iter().find(|(names, _)| names.contains(&unit)).map(|(_, metres)| *metres)
+        metres_of(self.scene.length_unit.as_deref()?)
     }
 
     /// Metres in the world unit, and what was converted or assumed.
@@ -25,9 +29,9 @@ impl CheckedScene<'_> {
         let Some(unit) = &self.scene.length_unit else {
             return (1.0, Some("the scene has no length_unit: metres were assumed".to_owned()));
         };
-        match METRES.iter().find(|(names, _)| names.contains(&unit.as_str())) {
-            Some((_, metres)) if *metres == 1.0 => (1.0, None),
-            Some((_, metres)) => (*metres, Some(format!("lengths were converted from {unit} to metres"))),
+        match metres_of(unit) {
+            Some(1.0) => (1.0, None),
+            Some(metres) => (metres, Some(format!("lengths were converted from {unit} to metres"))),
             None => (1.0, Some(format!("unknown length_unit \"{unit}\": metres were assumed"))),
         }
     }

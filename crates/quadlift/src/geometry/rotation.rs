@@ -1,7 +1,10 @@
 //! Rotations: quaternions (w first in files), exponential map, checks.
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
+
+/// Iterations after which a singular value decomposition is given up.
+const MOST_SVD_STEPS: usize = 200;
 
 /// The rotation of a unit quaternion `[w, x, y, z]`.
 ///
@@ -51,6 +54,32 @@ pub(crate) fn horizontal_basis(up: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [first, up.cross(&first)]
 }
 
+/// The rotation with the largest `tr(R^T m)` (Kabsch); `None` where `m` is not finite.
+pub(crate) fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    if !m.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    let svd = m.try_svd(true, true, f64::EPSILON, MOST_SVD_STEPS)?;
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let sign = (u * v_t).determinant().signum();
+    Some(u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t)
+}
+
+/// The turn about an axis with the largest `tr(R^T m)`.
+pub(crate) fn nearest_turn(m: &Matrix3<f64>, axis: &Unit<Vector3<f64>>) -> Rotation3<f64> {
+    let cosine = m.trace() - axis.dot(&(m * axis.into_inner()));
+    let axial = Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]);
+    Rotation3::from_axis_angle(axis, axial.dot(axis).atan2(cosine))
+}
+
+/// The smallest turn that brings one direction onto another; about any axis across them where they are opposite.
+pub(crate) fn between(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> Rotation3<f64> {
+    Rotation3::rotation_between(from, to).unwrap_or_else(|| {
+        let [across, _] = horizontal_basis(from);
+        Rotation3::from_axis_angle(&Unit::new_unchecked(across), std::f64::consts::PI)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,6 +97,26 @@ mod tests {
     fn skew_is_the_cross_product() {
         let (a, b) = (Vector3::new(1.0, 2.0, -0.5), Vector3::new(0.2, -0.7, 3.0));
         assert!((skew(&a) * b - a.cross(&b)).norm() < 1e-14);
+    }
+
+    #[test]
+    fn the_nearest_rotation_and_turn_are_those_that_were_applied() {
+        let rotation = *Rotation3::from_euler_angles(0.4, -1.2, 2.0).matrix();
+        let spread = Matrix3::from_diagonal(&Vector3::new(3.0, 2.0, 0.1));
+        assert!((nearest_rotation(&(rotation * spread)).unwrap() - rotation).norm() < 1e-12);
+        assert_eq!(nearest_rotation(&Matrix3::repeat(f64::NAN)), None);
+        let axis = Unit::new_normalize(Vector3::new(0.3, -0.2, 0.9));
+        let turn = Rotation3::from_axis_angle(&axis, -2.1);
+        assert!((nearest_turn(&(turn.matrix() * spread * 2.0), &axis).matrix() - turn.matrix()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_turn_between_directions_brings_one_onto_the_other() {
+        let up = Vector3::z_axis();
+        for direction in [Vector3::new(0.3, 0.1, 0.2), -Vector3::z(), Vector3::z()] {
+            let to = Unit::new_normalize(direction);
+            assert!((between(&up, &to) * up.into_inner() - to.into_inner()).norm() < 1e-12);
+        }
     }
 
     #[test]

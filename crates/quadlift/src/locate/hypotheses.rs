@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::prepared::{Candidate, PreparedQuery};
 use super::refine::{Match, Pose, refine};
 use super::score::{gain, predictions};
+use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
 
 /// Hypotheses that are examined at most; of more, evenly spread ones are.
 const MOST_HYPOTHESES: usize = 16_000;
@@ -249,25 +250,11 @@ fn aligned(query: &PreparedQuery, members: &[&Candidate]) -> Option<Pose> {
         Some(gravity) => {
             // The camera turned upright, then a turn about the vertical.
             let up = gravity.up_in_world;
-            let upright = nalgebra::Rotation3::rotation_between(&gravity.up_in_camera, &up).unwrap_or_else(|| {
-                nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), std::f64::consts::PI)
-            });
-            let m = spread(upright.matrix());
-            // max tr(R^T m) over turns R about `up`.
-            let cosine = m.trace() - up.dot(&(m * up.into_inner()));
-            let axial = Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]);
-            let turn = nalgebra::Rotation3::from_axis_angle(&up, axial.dot(&up).atan2(cosine));
+            let upright = between(&gravity.up_in_camera, &up);
+            let turn = nearest_turn(&spread(upright.matrix()), &up);
             upright.matrix().transpose() * turn.matrix()
         }
     };
     let translation = camera - rotation * world;
     translation.iter().all(|x| x.is_finite()).then_some(Pose { rotation, translation })
-}
-
-/// The rotation with the largest `tr(R^T m)` (Kabsch).
-fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-    let svd = m.svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let sign = (u * v_t).determinant().signum();
-    Some(u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t)
 }

@@ -1,0 +1,135 @@
+//! The merged map: localised again where both files have detections, and written.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use quadlift::LocalizeOptions;
+use quadlift::align::MapTransform;
+use quadlift_io::align::{ALIGNMENT, Merged, merge};
+use quadlift_io::diagnosis::{Context, refuse_objects};
+use quadlift_io::scene_file::count_localised;
+use quadlift_io::write_scene_file;
+use serde_json::{Value, json};
+
+use super::{Args, Map};
+use crate::diagnosis::Check;
+use crate::error::{InconsistentError, Outcome};
+use crate::localization::{PriorSource, Settings, localize_scene, read_depths, read_points, result_file};
+use crate::output::{Output, one_line};
+use crate::words::count;
+
+/// What was written.
+pub struct Written {
+    pub text: String,
+    pub document: Value,
+    pub outcome: Outcome,
+}
+
+/// Merges the maps and writes the result.
+pub fn write(
+    args: &Args,
+    output: &Path,
+    [a, b]: [&Map; 2],
+    transform: &MapTransform,
+    mut record: Value,
+    out: &Output,
+) -> anyhow::Result<Written> {
+    // What is wrong in one of the files is told with its entry there.
+    for (map, path) in [(a, &args.a), (b, &args.b)] {
+        map.file.to_scene().map_err(|error| error.in_file(path))?;
+    }
+    let mut file_b = b.file.clone();
+    let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+    file_b.move_paths([&folder(&args.b), &folder(&args.a)])?;
+    let merged = merge(&a.file, &file_b, [&a.objects, &b.objects], transform);
+    let mut merged = merged.map_err(|error| error.in_file(&args.b))?;
+    let mut text = String::new();
+    let mut problems = Vec::new();
+    if merged.has_detections {
+        let (words, found) = localize_again(args, &mut merged, out)?;
+        text.push_str(&words);
+        problems = found;
+    } else {
+        text.push_str("the estimates of the files were kept: they do not both have detections of objects\n");
+    }
+    let twice = merged.at_one_place().map_err(|error| error.in_file(output))?;
+    record["b"] = args.b.display().to_string().into();
+    record["localized_together"] = merged.has_detections.into();
+    record["renamed_frames"] = renamed(&merged.renamed_frames);
+    record["renamed_objects"] = renamed(&merged.renamed_objects);
+    record["at_one_place"] = json!(twice);
+    let document = json!({
+        "output": output.display().to_string(),
+        "frames": merged.file.frames.len(),
+        "objects": merged.file.objects.len(),
+        "localized_together": merged.has_detections,
+        "renamed_frames": record["renamed_frames"],
+        "renamed_objects": record["renamed_objects"],
+        "at_one_place": record["at_one_place"],
+    });
+    merged.file.extra.insert(ALIGNMENT.to_owned(), record);
+    write_scene_file(output, &merged.file)?;
+    for [p, q] in &twice {
+        out.warning(&one_line(&format!("{p} and {q} have one category and lie at one place, but are not merged")));
+    }
+    let (frames, objects) = (merged.renamed_frames.len(), merged.renamed_objects.len());
+    if frames + objects > 0 {
+        text.push_str(&format!(
+            "{} and {} of B were renamed: their ids were taken\n",
+            count(frames, "frame"),
+            count(objects, "object")
+        ));
+    }
+    text.push_str(&format!(
+        "wrote {}: {}, {}\n",
+        output.display(),
+        count(merged.file.frames.len(), "frame"),
+        count(merged.file.objects.len(), "object")
+    ));
+    out.errors(&problems);
+    let outcome = if problems.is_empty() { Outcome::Fine } else { Outcome::SomethingFailed };
+    Ok(Written { text, document, outcome })
+}
+
+fn renamed(names: &[(String, String)]) -> Value {
+    names.iter().map(|(from, to)| json!({ "from": from, "to": to })).collect()
+}
+
+/// Localises the objects from the detections of both maps, with the defaults of `quadlift localize`; what was found, and files that cannot be
+/// read.
+fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Result<(String, Vec<String>)> {
+    let title = "the merged map";
+    let options = LocalizeOptions { source: args.source.clone(), ..Default::default() };
+    let settings = Settings::new(options, PriorSource::None)?;
+    let mut file = merged.file.clone();
+    file.objects = Vec::new();
+    let mut scene = file.to_scene().context(title)?;
+    let mut problems = Vec::new();
+    for read in [read_depths, read_points] {
+        problems.extend(read(title, (&args.a, &file), &mut scene, &settings.options, out).context(title)?);
+    }
+    let mut localization = localize_scene(title, &scene, &settings, out).context(title)?;
+    let context = Context::of(&file, 0);
+    let check = Check::of(localization.diagnosis.clone(), context, &file, args.source.as_deref());
+    if !check.diagnosis.consistent && !args.accept_inconsistent {
+        let why = check.in_words().unwrap_or_default();
+        let text = format!("{title} is inconsistent, though each map may be consistent: {why}");
+        return Err(InconsistentError { text, diagnosis: check.record() }.into());
+    }
+    refuse_objects(&mut localization, &check.diagnosis, args.accept_inconsistent);
+    check.tell(title, out);
+    let mut result = result_file(&file, &scene, &localization, &settings);
+    if let Some(about) = &mut result.localization {
+        about["diagnosis"] = check.record();
+    }
+    result.detections = std::mem::take(&mut file.detections);
+    let localised = count_localised(&localization.estimates);
+    // Objects without detections (a map may have objects that its file shows in no frame) keep their estimates.
+    let known: std::collections::BTreeSet<&str> = scene.object_ids.iter().map(String::as_str).collect();
+    let kept: Vec<_> =
+        merged.file.objects.iter().filter(|object| !known.contains(object.id.as_str())).cloned().collect();
+    result.objects.extend(kept);
+    merged.file = result;
+    let of = count(localization.estimates.len(), "object");
+    Ok((format!("localised {localised} of {of} from the detections of both maps\n"), problems))
+}
