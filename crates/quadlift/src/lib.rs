@@ -55,6 +55,7 @@
 
 pub mod association;
 mod body_model;
+pub mod calibrate;
 pub mod cross_validation;
 pub mod diagnosis;
 pub mod geometry;
