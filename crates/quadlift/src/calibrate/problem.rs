@@ -15,6 +15,9 @@ pub(super) const STUDENT_T: StudentT = StudentT::new(DOF);
 /// Part of the error of an edge that does not depend on the size of the box, pixels.
 const EDGE_PX: f64 = 1.0;
 
+/// Standard deviation of the width of bodies, relative to the mean half size of their boxes, as an edge has it.
+const WIDTH_SD: f64 = 0.4;
+
 /// A box, in coordinates (X / Z, Y / Z) of its camera.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MeasuredBox {
@@ -41,10 +44,10 @@ impl MeasuredBox {
     }
 }
 
-/// Noise of the boxes of a category, each relative to the mean half size and as the standard deviation of an edge: of centres, widths and
+/// Noise of the boxes of a category, each relative to the mean half size and as the standard deviation of an edge: of centres and of
 /// heights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Levels(pub [f64; 3]);
+pub(super) struct Levels(pub [f64; 2]);
 
 /// A residual of a box: a combination of its edges.
 #[derive(Debug, Clone, Copy)]
@@ -57,24 +60,26 @@ pub(super) struct BoxRow {
     pub level: Option<usize>,
 }
 
-/// The residuals of a box: along each axis centre and size, or single edges where the image ends.
+/// The residuals of a box: its centre and its height, or single edges where the image ends. Widths say little: arms and stride change
+/// them, and all boxes of a camera that sees people from the side are too narrow alike.
 pub(super) fn box_rows(measured: &MeasuredBox, levels: Levels, predicted: &[f64; 4]) -> Vec<BoxRow> {
     let mut rows = Vec::with_capacity(4);
     for axis in 0..2 {
-        let sd = |level: usize| (levels.0[level] * measured.size[axis]).hypot(EDGE_PX * measured.pixel[axis]);
+        let sd = |level: f64| (level * measured.size[axis]).hypot(EDGE_PX * measured.pixel[axis]);
         let off = [axis, axis + 2].map(|edge| predicted[edge] - measured.edges[edge]);
-        let (center, size) = (sd(0), sd(1 + axis));
+        let [center, height] = levels.0;
         if !(measured.cut_off[axis] || measured.cut_off[axis + 2]) {
-            for (level, sd, sign) in [(0, center, 1.0), (1 + axis, size, -1.0)] {
+            for (level, sign) in [(0, 1.0), (1, -1.0)].into_iter().take(1 + axis) {
                 // Half the sum and half the difference of independent edges have a standard deviation smaller by the root of two.
-                let scale = std::f64::consts::FRAC_1_SQRT_2 / sd;
+                let scale = std::f64::consts::FRAC_1_SQRT_2 / sd(levels.0[level]);
                 let mut of_edges = [0.0; 4];
                 (of_edges[axis], of_edges[axis + 2]) = (sign * scale, scale);
                 rows.push(BoxRow { of_edges, residual: scale * (sign * off[0] + off[1]), level: Some(level) });
             }
             continue;
         }
-        let scale = 1.0 / (0.5 * (center * center + size * size)).sqrt();
+        let size = if axis == 0 { WIDTH_SD } else { height };
+        let scale = 1.0 / sd((0.5 * (center * center + size * size)).sqrt());
         for (edge, off, outwards) in [(axis, off[0], -off[0]), (axis + 2, off[1], off[1])] {
             if measured.cut_off[edge] && outwards >= 0.0 {
                 continue;

@@ -16,8 +16,11 @@ use super::{CalibrateOptions, Calibration, Rig, RigScale};
 use crate::geometry::linalg::symmetric_eigen3;
 
 /// First levels of the noise of boxes: of bodies with a vertical, and of others, whose widths and heights change as they turn.
-const FIRST_LEVELS: [f64; 3] = [0.05, 0.05, 0.05];
-const FIRST_LEVELS_BALL: [f64; 3] = [0.05, 0.2, 0.2];
+const FIRST_LEVELS: [f64; 2] = [0.05, 0.05];
+const FIRST_LEVELS_BALL: [f64; 2] = [0.05, 0.15];
+
+/// Residuals that the first levels are worth when levels are estimated.
+const PRIOR_RESIDUALS: f64 = 10.0;
 
 /// Levels stay between these.
 const LEAST_LEVEL: f64 = 0.002;
@@ -25,6 +28,7 @@ const MOST_LEVEL: f64 = 1.0;
 
 /// Of the heights at which bodies walk, relative to their half height: the first level, and its range.
 const FIRST_STEP_LEVEL: f64 = 0.3;
+const USUAL_STEP_LEVEL: f64 = 0.05;
 const LEAST_STEP_LEVEL: f64 = 0.02;
 const MOST_STEP_LEVEL: f64 = 1.0;
 
@@ -72,7 +76,7 @@ pub(super) fn calibrate(rig: &Rig, options: &CalibrateOptions) -> Calibration {
     };
     for round in 0..ROUNDS {
         let Some(of_round) = uncertainty(&solution.problem, &solution.state) else { break };
-        update_levels(&mut solution.problem, &solution.state, &of_round);
+        update_levels(&prepared, &mut solution.problem, &of_round);
         if round == 0 && prepared.boxes.iter().any(|b| !b.has_id()) {
             regroup(&prepared, &mut solution);
         }
@@ -294,7 +298,7 @@ fn regroup(prepared: &Prepared, solution: &mut Solution) {
 }
 
 /// Noise levels from residuals: the weighted sum of squares of a level over what the fit leaves of its residuals.
-fn update_levels(problem: &mut Problem, state: &State, of_round: &Uncertainty) {
+fn update_levels(prepared: &Prepared, problem: &mut Problem, of_round: &Uncertainty) {
     let mut sums: BTreeMap<(usize, usize), (f64, f64)> = BTreeMap::new();
     let mut steps = (0.0, 0.0);
     for (row, weight, leverage) in of_round.rows.iter().flatten() {
@@ -306,14 +310,16 @@ fn update_levels(problem: &mut Problem, state: &State, of_round: &Uncertainty) {
         sum.0 += weight * row.residual * row.residual;
         sum.1 += (1.0 - leverage).max(0.0);
     }
-    let factor =
-        |(squares, free): (f64, f64)| if free > 1.0 { (squares / free / GAUSSIAN).sqrt().clamp(0.2, 5.0) } else { 1.0 };
+    let first = |category: usize| if prepared.shapes[category].upright { FIRST_LEVELS } else { FIRST_LEVELS_BALL };
+    let better = |level: f64, first: f64, (squares, free): (f64, f64)| {
+        let squares = squares / GAUSSIAN * level * level + PRIOR_RESIDUALS * first * first;
+        (squares / (free + PRIOR_RESIDUALS)).sqrt()
+    };
     for ((category, level), sum) in sums {
         let of_category = &mut problem.levels[category].0[level];
-        *of_category = (*of_category * factor(sum)).clamp(LEAST_LEVEL, MOST_LEVEL);
+        *of_category = better(*of_category, first(category)[level], sum).clamp(LEAST_LEVEL, MOST_LEVEL);
     }
-    problem.step_level = (problem.step_level * factor(steps)).clamp(LEAST_STEP_LEVEL, MOST_STEP_LEVEL);
-    let _ = state;
+    problem.step_level = better(problem.step_level, USUAL_STEP_LEVEL, steps).clamp(LEAST_STEP_LEVEL, MOST_STEP_LEVEL);
 }
 
 /// Mean of the weighted square of a Gaussian residual: the weights of the Student t distribution take a little off.
