@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::pairs::{RelativePose, SAME_POINT, SizedPoint, relative_poses};
+use super::pairs::{RelativePose, SAME_POINT, relative_poses};
 use super::pose::Pose;
 use super::predicted::Shape;
 use super::prepared::{Prepared, PreparedBox, Thing};
@@ -140,12 +140,7 @@ pub(super) struct Group {
 }
 
 /// A box's body in the world: place and information.
-fn in_world(
-    prepared: &Prepared,
-    pose: &Pose,
-    index: usize,
-    bodies: &Bodies,
-) -> Option<(Vector3<f64>, Matrix3<f64>, SizedPoint)> {
+fn in_world(prepared: &Prepared, pose: &Pose, index: usize, bodies: &Bodies) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     let of_box = &prepared.boxes[index];
     let mut point = of_box.point?;
     let shape = bodies.shapes[of_box.category];
@@ -162,7 +157,7 @@ fn in_world(
     point.extent = shape.extent();
     point.depth_sd = bodies.depth_sd;
     let covariance = pose.rotation.tr_mul(&point.covariance()) * pose.rotation;
-    Some((pose.inverse().apply(&point.place), covariance, point))
+    Some((pose.inverse().apply(&point.place), covariance))
 }
 
 /// The mean of places, each weighted by what it tells.
@@ -177,6 +172,17 @@ fn mean(places: &[(Vector3<f64>, Matrix3<f64>)]) -> Option<Vector3<f64>> {
     Some(information.cholesky()?.solve(&sum))
 }
 
+/// Where the body of some boxes is; `None` where none of them is whole.
+pub(super) fn place(
+    prepared: &Prepared,
+    poses: &[Option<Pose>],
+    boxes: &[usize],
+    bodies: &Bodies,
+) -> Option<Vector3<f64>> {
+    let of_box = |&index: &usize| in_world(prepared, &poses[prepared.boxes[index].camera]?, index, bodies);
+    mean(&boxes.iter().filter_map(of_box).collect::<Vec<_>>())
+}
+
 /// Groups the boxes of placed cameras: those of an object at an instant belong together; those without ids, where they may be at the same
 /// place. Groups of one camera are left out.
 pub(super) fn groups(prepared: &Prepared, poses: &[Option<Pose>], bodies: &Bodies) -> Vec<Group> {
@@ -188,7 +194,7 @@ pub(super) fn groups(prepared: &Prepared, poses: &[Option<Pose>], bodies: &Bodie
     for ((instant, thing), boxes) in of_instant {
         let place = |&index: &usize| -> Option<(usize, Vector3<f64>, Matrix3<f64>)> {
             let pose = poses[prepared.boxes[index].camera]?;
-            let (place, covariance, _) = in_world(prepared, &pose, index, bodies)?;
+            let (place, covariance) = in_world(prepared, &pose, index, bodies)?;
             Some((index, place, covariance))
         };
         let placed: Vec<_> = boxes.iter().filter_map(place).collect();

@@ -7,6 +7,7 @@
 //! a status that says why, and no pose.
 
 mod adjust;
+mod alternatives;
 mod assemble;
 mod outcome;
 mod pairs;

@@ -1,5 +1,7 @@
 //! The answer: statuses, covariances, and the world in which it is given.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
 
 use super::adjust::{Layout, Uncertainty, uncertainty};
@@ -131,24 +133,42 @@ fn largest(covariance: &Matrix6<f64>, first: usize) -> f64 {
     part.symmetric_eigenvalues().max().max(0.0).sqrt()
 }
 
-/// By how much variances grow because the errors of a body's boxes in a camera last longer than an instant.
+/// By how much variances grow because the errors of a body's boxes in a camera last longer than an instant: the variance of means of
+/// consecutive residuals, over that of independent ones.
 fn memory(solution: &Solution, found: &Uncertainty) -> f64 {
-    let mut last: std::collections::BTreeMap<(usize, usize, (usize, usize)), f64> = Default::default();
-    let (mut products, mut squares, mut count) = (0.0, 0.0, 0.0_f64);
+    let mut series: BTreeMap<(usize, usize, (usize, usize)), Vec<f64>> = BTreeMap::new();
     for (site, rows) in solution.problem.sites.iter().zip(&found.rows) {
         for (row, weight, _) in rows {
-            let (Some(camera), Some(level)) = (row.camera, row.level) else { continue };
-            let residual = row.residual * weight.sqrt();
-            if let Some(before) = last.insert((site.shape, camera, level), residual) {
-                products += before * residual;
-                squares += 0.5 * (before * before + residual * residual);
-                count += 1.0;
+            if let (Some(camera), Some(level)) = (row.camera, row.level) {
+                series.entry((site.shape, camera, level)).or_default().push(row.residual * weight.sqrt());
             }
         }
     }
-    let correlation = if squares > 0.0 { products / squares } else { 0.0 };
-    let least = 2.0 / count.max(1.0).sqrt();
-    if correlation < least { 1.0 } else { (1.0 + correlation.min(0.98)) / (1.0 - correlation.min(0.98)) }
+    let mean_square = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64;
+    let all: Vec<f64> = series.values().flatten().copied().collect();
+    let single = mean_square(&all);
+    let growth = |length: usize| {
+        let block = |values: &[f64]| values.iter().sum::<f64>() / (length as f64).sqrt();
+        let blocks: Vec<f64> = series.values().flat_map(|values| values.chunks_exact(length)).map(block).collect();
+        let growth = mean_square(&blocks) / single;
+        // Chance makes as much of few blocks.
+        growth - growth * (2.0 / blocks.len().max(1) as f64).sqrt()
+    };
+    let lengths = [2, 4, 8, 16, 32, 64];
+    if single > 0.0 { lengths.into_iter().map(growth).filter(|x| x.is_finite()).fold(1.0, f64::max) } else { 1.0 }
+}
+
+/// Places of bodies that are farther from each other than half their height.
+fn distinct(solution: &Solution, camera: usize) -> usize {
+    let mut kept: Vec<Vector3<f64>> = Vec::new();
+    for (site, place) in solution.problem.sites.iter().zip(&solution.state.places) {
+        let near = solution.state.shapes[site.shape].log_height.exp();
+        let sees = site.observations.iter().any(|observation| observation.camera == camera);
+        if sees && kept.len() < FEWEST_SHARED && kept.iter().all(|other| (other - place).norm() > near) {
+            kept.push(*place);
+        }
+    }
+    kept.len()
 }
 
 /// The answer.
@@ -206,6 +226,7 @@ pub(super) fn calibration(
         };
         answer.status = match &covariance {
             _ if median(of_camera_seen.off.clone()).is_none_or(|off| off > MOST_OFF) => CameraStatus::Inconsistent,
+            _ if distinct(solution, index) < FEWEST_SHARED => CameraStatus::Undetermined,
             _ if ambiguous[index] => CameraStatus::Ambiguous,
             _ if Some(index) == tree.reference => CameraStatus::Ok,
             Some(c) if determined(c) => CameraStatus::Ok,

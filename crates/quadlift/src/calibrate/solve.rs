@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::adjust::{Adjusted, Uncertainty, adjust, uncertainty};
-use super::assemble::{Bodies, Group, Pair, Tree, across_pair, groups, pairs, tree};
+use super::alternatives::alternatives;
+use super::assemble::{Bodies, Group, Tree, groups, pairs, place, tree};
 use super::outcome;
 use super::pairs::DEPTH_SD;
 use super::pose::Pose;
@@ -49,6 +50,9 @@ const STEPS: usize = 40;
 /// Rounds of noise levels.
 const ROUNDS: usize = 5;
 
+/// Better solutions that are taken up, one after another.
+const MOST_BETTER: usize = 3;
+
 /// Standard deviation of a distance that is known, relative.
 const DISTANCE_SD: f64 = 1e-3;
 
@@ -74,17 +78,60 @@ pub(super) fn calibrate(rig: &Rig, options: &CalibrateOptions) -> Calibration {
     let Some(mut solution) = solution(&prepared, &tree, &tree.poses, options) else {
         return outcome::nothing(rig, &pairs);
     };
+    refine(&prepared, &mut solution);
+    let mut found = alternatives(&prepared, &pairs, &tree, &solution);
+    for _ in 0..MOST_BETTER {
+        let Some((poses, up)) = found.better.take() else { break };
+        let mut next = solution.clone();
+        next.restart(&prepared, poses, up);
+        refine(&prepared, &mut next);
+        solution = next;
+        found = alternatives(&prepared, &pairs, &tree, &solution);
+    }
+    outcome::calibration(&prepared, &pairs, &tree, &solution, &found.ambiguous)
+}
+
+/// The final adjustment: noise levels and unknowns in turn; boxes without ids are grouped again.
+fn refine(prepared: &Prepared, solution: &mut Solution) {
     for round in 0..ROUNDS {
         let Some(of_round) = uncertainty(&solution.problem, &solution.state) else { break };
-        update_levels(&prepared, &mut solution.problem, &of_round);
+        update_levels(prepared, &mut solution.problem, &of_round);
         if round == 0 && prepared.boxes.iter().any(|b| !b.has_id()) {
-            regroup(&prepared, &mut solution);
+            regroup(prepared, solution);
         }
         let Some(better) = adjust(&solution.problem, solution.state.clone(), STEPS) else { break };
         (solution.state, solution.cost) = (better.state, better.cost);
     }
-    let ambiguous = ambiguous_cameras(&prepared, &pairs, &tree, &solution);
-    outcome::calibration(&prepared, &pairs, &tree, &solution, &ambiguous)
+}
+
+/// What a solution says about the bodies.
+pub(super) fn bodies(prepared: &Prepared, solution: &Solution) -> Bodies {
+    let shapes = (0..prepared.shapes.len()).map(|category| {
+        let of_category = solution.problem.shapes.iter().position(|shape| shape.category == category);
+        of_category.map_or(prepared.shapes[category].usual(), |k| solution.state.shapes[k])
+    });
+    Bodies { up: Some(solution.state.up), shapes: shapes.collect(), depth_sd: REFINED_DEPTH_SD }
+}
+
+impl Solution {
+    /// The same bodies from other poses.
+    fn restart(&mut self, prepared: &Prepared, poses: Vec<Pose>, up: Vector3<f64>) {
+        let placed: Vec<Option<Pose>> =
+            poses.iter().zip(&self.placed).map(|(pose, &placed)| placed.then_some(*pose)).collect();
+        self.state.poses = poses;
+        self.state.up = up;
+        let bodies = bodies(prepared, self);
+        for (site, at) in self.problem.sites.iter().zip(&mut self.state.places) {
+            let boxes: Vec<usize> = site.observations.iter().map(|observation| observation.box_index).collect();
+            if let Some(place) = place(prepared, &placed, &boxes, &bodies) {
+                *at = place;
+            }
+        }
+        self.state = with_up(&self.problem, &self.state, up);
+        if let Some(better) = adjust(&self.problem, self.state.clone(), STEPS) {
+            (self.state, self.cost) = (better.state, better.cost);
+        }
+    }
 }
 
 /// The problem of placed cameras and groups, with the state to start from.
@@ -251,7 +298,7 @@ fn solution(prepared: &Prepared, tree: &Tree, poses: &[Option<Pose>], options: &
 }
 
 /// The best of the adjustments with different verticals.
-fn best_start(problem: &Problem, state: &State, poses: &[Option<Pose>]) -> Option<Adjusted> {
+pub(super) fn best_start(problem: &Problem, state: &State, poses: &[Option<Pose>]) -> Option<Adjusted> {
     let verticals = if problem.up_free { verticals(problem, state, poses) } else { vec![state.up] };
     let starts = verticals.into_iter().filter_map(|up| adjust(problem, with_up(problem, state, up), FIRST_STEPS));
     let best = starts.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
@@ -260,11 +307,7 @@ fn best_start(problem: &Problem, state: &State, poses: &[Option<Pose>]) -> Optio
 
 /// Groups boxes without ids again, now that the vertical and the sizes are known.
 fn regroup(prepared: &Prepared, solution: &mut Solution) {
-    let shapes = (0..prepared.shapes.len()).map(|category| {
-        let of_category = solution.problem.shapes.iter().position(|shape| shape.category == category);
-        of_category.map_or(prepared.shapes[category].usual(), |k| solution.state.shapes[k])
-    });
-    let bodies = Bodies { up: Some(solution.state.up), shapes: shapes.collect(), depth_sd: REFINED_DEPTH_SD };
+    let bodies = bodies(prepared, solution);
     let poses: Vec<Option<Pose>> =
         solution.placed.iter().zip(&solution.state.poses).map(|(&placed, pose)| placed.then_some(*pose)).collect();
     let found = groups(prepared, &poses, &bodies);
@@ -324,14 +367,6 @@ fn update_levels(prepared: &Prepared, problem: &mut Problem, of_round: &Uncertai
 
 /// Mean of the weighted square of a Gaussian residual: the weights of the Student t distribution take a little off.
 const GAUSSIAN: f64 = 0.9;
-
-/// Cameras that another pose explains about as well.
-fn ambiguous_cameras(prepared: &Prepared, pairs: &[Pair], tree: &Tree, solution: &Solution) -> Vec<bool> {
-    let mut ambiguous = vec![false; prepared.rig.cameras.len()];
-    let _ = (pairs, tree, solution, across_pair);
-    ambiguous.fill(false);
-    ambiguous
-}
 
 /// A block of a covariance.
 pub(super) fn block<const N: usize>(covariance: &DMatrix<f64>, first: usize) -> nalgebra::SMatrix<f64, N, N> {
