@@ -1,6 +1,7 @@
 //! The subcommands, one file each.
 
 pub mod associate;
+pub mod calibrate;
 pub mod completions;
 pub mod demo;
 pub mod evaluate;

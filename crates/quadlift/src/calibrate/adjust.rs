@@ -45,11 +45,7 @@ impl Layout {
         self.up
     }
 
-    /// Number of shapes.
-    pub(super) fn shapes(&self) -> usize {
-        (self.len - self.shapes) / 3
-    }
-
+    /// Place of an unknown; `None` where it is not sought.
     pub(super) fn unknown(&self, unknown: Unknown) -> Option<usize> {
         match unknown {
             Unknown::Camera(camera, k) => self.cameras[camera].map(|first| first + k),

@@ -139,7 +139,7 @@ pub struct CalibratedCamera {
     /// Its pose; with [`CameraStatus::Given`] and [`CameraStatus::Ok`] alone.
     pub cam_from_world: Option<CamFromWorld>,
     /// Covariance of its errors relative to the reference camera or the given ones, in the frame of the camera: rotation vector
-    /// (radians) and position (world units). It includes that of the scale. None of the reference and of given cameras.
+    /// (radians) and position (world units), at the scale of the answer, which has a standard deviation of its own. None of the reference and of given cameras.
     pub covariance: Option<Matrix6<f64>>,
     /// Bodies at instants that it shares with other calibrated cameras.
     pub instants: usize,
@@ -199,7 +199,7 @@ pub struct Calibration {
     pub reference: Option<usize>,
     /// What tells the unit of the world.
     pub scale: RigScale,
-    /// Relative standard deviation of the scale; none if the poses tell it or it is arbitrary.
+    /// Relative standard deviation of the scale where sizes tell it.
     pub scale_sd: Option<f64>,
     /// The vertical, where it is known well enough to turn the world by it: then the world has z upwards and its origin on the floor below the
     /// reference camera. Otherwise the world is the frame of the reference camera. Given poses keep their world.

@@ -10,7 +10,7 @@ use super::pose::Pose;
 use super::predicted::Predicted;
 use super::prepared::Prepared;
 use super::problem::Unknown;
-use super::solve::{Solution, block};
+use super::solve::{ARBITRARY_SD, Solution, block};
 use super::{CalibratedCamera, Calibration, CameraStatus, Rig, RigScale, Vertical};
 
 /// A vertical with a smaller standard deviation (radians) turns the world.
@@ -181,7 +181,20 @@ pub(super) fn calibration(
 ) -> Calibration {
     let rig = prepared.rig;
     let Solution { problem, state, .. } = solution;
-    let found = uncertainty(problem, state);
+    // A scale that sizes tell moves all cameras together: it has a standard deviation of its own.
+    let most = most_seen(solution);
+    let scale_sd = match solution.scale {
+        RigScale::Sizes => uncertainty(problem, state).map(|found| height_sd(&found, most)),
+        _ => None,
+    };
+    let found = match solution.scale {
+        RigScale::Sizes => {
+            let mut pinned = problem.clone();
+            pinned.shapes[most].log_height = Some([state.shapes[most].log_height, ARBITRARY_SD]);
+            uncertainty(&pinned, state)
+        }
+        _ => uncertainty(problem, state),
+    };
     let inflation = found.as_ref().map_or(1.0, |found| memory(solution, found));
     let seen = seen(solution);
     let layout = Layout::new(problem);
@@ -248,20 +261,19 @@ pub(super) fn calibration(
         let status = others.map(|(_, camera)| camera.status).next().unwrap_or(CameraStatus::NotConnected);
         cameras[reference] = CalibratedCamera { status, cam_from_world: None, ..cameras[reference].clone() };
     }
-    let scale_sd = match solution.scale {
-        RigScale::Sizes | RigScale::Distances => found.as_ref().map(|found| scale_sd(found)),
-        _ => None,
-    };
     let edge_sd = problem.sites.first().map(|site| problem.levels[problem.shapes[site.shape].category].0[0]);
     Calibration { cameras, reference: tree.reference, scale: solution.scale, scale_sd, vertical, edge_sd }
 }
 
-/// Relative standard deviation of the scale: that of the height which is known best.
-fn scale_sd(found: &Uncertainty) -> f64 {
-    let shapes = found.layout.shapes();
-    let of_shape = |shape: usize| {
-        let at = found.layout.unknown(Unknown::Shape(shape, 1)).unwrap_or(0);
-        found.covariance[(at, at)].max(0.0).sqrt()
-    };
-    (0..shapes).map(of_shape).fold(f64::INFINITY, f64::min)
+/// The shape that is seen most.
+fn most_seen(solution: &Solution) -> usize {
+    let mut counts = vec![0; solution.problem.shapes.len()];
+    solution.problem.sites.iter().for_each(|site| counts[site.shape] += 1);
+    (0..counts.len()).max_by_key(|&k| (counts[k], std::cmp::Reverse(k))).unwrap_or(0)
+}
+
+/// Relative standard deviation of the height of a shape.
+fn height_sd(found: &Uncertainty, shape: usize) -> f64 {
+    let at = found.layout.unknown(Unknown::Shape(shape, 1)).unwrap_or(0);
+    found.covariance[(at, at)].max(0.0).sqrt()
 }

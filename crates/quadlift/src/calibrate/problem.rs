@@ -101,13 +101,12 @@ pub(super) struct Observation {
     pub measured: MeasuredBox,
 }
 
-/// A body at one place: an object at an instant, or one that stands still.
+/// A body at one place: an object at an instant, or one that stands still. Sites are in the order of their instants.
 #[derive(Debug, Clone)]
 pub(super) struct Site {
     pub shape: usize,
     /// Whether it keeps its height above the floor with others of its shape.
     pub walks: bool,
-    pub instant: usize,
     pub observations: Vec<Observation>,
 }
 

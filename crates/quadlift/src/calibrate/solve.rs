@@ -57,7 +57,7 @@ const MOST_BETTER: usize = 3;
 const DISTANCE_SD: f64 = 1e-3;
 
 /// Standard deviation of the logarithm of a height that sets an arbitrary unit: none.
-const ARBITRARY_SD: f64 = 1e-4;
+pub(super) const ARBITRARY_SD: f64 = 1e-4;
 
 /// A solution.
 #[derive(Debug, Clone)]
@@ -177,7 +177,6 @@ fn problem(
         sites.push(Site {
             shape,
             walks: prepared.shapes[group.category].upright && group.instant.is_some(),
-            instant: group.instant.unwrap_or(0),
             observations: group.boxes.iter().map(observation).collect(),
         });
     }
@@ -327,7 +326,6 @@ fn regroup(prepared: &Prepared, solution: &mut Solution) {
         sites.push(Site {
             shape: example.shape,
             walks: example.walks,
-            instant: group.instant.unwrap_or(0),
             observations: group.boxes.iter().map(observation).collect(),
         });
         places.push(group.place);
