@@ -33,13 +33,15 @@ use crate::words::{count, duration, some_of, with_unit};
     verbatim_doc_comment,
     after_help = "\
 Columns:
-  status    ok; given: the pose was in the file;
-            not_connected: fewer than five bodies are seen together with the calibrated cameras;
-            inconsistent: no pose explains the boxes (wrong ids, instants or intrinsics);
-            ambiguous: two poses explain them about as well; undetermined: the boxes leave the pose open (too few, or people who
-            stay in one place or on one line)
+  status    ok
+            given: the pose was in the file
+            not_connected: fewer than five bodies are seen together with calibrated cameras
+            inconsistent: no pose explains the boxes: wrong ids, instants or intrinsics
+            ambiguous: two poses explain the boxes about as well
+            undetermined: the boxes leave the pose open: too few, or people who stay in one
+            place or on one line
   instants  bodies at instants that are used
-  position, rotation  standard deviations (root mean square of the axes), relative to the reference camera
+  position, rotation  standard deviations relative to the reference camera (root mean square of the axes)
   residual  root mean square of the edges of boxes, pixels
 
 Scale: the sizes of categories (--priors) tell it to within their spread, --distance exactly. Without both the object that is seen
@@ -173,10 +175,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     ))?;
     if calibrated > 0 && (args.posed_only || posed == found.cameras.len()) {
         let output = args.output.as_path();
-        Next::default()
-            .command(["info".into(), output.into()], "check the cameras")
-            .command(["view".into(), output.into()], "look at them in the browser")
-            .tell(out)?;
+        Next::default().command(["view".into(), output.into()], "look at them in the browser").tell(out)?;
     }
     let mut document = calibration_record(&scene.ids, &found);
     document["output"] = args.output.display().to_string().into();

@@ -5,6 +5,7 @@
 mod associate;
 #[cfg(not(feature = "parquet"))]
 mod bad_inputs;
+mod calibrate;
 mod calibration;
 mod commands;
 mod common;

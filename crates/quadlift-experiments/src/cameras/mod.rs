@@ -1,7 +1,9 @@
 //! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes; poses that
-//! are refined with the objects.
+//! are refined with the objects; rigs of fixed cameras from people who walk by.
 
+mod calibration;
 mod centers;
+mod eight_point;
 mod images;
 mod p3p;
 mod real;
@@ -23,6 +25,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     let mut report = Report::new("cameras", "Cameras from objects");
     rooms::run(seed, progress, &mut report)?;
     refinement::run(seed, progress, &mut report)?;
+    calibration::run(seed, progress, &mut report)?;
     match data_folder(data) {
         Ok(folder) => {
             real::run(&folder, seed, progress, &mut report)?;

@@ -10,6 +10,7 @@ use quadlift::solve::CategoryPriors;
 use serde_json::Value;
 
 use crate::error::EntryError;
+use crate::priors::builtin_priors;
 use crate::scene_file::{DetectionRecord, FrameRecord, RIG_FRAME, SceneFile};
 
 /// A pose for frames that have none, so that their boxes can be read as those of a scene: any one does.
@@ -32,6 +33,27 @@ pub struct RigOptions {
     pub upright: Vec<String>,
     /// Categories whose objects stay where they are.
     pub still: Vec<String>,
+}
+
+impl RigOptions {
+    /// What is known of categories.
+    pub fn categories(&self, names: &[String]) -> Vec<RigCategory> {
+        let table = builtin_priors();
+        let upright = |name: &String| {
+            if self.upright.is_empty() {
+                let of_table = table.by_category.get(name).is_some_and(|prior| prior.upright_sd.is_some());
+                of_table || UPRIGHT.contains(&name.as_str())
+            } else {
+                self.upright.contains(name)
+            }
+        };
+        let category = |name: &String| RigCategory {
+            upright: upright(name),
+            still: self.still.contains(name),
+            size: self.sizes.of(name).and_then(|prior| prior.size),
+        };
+        names.iter().map(category).collect()
+    }
 }
 
 /// A scene whose cameras are those of a rig, checked.
@@ -208,18 +230,7 @@ impl RigScene {
     /// [`SourceError`] if the source does not exist, or if none is chosen of several.
     pub fn rig(&self, source: Option<&str>, min_score: Option<f64>, options: &RigOptions) -> Result<Rig, SourceError> {
         let source = self.scene.source_index(source)?;
-        let upright_by_table = crate::builtin_priors();
-        let category = |name: &String| RigCategory {
-            upright: if options.upright.is_empty() {
-                let of_table = upright_by_table.by_category.get(name).is_some_and(|prior| prior.upright_sd.is_some());
-                of_table || UPRIGHT.contains(&name.as_str())
-            } else {
-                options.upright.contains(name)
-            },
-            still: options.still.contains(name),
-            size: options.sizes.of(name).and_then(|prior| prior.size),
-        };
-        let mut categories: Vec<RigCategory> = self.scene.categories.iter().map(category).collect();
+        let mut categories = options.categories(&self.scene.categories);
         // Boxes without a category are those of people, unless it is said who is upright.
         let without = categories.len();
         categories.push(RigCategory { upright: options.upright.is_empty(), ..RigCategory::default() });

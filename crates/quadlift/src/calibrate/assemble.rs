@@ -143,10 +143,10 @@ pub(super) struct Group {
 fn in_world(prepared: &Prepared, pose: &Pose, index: usize, bodies: &Bodies) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     let of_box = &prepared.boxes[index];
     let mut point = of_box.point?;
-    let shape = bodies.shapes[of_box.category];
-    let usual = prepared.shapes[of_box.category].usual().extent();
-    let mut factor = shape.extent() / usual;
-    if let Some(up) = &bodies.up {
+    let (prior, shape) = (&prepared.shapes[of_box.category], bodies.shapes[of_box.category]);
+    let usual = prior.extent(prior.usual());
+    let mut factor = prior.extent(shape) / usual;
+    if let (Some(up), false) = (&bodies.up, prior.is_wide()) {
         // The trace of the shape less its part along the ray is what a box shows of it.
         let ray = point.place.normalize();
         let along = (pose.rotation * up).dot(&ray);
@@ -154,7 +154,7 @@ fn in_world(prepared: &Prepared, pose: &Pose, index: usize, bodies: &Bodies) -> 
         factor = (radius + height - along * along * (height - radius)).sqrt() / usual;
     }
     point.place *= factor;
-    point.extent = shape.extent();
+    point.extent = prior.extent(shape);
     point.depth_sd = bodies.depth_sd;
     let covariance = pose.rotation.tr_mul(&point.covariance()) * pose.rotation;
     Some((pose.inverse().apply(&point.place), covariance))

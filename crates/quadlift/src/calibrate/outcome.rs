@@ -210,7 +210,8 @@ pub(super) fn calibration(
         (Some(reference), Some(_)) => turned_world(solution, &upwards, reference),
         _ => Pose::identity(),
     };
-    let vertical = known_up.map(|sd| Vertical { up: Unit::new_normalize(world.rotation * upwards), sd });
+    let up = if reference.is_some() { Vector3::z_axis() } else { Unit::new_normalize(upwards) };
+    let vertical = known_up.map(|sd| Vertical { up, sd });
     let camera = |index: usize| {
         let of_camera_seen = &seen[index];
         let mut answer = CalibratedCamera {

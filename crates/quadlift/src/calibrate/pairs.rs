@@ -195,12 +195,12 @@ mod tests {
         let mut all = Vec::new();
         for instant in 0..count {
             // Two bodies that are not told apart.
-            let place = || {
+            let mut place = || {
                 let x = rng.random_range(-2.0..2.0);
                 let z = if line { 6.0 + 0.3 * x } else { rng.random_range(4.0..8.0) };
                 SizedPoint { place: Vector3::new(x, 0.3, z), extent: 0.9, depth_sd: DEPTH_SD }
             };
-            let places = [(); 2].map(|()| place).map(|mut place| place());
+            let places = [place(), place()];
             for (k, first) in places.into_iter().enumerate() {
                 for (l, second) in places.into_iter().enumerate() {
                     let second = SizedPoint { place: truth.apply(&second.place), ..second };

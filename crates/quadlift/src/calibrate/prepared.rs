@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::pairs::{Candidate, DEPTH_SD, SizedPoint};
+use super::predicted::Shape;
 use super::problem::{MeasuredBox, ShapePrior};
 use super::{Rig, RigBox, RigCategory};
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
@@ -63,11 +64,21 @@ fn shape_prior(category: usize, of: &RigCategory) -> ShapePrior {
 }
 
 impl ShapePrior {
+    /// Whether bodies are wider than high, as vehicles are: their widths depend on the side from which they are seen.
+    pub(super) fn is_wide(&self) -> bool {
+        self.upright && self.log_ratio[0] < 0.0
+    }
+
+    /// The extent of a shape that tells how far it is.
+    pub(super) fn extent(&self, shape: Shape) -> f64 {
+        if self.is_wide() { shape.log_height.exp() } else { shape.extent() }
+    }
+
     /// The usual shape.
-    pub(super) fn usual(&self) -> super::predicted::Shape {
+    pub(super) fn usual(&self) -> Shape {
         let log_height = self.log_height.map_or(UNKNOWN_LOG_HEIGHT, |[mean, _]| mean);
         let log_radius = if self.upright { log_height - self.log_ratio[0] } else { log_height };
-        super::predicted::Shape { log_radius, log_height }
+        Shape { log_radius, log_height }
     }
 }
 
@@ -93,8 +104,7 @@ impl<'a> Prepared<'a> {
             let thing = given.object.map_or(Thing::Category(category), Thing::Object);
             // Still bodies without ids cannot be told from those of the next instant: they are taken as new ones.
             let still = categories[category].still && given.object.is_some();
-            let extent = shapes[category].usual().extent();
-            let point = measured.is_whole().then(|| sized_point(&measured, extent)).flatten();
+            let point = measured.is_whole().then(|| sized_point(&measured, &shapes[category])).flatten();
             let instant = (!still).then_some(given.instant);
             Some(PreparedBox { camera: given.camera, thing, category, instant, measured, point })
         };
@@ -143,9 +153,11 @@ impl<'a> Prepared<'a> {
 }
 
 /// Of a body at depth Z the squared half sizes of its box add up to the square of its extent over that of Z, near the axis of the camera.
-fn sized_point(measured: &MeasuredBox, extent: f64) -> Option<SizedPoint> {
+/// Of wide bodies only the height says how far they are.
+fn sized_point(measured: &MeasuredBox, prior: &ShapePrior) -> Option<SizedPoint> {
     let [width, height] = measured.half_size();
-    let depth = extent / width.hypot(height);
+    let extent = prior.extent(prior.usual());
+    let depth = extent / if prior.is_wide() { height } else { width.hypot(height) };
     let [x, y] = measured.center();
     let place = Vector3::new(x, y, 1.0) * depth;
     place.iter().all(|x| x.is_finite()).then_some(SizedPoint { place, extent, depth_sd: DEPTH_SD })

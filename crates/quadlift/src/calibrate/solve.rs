@@ -364,7 +364,7 @@ fn update_levels(prepared: &Prepared, problem: &mut Problem, of_round: &Uncertai
 }
 
 /// Mean of the weighted square of a Gaussian residual: the weights of the Student t distribution take a little off.
-const GAUSSIAN: f64 = 0.9;
+const GAUSSIAN: f64 = 0.862;
 
 /// A block of a covariance.
 pub(super) fn block<const N: usize>(covariance: &DMatrix<f64>, first: usize) -> nalgebra::SMatrix<f64, N, N> {
