@@ -1,10 +1,10 @@
 //! From pairs of cameras to all of them: a spanning tree of relative poses, and which boxes show the same body.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::pairs::{RelativePose, SAME_POINT, relative_poses};
+use super::pairs::{Candidate, RelativePose, SAME_POINT, relative_poses};
 use super::pose::Pose;
 use super::predicted::Shape;
 use super::prepared::{Prepared, PreparedBox, Thing};
@@ -13,12 +13,15 @@ use crate::parallel::map_indices;
 /// Bodies that two cameras must share.
 pub(super) const FEWEST_SHARED: usize = 5;
 
+/// Share of them that a motion must explain: boxes of other instants, or with wrong ids, agree by chance at best.
+const INLIER_SHARE: f64 = 0.5;
+
 /// How two cameras stand to each other: the motions that explain their boxes, the best one first.
 #[derive(Debug, Clone)]
 pub(super) struct Pair {
     pub cameras: [usize; 2],
     pub poses: Vec<RelativePose>,
-    /// Instants, and bodies that stand still, at which boxes may show the same body.
+    /// Bodies at instants that both cameras may see.
     pub shared: usize,
 }
 
@@ -29,12 +32,22 @@ pub(super) fn pairs(prepared: &Prepared, seed: u64) -> Vec<Pair> {
     map_indices(all.len(), |k| {
         let cameras @ [a, b] = all[k];
         let candidates = prepared.candidates(a, b);
-        let mut instants: Vec<usize> = candidates.iter().map(|candidate| candidate.instant).collect();
-        instants.dedup();
+        let shared = shared(&candidates);
         let mut poses = relative_poses(&candidates, seed);
-        poses.retain(|pose| pose.inliers.len() >= FEWEST_SHARED);
-        Pair { cameras, poses, shared: instants.len() }
+        let least = (INLIER_SHARE * shared as f64).max(FEWEST_SHARED as f64);
+        poses.retain(|pose| pose.inliers.len() as f64 >= least);
+        Pair { cameras, poses, shared }
     })
+}
+
+/// Bodies that both cameras may see: at each instant as many as the camera with fewer boxes has.
+fn shared(candidates: &[Candidate]) -> usize {
+    let mut sum = 0;
+    for group in candidates.chunk_by(|a, b| a.instant == b.instant) {
+        let distinct = |side: usize| group.iter().map(|c| c.boxes[side]).collect::<BTreeSet<_>>().len();
+        sum += distinct(0).min(distinct(1));
+    }
+    sum
 }
 
 /// Cameras that are connected, and where they are.

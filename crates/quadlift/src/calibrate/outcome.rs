@@ -96,7 +96,9 @@ fn turned_world(solution: &Solution, up: &Vector3<f64>, reference: &Pose) -> Pos
     let rotation = Matrix3::from_rows(&[y.cross(up).transpose(), y.transpose(), up.transpose()]);
     let shapes = solution.state.shapes.iter().zip(&solution.state.heights).enumerate();
     let walks = |shape: usize| solution.problem.sites.iter().any(|site| site.shape == shape && site.walks);
-    let feet = shapes.filter(|(k, _)| walks(*k)).map(|(_, (shape, height))| height - shape.log_height.exp());
+    // Heights are along the vertical of the solution, which has two directions.
+    let sign = solution.state.up.dot(up);
+    let feet = shapes.filter(|(k, _)| walks(*k)).map(|(_, (shape, height))| sign * height - shape.log_height.exp());
     let center = reference.center();
     let floor = median(feet.collect()).unwrap_or(up.dot(&center));
     let origin = horizontal(center) + up * floor;
@@ -240,9 +242,9 @@ pub(super) fn calibration(
         };
         answer.status = match &covariance {
             _ if median(of_camera_seen.off.clone()).is_none_or(|off| off > MOST_OFF) => CameraStatus::Inconsistent,
+            _ if Some(index) == tree.reference => CameraStatus::Ok,
             _ if distinct(solution, index) < FEWEST_SHARED => CameraStatus::Undetermined,
             _ if ambiguous[index] => CameraStatus::Ambiguous,
-            _ if Some(index) == tree.reference => CameraStatus::Ok,
             Some(c) if determined(c) => CameraStatus::Ok,
             _ => CameraStatus::Undetermined,
         };
