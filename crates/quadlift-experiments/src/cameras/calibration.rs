@@ -107,7 +107,7 @@ impl Tally {
     fn cells(mut self) -> Vec<Cell> {
         let share = |n: usize| n as f64 / self.cameras.max(1) as f64;
         let shares = [share(self.right), share(self.wrong), share(self.refused)];
-        let mut quantile = |values: &mut Vec<f64>, at: f64, decimals: usize| {
+        let quantile = |values: &mut Vec<f64>, at: f64, decimals: usize| {
             values.sort_by(f64::total_cmp);
             let place = (at * values.len().saturating_sub(1) as f64).round() as usize;
             values.get(place).map_or(Cell::Empty, |&value| Cell::number(value, decimals))
@@ -135,9 +135,13 @@ impl Tally {
     }
 }
 
+/// Instant and id, and the rays of both cameras.
+type OfBody = (usize, Option<usize>);
+type BothSides = [Vec<Vector3<f64>>; 2];
+
 /// Centres of boxes of two cameras that show the same person: by ids, or at instants at which both have one box.
 fn rays(hall: &Hall, cameras: [usize; 2]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
-    let mut of_instant: BTreeMap<(usize, Option<usize>), [Vec<Vector3<f64>>; 2]> = BTreeMap::new();
+    let mut of_instant: BTreeMap<OfBody, BothSides> = BTreeMap::new();
     let k = &hall.intrinsics;
     for b in &hall.boxes {
         if let Some(side) = cameras.iter().position(|&camera| camera == b.camera) {
@@ -147,7 +151,7 @@ fn rays(hall: &Hall, cameras: [usize; 2]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
         }
     }
     let with_ids = hall.boxes.iter().any(|b| b.object.is_some());
-    let pair = |((_, object), [first, second]): ((usize, Option<usize>), [Vec<Vector3<f64>>; 2])| {
+    let pair = |((_, object), [first, second]): (OfBody, BothSides)| {
         let usable = object.is_some() == with_ids && first.len() == 1 && second.len() == 1;
         usable.then(|| (first[0], second[0]))
     };

@@ -184,7 +184,7 @@ impl SceneFile {
 
 fn differs(a: &[[f64; 4]; 3], b: &[[f64; 4]; 3]) -> bool {
     let size = b.iter().map(|row| row[3].abs()).fold(1.0, f64::max);
-    a.iter().flatten().zip(b.iter().flatten()).any(|(a, b)| !((a - b).abs() <= SAME_POSE * size))
+    a.iter().flatten().zip(b.iter().flatten()).any(|(a, b)| (a - b).abs() > SAME_POSE * size)
 }
 
 /// What is needed of a detection.

@@ -160,8 +160,11 @@ fn equations(problem: &Problem, layout: &Layout, state: &State) -> Option<Equati
     cost.is_finite().then_some(Equations { hessian, gradient, sites, cost })
 }
 
-/// The shared unknowns alone: Cholesky factor and right side.
-fn reduced(equations: &Equations, damping: f64) -> Option<(Cholesky<f64, Dyn>, DVector<f64>, Vec<Matrix3<f64>>)> {
+/// Cholesky factor and right side of the shared unknowns, and the inverses of the sites' own equations.
+type Reduced = (Cholesky<f64, Dyn>, DVector<f64>, Vec<Matrix3<f64>>);
+
+/// The shared unknowns alone.
+fn reduced(equations: &Equations, damping: f64) -> Option<Reduced> {
     let (mut hessian, mut gradient) = (equations.hessian.clone(), equations.gradient.clone());
     (0..hessian.nrows()).for_each(|k| hessian[(k, k)] *= 1.0 + damping);
     let mut inverses = Vec::with_capacity(equations.sites.len());

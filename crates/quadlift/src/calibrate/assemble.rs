@@ -50,6 +50,9 @@ fn shared(candidates: &[Candidate]) -> usize {
     sum
 }
 
+/// How a camera was placed: over which pair, and whether it is the second one of it.
+pub(super) type By = (usize, bool);
+
 /// Cameras that are connected, and where they are.
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
@@ -57,8 +60,8 @@ pub(super) struct Tree {
     pub reference: Option<usize>,
     /// Poses of the cameras that are connected.
     pub poses: Vec<Option<Pose>>,
-    /// Of each camera that was placed by another one: which pair, and whether the camera is its second one.
-    pub by: Vec<Option<(usize, bool)>>,
+    /// Of each camera that was placed over another one.
+    pub by: Vec<Option<By>>,
     /// By how much the usual sizes of bodies are multiplied: by given poses.
     pub scale: f64,
 }
@@ -75,7 +78,7 @@ pub(super) fn across_pair(pair: &Pair, chosen: usize, to_second: bool, other: &P
 }
 
 /// Places cameras one by one, each over the pair with the best score to a camera that has its place.
-fn grow(pairs: &[Pair], mut poses: Vec<Option<Pose>>, scale: f64) -> (Vec<Option<Pose>>, Vec<Option<(usize, bool)>>) {
+fn grow(pairs: &[Pair], mut poses: Vec<Option<Pose>>, scale: f64) -> (Vec<Option<Pose>>, Vec<Option<By>>) {
     let mut by = vec![None; poses.len()];
     loop {
         let useful = pairs.iter().enumerate().filter(|(_, pair)| {

@@ -65,14 +65,17 @@ impl Pose {
     }
 }
 
+/// A point, where it is taken to, and its weight.
+pub(super) type WeightedPair = (Vector3<f64>, Vector3<f64>, f64);
+
 /// The rigid motion that takes one set of points to another one with the least weighted sum of squares (Kabsch 1976); `None` for
 /// fewer than three points or points on a line.
-pub(super) fn kabsch(pairs: &[(Vector3<f64>, Vector3<f64>, f64)]) -> Option<Pose> {
+pub(super) fn kabsch(pairs: &[WeightedPair]) -> Option<Pose> {
     let total: f64 = pairs.iter().map(|pair| pair.2).sum();
     if pairs.len() < 3 || !(total.is_finite() && total > 0.0) {
         return None;
     }
-    let mean = |of: fn(&(Vector3<f64>, Vector3<f64>, f64)) -> Vector3<f64>| {
+    let mean = |of: fn(&WeightedPair) -> Vector3<f64>| {
         pairs.iter().map(|pair| of(pair) * pair.2).sum::<Vector3<f64>>() / total
     };
     let (from, to) = (mean(|p| p.0), mean(|p| p.1));

@@ -74,8 +74,7 @@ impl Predicted {
         let matrix = Matrix3::identity() * radius + axis * axis.transpose() * (height - radius);
         let conic = matrix - center * center.transpose();
         let last = conic[(2, 2)];
-        // Also false for NaN.
-        if !(last < -1e-9 * center.z * center.z) {
+        if last.is_nan() || last >= -1e-9 * center.z * center.z {
             return None;
         }
         let mut edges = [0.0; 4];
