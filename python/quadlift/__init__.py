@@ -9,6 +9,7 @@ radians, quaternions have w first, and the world unit is arbitrary.
 from __future__ import annotations
 
 from ._align import Alignment, MapTransform
+from ._calibrate import CalibratedCamera, RigCalibration, calibrate
 from ._core import QuadliftError, __version__
 from ._cues import Box3dSd, Boxes3d, Depths
 from ._estimates import Alternative, AssociatedObject, Evaluation, InconsistentSceneWarning
@@ -26,6 +27,7 @@ __all__ = [
     "AssociatedObject",
     "Box3dSd",
     "Boxes3d",
+    "CalibratedCamera",
     "Depths",
     "Estimates",
     "Evaluation",
@@ -40,8 +42,10 @@ __all__ = [
     "Options",
     "Prior",
     "QuadliftError",
+    "RigCalibration",
     "Scene",
     "__version__",
+    "calibrate",
     "localize",
     "log_recording",
     "set_max_pixels",

@@ -111,6 +111,30 @@ class LocateQuery(TypedDict):
     height: list[float] | None
 
 
+class RigArrays(TypedDict):
+    """The boxes of C fixed cameras."""
+
+    boxes: NDArray[np.float64]
+    """(M, 4)."""
+    cameras: NDArray[np.int64]
+    """(M,)."""
+    instants: NDArray[np.int64]
+    """(M,)."""
+    objects: Names
+    categories: Names
+    intrinsics: NDArray[np.float64]
+    """(C, 3, 3)."""
+    image_sizes: NDArray[np.float64] | None
+    """(C, 2)."""
+    cam_from_world: NDArray[np.float64] | None
+    """(C, 3, 4); NaN for cameras that are sought."""
+    distances: list[tuple[int, int, float]]
+    builtin_sizes: bool
+    upright: list[str]
+    still: list[str]
+    seed: int
+
+
 # From arguments
 
 

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import BoxArrays, DetectionArrays, FrameArrays, LocateQuery, MapFrame
+from ._arrays import BoxArrays, DetectionArrays, FrameArrays, LocateQuery, MapFrame, RigArrays
 from ._outlines import OutlineArrays
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "QuadliftError",
     "Scene",
     "__version__",
+    "calibrate",
     "frame_problems",
     "hidden_edges",
     "hidden_lines",
@@ -28,6 +29,7 @@ __version__: str
 class QuadliftError(ValueError):
     """Raised for invalid input; the message names it, what was found and what was expected."""
 
+def calibrate(arrays: RigArrays) -> dict[str, Any]: ...
 def set_max_pixels(pixels: int) -> None: ...
 def write_text(path: str | PathLike[str], text: str) -> None: ...
 def frame_problems(frames: FrameArrays) -> list[tuple[int, str]]: ...

@@ -33,8 +33,8 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
-    align, associate, completions, demo, evaluate, export, import, import_detections, info, localize, locate, render,
-    reproduce, segment, stream, synth, view,
+    align, associate, calibrate, completions, demo, evaluate, export, import, import_detections, info, localize, locate,
+    render, reproduce, segment, stream, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -89,6 +89,7 @@ enum Command {
     Localize(Box<localize::Args>),
     Locate(locate::Args),
     Align(align::Args),
+    Calibrate(calibrate::Args),
     Stream(Box<stream::Args>),
     Evaluate(evaluate::Args),
     View(view::Args),
@@ -142,6 +143,7 @@ fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {
         Command::Localize(args) => localize::run(&args, out),
         Command::Locate(args) => locate::run(&args, out),
         Command::Align(args) => align::run(&args, out),
+        Command::Calibrate(args) => calibrate::run(&args, out),
         Command::Stream(args) => stream::run(&args, out),
         Command::Evaluate(args) => evaluate::run(&args, out),
         Command::View(args) => view::run(&args, out),

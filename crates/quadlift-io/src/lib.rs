@@ -1,7 +1,7 @@
 //! File input and output of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
 //! formats in ([`read`]) and out ([`mod@write`]), scenes as Parquet tables (`tables`, feature
 //! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`], [`calibration`],
-//! [`segmentation`], [`locate`], [`align`].
+//! [`segmentation`], [`locate`], [`align`], [`calibrate`].
 //!
 //! Readers reject invalid input with a [`ReadError`] that names the file, the place in it, what was found and what
 //! was expected. Writers that fail leave the existing file unchanged.
@@ -11,6 +11,7 @@
 pub mod align;
 pub mod association;
 mod atomic;
+pub mod calibrate;
 pub mod calibration;
 pub mod correct;
 mod destination;

@@ -2,6 +2,7 @@
 //! shapes and its documentation, is the Python package `quadlift` (python/quadlift) over it.
 
 mod association;
+mod calibrate;
 mod cues;
 mod detections;
 mod error;
@@ -32,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(scene_methods::frame_problems, module)?)?;
     module.add_function(wrap_pyfunction!(detections::hidden_edges, module)?)?;
     module.add_function(wrap_pyfunction!(outlines::hidden_lines, module)?)?;
+    module.add_function(wrap_pyfunction!(calibrate::calibrate, module)?)?;
     module.add_class::<scene::PyScene>()?;
     module.add_class::<localized::PyLocalized>()?;
     module.add_class::<object_map::PyObjectMap>()?;

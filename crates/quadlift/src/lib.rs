@@ -56,6 +56,7 @@
 pub mod align;
 pub mod association;
 mod body_model;
+pub mod calibrate;
 pub mod cross_validation;
 pub mod diagnosis;
 pub mod geometry;

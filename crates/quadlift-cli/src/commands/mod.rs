@@ -2,6 +2,7 @@
 
 pub mod align;
 pub mod associate;
+pub mod calibrate;
 pub mod completions;
 pub mod demo;
 pub mod evaluate;

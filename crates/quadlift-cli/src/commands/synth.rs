@@ -1,6 +1,7 @@
 //! `quadlift synth`: synthetic scenes with known truth.
 
 mod cues;
+mod hall;
 
 use std::path::PathBuf;
 
@@ -29,7 +30,7 @@ use crate::synthetic_file::{scene_file, with_true_ids};
 /// a detector with misses and false positives, and the ids of a tracker, or no ids.
 ///
 /// --render also writes images and true masks for `segment`: textured objects stand on a cluttered ground, and a camera
-/// moves around them on an arc.
+/// moves around them on an arc. --walkers writes a hall with fixed cameras for `calibrate`.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -65,6 +66,10 @@ Camera positions (--trajectory):
 the visible pixels, and the true bodies are the smallest enclosing ellipsoids of the objects. It can be combined with
 --objects, --views, --noise box:X, --trajectory arc:SPAN and --seed.
 
+--walkers writes fixed cameras (cam0, cam1, ...) at the walls of a hall of 8 x 6 m in which people walk, in metres, at instants half a
+second apart (`rig_frame` and `time` of frames). It can be combined with --cameras, --instants, --noise box:X, --misses,
+--false-boxes, --no-ids and --seed.
+
 Examples:
   quadlift synth -o scene.json --noise box:0.05 --outliers 0.05
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
@@ -72,6 +77,7 @@ Examples:
   quadlift synth -o paper.json --observations ellipses --noise se:0.3
   quadlift synth -o outlines.json --views 3 --cues outline --cue-noise outline:0.05
   quadlift synth -o cues.json --views 2 --cues depth,box3d --cue-noise depth:0.1 --cue-noise yaw:20
+  quadlift synth -o hall.json --walkers 2 --cameras 4 --noise box:0.03 --misses 0.2
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
@@ -160,6 +166,40 @@ pub struct Args {
 
     #[command(flatten)]
     rendering: Rendering,
+
+    /// Write a hall with fixed cameras in which so many people walk
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Hall",
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=100),
+        conflicts_with_all = [
+            "objects", "views", "body", "standing", "edge_bias", "observations", "outliers", "trajectory", "scale", "offset", "cube",
+            "pose_noise", "duplicates", "occlusion", "fragments", "switches", "truth", "CueArgs", "render"
+        ]
+    )]
+    walkers: Option<usize>,
+
+    /// Number of fixed cameras [default: 4]
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Hall",
+        requires = "walkers",
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=100)
+    )]
+    cameras: Option<usize>,
+
+    /// Number of instants
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "Hall",
+        requires = "walkers",
+        default_value_t = 100,
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000)
+    )]
+    instants: usize,
 }
 
 /// Misses and false positives of the detector.
@@ -287,6 +327,9 @@ fn kind(text: &str) -> Result<ObjectKind, String> {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    if let Some(walkers) = args.walkers {
+        return hall::run(args, walkers, out);
+    }
     let synthetic = if args.render { rendered(args)? } else { drawn(args)? };
     let outliers = synthetic.outliers.iter().filter(|wrong| **wrong).count();
     let (objects, views) = (synthetic.truth.len(), synthetic.frames.len());

@@ -6,6 +6,7 @@ mod align;
 mod associate;
 #[cfg(not(feature = "parquet"))]
 mod bad_inputs;
+mod calibrate;
 mod calibration;
 mod commands;
 mod common;

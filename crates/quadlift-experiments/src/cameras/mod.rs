@@ -1,8 +1,10 @@
 //! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes; maps that are aligned;
-//! poses that are refined with the objects.
+//! poses that are refined with the objects; rigs of fixed cameras from people who walk by.
 
 mod alignment;
+mod calibration;
 mod centers;
+mod eight_point;
 mod images;
 mod p3p;
 mod real;
@@ -26,6 +28,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     rooms::run(seed, progress, &mut report)?;
     alignment::run(seed, progress, &mut report)?;
     refinement::run(seed, progress, &mut report)?;
+    calibration::run(seed, progress, &mut report)?;
     match data_folder(data) {
         Ok(folder) => {
             real::run(&folder, seed, progress, &mut report)?;

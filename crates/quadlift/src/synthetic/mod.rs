@@ -9,6 +9,7 @@ mod categories;
 mod cues;
 mod detections;
 mod detector;
+mod hall;
 mod noise;
 mod objects;
 mod options;
@@ -21,6 +22,7 @@ mod tracks;
 
 pub use categories::{CategoryOptions, CategorySizes, generate_categories};
 pub use cues::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
+pub use hall::{Hall, HallBox, HallOptions, WalkPath, generate_hall};
 pub use options::{Detector, Noise, Observations, SyntheticError, SyntheticIds, SyntheticOptions, Trajectory};
 pub use scene::{SyntheticFrame, SyntheticScene};
 pub use shapes::{ShapeOptions, SimulatedShape, TurnedNoise, simulate_shapes};

@@ -1,0 +1,214 @@
+//! Where the fixed cameras of a rig are, from what stands or walks by: boxes of the same bodies in several cameras at the same instants
+//! (ours; docs/method.md, section 24).
+//!
+//! Cameras have known intrinsics. The size of a box tells about how far its body is, so that what two cameras see are two clouds of
+//! points, which a rigid motion takes to each other (`pairs`); from there all cameras, the vertical, the shapes of the bodies and
+//! their places are adjusted together, to the edges of all boxes (`problem`, `adjust`). A camera that is not determined has
+//! a status that says why, and no pose.
+
+mod adjust;
+mod alternatives;
+mod assemble;
+mod outcome;
+mod pairs;
+mod pose;
+mod predicted;
+mod prepared;
+mod problem;
+mod solve;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Matrix6, Unit, Vector2, Vector3};
+
+use crate::geometry::{BoundingBox, CamFromWorld, Intrinsics};
+use crate::solve::SizePrior;
+
+/// A fixed camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigCamera {
+    /// The camera, without distortion.
+    pub intrinsics: Intrinsics,
+    /// Width and height in pixels: boxes at the border may be cut off there. Without it none is.
+    pub image_size: Option<Vector2<f64>>,
+    /// Its pose, if that is known: it is kept, and the other cameras are expressed in its world.
+    pub cam_from_world: Option<CamFromWorld>,
+}
+
+/// A box of a camera at an instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigBox {
+    /// Index of the camera.
+    pub camera: usize,
+    /// Number of the instant: the same for all cameras, in the order of time.
+    pub instant: usize,
+    /// Number of the object, the same in all cameras and at all instants. Boxes without one are matched by where they are.
+    pub object: Option<usize>,
+    /// Index of the category.
+    pub category: Option<usize>,
+    /// The box, pixels without distortion.
+    pub bounding_box: BoundingBox,
+    /// Where it is in the image itself, whose border may cut it: only where a lens bends the image.
+    pub box_in_image: Option<BoundingBox>,
+}
+
+/// What is known of a category.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RigCategory {
+    /// Whether its bodies are upright, as people are who walk: they tell the vertical.
+    pub upright: bool,
+    /// Whether its objects stay where they are at all instants.
+    pub still: bool,
+    /// Their size, in the unit of the world that is sought: it tells the scale.
+    pub size: Option<SizePrior>,
+}
+
+/// What the cameras of a rig saw.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Rig {
+    /// The cameras.
+    pub cameras: Vec<RigCamera>,
+    /// The categories.
+    pub categories: Vec<RigCategory>,
+    /// The boxes, in any order. Those of cameras that do not exist are left out.
+    pub boxes: Vec<RigBox>,
+    /// Upwards in the world of the given poses, if that is known.
+    pub up: Option<Unit<Vector3<f64>>>,
+}
+
+/// A distance between the centres of two cameras that was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraDistance {
+    /// Indices of the cameras.
+    pub cameras: [usize; 2],
+    /// The distance, in the unit of the world that is sought.
+    pub length: f64,
+}
+
+/// Options of [`calibrate`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CalibrateOptions {
+    /// Distances that are known: they tell the scale.
+    pub distances: Vec<CameraDistance>,
+    /// Seed of the random numbers.
+    pub seed: u64,
+}
+
+/// Whether a camera was calibrated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum CameraStatus {
+    /// Its pose was given.
+    Given,
+    /// Its pose was found, or it is the camera in whose frame the others are found.
+    Ok,
+    /// It shares fewer than five boxes of whole bodies with the cameras that were calibrated.
+    NotConnected,
+    /// Its boxes and those of the others do not show the same bodies, whatever its pose is: wrong ids, instants or intrinsics.
+    Inconsistent,
+    /// Two poses explain the boxes about as well.
+    Ambiguous,
+    /// Its boxes leave the pose open: too few, or of bodies that stay in one place or on one line.
+    Undetermined,
+}
+
+impl CameraStatus {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Given => "given",
+            Self::Ok => "ok",
+            Self::NotConnected => "not_connected",
+            Self::Inconsistent => "inconsistent",
+            Self::Ambiguous => "ambiguous",
+            Self::Undetermined => "undetermined",
+        }
+    }
+
+    /// Whether there is a pose that can be trusted.
+    pub fn has_pose(self) -> bool {
+        matches!(self, Self::Given | Self::Ok)
+    }
+}
+
+/// A camera of the rig, calibrated or not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibratedCamera {
+    /// Whether it was calibrated.
+    pub status: CameraStatus,
+    /// Its pose; with [`CameraStatus::Given`] and [`CameraStatus::Ok`] alone.
+    pub cam_from_world: Option<CamFromWorld>,
+    /// Covariance of its errors relative to the reference camera or the given ones, in the frame of the camera: rotation vector
+    /// (radians) and position (world units), at the scale of the answer, which has a standard deviation of its own. None of the reference and of given cameras.
+    pub covariance: Option<Matrix6<f64>>,
+    /// Bodies at instants that it shares with other calibrated cameras.
+    pub instants: usize,
+    /// Root mean square distance of measured and predicted edges, pixels.
+    pub residual_px: Option<f64>,
+}
+
+impl CalibratedCamera {
+    /// Standard deviations of the rotation (radians) and the position (world units): root mean squares over the axes.
+    pub fn sds(&self) -> Option<[f64; 2]> {
+        let covariance = self.covariance?;
+        Some([0, 3].map(|first| (covariance.fixed_view::<3, 3>(first, first).trace() / 3.0).max(0.0).sqrt()))
+    }
+}
+
+/// What tells the unit of the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RigScale {
+    /// The given poses.
+    GivenPoses,
+    /// Distances between cameras.
+    Distances,
+    /// The usual sizes of categories.
+    Sizes,
+    /// Nothing: the object that is seen most is one unit high.
+    Arbitrary,
+}
+
+impl RigScale {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::GivenPoses => "given_poses",
+            Self::Distances => "distances",
+            Self::Sizes => "sizes",
+            Self::Arbitrary => "arbitrary",
+        }
+    }
+}
+
+/// The vertical, as upright bodies tell it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vertical {
+    /// Upwards in the world.
+    pub up: Unit<Vector3<f64>>,
+    /// Standard deviation of its angle, each way, relative to the reference camera, radians.
+    pub sd: f64,
+}
+
+/// The cameras of a rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// In the order of the input.
+    pub cameras: Vec<CalibratedCamera>,
+    /// The camera in whose frame the others were found; none if a pose was given, or no two cameras see the same bodies.
+    pub reference: Option<usize>,
+    /// What tells the unit of the world.
+    pub scale: RigScale,
+    /// Relative standard deviation of the scale where sizes tell it.
+    pub scale_sd: Option<f64>,
+    /// The vertical, where it is known well enough to turn the world by it: then the world has z upwards and its origin on the floor below the
+    /// reference camera. Otherwise the world is the frame of the reference camera. Given poses keep their world.
+    pub vertical: Option<Vertical>,
+    /// Standard deviation of the edges of boxes as it was estimated, relative to their mean half size.
+    pub edge_sd: Option<f64>,
+}
+
+/// Finds the poses of the cameras of a rig. The same input gives the same answer.
+pub fn calibrate(rig: &Rig, options: &CalibrateOptions) -> Calibration {
+    solve::calibrate(rig, options)
+}
