@@ -98,6 +98,11 @@ impl Measurements {
         }
     }
 
+    /// Sees the body as measurements of the same views saw it.
+    pub(crate) fn look_as(&mut self, other: &Self) {
+        self.cues.iter_mut().zip(&other.cues).for_each(|(cue, other)| cue.look_as(other));
+    }
+
     fn push(&mut self, view: &View, ellipses_as_planes: bool, named: bool) {
         let p = self.frame.local_projection(&view.projection);
         if !view.cues.is_empty() {
