@@ -412,8 +412,9 @@ impl SceneFit {
             converged: false,
         };
         self.put_down(&mut fit, context);
-        if let Some((size, level)) = self.sizes.of(&fit).zip(Some(self.size_level())) {
-            fit = fit.with_learnt_size(size, level, &self.noise, self.shared(), context);
+        // The level takes all objects: only where it is needed.
+        if let Some(size) = self.sizes.of(&fit) {
+            fit = fit.with_learnt_size(size, self.size_level(), &self.noise, self.shared(), context);
         }
         Some(fit.refined(&self.noise, true).body.body_in_world(&frame))
     }
@@ -437,8 +438,9 @@ impl SceneFit {
         let upright =
             fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
         let fit = upright.map_or(fit, |(upright, _)| retry_starts_and_outliers(upright));
-        let fit = match self.sizes.of(&fit).zip(Some(self.size_level())) {
-            Some((size, level)) => {
+        let fit = match self.sizes.of(&fit) {
+            Some(size) => {
+                let level = self.size_level();
                 retry_starts_and_outliers(fit.with_learnt_size(size, level, &self.noise, self.shared(), context))
             }
             None => fit,
