@@ -1,4 +1,5 @@
-//! The default estimator on whole synthetic scenes: clean, noisy and with outliers, with refined poses, and with many views.
+//! The default estimator on whole synthetic scenes: clean, noisy and with outliers, with refined poses, with depths, 3D boxes and
+//! outlines, and with many views.
 //!
 //! `cargo bench --manifest-path benchmarks/Cargo.toml --bench map`. One thread: `RAYON_NUM_THREADS=1`. Times are per scene
 //! of 50 objects.
@@ -8,9 +9,50 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion};
+use quadlift::geometry::{Ellipse, SupportLines, project_ellipsoid};
+use quadlift::scene::{Detection, Scene};
 use quadlift::solve::{BodyKind, MapOptions, PoseMotion};
-use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
+use quadlift::synthetic::{
+    Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, Trajectory, generate, simulate_cues,
+};
 use quadlift::{LocalizeOptions, localize};
+
+/// A scene of boxes, with depths, with 3D boxes, with both, and outlines with and without the boxes.
+fn cues(options: &SyntheticOptions) -> Vec<(&'static str, Scene)> {
+    let made = generate(options).unwrap();
+    let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
+    let with = |depth: bool, box3d: bool| {
+        let cues = CueOptions {
+            depth: depth.then(DepthNoise::default),
+            box3d: box3d.then(Box3dNoise::default),
+        };
+        simulate_cues(&made.scene, body_of, &cues, 1).unwrap()
+    };
+    let outlines = |beside: bool| {
+        let mut parts = made.scene.clone().into_parts();
+        let frames = parts.frames.clone();
+        for (index, detection) in parts.detections.iter_mut().enumerate() {
+            let body = body_of(index, detection).unwrap().ellipsoid();
+            let seen = project_ellipsoid(&frames[detection.frame_index as usize].projection, &body).unwrap();
+            // Too small and too large in turns.
+            let factor = 1.0 + 0.05 * (index % 3) as f64 - 0.05;
+            let wrong = Ellipse::new(seen.center(), seen.semi_axes() * factor, seen.angle()).unwrap();
+            let lines = SupportLines::of_ellipse(&wrong);
+            let lines = if beside { lines.beside_box(&detection.bounding_box.unwrap()) } else { lines };
+            detection.bounding_box = lines.bounding_box();
+            detection.support_lines = Some(Box::new(lines));
+        }
+        Scene::from_parts(parts).unwrap()
+    };
+    vec![
+        ("boxes", with(false, false)),
+        ("boxes and depths", with(true, false)),
+        ("boxes and 3D boxes", with(false, true)),
+        ("boxes, depths and 3D boxes", with(true, true)),
+        ("outlines", outlines(false)),
+        ("boxes and outlines", outlines(true)),
+    ]
+}
 
 fn main() {
     let mut criterion = Criterion::default().sample_size(20).configure_from_args();
@@ -53,6 +95,14 @@ fn main() {
             let id = BenchmarkId::new(name, what);
             group.bench_with_input(id, scene, |b, scene| b.iter(|| localize(black_box(scene), &options).unwrap()));
         }
+    }
+    group.finish();
+    let mut group = criterion.benchmark_group("map_50_objects_cues");
+    for (name, scene) in cues(&boxes(0.05)) {
+        let options = LocalizeOptions::from(MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() });
+        group.bench_with_input(name, &scene, |b, scene| {
+            b.iter(|| localize(black_box(scene), &options).unwrap())
+        });
     }
     group.finish();
     let mut group = criterion.benchmark_group("map_one_object_by_views");

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use quadlift::geometry::{Body, BoundingBox, Cuboid, Projection};
+use quadlift::geometry::{Body, BoundingBox, ConvexBody, Cuboid, Projection};
+use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use quadlift::scene::{Cues, Detection, DetectionInput, Scene, SceneBuilder};
 use quadlift::solve::{BodyKind, MapOptions, Status};
@@ -16,7 +17,7 @@ use crate::error::Error;
 use crate::kitti::{AVERAGED, CAMERA_HEIGHT, cars, protocol};
 use crate::progress::{Progress, Steps};
 use crate::report::{Headline, Report};
-use crate::scores::{Figure, Measure, average};
+use crate::scores::{Figure, Measure, average, pooled};
 use crate::table::{Cell, Table};
 
 /// What is known besides boxes.
@@ -73,26 +74,31 @@ pub(super) fn run(data: &Path, seed: u64, progress: Progress, report: &mut Repor
     let ranges = DISTANCES.windows(2).map(|w| format!("{} to {} m", w[0], w[1]));
     let mut table = Table::new(
         "KITTI, one labelled image, car prior and ground: median error of the centre, metres",
-        ["known".to_owned()].into_iter().chain(ranges).chain(["all".to_owned(), "without an answer, %".to_owned()]),
+        ["known".to_owned()].into_iter().chain(ranges).chain([
+            "all".to_owned(),
+            "without an answer, %".to_owned(),
+            Measure::O3d.name(),
+        ]),
     );
     let images = single_images(&data.join("kitti_object_subset"))?;
     for (index, name) in CUES.iter().enumerate() {
         let of_image =
             |(k, image): (usize, &SingleImage)| errors(image, &options_of(index), seed.wrapping_add(k as u64));
-        let all: Vec<(f64, Option<f64>)> =
+        let all: Vec<CarScore> =
             images.par_iter().enumerate().map(of_image).collect::<Result<Vec<_>, Error>>()?.concat();
         steps.done();
         let median = |low: f64, high: f64| {
             let mut found: Vec<f64> =
-                all.iter().filter(|(d, _)| (low..high).contains(d)).filter_map(|(_, error)| *error).collect();
+                all.iter().filter(|car| (low..high).contains(&car.distance)).filter_map(|car| car.error).collect();
             found.sort_by(f64::total_cmp);
             found.get(found.len() / 2).map(|value| Figure { value: *value, standard_error: None })
         };
-        let missing = all.iter().filter(|(_, error)| error.is_none()).count() as f64 / all.len().max(1) as f64;
+        let missing = all.iter().filter(|car| car.error.is_none()).count() as f64 / all.len().max(1) as f64;
         let name = if index == 0 { "box alone" } else { name };
         let row = std::iter::once(Cell::from(name))
             .chain(DISTANCES.windows(2).map(|w| Cell::figure(median(w[0], w[1]), 2)))
-            .chain([Cell::figure(median(0.0, f64::INFINITY), 2), Cell::number(100.0 * missing, 1)]);
+            .chain([Cell::figure(median(0.0, f64::INFINITY), 2), Cell::number(100.0 * missing, 1)])
+            .chain([Cell::figure(pooled(&[all.iter().map(|car| car.o3d).collect()]), 3)]);
         table.push(row.collect());
     }
     report.table(table);
@@ -161,8 +167,18 @@ fn car(line: &str) -> Option<(BoundingBox, Cuboid)> {
     Some((BoundingBox::new([x0, y0, x1, y1]).ok()?, body))
 }
 
-/// Distance and error of the centre of each car of an image; no error where there is no answer.
-fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<(f64, Option<f64>)>, Error> {
+/// A car of a single image.
+#[derive(Debug, Clone)]
+struct CarScore {
+    distance: f64,
+    /// Error of the centre; absent where there is no answer.
+    error: Option<f64>,
+    /// 0 where there is no answer.
+    o3d: f64,
+}
+
+/// The scores of the cars of an image.
+fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<CarScore>, Error> {
     let mut builder = SceneBuilder::new("image");
     builder.up([0.0, -1.0, 0.0])?;
     builder.add_frame("image", image.projection, Some([1242.0, 375.0]))?;
@@ -187,8 +203,12 @@ fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<(f64,
     let found = localize(&scene, &LocalizeOptions { seed, ..map.into() })?;
     let error = |(index, (_, body)): (usize, &(BoundingBox, Cuboid))| {
         let estimate = &found.estimates[index];
-        let center = estimate.center.filter(|_| estimate.status == Status::Ok);
-        (body.center.coords.norm(), center.map(|center| (center - body.center).norm()))
+        let found = estimate.body.filter(|_| estimate.status == Status::Ok);
+        CarScore {
+            distance: body.center.coords.norm(),
+            error: found.map(|found| (found.center() - body.center).norm()),
+            o3d: found.map_or(0.0, |found| iou3d_ellipsoids(&found.ellipsoid(), &Body::Cuboid(*body).ellipsoid())),
+        }
     };
     Ok(image.cars.iter().enumerate().map(error).collect())
 }

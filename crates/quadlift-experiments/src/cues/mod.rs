@@ -6,6 +6,7 @@ mod frame_scales;
 mod fusion;
 mod kitti;
 mod occlusion;
+mod one_view;
 mod outlines;
 mod points;
 mod sizes;
@@ -26,6 +27,7 @@ use crate::report::Report;
 pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report, Error> {
     let mut report = Report::new("cues", "Depths and 3D boxes beside boxes");
     synthetic::run(seed, progress, &mut report)?;
+    one_view::run(seed, progress, &mut report)?;
     frame_scales::run(seed, progress, &mut report)?;
     points::run(seed, progress, &mut report)?;
     sizes::run(seed, progress, &mut report)?;

@@ -34,7 +34,7 @@ const HARMONICS: usize = 3;
 const ANGLE_NOISE: f64 = 0.05;
 
 /// A normal random number (Box and Muller).
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn normal(rng: &mut ChaCha8Rng) -> f64 {
     let (u, v): (f64, f64) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random_range(0.0..std::f64::consts::TAU));
     (-2.0 * u.ln()).sqrt() * v.cos()
 }

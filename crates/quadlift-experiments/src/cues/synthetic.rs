@@ -33,23 +33,20 @@ pub(super) const DISTANCE: f64 = 25.0;
 pub(super) const CUBE: f64 = 10.0;
 
 /// What is known besides the boxes.
-const CUES: [&str; 5] = ["boxes", "+ depth", "+ 3D boxes", "+ both", "mean of 3D boxes"];
+pub(super) const CUES: [&str; 5] = ["boxes", "+ depth", "+ 3D boxes", "+ both", "mean of 3D boxes"];
 
 /// The scores of one object.
 #[derive(Debug, Clone, Copy)]
-struct Score {
-    o3d: f64,
-    center: f64,
-    size: f64,
+pub(super) struct Score {
+    pub o3d: f64,
+    pub center: f64,
+    pub size: f64,
     nees: Option<f64>,
 }
 
-fn cue_options(column: usize) -> CueOptions {
-    let depth = DepthNoise { outliers: 0.05, ..Default::default() };
-    CueOptions {
-        depth: matches!(column, 1 | 3).then_some(depth),
-        box3d: matches!(column, 2..).then(Box3dNoise::default),
-    }
+/// The cues of a column, with these errors.
+pub(super) fn cue_options(column: usize, depth: DepthNoise, box3d: Box3dNoise) -> CueOptions {
+    CueOptions { depth: matches!(column, 1 | 3).then_some(depth), box3d: matches!(column, 2..).then_some(box3d) }
 }
 
 fn score(estimate: Option<(&Ellipsoid, Option<&quadlift::solve::Matrix9>)>, truth: &Ellipsoid) -> Option<Score> {
@@ -70,7 +67,8 @@ fn score(estimate: Option<(&Ellipsoid, Option<&quadlift::solve::Matrix9>)>, trut
 
 fn scene_of(made: &SyntheticScene, column: usize, seed: u64) -> Result<Scene, Error> {
     let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
-    Ok(simulate_cues(&made.scene, body_of, &cue_options(column), seed)?)
+    let depth = DepthNoise { outliers: 0.05, ..Default::default() };
+    Ok(simulate_cues(&made.scene, body_of, &cue_options(column, depth, Box3dNoise::default()), seed)?)
 }
 
 /// A scene of ellipsoids with noisy boxes.
@@ -95,9 +93,18 @@ pub(super) fn noisy_boxes_in(cube_side: f64, distance: f64, views: usize, seed: 
 /// The scores of each column's objects; absent where there is no estimate.
 fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
     let made = noisy_boxes(views, seed)?;
+    scores_of(&made, &|column| scene_of(&made, column, seed), seed)
+}
+
+/// The scores of each column's objects, of which `scene_of` is the scene.
+pub(super) fn scores_of(
+    made: &SyntheticScene,
+    scene_of: &dyn Fn(usize) -> Result<Scene, Error>,
+    seed: u64,
+) -> Result<Vec<Vec<Option<Score>>>, Error> {
     let truth: Vec<Ellipsoid> = made.truth.iter().map(|(_, body)| body.ellipsoid()).collect();
     let of_column = |column: usize| -> Result<Vec<Option<Score>>, Error> {
-        let scene = scene_of(&made, column, seed)?;
+        let scene = scene_of(column)?;
         if column == CUES.len() - 1 {
             let mean = |object: usize| {
                 let cuboid = mean_box(&scene, object)?;

@@ -149,6 +149,11 @@ impl SupportLines {
         self
     }
 
+    /// Whether all lines are of one outline that is seen as a whole.
+    pub(crate) fn is_of_whole_outline(&self) -> bool {
+        self.count == SUPPORT_DIRECTIONS && !self.of_box && self.lines().all(|line| !line.end.is_open())
+    }
+
     /// The lines of a turned box: those of its sides. Cut off are sides of which a corner lies within `tolerance` pixels of the border
     /// of an image of this size, or outside of it.
     pub fn of_oriented_box(turned: &OrientedBox, image_size: Option<Vector2<f64>>, tolerance: f64) -> Self {

@@ -37,14 +37,16 @@ pub enum ScaledQuantity {
     },
 }
 
-impl From<(Constant, f64, f64)> for CueScale {
-    fn from((constant, value, log_sd): (Constant, f64, f64)) -> Self {
+impl CueScale {
+    /// A constant with its standard deviation; `None` for a part of others.
+    pub(super) fn of((constant, value, log_sd): (Constant, f64, f64)) -> Option<Self> {
         let (quantity, source) = match constant {
             Constant::Depth(source) => (ScaledQuantity::Depth, source),
             Constant::DepthOfFrame(source, frame) => (ScaledQuantity::DepthOfFrame { frame }, source),
             Constant::Distance(source) => (ScaledQuantity::BoxDistance, source),
+            Constant::Sizes(..) => return None,
             Constant::Size(source, category, axis) => (ScaledQuantity::BoxSize { category, axis }, source),
         };
-        Self { quantity, source, factor: value.exp(), log_sd }
+        Some(Self { quantity, source, factor: value.exp(), log_sd })
     }
 }

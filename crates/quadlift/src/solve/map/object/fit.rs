@@ -26,6 +26,7 @@ use crate::solve::map::noise::object_spread::{ObjectAgreement, scaled_covariance
 use crate::solve::map::noise::statistics::NoiseStatistics;
 use crate::solve::map::residuals::measurements::Plane;
 use crate::solve::map::residuals::row::ResidualRow;
+use crate::solve::map::residuals::view_rows::choose_harmonics;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::poses::{FrameTerm, ObjectPoseTerms};
@@ -276,9 +277,12 @@ impl Fit {
         (mean > SUSPECT_COST).then(|| fit.without_outliers(noise, context)).flatten().unwrap_or(fit)
     }
 
-    /// The same, with depths compared with what perspective shows of its body.
-    fn looked_at(&self) -> Self {
+    /// The same, with depths compared with what perspective shows of its body, and with outlines near it by harmonics.
+    fn looked_at(&self, noise: &NoiseLevels) -> Self {
         let mut problem = self.problem.clone();
+        if problem.measurements.has_outlines() {
+            choose_harmonics(&mut Arc::make_mut(&mut problem).measurements, &self.body, noise);
+        }
         if problem.measurements.has_depths() {
             let world = self.body.body_in_world(&problem.measurements.frame);
             let ObjectProblem { measurements, views, .. } = Arc::make_mut(&mut problem);
@@ -290,7 +294,7 @@ impl Fit {
     /// The fit under new noise levels. If it cannot be evaluated, its cost is infinite and its status is diverged.
     pub(crate) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
-        let fit = self.looked_at();
+        let fit = self.looked_at(noise);
         let plain = fit.objective(noise, None);
         let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
         let objective = Objective { outlier_scale: scale, ..plain };
@@ -355,7 +359,7 @@ impl Fit {
                 return;
             }
             let normal = Vector3::new(row.row[0], row.row[1], row.row[2]);
-            let (component, direction, reach) = if row.group.is_edge() {
+            let (component, direction, reach) = if row.group.is_edge() && !measured[view].harmonics {
                 let noise = noise.of(row.group) * noise.size_factor(measured[view].half_size);
                 (0, normal.normalize(), self.body.support_gradient(&normal).0 * noise)
             } else {

@@ -23,5 +23,7 @@ pub(crate) mod problem;
 #[cfg(test)]
 pub(crate) mod residual_tests;
 mod scale_terms;
+#[cfg(test)]
+mod scale_tests;
 pub(crate) mod size_site;
 pub(crate) mod starts;

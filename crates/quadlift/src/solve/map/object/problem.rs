@@ -59,7 +59,8 @@ impl ObjectProblem {
         let mut views = self.views.clone();
         poses.apply(&mut views);
         scales.apply(&mut views);
-        let measurements = measured(&views, self.measurements.frame, self.kind, &self.prior);
+        let mut measurements = measured(&views, self.measurements.frame, self.kind, &self.prior);
+        measurements.look_as(&self.measurements);
         Self { views, measurements, prior: self.prior.clone(), ..*self }
     }
 

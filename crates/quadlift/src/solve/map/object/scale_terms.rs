@@ -1,6 +1,7 @@
 //! What the cues of an object say about the constants of their sources.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::fit::Fit;
 use crate::body_model::BodyModel;
@@ -9,7 +10,8 @@ use crate::scene::{DepthScale, View};
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::cues::MeasuredCue;
-use crate::solve::map::shared::cue_scales::{Constant, ObjectTerms, Term};
+use crate::solve::map::shared::cue_scales::{Constant, CueScales, ObjectTerms, Term};
+use crate::solve::map::shared::poses::PoseCorrections;
 
 impl Fit {
     /// The terms of the constants at this fit; `None` without cues or where the normal equations are singular.
@@ -18,10 +20,13 @@ impl Fit {
         if measurements.cues.is_empty() {
             return None;
         }
-        let covariance = invert_spd(&self.equations.hessian())?;
+        let objective = self.objective(noise, self.outlier_scale);
+        // Under these noise levels: what the scales and the object share must be less than what each has.
+        let equations = objective.linearise(&self.body)?;
+        let covariance = invert_spd(&equations.hessian())?;
         let weights = noise.weights(measurements.views.len());
         let mut terms: BTreeMap<Constant, Term> = BTreeMap::new();
-        self.objective(noise, None).each_cue(&self.body, |cue, rows, _, loss_weight| {
+        objective.each_cue(&self.body, |cue, rows, _, loss_weight| {
             let view = &self.problem.views.views[cue.view];
             let mut axis = 0;
             for row in rows {
@@ -35,8 +40,24 @@ impl Fit {
                 }
             }
         });
-        let step = -(covariance * self.equations.gradient());
-        (!terms.is_empty()).then_some(ObjectTerms { terms, covariance, step })
+        let step = -(covariance * equations.gradient());
+        (!terms.is_empty()).then_some(ObjectTerms { terms, covariance, step, cost: equations.cost })
+    }
+
+    /// The same object after this change of the scales, moved as the scales predict; of its own step to its minimum it makes this share.
+    /// `None` where it would not be a body any more.
+    pub(crate) fn moved_with(
+        &self,
+        change: &CueScales,
+        share: f64,
+        terms: &ObjectTerms,
+        noise: &NoiseLevels,
+    ) -> Option<Self> {
+        let problem = Arc::new(self.problem.corrected(&PoseCorrections::default(), change));
+        let body = self.body.retract(&change.step_of(terms, share))?;
+        let moved = Self { problem, body, ..self.clone() };
+        let equations = moved.objective(noise, self.outlier_scale).linearise(&moved.body)?;
+        Some(Self { equations, ..moved })
     }
 
     /// Standard deviation of the distance from the nearest camera, along the ray, relative to that distance.
@@ -87,7 +108,9 @@ impl Fit {
             NoiseGroup::BoxDistance => (Some(Constant::Distance(source())), None),
             NoiseGroup::BoxSize => {
                 *axis += 1;
-                (Some(Constant::Size(source(), self.problem.views.category_index, *axis - 1)), None)
+                let category = self.problem.views.category_index;
+                let of_all = Constant::Sizes(source(), category);
+                (Some(Constant::Size(source(), category, *axis - 1)), Some(of_all))
             }
             _ => (None, None),
         };

@@ -108,6 +108,13 @@ impl MeasuredCue {
         }
     }
 
+    /// Sees a body as another cue of the same detection saw it.
+    pub(crate) fn look_as(&mut self, other: &Self) {
+        if let (Kind::Depth(depth), Kind::Depth(other)) = (&mut self.kind, &other.kind) {
+            depth.perspective = other.perspective;
+        }
+    }
+
     /// 1 / standard deviation of the errors of a group in this cue.
     pub(crate) fn whitening(&self, noise: &NoiseLevels, group: NoiseGroup) -> f64 {
         let weight = match (&self.kind, group) {

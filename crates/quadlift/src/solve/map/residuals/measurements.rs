@@ -49,6 +49,10 @@ pub(crate) struct MeasuredView {
     pub half_size: f64,
     /// Its edges in [`Measurements::edges`]: opposite ones follow each other.
     pub edges: Range<usize>,
+    /// Whether they are the lines of a whole outline that may be compared by harmonics ([`super::harmonics`]).
+    pub outline: bool,
+    /// Whether they are: no line is far off ([`super::view_rows::choose_harmonics`]).
+    pub harmonics: bool,
     pub ellipse: Option<EllipseMeasurement>,
 }
 
@@ -91,11 +95,22 @@ impl Measurements {
         self.cues.iter().any(MeasuredCue::is_depth)
     }
 
+    /// Whether a view has a whole outline.
+    pub(crate) fn has_outlines(&self) -> bool {
+        self.views.iter().any(|view| view.outline)
+    }
+
     /// Sees a body as perspective does ([`MeasuredCue::look_at`]).
     pub(crate) fn look_at(&mut self, body: &impl BodyModel, world: &Body, views: &[View]) {
         for cue in &mut self.cues {
             cue.look_at(body, world, &views[cue.view], &self.frame);
         }
+    }
+
+    /// Sees the body as measurements of the same views saw it.
+    pub(crate) fn look_as(&mut self, other: &Self) {
+        self.cues.iter_mut().zip(&other.cues).for_each(|(cue, other)| cue.look_as(other));
+        self.views.iter_mut().zip(&other.views).for_each(|(view, other)| view.harmonics = other.harmonics);
     }
 
     fn push(&mut self, view: &View, ellipses_as_planes: bool, named: bool) {
@@ -137,6 +152,9 @@ impl Measurements {
                 (None, None, None) => 1.0,
             },
             edges: first..self.edges.len(),
+            // Other bodies than ellipsoids show in what is not smooth, too.
+            outline: !ellipses_as_planes && lines.is_some_and(SupportLines::is_of_whole_outline),
+            harmonics: false,
             ellipse,
         });
     }

@@ -2,6 +2,7 @@
 
 pub(crate) mod cues;
 pub(crate) mod ellipse;
+pub(crate) mod harmonics;
 pub(crate) mod measurements;
 pub(crate) mod row;
 pub(crate) mod view_rows;

@@ -1,5 +1,6 @@
 //! The whitened residuals of one view with their derivatives.
 
+use super::harmonics::to_harmonics;
 use super::measurements::{Measurements, Plane};
 use super::row::ResidualRow;
 use crate::body_model::BodyModel;
@@ -8,6 +9,20 @@ use crate::solve::map::noise::levels::NoiseLevels;
 /// Depths below this (in object sizes) are taken as this: the object is at or behind the camera, and its residuals
 /// are very large.
 pub(crate) const SMALLEST_DEPTH: f64 = 1e-3;
+
+/// Whitened residual of a line, in absolute value, from which on the lines of its outline are compared one by one: something hides a
+/// part of the object there, and the harmonics would spread it over all of them.
+const FARTHEST_LINE: f64 = 3.0;
+
+/// Chooses, for each outline, whether it is compared by harmonics: where all its lines are near those of a body.
+pub(crate) fn choose_harmonics(measurements: &mut Measurements, body: &impl BodyModel, noise: &NoiseLevels) {
+    let mut rows = Vec::with_capacity(16);
+    for index in (0..measurements.views.len()).filter(|&k| measurements.views[k].outline).collect::<Vec<_>>() {
+        measurements.views[index].harmonics = false;
+        view_rows(measurements, index, body, noise, false, &mut rows);
+        measurements.views[index].harmonics = rows.iter().all(|row| row.residual.abs() < FARTHEST_LINE);
+    }
+}
 
 /// Fills `rows` with the residuals of one view; edges keep their places, those that do not count are zero. `smooth` is
 /// for the way from a start (see [`super::ellipse`]).
@@ -48,5 +63,9 @@ pub(crate) fn view_rows(
         let scale = if agrees { 0.0 } else { inverse_size / noise.of(measured.group) };
         let (residual, row) = (residual * scale, row.map(|x| x * scale));
         rows.push(ResidualRow { residual, row, group: measured.group, counts: !agrees });
+    }
+    if view.harmonics {
+        let first = rows.len() - view.edges.len();
+        to_harmonics(rows, first);
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
 use super::learnt_sizes::SceneSizes;
+use super::scene_scales::step_scales;
 use super::scene_surfaces::SceneSurfaces;
 use super::upright::{share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
@@ -25,7 +26,7 @@ use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
 use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::SharedErrors;
-use crate::solve::map::shared::cue_scales::{CueScales, ObjectTerms};
+use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::poses::PoseCorrections;
@@ -245,12 +246,10 @@ impl SceneFit {
             if as_given && !poses.is_empty() && !follows {
                 (round, follows) = (1, true);
             }
-            let scaled = scale_terms(&fits, &noise, context).map(|terms| scales.update(&terms));
-            let cues = scaled.is_some();
-            if moved.is_some() || cues {
-                let (moved, scaled) = (moved.unwrap_or_default(), scaled.unwrap_or_default());
+            let cues = step_scales(&mut fits, &mut scales, &noise, context);
+            if let Some(moved) = &moved {
                 for fit in fits.iter_mut().flatten() {
-                    fit.problem = Arc::new(fit.problem.corrected(&moved, &scaled));
+                    fit.problem = Arc::new(fit.problem.corrected(moved, &CueScales::default()));
                 }
             }
             let restart =
@@ -413,8 +412,9 @@ impl SceneFit {
             converged: false,
         };
         self.put_down(&mut fit, context);
-        if let Some((size, level)) = self.sizes.of(&fit).zip(Some(self.size_level())) {
-            fit = fit.with_learnt_size(size, level, &self.noise, self.shared(), context);
+        // The level takes all objects: only where it is needed.
+        if let Some(size) = self.sizes.of(&fit) {
+            fit = fit.with_learnt_size(size, self.size_level(), &self.noise, self.shared(), context);
         }
         Some(fit.refined(&self.noise, true).body.body_in_world(&frame))
     }
@@ -438,8 +438,9 @@ impl SceneFit {
         let upright =
             fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
         let fit = upright.map_or(fit, |(upright, _)| retry_starts_and_outliers(upright));
-        let fit = match self.sizes.of(&fit).zip(Some(self.size_level())) {
-            Some((size, level)) => {
+        let fit = match self.sizes.of(&fit) {
+            Some(size) => {
+                let level = self.size_level();
                 retry_starts_and_outliers(fit.with_learnt_size(size, level, &self.noise, self.shared(), context))
             }
             None => fit,
@@ -500,20 +501,6 @@ impl SceneFit {
     pub(crate) fn pose_noise(&self) -> Option<PoseNoise> {
         self.poses.size().map(|(rotation_sd, translation_sd)| PoseNoise { rotation_sd, translation_sd })
     }
-}
-
-/// What the objects say about the scales of cues; `None` without cues, or where noise levels are given, so that an object
-/// depends on its own views only.
-fn scale_terms(
-    fits: &[Result<Fit, Box<Estimate>>],
-    noise: &NoiseLevels,
-    context: &MapContext,
-) -> Option<Vec<ObjectTerms>> {
-    if context.options.sigmas.is_some() {
-        return None;
-    }
-    let terms: Vec<ObjectTerms> = fits.iter().flatten().filter_map(|fit| fit.scale_terms(noise)).collect();
-    (!terms.is_empty()).then_some(terms)
 }
 
 /// Terms that affect only covariances: errors common to views, from an evenly spread sample of the objects, and

@@ -1,4 +1,4 @@
-//! CueScales of the sources of cues: the scale of their depths and distances, the bias of their sizes, each a constant that
+//! Scales of the sources of cues: the scale of their depths and distances, the bias of their sizes, each a constant that
 //! is added to logarithms (docs/method.md, section 19.3).
 //!
 //! The constants are unknowns shared by the objects; depths of a network that is right up to a scale in each image have one in each
@@ -13,7 +13,7 @@ use super::scale_system::{ScaleCovariance, ScaleSystem, Told};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::scene::{Cues, DepthScale, ObjectViews};
 use crate::solve::estimate::Matrix9;
-use crate::tuning::{DEPTH_SCALE_SD, FRAME_SCALE_SD, SIZE_BIAS_SD};
+use crate::tuning::{DEPTH_SCALE_SD, EXTENT_BIAS_SD, FRAME_SCALE_SD, SIZE_BIAS_SD};
 
 /// Number of measurements from which a median is taken.
 const ENOUGH_FOR_MEDIAN: usize = 5;
@@ -30,7 +30,9 @@ pub(crate) enum Constant {
     DepthOfFrame(Option<u32>, usize),
     /// Scale of distances of 3D boxes.
     Distance(Option<u32>),
-    /// Scale of an extent (0 to 2) of 3D boxes, of a category.
+    /// Scale of all extents of 3D boxes, of a category.
+    Sizes(Option<u32>, Option<usize>),
+    /// Scale of an extent (0 to 2) of 3D boxes, of a category, beside that of all.
     Size(Option<u32>, Option<usize>, usize),
 }
 
@@ -40,14 +42,16 @@ impl Constant {
         match self {
             Self::Depth(_) | Self::Distance(_) => DEPTH_SCALE_SD.get(),
             Self::DepthOfFrame(..) => FRAME_SCALE_SD.get(),
-            Self::Size(..) => SIZE_BIAS_SD.get(),
+            Self::Sizes(..) => SIZE_BIAS_SD.get(),
+            Self::Size(..) => EXTENT_BIAS_SD.get(),
         }
     }
 
-    /// The constant of all frames that is added to that of one frame.
-    fn of_all_frames(self) -> Option<Self> {
+    /// The constant of all frames or extents that is added to that of one.
+    pub(crate) fn of_all(self) -> Option<Self> {
         match self {
             Self::DepthOfFrame(source, _) => Some(Self::Depth(source)),
+            Self::Size(source, category, _) => Some(Self::Sizes(source, category)),
             _ => None,
         }
     }
@@ -78,6 +82,8 @@ pub(crate) struct ObjectTerms {
     pub covariance: Matrix9,
     /// The step that its parameters are still from their minimum.
     pub step: SVector<f64, PARAMETERS>,
+    /// Its cost.
+    pub cost: f64,
 }
 
 /// The constants of all sources with their covariance.
@@ -99,16 +105,16 @@ impl CueScales {
         };
         let medians: BTreeMap<_, _> = ratios.into_iter().map(|(constant, all)| (constant, median(all))).collect();
         let start = |(constant, median): (&Constant, &Option<f64>)| {
-            let of_all = constant.of_all_frames().and_then(|all| *medians.get(&all)?).unwrap_or(0.0);
+            let of_all = constant.of_all().and_then(|all| *medians.get(&all)?).unwrap_or(0.0);
             (*constant, median.map_or(0.0, |median| median - of_all))
         };
         Self { values: medians.iter().map(start).collect(), covariance: ScaleCovariance::default() }
     }
 
-    /// The constants with their standard deviations; that of a frame with what all frames of the source share.
+    /// The constants with their standard deviations; that of a frame or an extent with what all of the source share.
     pub(crate) fn constants(&self) -> impl Iterator<Item = (Constant, f64, f64)> {
         self.values.iter().enumerate().map(|(k, (constant, value))| {
-            let of_all = constant.of_all_frames().and_then(|all| {
+            let of_all = constant.of_all().and_then(|all| {
                 let position = self.values.keys().position(|key| *key == all)?;
                 Some((position, self.values[&all]))
             });
@@ -120,13 +126,13 @@ impl CueScales {
         })
     }
 
-    /// One step, from all objects. Returns the change, which the measurements then follow.
-    pub(crate) fn update(&mut self, objects: &[ObjectTerms]) -> Self {
-        for object in objects {
+    /// A step, from all objects: the change of the constants, if the objects follow ([`Self::step_of`]). The covariance is updated.
+    pub(crate) fn step<'a>(&mut self, objects: impl Iterator<Item = &'a ObjectTerms> + Clone) -> Option<Self> {
+        for object in objects.clone() {
             object.terms.keys().for_each(|constant| _ = self.values.entry(*constant).or_insert(0.0));
         }
         let index: BTreeMap<Constant, usize> = self.values.keys().enumerate().map(|(k, c)| (*c, k)).collect();
-        let of_frames = self.values.keys().map(|constant| constant.of_all_frames().is_some()).collect();
+        let of_frames = self.values.keys().map(|constant| matches!(constant, Constant::DepthOfFrame(..))).collect();
         let mut system = ScaleSystem::new(of_frames);
         for (k, (constant, value)) in self.values.iter().enumerate() {
             // Usually about 1, but a source may have any scale: a heavy-tailed prior.
@@ -134,25 +140,48 @@ impl CueScales {
             let precision = 1.0 / (sd * sd + value * value);
             system.add_prior(k, precision, precision * value);
         }
-        for ObjectTerms { terms, covariance, step } in objects {
+        for ObjectTerms { terms, covariance, step, .. } in objects {
             let told = terms.iter().map(|(constant, term)| Told {
                 index: index[constant],
                 information: term.information,
                 gradient: term.gradient + term.coupling.dot(step),
                 coupling: term.coupling,
-                with: constant.of_all_frames().map(|all| index[&all]),
+                with: constant.of_all().map(|all| index[&all]),
             });
             system.add_object(told.collect(), *covariance);
         }
-        let Some((step, covariance)) = system.solve() else { return Self::default() };
+        let (step, covariance) = system.solve()?;
         self.covariance = covariance;
-        let mut change = BTreeMap::new();
-        for (k, (constant, value)) in self.values.iter_mut().enumerate() {
-            let step = -step[k].clamp(-LARGEST_STEP, LARGEST_STEP);
-            *value += step;
-            change.insert(*constant, step);
-        }
-        Self { values: change, covariance: ScaleCovariance::default() }
+        // As a whole, so that it stays a descent.
+        let factor = (LARGEST_STEP / step.amax()).min(1.0);
+        let values = self.values.keys().zip(step.iter()).map(|(constant, step)| (*constant, -step * factor)).collect();
+        Some(Self { values, covariance: ScaleCovariance::default() })
+    }
+
+    /// The constants after a change of them.
+    pub(crate) fn changed(&self, change: &Self) -> Self {
+        let mut changed = self.clone();
+        change.values.iter().for_each(|(constant, step)| *changed.values.entry(*constant).or_insert(0.0) += step);
+        changed
+    }
+
+    /// A share of a change.
+    pub(crate) fn part(&self, share: f64) -> Self {
+        let values = self.values.iter().map(|(constant, value)| (*constant, value * share)).collect();
+        Self { values, covariance: self.covariance.clone() }
+    }
+
+    /// Twice the negative log prior of the constants, up to a constant.
+    pub(crate) fn cost(&self) -> f64 {
+        self.values.iter().map(|(constant, value)| (value / constant.prior_sd()).powi(2).ln_1p()).sum()
+    }
+
+    /// The step of an object's parameters that follows from this change of the constants, of which the object's own step towards its
+    /// minimum is this share.
+    pub(crate) fn step_of(&self, object: &ObjectTerms, share: f64) -> SVector<f64, PARAMETERS> {
+        let changed = |(constant, term): (&Constant, &Term)| Some(term.coupling * *self.values.get(constant)?);
+        let pull = object.terms.iter().filter_map(changed).fold(SVector::zeros(), |sum, pull| sum + pull);
+        object.step * share - object.covariance * pull
     }
 
     /// What the uncertainty of the constants adds to the covariance of an object.
@@ -188,7 +217,8 @@ impl CueScales {
                 *center *= factor(Constant::Distance(box3d.source));
             }
             if let Some(half_extents) = &mut box3d.half_extents {
-                (0..3).for_each(|k| half_extents[k] *= factor(Constant::Size(box3d.source, category, k)));
+                let of_all = factor(Constant::Sizes(box3d.source, category));
+                (0..3).for_each(|k| half_extents[k] *= of_all * factor(Constant::Size(box3d.source, category, k)));
             }
         }
     }
@@ -205,16 +235,15 @@ mod tests {
         coupling[0] = (information * share).sqrt();
         let term = Term { information, gradient: -information * (1.0 - share) * error, coupling };
         let terms = BTreeMap::from([(Constant::Depth(None), term)]);
-        vec![ObjectTerms { terms, covariance: Matrix9::identity(), step: SVector::zeros() }; count]
+        vec![ObjectTerms { terms, covariance: Matrix9::identity(), step: SVector::zeros(), cost: 0.0 }; count]
     }
 
     #[test]
     fn many_objects_tell_the_scale_and_a_few_uncertain_ones_do_not() {
         let value = |objects: &[ObjectTerms]| {
             let mut scales = CueScales::default();
-            for _ in 0..1 {
-                scales.update(objects);
-            }
+            let step = scales.step(objects.iter()).unwrap();
+            scales = scales.changed(&step);
             let found = scales.constants().next().unwrap();
             (found.1, found.2)
         };
@@ -227,6 +256,29 @@ mod tests {
     }
 
     #[test]
+    fn extents_share_a_bias() {
+        // Three extents of one source and category that are all too large by the same: what they share takes most of it.
+        let category = Some(0);
+        let term = |gradient: f64| Term { information: 50.0, gradient: -50.0 * gradient, coupling: SVector::zeros() };
+        let all = Term { information: 150.0, gradient: -150.0 * 0.1, coupling: SVector::zeros() };
+        let mut terms: BTreeMap<Constant, Term> =
+            (0..3).map(|axis| (Constant::Size(None, category, axis), term(0.1))).collect();
+        terms.insert(Constant::Sizes(None, category), all);
+        let object = ObjectTerms { terms, covariance: Matrix9::identity(), step: SVector::zeros(), cost: 0.0 };
+        let mut scales = CueScales::default();
+        let step = scales.step(std::iter::once(&object)).unwrap();
+        scales = scales.changed(&step);
+        let found: BTreeMap<Constant, f64> = scales.constants().map(|(constant, value, _)| (constant, value)).collect();
+        let shared = found[&Constant::Sizes(None, category)];
+        for axis in 0..3 {
+            let total = found[&Constant::Size(None, category, axis)];
+            assert!((0.07..0.1).contains(&total) && (0.75..1.0).contains(&(shared / total)), "{total} {shared}");
+        }
+        // Reported are the extents.
+        assert_eq!(scales.constants().filter_map(crate::solve::CueScale::of).count(), 3);
+    }
+
+    #[test]
     fn a_median_is_a_start_and_an_unsure_scale_makes_objects_unsure() {
         let ratios = BTreeMap::from([
             (Constant::Depth(Some(1)), vec![6.9, 7.0, 6.8, f64::NAN, -3.0, 6.9, 7.1]),
@@ -235,7 +287,7 @@ mod tests {
         let mut scales = CueScales::of_medians(ratios);
         assert_eq!(scales.constants().map(|(_, value, _)| value).collect::<Vec<_>>(), [6.9, 0.0]);
         let few = objects(1, 1.0, 0.0, 0.9);
-        scales.update(&few);
+        scales.step(few.iter()).unwrap();
         let added = scales.added_covariance(&few[0])[(0, 0)];
         assert!(added > 0.0, "{added}");
     }

@@ -15,7 +15,7 @@ use crate::tuning::{CATEGORY_SPREAD, LEARNT_DOF};
 const FEWEST_OTHERS: f64 = 2.0;
 
 /// Largest variance of the shapes of a category, relative to that of any objects.
-const ALIKE: f64 = 0.25;
+const ALIKE: f64 = 0.2;
 
 /// Rounds of expectation and maximisation.
 const ROUNDS: usize = 40;

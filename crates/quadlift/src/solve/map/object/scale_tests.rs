@@ -1,0 +1,79 @@
+//! What an object with cues says about the scales of their sources, against differences.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::fit::Fit;
+use super::model::Model;
+use super::problem::ObjectProblem;
+use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::observer::{Unobserved, Watch};
+use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::shared::cue_scales::{Constant, CueScales};
+use crate::solve::options::{BodyKind, MapOptions};
+use crate::synthetic::{CueOptions, Observations, SyntheticOptions, generate, simulate_cues};
+use nalgebra::{Matrix3, Vector3};
+
+/// An object of four views with depths and 3D boxes, at a body that is not its best one, under these noise levels.
+fn fit_at(noise: &NoiseLevels) -> Fit {
+    let make = SyntheticOptions { objects: 1, views: 4, observations: Observations::Boxes, ..Default::default() };
+    let made = generate(&make).unwrap();
+    let cues = CueOptions { depth: Some(Default::default()), box3d: Some(Default::default()) };
+    let scene = simulate_cues(&made.scene, |_, _| Some(made.truth[0].1), &cues, 3).unwrap();
+    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let context = MapContext {
+        has_cues: true,
+        categories: &scene.categories,
+        up: None,
+        cameras: Vec::new(),
+        seed: 0,
+        enclosing_quantile: 0.85,
+        options: &options,
+        watch: &Watch::new(&Unobserved, 1),
+    };
+    let views = scene.object_views(0, &[0, 1, 2, 3]);
+    let problem = ObjectProblem::new(views, BodyKind::Ellipsoid, &context).unwrap();
+    let axes = Vector3::new(1.1, 0.9, 0.8);
+    let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), axes);
+    let equations = problem.objective(noise, None).linearise(&body).unwrap();
+    let (ellipsoid, body) = (body.clone(), Model::Ellipsoid(body));
+    Fit { problem: Arc::new(problem), ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true }
+}
+
+#[test]
+fn the_cost_falls_with_a_step_as_its_derivatives_say() {
+    let noise = NoiseLevels::new(67.0);
+    let fit = fit_at(&noise);
+    let terms = fit.scale_terms(&noise).unwrap();
+    // Depth, distance, all sizes, and three extents.
+    assert_eq!(terms.terms.len(), 6);
+    let mut scales = CueScales::default();
+    let change = scales.step(std::iter::once(&terms)).unwrap();
+    let cost = |share: f64| {
+        let change = change.part(share);
+        fit.moved_with(&change, share, &terms, &noise).unwrap().equations.cost + scales.changed(&change).cost()
+    };
+    let slope = |h: f64| (cost(h) - cost(-h)) / (2.0 * h);
+    let by_body = fit.equations.gradient().dot(&change.step_of(&terms, 1.0));
+    let values: BTreeMap<_, _> = change.constants().map(|(constant, value, _)| (constant, value)).collect();
+    // Those of extents are with that of all.
+    let own = |constant: &Constant| values[constant] - constant.of_all().map_or(0.0, |all| values[&all]);
+    let by_scales: f64 = terms.terms.iter().map(|(constant, term)| term.gradient * own(constant)).sum();
+    let expected = 2.0 * (by_body + by_scales);
+    assert!((slope(1e-4) - expected).abs() < 1e-4 * expected.abs(), "{} {expected}", slope(1e-4));
+    assert!(expected < 0.0 && cost(1.0) < cost(0.0));
+}
+
+/// With the covariance of other levels an object would know more than its measurements tell, and the scales had no solution.
+#[test]
+fn terms_are_those_of_the_noise_levels() {
+    let fit = fit_at(&NoiseLevels::new(67.0));
+    for noise in [NoiseLevels::new(67.0).scaled(0.1), NoiseLevels::new(67.0).scaled(10.0)] {
+        let terms = fit.scale_terms(&noise).unwrap();
+        for term in terms.terms.values() {
+            assert!(term.information - term.coupling.dot(&(terms.covariance * term.coupling)) > 0.0);
+        }
+        assert!(CueScales::default().step(std::iter::once(&terms)).is_some());
+    }
+}
