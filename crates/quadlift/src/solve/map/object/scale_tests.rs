@@ -27,6 +27,7 @@ fn fit_at(noise: &NoiseLevels) -> Fit {
         categories: &scene.categories,
         up: None,
         cameras: Vec::new(),
+        pose_unknowns: Arc::default(),
         seed: 0,
         enclosing_quantile: 0.85,
         options: &options,
