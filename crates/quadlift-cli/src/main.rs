@@ -33,8 +33,8 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
-    align, associate, calibrate, completions, demo, evaluate, export, import, import_detections, info, localize, locate,
-    render, reproduce, segment, stream, synth, view,
+    align, associate, calibrate, completions, demo, evaluate, export, import, import_detections, info, localize,
+    locate, render, reproduce, segment, stream, synth, view,
 };
 use error::Outcome;
 use output::Output;
