@@ -1,20 +1,25 @@
-// Cameras in the 3D view: a frustum for each frame, the path through them, and the selected frame with its image.
+// Cameras in the 3D view: a frustum for each frame, the path through them, the selected frame with its image, and the
+// cameras as they were given where their poses were refined.
 
 import * as THREE from "three";
 import type { Report, Vec3 } from "./data.ts";
 import { lines } from "./bodies3d.ts";
-import { add, norm, scale, subtract } from "./linear.ts";
+import { add, norm, scale, subtract, type Viewpoint } from "./linear.ts";
 import type { Space } from "./space.ts";
 
 export class Cameras3d {
   readonly group = new THREE.Group();
   readonly path: THREE.LineSegments;
+  /** The given cameras, with lines to the refined ones. */
+  readonly given = new THREE.Group();
   /** Whether the frames follow each other in space: lines between cameras at random are a tangle. */
   readonly isTrack: boolean;
   private readonly depth: number;
   /** Cameras step back behind the objects, the selected one does not. */
   private readonly material = new THREE.LineBasicMaterial({ transparent: true });
   private readonly chosenMaterial = new THREE.LineBasicMaterial();
+  private readonly givenMaterial = new THREE.LineDashedMaterial({ transparent: true, opacity: 0.4 });
+  private readonly moveMaterial = new THREE.LineBasicMaterial();
   private chosen = new THREE.Group();
 
   constructor(
@@ -30,8 +35,16 @@ export class Cameras3d {
     this.material.opacity = report.objects.length > 0 ? 0.4 : 1;
     const { radius, objectRadius } = space;
     this.depth = Math.max(0.02 * radius, Math.min(0.07 * radius, 0.2 * objectRadius, 1.2 * step));
-    const frusta = report.frames.flatMap((_, index) => this.frustum(index, this.depth));
-    this.group.add(lines(frusta, space.origin, this.material));
+    const frusta = (views: (Viewpoint | null)[]): [Vec3, Vec3][] =>
+      report.frames.flatMap((_, index) => this.frustum(views, index, this.depth));
+    this.group.add(lines(frusta(space.viewpoints), space.origin, this.material));
+    const given = lines(frusta(space.given), space.origin, this.givenMaterial).computeLineDistances();
+    [this.givenMaterial.dashSize, this.givenMaterial.gapSize] = [0.1 * this.depth, 0.08 * this.depth];
+    const moves = space.given.flatMap((view, index): [Vec3, Vec3][] => {
+      const now = space.viewpoints[index];
+      return view === null || now == null ? [] : [[view.center, now.center]];
+    });
+    this.given.add(given, lines(moves, space.origin, this.moveMaterial));
     const path = centers.slice(1).map((center, index): [Vec3, Vec3] => [centers[index] as Vec3, center]);
     this.path = lines(path, space.origin, this.material);
     this.isTrack = step < 0.25 * space.radius;
@@ -40,6 +53,8 @@ export class Cameras3d {
 
   setColors(line: string, accent: string): void {
     this.material.color.set(line);
+    this.givenMaterial.color.set(line);
+    this.moveMaterial.color.set(accent);
     this.chosenMaterial.color.set(accent);
   }
 
@@ -47,9 +62,9 @@ export class Cameras3d {
   select(index: number): void {
     this.chosen.clear();
     const depth = 1.6 * this.depth;
-    const corners = this.corners(index, depth);
+    const corners = this.corners(this.space.viewpoints, index, depth);
     if (corners === null) return;
-    this.chosen.add(lines(this.frustum(index, depth), this.space.origin, this.chosenMaterial));
+    this.chosen.add(lines(this.frustum(this.space.viewpoints, index, depth), this.space.origin, this.chosenMaterial));
     const source = this.report.frames[index]?.image;
     if (source == null) return;
     const geometry = new THREE.BufferGeometry();
@@ -66,8 +81,12 @@ export class Cameras3d {
   /** Where all the lines of the cameras end, to have them in sight. */
   points(): Vec3[] {
     return this.report.frames.flatMap((_, index) => {
-      const center = this.space.viewpoints[index]?.center;
-      return center === undefined ? [] : [center, ...(this.corners(index, 1.6 * this.depth) ?? [])];
+      const { viewpoints, given } = this.space;
+      const ends = (views: (Viewpoint | null)[], depth: number): Vec3[] => {
+        const center = views[index]?.center;
+        return center === undefined ? [] : [center, ...(this.corners(views, index, depth) ?? [])];
+      };
+      return [...ends(viewpoints, 1.6 * this.depth), ...ends(given, this.depth)];
     });
   }
 
@@ -86,8 +105,8 @@ export class Cameras3d {
   }
 
   /** The corners of the image at this distance from the camera, round about. */
-  private corners(index: number, depth: number): Vec3[] | null {
-    const view = this.space.viewpoints[index];
+  private corners(views: (Viewpoint | null)[], index: number, depth: number): Vec3[] | null {
+    const view = views[index];
     const size = this.report.frames[index]?.size;
     if (view == null || size === undefined) return null;
     const [w, h] = size;
@@ -99,9 +118,9 @@ export class Cameras3d {
     });
   }
 
-  private frustum(index: number, depth: number): [Vec3, Vec3][] {
-    const center = this.space.viewpoints[index]?.center;
-    const corners = this.corners(index, depth);
+  private frustum(views: (Viewpoint | null)[], index: number, depth: number): [Vec3, Vec3][] {
+    const center = views[index]?.center;
+    const corners = this.corners(views, index, depth);
     if (center === undefined || corners === null) return [];
     return corners.flatMap((corner, k): [Vec3, Vec3][] => [[center, corner], [corner, corners[(k + 1) % 4] as Vec3]]);
   }

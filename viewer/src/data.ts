@@ -32,13 +32,25 @@ export interface Report {
 
 export interface Frame {
   id: string;
-  /** World to pixels, 3x4 by rows. */
+  /** World to pixels, 3x4 by rows, from the refined pose if it was refined. */
   projection: number[];
+  /** The pose as given, if it was refined. */
+  given?: GivenPose;
   /** Width and height in pixels. */
   size: [number, number];
   /** The image as a data URL. */
   image: string | null;
   detections: Detections;
+}
+
+/** The pose of a frame before its refinement with the objects. */
+export interface GivenPose {
+  /** World to pixels, 3x4 by rows. */
+  projection: number[];
+  /** Distance between the given and the refined centre of the camera. */
+  shift: number;
+  /** Angle between the given and the refined axes of the camera in radians. */
+  angle: number;
 }
 
 /** The detections of a frame by columns: there may be hundreds of thousands. */

@@ -7,7 +7,7 @@ import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.t
 import type { Filter } from "./filter.ts";
 import { detectedRegion, objectRegion, wholeFrame, type Region } from "./frame_region.ts";
 import type { Selection } from "./selection.ts";
-import { count, objectName, short, viewState } from "./words.ts";
+import { count, movedInWords, objectName, short, viewState } from "./words.ts";
 
 /** Milliseconds that a frame is shown while they are played. */
 const STEP = 250;
@@ -20,6 +20,7 @@ export class FrameView {
   private readonly tip = element("p", { class: "tip", hidden: "" });
   private readonly sheet = element("div", { class: "sheet" }, this.canvas, this.nothing, this.tip);
   private readonly title = element("h2");
+  private readonly moved = element("span", { class: "moved dim", title: "from the given to the refined pose of the camera" });
   private readonly play = element("button", { type: "button" }, "▶ Play");
   private timer = 0;
   private readonly redraw = oncePerPicture(() => this.draw());
@@ -41,7 +42,7 @@ export class FrameView {
     this.element = element(
       "section",
       { class: "picture", "aria-label": "Frame" },
-      element("header", {}, this.title, element("span", {}, zoom, " ", this.play)),
+      element("header", {}, this.title, this.moved, element("span", {}, zoom, " ", this.play)),
       this.sheet,
       this.legend(),
     );
@@ -112,6 +113,7 @@ export class FrameView {
   /** Title and description of the selected frame. */
   private fill(): void {
     const frame = this.frame();
+    this.moved.hidden = frame?.given === undefined;
     if (frame === undefined) {
       this.title.textContent = "No frames";
       return;
@@ -119,6 +121,7 @@ export class FrameView {
     const number = frame.detections.object.length;
     this.nothing.hidden = frame.image !== null || number > 0;
     this.title.textContent = `Frame ${frame.id} (${this.selection.frame + 1} of ${this.report.frames.length})`;
+    if (frame.given !== undefined) this.moved.textContent = movedInWords(frame.given, this.report.lengthUnit);
     this.canvas.setAttribute("aria-label", `Frame ${frame.id}: ${count(number, "detection")} and outlines of the bodies`);
   }
 

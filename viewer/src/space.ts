@@ -21,10 +21,13 @@ export interface Space {
   floor: number;
   /** Viewpoints of the frames; null where a camera has none. */
   viewpoints: (Viewpoint | null)[];
+  /** The same of their given poses; null also where these were not refined. */
+  given: (Viewpoint | null)[];
 }
 
 export function makeSpace(report: Report): Space {
   const viewpoints = report.frames.map((frame) => viewpoint(frame.projection));
+  const given = report.frames.map((frame) => (frame.given === undefined ? null : viewpoint(frame.given.projection)));
   const cameras = viewpoints.flatMap((view) => (view === null ? [] : [view.center]));
   const up = unit(report.up ?? upOfCameras(report), [0, 0, 1]);
   const bodies = report.objects.flatMap((object) => [object.body, object.truth].flatMap((body) => body ?? []));
@@ -45,7 +48,7 @@ export function makeSpace(report: Report): Space {
   const floor = heights.length > 0 ? quantile(heights, 0.1) : -objectRadius;
   const near = bodies.filter((body) => distance(body.center) <= 1.5 * objectRadius);
   const objectPoints = [...near.flatMap(corners), ...centers.filter((point) => distance(point) <= objectRadius)];
-  return { up, upIsKnown: report.up !== null, origin, objectRadius, radius, objectPoints, floor, viewpoints };
+  return { up, upIsKnown: report.up !== null, origin, objectRadius, radius, objectPoints, floor, viewpoints, given };
 }
 
 /** The corners of the box along a body's axes. */

@@ -19,6 +19,7 @@ const LAYERS: [Layer, string, string, string][] = [
   ["centerShell", "uncertainty", "shell", "95 % confidence region of the centre"],
   ["names", "names", "name", "names of the objects"],
   ["cameras", "cameras", "camera", "the cameras; the camera of the current frame shows its image"],
+  ["given", "given poses", "given", "the cameras before their poses were refined, with lines to the refined ones"],
   ["path", "path", "path", "the camera trajectory"],
   ["points", "points", "dots", "sparse points from structure from motion"],
   ["grid", "grid", "grid", "a grid at the height of the lowest objects, and the axes of the world"],

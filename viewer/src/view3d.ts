@@ -21,7 +21,7 @@ import { Surroundings3d } from "./surroundings3d.ts";
 import { objectName } from "./words.ts";
 
 /** What can be switched on and off. */
-export type Layer = Which | "cameras" | "path" | "points" | "grid" | "names";
+export type Layer = Which | "cameras" | "given" | "path" | "points" | "grid" | "names";
 
 /** From where one looks. */
 export type Side = "free" | "top" | "front";
@@ -86,6 +86,7 @@ export class View3d {
       enclosing: this.bodies.enclosing.group,
       truth: this.truth,
       cameras: this.cameras.group,
+      given: this.cameras.given,
       path: this.cameras.path,
       points: this.points.group,
       grid: this.surroundings.group,
@@ -116,6 +117,7 @@ export class View3d {
 
   has(layer: Layer): boolean {
     if (layer === "cameras") return this.report.frames.length > 0;
+    if (layer === "given") return this.space.given.some((view) => view !== null);
     if (layer === "path") return this.report.frames.length > 1;
     if (layer === "names") return this.report.objects.length > 0;
     if (layer === "points") return this.report.points.length > 0;

@@ -1,7 +1,8 @@
 // Numbers and names as people read them.
 
 import {
-  REJECTED, USED, type Alternative, type Body, type DetectionState, type Report, type ReportObject, type ScoreColumn,
+  REJECTED, USED, type Alternative, type Body, type DetectionState, type GivenPose, type Report, type ReportObject,
+  type ScoreColumn,
 } from "./data.ts";
 
 /** A number with three significant digits, without an exponent where that is readable. */
@@ -16,6 +17,11 @@ export function short(value: number | null): string {
 /** A length; the unit of a world that names none is called a unit. */
 export function withUnit(value: number | null, unit: string | null): string {
   return value === null ? short(value) : `${short(value)} ${unit ?? "units"}`;
+}
+
+/** How far a refinement has moved a camera. */
+export function movedInWords(given: GivenPose, unit: string | null): string {
+  return `moved by ${withUnit(given.shift, unit)}, ${short((180 / Math.PI) * given.angle)} deg`;
 }
 
 /**

@@ -48,14 +48,28 @@ pub struct Report {
 pub struct ReportFrame {
     /// Id of the frame.
     pub id: String,
-    /// World to pixels, 3x4 by rows.
+    /// World to pixels, 3x4 by rows, from the refined pose if it was refined.
     pub projection: Vec<f64>,
+    /// The pose as given, if it was refined.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given: Option<GivenPose>,
     /// Width and height in pixels.
     pub size: [f64; 2],
     /// The image as a data URL.
     pub image: Option<String>,
     /// The detections.
     pub detections: ReportDetections,
+}
+
+/// The pose of a frame before its refinement with the objects.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GivenPose {
+    /// World to pixels, 3x4 by rows.
+    pub projection: Vec<f64>,
+    /// Distance between the given and the refined centre of the camera.
+    pub shift: f64,
+    /// Angle between the given and the refined axes of the camera in radians.
+    pub angle: f64,
 }
 
 /// The detections of a frame by columns, because there may be hundreds of thousands in a report.

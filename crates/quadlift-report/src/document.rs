@@ -11,6 +11,7 @@ use crate::data::{Report, ReportDetections, ReportFrame};
 use crate::masks::add_masks;
 use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
+use crate::poses::{refined_overview, refined_poses, with_refined_poses};
 use crate::run::{run_banner, run_notes, run_overview, run_region, run_settings, run_source};
 use crate::thumbnails::{evenly_spread, thumbnails};
 
@@ -44,7 +45,8 @@ pub fn report(content: &Content) -> Result<Report, EntryError> {
 /// # Errors
 /// As [`report()`].
 pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, EntryError> {
-    let scene = content.scene;
+    let poses = content.estimate.map(refined_poses).transpose()?.unwrap_or_default();
+    let scene = &*with_refined_poses(content.scene, &poses);
     let source = content.source.or(content.estimate.and_then(run_source));
     let source = source.and_then(|name| scene.sources.iter().position(|known| known == name));
     let is_shown = |d: &&Detection| source.is_none() || d.source_index.map(|s| s as usize) == source;
@@ -62,18 +64,21 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
         ReportFrame {
             id: frame.id.clone(),
             projection: frame.projection.matrix().transpose().iter().copied().collect(),
+            given: poses.get(frame.id.as_str()).and_then(|pose| pose.for_page(&frame.projection)),
             size: frame.image_size.map_or_else(|| extent(&detections), Into::into),
             image: None,
             detections,
         }
     };
+    let mut overview = content.estimate.map(run_overview).unwrap_or_default();
+    overview.extend(content.estimate.and_then(|file| refined_overview(file, &poses)));
     Ok(Report {
         title: content.title.to_owned(),
         program: format!("quadlift {}", env!("CARGO_PKG_VERSION")),
         length_unit: scene.length_unit.clone(),
         up: scene.up.map(|up| up.into_inner().into()),
         settings: content.estimate.map(run_settings).unwrap_or_default(),
-        overview: content.estimate.map(run_overview).unwrap_or_default(),
+        overview,
         notes,
         banner: content.estimate.and_then(run_banner),
         region: content.estimate.filter(|_| objects.list.iter().any(|o| o.center_shell.is_some())).map(run_region),

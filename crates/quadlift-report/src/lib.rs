@@ -17,13 +17,16 @@ mod objects;
 mod outline;
 mod page;
 mod picture;
+mod poses;
 mod recording;
 mod run;
 mod scores;
 mod thumbnails;
 
 pub use content::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS};
-pub use data::{Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow};
+pub use data::{
+    GivenPose, Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow,
+};
 pub use document::{report, report_of_frames};
 pub use frame_image::{FrameImage, frame_image, frame_jpeg};
 pub use live::{LiveEvent, LiveMap, LiveRecord};

@@ -15,6 +15,7 @@ use crate::cues::box_in_world;
 use crate::data::{Report, ReportBody, ReportFrame};
 use crate::document::report_of_frames;
 use crate::outline::{ellipse_points, outline, support_polygon};
+use crate::poses::{refined_poses, with_refined_poses};
 use crate::thumbnails::evenly_spread;
 use crate::{MOST_FRAMES, ReportObject};
 
@@ -172,7 +173,8 @@ pub struct RecordingOutline {
 /// # Errors
 /// As [`crate::report()`].
 pub fn recording(content: &Content, times: &[Option<f64>]) -> Result<Recording, EntryError> {
-    let scene = content.scene;
+    let poses = content.estimate.map(refined_poses).transpose()?.unwrap_or_default();
+    let scene = &*with_refined_poses(content.scene, &poses);
     let chosen: Vec<usize> = evenly_spread(scene.frames.len(), MOST_FRAMES).collect();
     let report = report_of_frames(content, &chosen)?;
     let mut notes = report.notes.clone();

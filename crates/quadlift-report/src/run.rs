@@ -164,17 +164,19 @@ pub fn run_notes(file: &SceneFile) -> Vec<String> {
     corrected.chain(reasons.into_iter().filter_map(note)).collect()
 }
 
+/// A number with three significant digits: enough to look at.
+pub(crate) fn three_digits(x: f64) -> String {
+    let digits = if x == 0.0 { 0 } else { (2 - x.abs().log10().floor() as i32).clamp(0, 12) };
+    format!("{x:.*}", digits as usize)
+}
+
 fn in_words(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Bool(true) => "yes".to_owned(),
         Value::Bool(false) => "no".to_owned(),
         Value::Number(number) => match number.as_f64() {
-            Some(x) if number.is_f64() => {
-                // Three digits are enough to look at.
-                let digits = if x == 0.0 { 0 } else { (2 - x.abs().log10().floor() as i32).clamp(0, 12) };
-                format!("{x:.*}", digits as usize)
-            }
+            Some(x) if number.is_f64() => three_digits(x),
             _ => number.to_string(),
         },
         other => other.to_string(),
