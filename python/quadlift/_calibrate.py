@@ -65,8 +65,8 @@ class RigCalibration:
     reference : int or None
         The camera in whose frame the others were found; None if a pose was given, or no two cameras see the same.
     scale : str
-        What tells the unit: ``"given_poses"``, ``"distances"``, ``"sizes"`` (metres), or ``"arbitrary"``: the object that
-        is seen most is one unit high.
+        What tells the unit: ``"given_poses"``, ``"distances"``, ``"sizes"`` (metres), or ``"arbitrary"``: the object
+        that is seen most is one unit high.
     scale_sd : float or None
         Relative standard deviation of the scale, where sizes tell it.
     up : ndarray, shape (3,), or None

@@ -315,8 +315,8 @@ class Scene(FromOtherPackages):
         up_sd = math.radians(_checks.number("up_sd_deg", up_sd_deg))
         if up_sd <= 0:
             raise _core.QuadliftError(f"up_sd_deg is {up_sd_deg}; expected a number above 0")
-        up_sd = up_sd if _checks.flag("use_up", use_up) else None
-        found, merged = self._core.align(_checks.scene("other", other), _checks.text("scale", scale), up_sd)
+        up = up_sd if _checks.flag("use_up", use_up) else None
+        found, merged = self._core.align(_checks.scene("other", other), _checks.text("scale", scale), up)
         return Alignment._of(json.loads(found), None if merged is None else Scene(merged))
 
 
