@@ -263,10 +263,15 @@ impl LandmarkMap {
         let (mut round, mut last) = (0, groups.rounds());
         while round < last {
             for start in hypotheses::starts(&prepared, &groups, round) {
-                let is_known =
-                    |at: &Pose| poses.iter().any(|other| prepared.same_pose(&Pose::from(&other.cam_from_world), at));
-                let found = score::located(&prepared, start, is_known);
-                poses.extend(found.filter(|pose| pose.matches.len() >= needed));
+                let found = score::located(&prepared, start).filter(|pose| pose.matches.len() >= needed);
+                let Some(pose) = found else { continue };
+                let at = Pose::from(&pose.cam_from_world);
+                let is_same = |other: &LocatedPose| prepared.same_pose(&Pose::from(&other.cam_from_world), &at);
+                match poses.iter_mut().find(|other| is_same(other)) {
+                    Some(other) if other.evidence < pose.evidence => *other = pose,
+                    Some(_) => {}
+                    None => poses.push(pose),
+                }
             }
             round += 1;
             if poses.iter().any(explains_most) {

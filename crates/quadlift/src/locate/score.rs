@@ -96,9 +96,8 @@ fn log_missed(query: &PreparedQuery, matches: &[Match], predicted: &[Option<Pred
     missed as f64 * (1.0 - SEEN).ln()
 }
 
-/// The pose near a start that explains most, with its evidence; `None` where it explains nothing, or where one that is known already is
-/// approached.
-pub(super) fn located(query: &PreparedQuery, start: Pose, is_known: impl Fn(&Pose) -> bool) -> Option<LocatedPose> {
+/// The pose near a start that explains most, with its evidence; `None` where it explains nothing.
+pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose> {
     let mut pose = start;
     let mut before = Vec::new();
     let mut refined = None;
@@ -112,9 +111,6 @@ pub(super) fn located(query: &PreparedQuery, start: Pose, is_known: impl Fn(&Pos
         }
         let better = refine(query, pose, &matches, STEPS)?;
         pose = better.pose;
-        if is_known(&pose) {
-            return None;
-        }
         before = matches;
         refined = Some(better);
     }
