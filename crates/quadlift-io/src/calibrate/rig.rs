@@ -10,11 +10,9 @@ use quadlift::solve::CategoryPriors;
 use serde_json::Value;
 
 use crate::error::EntryError;
+use crate::locate::query::{ANY_POSE, box_alone};
 use crate::priors::builtin_priors;
 use crate::scene_file::{DetectionRecord, FrameRecord, RIG_FRAME, SceneFile};
-
-/// A pose for frames that have none, so that their boxes can be read as those of a scene: any one does.
-const ANY_POSE: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// Poses of the frames of a camera that differ by more than this are those of a camera that moves: numbers of the matrix, relative to the
 /// distance from the origin.
@@ -166,7 +164,7 @@ impl SceneFile {
             frame.cam_from_world.get_or_insert(ANY_POSE);
             camera_of.push(camera);
         }
-        posed.detections = self.detections.iter().map(box_alone).collect();
+        posed.detections = self.detections.iter().map(box_and_object).collect();
         let scene = posed.to_scene()?;
         let given = given.into_iter().map(|of_camera| {
             let (rows, index) = of_camera?;
@@ -188,19 +186,8 @@ fn differs(a: &[[f64; 4]; 3], b: &[[f64; 4]; 3]) -> bool {
 }
 
 /// What is needed of a detection.
-fn box_alone(detection: &DetectionRecord) -> DetectionRecord {
-    DetectionRecord {
-        frame: detection.frame.clone(),
-        object: detection.object.clone(),
-        category: detection.category.clone(),
-        source: detection.source.clone(),
-        score: detection.score,
-        bounding_box: detection.bounding_box,
-        ellipse: detection.ellipse.clone(),
-        outline: detection.outline.clone(),
-        oriented_box: detection.oriented_box.clone(),
-        ..Default::default()
-    }
+fn box_and_object(detection: &DetectionRecord) -> DetectionRecord {
+    DetectionRecord { object: detection.object.clone(), ..box_alone(detection) }
 }
 
 impl RigScene {

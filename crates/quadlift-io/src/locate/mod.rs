@@ -4,7 +4,7 @@
 //! become queries ([`SceneFile::to_queries`](crate::SceneFile::to_queries)), and poses that were found are written into that file ([`write_locations`]).
 
 mod landmarks;
-mod query;
+pub(crate) mod query;
 mod record;
 #[cfg(test)]
 mod tests;

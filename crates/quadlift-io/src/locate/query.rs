@@ -11,7 +11,7 @@ use crate::scene_file::{DetectionRecord, SceneFile};
 pub const UP_IN_CAMERA: &str = "up_in_camera";
 
 /// A pose for frames that have none, so that their boxes can be read as those of a scene: any one does.
-const ANY_POSE: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+pub(crate) const ANY_POSE: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// A scene some of whose cameras are sought, checked.
 #[derive(Debug, Clone)]
@@ -74,8 +74,8 @@ impl SceneFile {
     }
 }
 
-/// What is needed of a detection.
-fn box_alone(detection: &DetectionRecord) -> DetectionRecord {
+/// What is needed of a detection whose object is sought.
+pub(crate) fn box_alone(detection: &DetectionRecord) -> DetectionRecord {
     DetectionRecord {
         frame: detection.frame.clone(),
         category: detection.category.clone(),

@@ -11,6 +11,7 @@ use super::{AlignStatus, Ambiguity, MapTransform};
 use crate::geometry::Similarity;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
+use crate::optimize::bits::ones;
 
 /// Comparisons of pairs with pairs, for all scales together, about: bounds the time.
 const MOST_COMPARISONS: usize = 60_000_000;
@@ -196,7 +197,7 @@ impl Graph {
     fn groups(&self, needed: usize, most: usize) -> Vec<Vec<usize>> {
         let mut edges: Vec<(u32, u32, u32)> = Vec::new();
         for i in 0..self.nodes.len() {
-            for j in ones(self.row(i)).filter(|&j| j > i) {
+            for j in ones(self.row(i).iter().copied()).filter(|&j| j > i) {
                 let common = self.common(self.row(i), j);
                 if common as usize + 2 >= needed {
                     edges.push((u32::MAX - common, i as u32, j as u32));
@@ -229,26 +230,12 @@ impl Graph {
         let mut members = vec![i, j];
         let mut set: Vec<u64> = self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b).collect();
         loop {
-            let next = ones(&set).map(|k| (self.common(&set, k), std::cmp::Reverse(k))).max();
+            let next = ones(set.iter().copied()).map(|k| (self.common(&set, k), std::cmp::Reverse(k))).max();
             let Some((_, std::cmp::Reverse(k))) = next else { return members };
             members.push(k);
             set.iter_mut().zip(self.row(k)).for_each(|(a, b)| *a &= b);
         }
     }
-}
-
-/// Indices of the bits that are set.
-fn ones(words: &[u64]) -> impl Iterator<Item = usize> {
-    words.iter().enumerate().flat_map(|(word, &bits)| {
-        let mut left = bits;
-        std::iter::from_fn(move || {
-            let bit = left.trailing_zeros();
-            (left != 0).then(|| {
-                left &= left - 1;
-                word * 64 + bit as usize
-            })
-        })
-    })
 }
 
 /// The transform that brings the centres of a group together (Umeyama's method, weighted; the scale is the ratio of the spreads); turned

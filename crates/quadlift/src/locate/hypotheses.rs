@@ -6,6 +6,7 @@ use super::prepared::{Candidate, PreparedQuery};
 use super::refine::{Match, Pose, refine};
 use super::score::{gain, predictions};
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
+use crate::optimize::bits::ones;
 
 /// Hypotheses that are examined at most; of more, evenly spread ones are.
 const MOST_HYPOTHESES: usize = 16_000;
@@ -175,20 +176,6 @@ fn is_chosen(index: usize, count: usize, most: usize) -> bool {
 fn first_chosen(index: usize, count: usize, most: usize) -> usize {
     let step = count.div_ceil(most).max(1);
     index.div_ceil(step) * step
-}
-
-/// Indices of the bits that are set.
-fn ones(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
-    words.enumerate().flat_map(|(word, bits)| {
-        let mut left = bits;
-        std::iter::from_fn(move || {
-            let bit = left.trailing_zeros();
-            (left != 0).then(|| {
-                left &= left - 1;
-                word * 64 + bit as usize
-            })
-        })
-    })
 }
 
 /// The candidates of the boxes that may show the fewest landmarks: all, or as many boxes as [`MOST_CANDIDATES`] allows, at least three; of a

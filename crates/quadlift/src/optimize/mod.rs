@@ -1,6 +1,7 @@
 //! Optimisation: Levenberg-Marquardt on nine parameters, normal equations, chi-square sums of different sizes,
 //! Student's t distribution, the assignment problem.
 
+pub(crate) mod bits;
 pub(crate) mod chi_square;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod matching;
