@@ -25,6 +25,7 @@ mod segmentation;
 mod signals;
 mod synthetic_file;
 mod table;
+mod threads;
 mod two_mistakes;
 mod words;
 

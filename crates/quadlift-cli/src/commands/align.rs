@@ -6,7 +6,6 @@ mod words;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
 use clap::builder::RangedU64ValueParser;
 use quadlift::align::{AlignOptions, AlignStatus};
 use quadlift_io::align::{MapObjects, MapScale, align_checked, alignment_record, options_of};
@@ -19,6 +18,7 @@ use crate::error::Outcome;
 use crate::files::{Inputs, check_result_name, outputs, refuse_to_overwrite, with_hint};
 use crate::next::Next;
 use crate::output::{HEADING, Output, one_line};
+use crate::threads;
 use crate::words::duration;
 
 /// Align two maps by their objects, and merge them
@@ -96,10 +96,7 @@ impl Map {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    if let Some(threads) = args.threads {
-        // Before anything else: the first call of the library starts the threads.
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
-    }
+    threads::start(args.threads)?;
     if let Some(output) = &args.output {
         check_result_name(output, true)?;
         outputs(&Inputs { paths: vec![args.a.clone()], several: false }, output)?;

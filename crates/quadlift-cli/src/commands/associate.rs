@@ -21,6 +21,7 @@ use crate::localization::check_metres;
 use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
+use crate::threads;
 use crate::words::duration;
 
 /// Associate detections that show the same object
@@ -97,10 +98,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    if let Some(threads) = args.threads {
-        // Before anything else: the first call of the library starts the threads.
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
-    }
+    threads::start(args.threads)?;
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;

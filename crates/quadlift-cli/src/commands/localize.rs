@@ -7,7 +7,6 @@ mod one_scene;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use quadlift_io::SceneFile;
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::detect::is_mcap;
@@ -21,6 +20,7 @@ use crate::logs::tell_problems;
 use crate::next::{Next, Word};
 use crate::output::{Output, one_line};
 use crate::report::{check_report, report_paths};
+use crate::threads;
 use crate::words::count;
 
 pub use args::{Args, with_requirements};
@@ -28,10 +28,7 @@ use calibration::read_calibration;
 use one_scene::one_scene;
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    if let Some(threads) = args.threads {
-        // Before anything else: the first call of the library starts the threads.
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
-    }
+    threads::start(args.threads)?;
     args.output.as_deref().map_or(Ok(()), |output| check_result_name(output, true))?;
     let settings = args.settings()?;
     let calibration = read_calibration(&args.calibration)?;

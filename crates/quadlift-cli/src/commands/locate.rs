@@ -20,6 +20,7 @@ use crate::files::{Inputs, check_result_name, outputs, refuse_to_overwrite, with
 use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::table::{Cell, Table};
+use crate::threads;
 use crate::words::{count, duration, some_of, with_unit};
 
 /// Maximum number of rows of the table, as of estimates.
@@ -105,10 +106,7 @@ fn height(text: &str) -> Result<[f64; 2], String> {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    if let Some(threads) = args.threads {
-        // Before anything else: the first call of the library starts the threads.
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
-    }
+    threads::start(args.threads)?;
     let inputs = Inputs { paths: vec![args.query.clone()], several: false };
     check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;

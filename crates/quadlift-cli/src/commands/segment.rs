@@ -23,6 +23,7 @@ use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
 use crate::table::{Cell, Table, number};
+use crate::threads;
 use crate::words::{count, duration};
 
 /// Segment the detected objects in their images and fit ellipses to the masks
@@ -108,10 +109,7 @@ fn method(text: &str) -> Result<Method, String> {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    if let Some(threads) = args.threads {
-        // Before anything else: the first call of the library starts the threads.
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
-    }
+    threads::start(args.threads)?;
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;

@@ -7,7 +7,6 @@ mod source;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use clap::builder::RangedU64ValueParser;
 use quadlift::LocalizeOptions;
 use quadlift::online::OnlineOptions;
@@ -28,6 +27,7 @@ use crate::logs::LogArgs;
 use crate::next::Next;
 use crate::output::Output;
 use crate::report::check_report;
+use crate::threads;
 use map_file::MapFiles;
 use rerun::{Live, Target};
 use session::Session;
@@ -253,10 +253,7 @@ impl Args {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    if let Some(threads) = args.threads {
-        // Before anything else: the first call of the library starts the threads.
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start the threads")?;
-    }
+    threads::start(args.threads)?;
     args.check_outputs()?;
     let settings = args.settings()?;
     let map_options = args.map_options(&settings)?;
