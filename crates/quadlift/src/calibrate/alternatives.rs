@@ -4,11 +4,11 @@ use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 use super::adjust::Adjusted;
 use super::assemble::{Bodies, Pair, Tree, across_pair, place};
-use super::pose::Pose;
 use super::prepared::Prepared;
 use super::problem::{Problem, State};
 use super::solve::{Solution, best_start, bodies};
 use crate::geometry::linalg::symmetric_eigen3;
+use crate::geometry::rigid::Pose;
 use crate::parallel::map_indices;
 
 /// Sites on which solutions are compared at most, evenly spread.

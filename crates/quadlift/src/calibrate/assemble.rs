@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix3, Vector3};
 
 use super::pairs::{Candidate, RelativePose, SAME_POINT, relative_poses};
-use super::pose::Pose;
 use super::predicted::Shape;
 use super::prepared::{Prepared, PreparedBox, Thing};
+use crate::geometry::rigid::Pose;
 use crate::parallel::map_indices;
 
 /// Bodies that two cameras must share.
@@ -98,8 +98,12 @@ fn grow(pairs: &[Pair], mut poses: Vec<Option<Pose>>, scale: f64) -> (Vec<Option
 /// Cameras that hang together with the given ones, or else the most cameras that hang together.
 pub(super) fn tree(prepared: &Prepared, pairs: &[Pair]) -> Tree {
     let count = prepared.rig.cameras.len();
-    let given: Vec<Option<Pose>> =
-        prepared.rig.cameras.iter().map(|camera| camera.cam_from_world.as_ref().map(Pose::from)).collect();
+    let given: Vec<Option<Pose>> = prepared
+        .rig
+        .cameras
+        .iter()
+        .map(|camera| camera.cam_from_world.as_ref().map(|pose| Pose::from(pose).orthonormal()))
+        .collect();
     let alone = |camera: usize, pose: Pose| {
         let mut poses = vec![None; count];
         poses[camera] = Some(pose);

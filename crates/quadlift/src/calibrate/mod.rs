@@ -9,9 +9,9 @@
 mod adjust;
 mod alternatives;
 mod assemble;
+mod kabsch;
 mod outcome;
 mod pairs;
-mod pose;
 mod predicted;
 mod prepared;
 mod problem;

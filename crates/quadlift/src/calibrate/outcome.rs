@@ -6,12 +6,12 @@ use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
 
 use super::adjust::{Layout, Uncertainty, uncertainty};
 use super::assemble::{FEWEST_SHARED, Pair, Tree};
-use super::pose::Pose;
 use super::predicted::Predicted;
 use super::prepared::Prepared;
 use super::problem::Unknown;
 use super::solve::{ARBITRARY_SD, Solution, block};
 use super::{CalibratedCamera, Calibration, CameraStatus, Rig, RigScale, Vertical};
+use crate::geometry::rigid::Pose;
 
 /// A vertical with a smaller standard deviation (radians) turns the world.
 const KNOWN_UP_SD: f64 = 0.035;

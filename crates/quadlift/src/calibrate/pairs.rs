@@ -6,7 +6,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::pose::{Pose, kabsch};
+use super::kabsch::kabsch;
+use crate::geometry::rigid::Pose;
 
 /// Standard deviations of a point: of its depth, relative (the tilt of the camera changes sizes by as much), and across, relative to the
 /// size of the body.

@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 
-use super::pose::Pose;
+use crate::geometry::box_of_outline;
+use crate::geometry::rigid::Pose;
 
 /// The shape of an upright body: an ellipsoid of revolution about the vertical. Where radius and half height are the same it is a
 /// ball, which has no vertical.
@@ -73,17 +74,7 @@ impl Predicted {
         let axis = pose.rotation * up;
         let matrix = Matrix3::identity() * radius + axis * axis.transpose() * (height - radius);
         let conic = matrix - center * center.transpose();
-        let last = conic[(2, 2)];
-        if last.is_nan() || last >= -1e-9 * center.z * center.z {
-            return None;
-        }
-        let mut edges = [0.0; 4];
-        for axis in 0..2 {
-            let middle = conic[(axis, 2)];
-            let root = (middle * middle - conic[(axis, axis)] * last).max(0.0).sqrt();
-            edges[axis] = (middle + root) / last;
-            edges[axis + 2] = (middle - root) / last;
-        }
+        let edges = box_of_outline(&conic, center.z)?;
         Some(Self { edges, rotation: pose.rotation, center, conic, up: *up, squares })
     }
 

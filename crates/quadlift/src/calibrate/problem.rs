@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::pose::Pose;
 use super::predicted::{Predicted, Shape, across};
+use crate::geometry::rigid::Pose;
 use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of the Student t distribution of residuals, as of `map`.

@@ -9,12 +9,12 @@ use super::alternatives::alternatives;
 use super::assemble::{Bodies, Group, Tree, groups, pairs, place, tree};
 use super::outcome;
 use super::pairs::DEPTH_SD;
-use super::pose::Pose;
 use super::predicted::Shape;
 use super::prepared::{Prepared, Thing};
 use super::problem::{DistanceRow, Levels, Observation, Problem, ShapePrior, Site, State};
 use super::{CalibrateOptions, Calibration, Rig, RigScale};
 use crate::geometry::linalg::symmetric_eigen3;
+use crate::geometry::rigid::Pose;
 
 /// First levels of the noise of boxes: of bodies with a vertical, and of others, whose widths and heights change as they turn.
 const FIRST_LEVELS: [f64; 2] = [0.05, 0.05];

@@ -88,6 +88,23 @@ pub fn project_bounding_box(projection: &Projection, body: &impl ConvexBody) -> 
     BoundingBox::new(edges).map_err(|_| ProjectionError::NotFinite)
 }
 
+/// The box of an outline with this dual conic, in coordinates (X / Z, Y / Z) of the frame of the camera: left, top, right, bottom. The conic is
+/// that of a body whose centre has this depth; `None` where the body is not wholly in front of the camera.
+pub(crate) fn box_of_outline(dual_conic: &Matrix3<f64>, depth: f64) -> Option<[f64; 4]> {
+    let last = dual_conic[(2, 2)];
+    if last.is_nan() || last >= -1e-9 * depth * depth {
+        return None;
+    }
+    let mut edges = [0.0; 4];
+    for axis in 0..2 {
+        let middle = dual_conic[(axis, 2)];
+        let root = (middle * middle - dual_conic[(axis, axis)] * last).max(0.0).sqrt();
+        edges[axis] = (middle + root) / last;
+        edges[axis + 2] = (middle - root) / last;
+    }
+    Some(edges)
+}
+
 /// The root of the concave function `gap` in the direction `towards` (+1 or -1) from `start`, where it is negative.
 ///
 /// Its slope lies between `depth - reach` and `depth + reach`. The first step takes the steepest, which cannot jump over

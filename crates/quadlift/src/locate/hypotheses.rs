@@ -3,8 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::prepared::{Candidate, PreparedQuery};
-use super::refine::{Match, Pose, refine};
+use super::refine::{Match, refine};
 use super::score::{gain, predictions};
+use crate::geometry::rigid::Pose;
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
 use crate::optimize::bits::ones;
 

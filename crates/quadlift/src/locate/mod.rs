@@ -53,7 +53,7 @@ use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
 
 use self::hypotheses::Groups;
 use self::prepared::PreparedQuery;
-use self::refine::Pose;
+use crate::geometry::rigid::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
 use crate::localize::Localization;
 use crate::solve::{Estimate, Status};

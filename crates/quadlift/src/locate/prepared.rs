@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::refine::Pose;
 use super::{CameraHeight, Gravity, LandmarkMap, LocateOptions, Query};
+use crate::geometry::rigid::Pose;
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
 /// Part of the error of an edge that does not depend on the size of the box, pixels.

@@ -1,9 +1,10 @@
 //! A pose that makes predicted boxes agree with measured ones: Levenberg-Marquardt over six parameters.
 
-use nalgebra::{Matrix3, Matrix3x4, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::prepared::PreparedQuery;
-use crate::geometry::{CamFromWorld, skew};
+use crate::geometry::rigid::Pose;
+use crate::geometry::{box_of_outline, skew};
 use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of an edge's Student t distribution, as of `map`.
@@ -16,47 +17,9 @@ const DAMPING_FACTOR: f64 = 8.0;
 /// Squared step (radians, mean depths) below which the search has ended.
 const SMALL_STEP: f64 = 1e-22;
 
-/// A pose, without checks.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Pose {
-    pub rotation: Matrix3<f64>,
-    pub translation: Vector3<f64>,
-}
-
-impl From<&CamFromWorld> for Pose {
-    fn from(pose: &CamFromWorld) -> Self {
-        let matrix = pose.matrix();
-        Self { rotation: matrix.fixed_columns::<3>(0).into_owned(), translation: matrix.column(3).into_owned() }
-    }
-}
-
-impl Pose {
-    /// The same as a checked one.
-    pub(super) fn checked(&self) -> Option<CamFromWorld> {
-        let mut matrix = Matrix3x4::zeros();
-        matrix.fixed_columns_mut::<3>(0).copy_from(&self.rotation);
-        matrix.set_column(3, &self.translation);
-        CamFromWorld::new(matrix).ok()
-    }
-
-    /// Centre of the camera in the world.
-    pub(super) fn center(&self) -> Vector3<f64> {
-        -self.rotation.tr_mul(&self.translation)
-    }
-
-    /// Angle between the rotations of two poses, radians.
-    pub(super) fn angle_to(&self, other: &Self) -> f64 {
-        2.0 * ((self.rotation - other.rotation).norm() / 8f64.sqrt()).min(1.0).asin()
-    }
-
-    /// The pose followed by a small motion in the frame of the camera: rotation vector, shift.
-    fn moved(&self, by: &Vector6<f64>) -> Self {
-        let turn = Rotation3::new(by.fixed_rows::<3>(0).into_owned());
-        Self {
-            rotation: turn.matrix() * self.rotation,
-            translation: turn.matrix() * self.translation + by.fixed_rows::<3>(3),
-        }
-    }
+/// The pose followed by a small motion in the frame of the camera: rotation vector, shift.
+fn moved(pose: &Pose, by: &Vector6<f64>) -> Pose {
+    pose.moved(&by.fixed_rows::<3>(0).into_owned(), &by.fixed_rows::<3>(3).into_owned())
 }
 
 /// The box of a body in the frame of a camera, in coordinates (X / Z, Y / Z): left, top, right, bottom.
@@ -71,26 +34,16 @@ pub(super) struct Predicted {
 impl Predicted {
     /// `None` where the body is not wholly in front of the camera.
     pub(super) fn new(pose: &Pose, center: &Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
-        let center = pose.rotation * center + pose.translation;
+        let center = pose.apply(center);
         if center.z <= 0.0 {
             return None;
         }
         let conic = pose.rotation * shape * pose.rotation.transpose() - center * center.transpose();
-        let last = conic[(2, 2)];
-        if last >= -1e-9 * center.z * center.z {
-            return None;
-        }
-        let mut edges = [0.0; 4];
-        for axis in 0..2 {
-            let middle = conic[(axis, 2)];
-            let root = (middle * middle - conic[(axis, axis)] * last).max(0.0).sqrt();
-            edges[axis] = (middle + root) / last;
-            edges[axis + 2] = (middle - root) / last;
-        }
+        let edges = box_of_outline(&conic, center.z)?;
         Some(Self { edges, center, conic })
     }
 
-    /// Derivatives of an edge by a motion of [`Pose::moved`].
+    /// Derivatives of an edge by a motion of [`moved`].
     fn slope(&self, edge: usize) -> Vector6<f64> {
         let (axis, x) = (edge % 2, self.edges[edge]);
         // The edge is a line l = (1, 0, -x) with l^T conic l = 0.
@@ -248,7 +201,7 @@ pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[Match], step
         (0..6).for_each(|k| damped[(k, k)] *= 1.0 + damping);
         let Some(cholesky) = damped.cholesky() else { break };
         let step = -cholesky.solve(&now.gradient);
-        let next = pose.moved(&step);
+        let next = moved(&pose, &step);
         match equations(query, &next, matches).filter(|next| next.cost <= now.cost) {
             Some(better) => {
                 (pose, now) = (next, better);
@@ -269,7 +222,7 @@ pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[Match], step
 mod tests {
     use super::*;
     use crate::geometry::{Ellipsoid, Intrinsics, Projection, project_bounding_box};
-    use nalgebra::Point3;
+    use nalgebra::{Point3, Rotation3};
 
     fn pose() -> Pose {
         let rotation = *Rotation3::from_euler_angles(0.2, -0.3, 0.1).matrix();
@@ -317,7 +270,7 @@ mod tests {
     #[test]
     fn slopes_are_those_of_differences() {
         let edges = |by: Vector6<f64>| {
-            Predicted::new(&pose().moved(&by), &body().center.coords, &body().shape()).unwrap().edges
+            Predicted::new(&moved(&pose(), &by), &body().center.coords, &body().shape()).unwrap().edges
         };
         let predicted = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap();
         for edge in 0..4 {

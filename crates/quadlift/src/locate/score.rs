@@ -4,7 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use super::LocatedPose;
 use super::prepared::PreparedQuery;
-use super::refine::{Match, Pose, Predicted, edge_residuals, refine};
+use super::refine::{Match, Predicted, edge_residuals, refine};
+use crate::geometry::rigid::Pose;
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::optimize::student_t::StudentT;
 

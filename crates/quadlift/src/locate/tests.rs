@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::{CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
+use crate::geometry::rigid::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
 use crate::synthetic::random::normal;
 
@@ -85,7 +86,7 @@ fn image(rng: &mut ChaCha8Rng, room: &[Landmark], pose: &CamFromWorld, noise: f6
 
 /// Errors of the position (metres) and the rotation (degrees).
 fn errors(found: &CamFromWorld, truth: &CamFromWorld) -> (f64, f64) {
-    let [a, b] = [found, truth].map(super::refine::Pose::from);
+    let [a, b] = [found, truth].map(Pose::from);
     ((a.center() - b.center()).norm(), a.angle_to(&b).to_degrees())
 }
 
@@ -232,7 +233,7 @@ fn the_covariance_is_that_of_the_errors() {
         let query = image(&mut rng, &landmarks, &pose, 0.05, 0.2, 0.0);
         let found = LandmarkMap::new(landmarks).locate(&query, &LocateOptions::default());
         let Some(best) = found.poses.first().filter(|_| found.status == LocateStatus::Ok) else { continue };
-        let [a, b] = [&best.cam_from_world, &pose].map(super::refine::Pose::from);
+        let [a, b] = [&best.cam_from_world, &pose].map(Pose::from);
         // The motion that leads from the estimate to the truth.
         let turn = b.rotation * a.rotation.transpose();
         let shift = b.translation - turn * a.translation;
@@ -253,7 +254,7 @@ fn a_known_height_is_kept_to() {
     let pose = camera(&mut rng);
     let query = image(&mut rng, &landmarks, &pose, 0.05, 0.2, 0.0);
     let map = LandmarkMap::new(landmarks);
-    let height_of = |pose: &CamFromWorld| super::refine::Pose::from(pose).center().z;
+    let height_of = |pose: &CamFromWorld| Pose::from(pose).center().z;
     let free = map.locate(&query, &LocateOptions::default());
     let known = CameraHeight { up_in_world: Vector3::z_axis(), height: height_of(&pose), sd: 1e-3 };
     let held = map.locate(&query, &LocateOptions { height: Some(known), ..Default::default() });
