@@ -68,7 +68,7 @@ fn residuals_follow_a_camera_that_turns_or_moves() {
         let weights = noise.weights(5);
         let residuals = |frame: usize, moved: Vector6<f64>| {
             let corrections = PoseCorrections::of_frames(&BTreeMap::from([(frame, moved)]));
-            let problem = fit.problem.corrected(&corrections, &CueScales::default());
+            let problem = fit.problem.with_corrected_cameras(&corrections);
             let mut all = Vec::new();
             problem.objective(noise, None).each_row(&fit.body, |_, row, _| all.push(row.residual));
             all

@@ -54,11 +54,19 @@ impl ObjectProblem {
         Self { views, kind, measurements, prior, heavy_tails: context.options.heavy_tails }
     }
 
-    /// The same object with corrected cameras and scaled cues.
-    pub(crate) fn corrected(&self, poses: &PoseCorrections, scales: &CueScales) -> Self {
+    /// The same object with corrected cameras.
+    pub(crate) fn with_corrected_cameras(&self, poses: &PoseCorrections) -> Self {
+        self.with_changed_views(|views| poses.apply(views))
+    }
+
+    /// The same object with scaled cues.
+    pub(crate) fn with_scaled_cues(&self, scales: &CueScales) -> Self {
+        self.with_changed_views(|views| scales.apply(views))
+    }
+
+    fn with_changed_views(&self, change: impl FnOnce(&mut ObjectViews)) -> Self {
         let mut views = self.views.clone();
-        poses.apply(&mut views);
-        scales.apply(&mut views);
+        change(&mut views);
         let mut measurements = measured(&views, self.measurements.frame, self.kind, &self.prior);
         measurements.look_as(&self.measurements);
         Self { views, measurements, prior: self.prior.clone(), ..*self }

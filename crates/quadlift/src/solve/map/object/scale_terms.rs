@@ -11,7 +11,6 @@ use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::cues::MeasuredCue;
 use crate::solve::map::shared::cue_scales::{Constant, CueScales, ObjectTerms, Term};
-use crate::solve::map::shared::poses::PoseCorrections;
 
 impl Fit {
     /// The terms of the constants at this fit; `None` without cues or where the normal equations are singular.
@@ -53,7 +52,7 @@ impl Fit {
         terms: &ObjectTerms,
         noise: &NoiseLevels,
     ) -> Option<Self> {
-        let problem = Arc::new(self.problem.corrected(&PoseCorrections::default(), change));
+        let problem = Arc::new(self.problem.with_scaled_cues(change));
         let body = self.body.retract(&change.step_of(terms, share))?;
         let moved = Self { problem, body, ..self.clone() };
         let equations = moved.objective(noise, self.outlier_scale).linearise(&moved.body)?;

@@ -249,7 +249,7 @@ impl SceneFit {
             let cues = step_scales(&mut fits, &mut scales, &noise, context);
             if let Some(moved) = &moved {
                 for fit in fits.iter_mut().flatten() {
-                    fit.problem = Arc::new(fit.problem.corrected(moved, &CueScales::default()));
+                    fit.problem = Arc::new(fit.problem.with_corrected_cameras(moved));
                 }
             }
             let restart =
