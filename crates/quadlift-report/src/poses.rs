@@ -4,8 +4,8 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3x4, Rotation3, UnitQuaternion};
-use quadlift::geometry::{CamFromWorld, Projection};
+use nalgebra::{Matrix3x4, Rotation3};
+use quadlift::geometry::{CamFromWorld, Projection, rotation_vector};
 use quadlift::scene::Scene;
 use quadlift_io::{EntryError, SceneFile};
 use serde_json::Value;
@@ -100,8 +100,7 @@ impl RefinedPose {
         let [given, refined] =
             [&self.given, &self.refined].map(|pose| pose.matrix().fixed_columns::<3>(0).into_owned());
         let turn = Rotation3::from_matrix_unchecked(refined * given.transpose());
-        // The angle of a matrix by its trace loses half of the digits.
-        UnitQuaternion::from_rotation_matrix(&turn).angle()
+        rotation_vector(&turn).norm()
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use quadlift::calibrate::{CalibrateOptions, CalibratedCamera, CameraDistance, CameraStatus, calibrate};
-use quadlift::geometry::CamFromWorld;
+use quadlift::geometry::{CamFromWorld, rotation_vector};
 use quadlift::nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use quadlift::synthetic::{Hall, HallOptions, WalkPath, generate_hall};
 use rayon::prelude::*;
@@ -87,7 +87,7 @@ impl Tally {
             return;
         };
         let turn = Rotation3::from_matrix_eps(&(rotation * truth.0.transpose()), 1e-12, 100, Rotation3::identity());
-        let (turn, off) = (turn.scaled_axis(), rotation * (center - truth.1));
+        let (turn, off) = (rotation_vector(&turn), rotation * (center - truth.1));
         let (degrees, metres) = (turn.norm().to_degrees(), off.norm());
         let is_right = degrees < RIGHT_DEGREES && metres < RIGHT_METRES;
         self.right += usize::from(is_right);

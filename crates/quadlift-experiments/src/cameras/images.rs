@@ -1,6 +1,6 @@
 //! Maps from some frames of a scene, and the other frames located in them.
 
-use quadlift::geometry::CamFromWorld;
+use quadlift::geometry::{CamFromWorld, rotation_vector};
 use quadlift::locate::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
 use quadlift::nalgebra::{Matrix6, Rotation3, Unit, Vector3, Vector6};
 use quadlift::scene::Scene;
@@ -189,7 +189,7 @@ fn normalised_square(pose: &CamFromWorld, covariance: &Matrix6<f64>, truth: &Cam
     let (from, to) = (pose.matrix(), truth.matrix());
     let turn = to.fixed_columns::<3>(0) * from.fixed_columns::<3>(0).transpose();
     let shift = to.column(3) - turn * from.column(3);
-    let turn = Rotation3::from_matrix_unchecked(turn).scaled_axis();
+    let turn = rotation_vector(&Rotation3::from_matrix_unchecked(turn));
     let error = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
     covariance.cholesky().map_or(f64::INFINITY, |root| error.dot(&root.solve(&error)))
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::geometry::{Body, CamFromWorld, Cuboid};
+use quadlift::geometry::{Body, CamFromWorld, Cuboid, rotation_vector};
 use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::nalgebra::{IsometryMatrix3, Rotation3, Vector3, Vector6};
 use quadlift::solve::{BodyKind, MapOptions, PoseMotion};
@@ -124,7 +124,7 @@ fn push_error(
     let rotations = found.world_from_cam_rotation().zip(truth.world_from_cam_rotation());
     let centers = found.center_in_world().zip(truth.center_in_world());
     if let (Some((a, b)), Some((c, d))) = (rotations, centers) {
-        turns.push(Rotation3::from_matrix(&(a * b.transpose())).scaled_axis());
+        turns.push(rotation_vector(&Rotation3::from_matrix(&(a * b.transpose()))));
         shifts.push(c - d);
     }
 }

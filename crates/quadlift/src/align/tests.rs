@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::{AlignOptions, AlignStatus, Alignment, Ambiguity, CommonUp, MapObject, align};
-use crate::geometry::{Ellipsoid, Similarity};
+use crate::geometry::{Ellipsoid, Similarity, rotation_vector};
 use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
 use crate::synthetic::random::{normal, rotation};
 
@@ -323,7 +323,7 @@ fn the_covariance_is_not_smaller_than_the_errors() {
         let Some(best) = found.transforms.first().filter(|_| found.status == AlignStatus::Ok) else { continue };
         // The motion that is left, about the pivot.
         let left = best.a_from_b.after(&b_from_room).inverse();
-        let turn = left.rotation.scaled_axis();
+        let turn = rotation_vector(&left.rotation);
         let shift = left.point(&best.pivot) - best.pivot;
         let error = super::Matrix7::from_fn(|i, _| match i {
             0..3 => turn[i],

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 
 use super::*;
+use crate::geometry::rotation_vector;
 use crate::synthetic::{Hall, HallOptions, WalkPath, generate_hall};
 
 const PERSON: SizePrior = SizePrior { mean: [0.85, 0.65, 1.65], sd: [0.3, 0.2, 0.3] };
@@ -42,7 +43,7 @@ fn error(hall: &Hall, found: &Calibration, camera: usize) -> Vector6<f64> {
     let (true_rotation, true_place) = relative(&hall.cameras[camera], &hall.cameras[0]);
     let turn = Rotation3::from_matrix_eps(&(rotation * true_rotation.transpose()), 1e-14, 100, Rotation3::identity());
     let off = rotation * (place - true_place);
-    Vector6::from_iterator(turn.scaled_axis().iter().chain(off.iter()).copied())
+    Vector6::from_iterator(rotation_vector(&turn).iter().chain(off.iter()).copied())
 }
 
 #[test]

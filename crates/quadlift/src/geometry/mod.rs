@@ -37,7 +37,7 @@ pub use oriented_box::{OrientedBox, OrientedBoxError};
 pub(crate) use projection::box_of_outline;
 pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
 pub use reach::ellipsoid_of_same_reach;
-pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion};
+pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion, rotation_vector};
 pub(crate) use rotation::{random_rotation, skew};
 pub use similarity::Similarity;
 pub use superellipsoid::Superellipsoid;

@@ -25,6 +25,13 @@ pub fn quaternion_from_rotation(rotation: &Rotation3<f64>) -> [f64; 4] {
     [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
 }
 
+/// The rotation vector: the axis times the angle in radians, up to pi.
+///
+/// Unlike `Rotation3::scaled_axis`, whose angle is an arc cosine, it is exact for small angles, and never NaN.
+pub fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
+    UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
+}
+
 /// The matrix `[w]x` with `[w]x v = w x v`.
 pub fn skew(w: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0)
@@ -91,6 +98,18 @@ mod tests {
         assert!((rotation.matrix() - back.matrix()).norm() < 1e-12);
         assert!(rotation_from_quaternion([1.0, 1.0, 0.0, 0.0]).is_none());
         assert!(rotation_from_quaternion([f64::NAN, 0.0, 0.0, 0.0]).is_none());
+    }
+
+    #[test]
+    fn rotation_vectors_are_exact_however_small_or_large() {
+        let axis = Vector3::new(0.48, -0.6, 0.64);
+        for exponent in -160..=4 {
+            let turn = axis * f64::powf(10.0, 0.1 * f64::from(exponent));
+            let found = rotation_vector(&Rotation3::new(turn));
+            assert!((found - turn).norm() < 1e-9 * turn.norm() + 1e-16, "{turn:?} {found:?}");
+        }
+        assert_eq!(rotation_vector(&Rotation3::identity()), Vector3::zeros());
+        assert!((rotation_vector(&Rotation3::new(axis * 3.0)) - axis * 3.0).norm() < 1e-12);
     }
 
     #[test]

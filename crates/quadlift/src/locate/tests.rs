@@ -9,7 +9,9 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::{CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
 use crate::geometry::rigid::Pose;
-use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+use crate::geometry::{
+    BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box, rotation_vector,
+};
 use crate::synthetic::random::normal;
 
 /// Sizes of the image.
@@ -237,7 +239,7 @@ fn the_covariance_is_that_of_the_errors() {
         // The motion that leads from the estimate to the truth.
         let turn = b.rotation * a.rotation.transpose();
         let shift = b.translation - turn * a.translation;
-        let turn = Rotation3::from_matrix_unchecked(turn).scaled_axis();
+        let turn = rotation_vector(&Rotation3::from_matrix_unchecked(turn));
         let error = nalgebra::Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
         all.push(error.dot(&(best.covariance.try_inverse().unwrap() * error)));
     }

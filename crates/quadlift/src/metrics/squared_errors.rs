@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 use crate::geometry::linalg::solve_spd;
-use crate::geometry::{Body, ConvexBody, Ellipsoid, vech3};
+use crate::geometry::{Body, ConvexBody, Ellipsoid, rotation_vector, vech3};
 use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
 
 /// Squared Mahalanobis distances of the truth from an estimate (ours). If the covariance is calibrated they follow
@@ -75,7 +75,7 @@ fn oriented_error(estimate: &Ellipsoid, truth: &Ellipsoid, naming: &Matrix3<f64>
     let semi_axes = naming.abs().tr_mul(&truth.semi_axes);
     let mut error = SVector::<f64, 9>::zeros();
     error.fixed_rows_mut::<3>(0).copy_from(&(truth.center - estimate.center));
-    error.fixed_rows_mut::<3>(3).copy_from(&(estimate.rotation.inverse() * axes).scaled_axis());
+    error.fixed_rows_mut::<3>(3).copy_from(&rotation_vector(&(estimate.rotation.inverse() * axes)));
     error.fixed_rows_mut::<3>(6).copy_from(&Vector3::from_fn(|i, _| (semi_axes[i] / estimate.semi_axes[i]).ln()));
     error
 }

@@ -96,7 +96,7 @@ mod tests {
         let turn =
             truth.matrix().fixed_columns::<3>(0) * best.cam_from_world.matrix().fixed_columns::<3>(0).transpose();
         let shift = truth.matrix().column(3) - turn * best.cam_from_world.matrix().column(3);
-        let turn = nalgebra::Rotation3::from_matrix_unchecked(turn).scaled_axis();
+        let turn = crate::geometry::rotation_vector(&nalgebra::Rotation3::from_matrix_unchecked(turn));
         let error = nalgebra::Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
         let nees = error.dot(&(best.covariance.try_inverse().unwrap() * error));
         // Beyond 22.5 is one of 1000 with six degrees of freedom.

@@ -13,7 +13,7 @@ use super::first_fit::TURNED_STARTS;
 use super::fit::{Fit, POLISH};
 use super::model::Model;
 use crate::body_model::BodyModel;
-use crate::geometry::{Body, ConvexBody};
+use crate::geometry::{Body, ConvexBody, rotation_vector};
 use crate::optimize::levenberg_marquardt::minimise;
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Estimate, Warning};
@@ -146,7 +146,7 @@ fn difference(from: &Body, to: &Body) -> nalgebra::SVector<f64, 9> {
     let turn = from_axes.transpose() * to_axes;
     let best = symmetries().into_iter().max_by(|a, b| (turn * a).trace().total_cmp(&(turn * b).trace()));
     let symmetry = best.unwrap_or_else(Matrix3::identity);
-    let angles = Rotation3::from_matrix_unchecked(turn * symmetry).scaled_axis();
+    let angles = rotation_vector(&Rotation3::from_matrix_unchecked(turn * symmetry));
     let sizes = symmetry.map(f64::abs).transpose() * to_sizes;
     let mut difference = nalgebra::SVector::<f64, 9>::zeros();
     difference.fixed_rows_mut::<3>(0).copy_from(&(to.center() - from.center()));

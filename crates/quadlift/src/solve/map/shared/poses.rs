@@ -8,6 +8,7 @@ use nalgebra::{Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
 use super::pose_prior::{PoseLevels, PosePrior};
 use super::pose_system::{LARGEST_STEP, PoseSystem};
 use super::pose_unknowns::PoseUnknowns;
+use crate::geometry::rotation_vector;
 use crate::optimize::normal_equations::{PARAMETERS, Row};
 use crate::scene::ObjectViews;
 use crate::solve::estimate::Matrix9;
@@ -90,7 +91,7 @@ impl Correction {
     }
 
     pub(super) fn motion(&self) -> Motion {
-        let turn = self.turn.scaled_axis();
+        let turn = rotation_vector(&self.turn);
         Motion::new(turn.x, turn.y, turn.z, self.shift.x, self.shift.y, self.shift.z)
     }
 
@@ -130,24 +131,24 @@ impl PoseCorrections {
         let before = |number: usize| self.motions.get(&number).map_or_else(Motion::zeros, Correction::motion);
         let mut levels = prior.contenders(&objects, &self.levels, before);
         let system = levels.first().and_then(|levels| PoseSystem::new(&objects, *levels, before));
-        let corrected = system.map_or_else(Self::default, |system| {
-            let stepped =
-                |(number, step): (&usize, &Motion)| (*number, Correction::of(step).after(self.motions.get(number)));
-            let motions = system.numbers().iter().zip(system.step()).map(stepped).collect();
-            let (shown, determined) = system.levels(levels[0], LARGEST_STEP);
-            if prior.estimated {
-                levels[0] = shown;
-            }
-            Self {
-                frames: prior.unknowns.corrections(&motions),
-                unknowns: prior.unknowns.clone(),
-                motions,
-                covariance: Some(system),
-                memory: Some(levels[0].memory),
-                levels,
-                determined,
-            }
-        });
+        // As given, or as they are.
+        let Some(system) = system else { return Self::default() };
+        let stepped =
+            |(number, step): (&usize, &Motion)| (*number, Correction::of(step).after(self.motions.get(number)));
+        let motions = system.numbers().iter().zip(system.step()).map(stepped).collect();
+        let (shown, determined) = system.levels(levels[0], LARGEST_STEP);
+        if prior.estimated {
+            levels[0] = shown;
+        }
+        let corrected = Self {
+            frames: prior.unknowns.corrections(&motions),
+            unknowns: prior.unknowns.clone(),
+            motions,
+            covariance: Some(system),
+            memory: Some(levels[0].memory),
+            levels,
+            determined,
+        };
         let before = std::mem::replace(self, corrected);
         let mut step = self.frames.clone();
         for (frame, old) in &before.frames {
