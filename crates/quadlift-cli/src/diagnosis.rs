@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use quadlift::Localization;
 use quadlift::association::{AssociateOptions, IdUse, Outcome as AssociationOutcome, associate};
-use quadlift::diagnosis::{Cause, Diagnosis, diagnose, diagnose_association};
+use quadlift::diagnosis::{Agreement, Cause, Diagnosis, diagnose, diagnose_association};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::correct::correct;
@@ -22,6 +23,8 @@ pub struct Check {
     pub diagnosis: Diagnosis,
     /// Two mistakes that together explain what none explains alone.
     together: Option<[Cause; 2]>,
+    /// How poses as given agree with the boxes, where only refined ones do.
+    before_refinement: Option<Agreement>,
     /// Context of the scene.
     context: Context,
     /// Number of remaining corrections.
@@ -45,7 +48,7 @@ impl Check {
         let diagnosis = if are_trusted { of_source(&scene.scene, source) } else { Diagnosis::default() };
         let fixes = if args.fix { MOST_FIXES } else { 0 };
         let accepted = args.accept_inconsistent;
-        let mut check = Self { diagnosis, together: None, context, fixes, accepted };
+        let mut check = Self { diagnosis, context, fixes, accepted, ..Self::default() };
         check.seek_two(&scene.file, |scene| of_source(scene, source));
         while check.fix(scene, path)? {
             check.diagnosis = of_source(&scene.scene, source);
@@ -117,6 +120,17 @@ impl Check {
         }
     }
 
+    /// The same with the result of a localisation. That of poses which were refined, and which agree with the boxes, stands for a scene
+    /// whose detections name their objects.
+    pub fn update_localized(&mut self, localization: &Localization, are_named: bool) {
+        let refined = are_named && !localization.refined_poses.is_empty() && localization.diagnosis.consistent;
+        if refined && !self.diagnosis.consistent {
+            self.before_refinement = self.diagnosis.agreement;
+            (self.diagnosis, self.together) = (localization.diagnosis.clone(), None);
+        }
+        self.update(&localization.diagnosis);
+    }
+
     /// Whether the scene is inconsistent and not accepted by the user.
     pub fn refuses(&self) -> bool {
         !self.diagnosis.consistent && !self.accepted
@@ -157,6 +171,13 @@ impl Check {
 
     /// Reports the problem of a scene and returns the outcome of the finished command.
     pub fn tell(&self, title: &str, out: &Output) -> Outcome {
+        if let (Some(given), Some(refined)) = (self.before_refinement, self.diagnosis.agreement) {
+            out.warning(&format!(
+                "{title}: the poses as given contradict the boxes, which miss their object by {:.0} % of their half size; refined poses: {:.0} %",
+                100.0 * given.miss,
+                100.0 * refined.miss
+            ));
+        }
         match self.in_words() {
             Some(words) if self.refuses() => {
                 out.error(&format!("{title}: the scene is inconsistent: {words}"));

@@ -123,7 +123,10 @@ pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Res
         // They show no object, which is told with the identities.
         localization.skipped.without_object = 0;
     }
-    refuse_objects(&mut localization, &given, options.accept_inconsistent);
+    // With refined poses the localisation has checked those.
+    if association.is_some() || localization.refined_poses.is_empty() {
+        refuse_objects(&mut localization, &given, options.accept_inconsistent);
+    }
     let settings = settings_record(options, choices.priors.as_deref());
     let seconds = start.elapsed().as_secs_f64();
     let calibration = choices.calibration.clone();

@@ -325,6 +325,33 @@ fn refined_poses_are_in_the_result_beside_the_given_ones() {
 }
 
 #[test]
+fn poses_that_contradict_the_boxes_can_be_refined_and_a_wrong_image_size_cannot() {
+    let folder = Folder::new();
+    let synth = "synth -q --objects 12 --views 20 --trajectory arc:100 --noise box:0.03";
+    folder.succeed(&format!("{synth} --pose-noise 0.7 -o scene.json"));
+    assert_eq!(folder.run("localize scene.json -o out.json").code, 3);
+    let run = folder.run("localize scene.json --refine-poses -o out.json");
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(
+        run.stderr.contains("the poses as given contradict the boxes, which miss their object by"),
+        "{}",
+        run.stderr
+    );
+    let about = &folder.json("out.json")["localization"];
+    assert!(about["diagnosis"]["consistent"] == true && about["localised"] == 12, "{about}");
+    folder.succeed(&format!("{synth} -o scene.json"));
+    let mut scene = folder.json("scene.json");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["box"].as_array_mut().unwrap().iter_mut().for_each(|x| *x = (0.9 * x.as_f64().unwrap()).into());
+    }
+    folder.write_json("scene.json", &scene);
+    for option in ["", "--refine-poses", "--refine-poses=independent"] {
+        let run = folder.run(&format!("localize scene.json -o out.json {option}"));
+        assert!(run.code == 3 && run.stderr.contains("--image-size"), "{option}: {}", run.stderr);
+    }
+}
+
+#[test]
 fn priors_act_where_the_unit_is_known() {
     let folder = Folder::new();
     let mut scene = folder.small_scene();

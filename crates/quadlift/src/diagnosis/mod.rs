@@ -39,4 +39,5 @@ pub use cause::{Cause, CauseName};
 pub use correction::{BoxFormat, Correction, Mistake};
 pub use verdict::Diagnosis;
 pub use with_ids::diagnose;
+pub(crate) use with_ids::diagnose_refined;
 pub use without_ids::diagnose_association;

@@ -1,10 +1,12 @@
 //! The self-check of a scene whose detections name their objects.
 
+use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};
 use super::sample::Sample;
 use super::verdict::{Diagnosis, of_search};
 use super::{object_ids, search, trajectory};
 use crate::scene::{Detection, Scene};
+use crate::solve::RefinedPose;
 
 /// If boxes miss by more than this, or a smaller fraction of them agrees, the trajectory and the ids are checked.
 const SUSPICIOUS_MISS: f64 = 0.1;
@@ -12,6 +14,10 @@ const SUSPICIOUS_SHARE: f64 = 0.85;
 
 /// A jump of the scale has more numbers to fit than a correction: it must explain the boxes better by this (a logarithm).
 const CLEARLY_BETTER: f64 = 0.2;
+
+/// Refined poses must explain the boxes better than a correction by this factor. A convention; 22 mistakes with three kinds of refinement are
+/// refused as without it (a test).
+const CLEARLY_LESS: f64 = 0.5;
 
 /// Fraction of frames that repeat a pose although something moved above which the scene is inconsistent.
 const MANY_REPEATED: f64 = 0.2;
@@ -26,6 +32,36 @@ const MOST_REPEATED: f64 = 0.5;
 /// scene of any size, because a sample is enough; longer if the scene is inconsistent.
 pub fn diagnose(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Diagnosis {
     of_boxes(scene, is_used).and_up(scene)
+}
+
+/// The same for a scene whose poses were refined, because they are known to be wrong: the refined ones are checked.
+///
+/// Refined poses explain a part of most mistakes, with many more numbers than a correction has. The scene counts as consistent only if its
+/// boxes then miss by clearly less than after any correction, once the numbers that poses and objects took are counted.
+pub(crate) fn diagnose_refined(
+    scene: &Scene,
+    refined: &[RefinedPose],
+    is_used: impl Fn(&Detection) -> bool,
+) -> Diagnosis {
+    let given = diagnose(scene, &is_used);
+    if given.consistent || refined.is_empty() {
+        return given;
+    }
+    let mut moved = scene.clone();
+    for RefinedPose { frame_index, turn, shift, .. } in refined {
+        if let Some(frame) = moved.0.frames.get_mut(*frame_index) {
+            frame.projection = frame.projection.with_moved_camera(turn, shift).unwrap_or(frame.projection);
+        }
+    }
+    let after = diagnose(&moved, &is_used);
+    let miss = |agreement: Option<Agreement>| agreement.map_or(f64::INFINITY, |agreement| agreement.miss);
+    let corrected = given.causes.iter().map(|cause| cause.after.miss).fold(miss(given.agreement), f64::min);
+    // Two numbers of each box's middle, three of each object's and six of each camera.
+    let groups = scene.detections_by_object(|d| is_used(d) && (d.bounding_box.is_some() || d.ellipse.is_some()));
+    let without_poses: f64 = groups.iter().map(|group| (2.0 * group.len() as f64 - 3.0).max(0.0)).sum();
+    let left = without_poses - 6.0 * refined.len() as f64;
+    let honest = miss(after.agreement) * (without_poses / left).sqrt();
+    if after.consistent && left > 0.0 && honest < CLEARLY_LESS * corrected { after } else { given }
 }
 
 /// The diagnosis from the boxes of each object.

@@ -10,7 +10,7 @@ pub use options::LocalizeOptions;
 use std::sync::Arc;
 
 use crate::cross_validation::{CrossValidation, choose_folds, summarise};
-use crate::diagnosis::{Diagnosis, diagnose};
+use crate::diagnosis::{Diagnosis, diagnose_refined};
 use crate::observer::{Observer, Unobserved, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
@@ -63,7 +63,7 @@ pub struct Localization {
     pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
     pub cross_validation: CrossValidation,
-    /// The self-check. If the scene is inconsistent, objects have the status [`Status::Inconsistent`] instead of
+    /// The self-check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the status [`Status::Inconsistent`] instead of
     /// [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
     pub diagnosis: Diagnosis,
 }
@@ -212,7 +212,7 @@ pub fn localize_observed(
     }
     warn_of_implausible_sizes(&mut estimates, &scene.categories, &options.plausible_sizes);
     let is_used = |d: &Detection| from_source(d) && visible(d);
-    let mut diagnosis = diagnose(scene, is_used);
+    let mut diagnosis = diagnose_refined(scene, &refined_poses, is_used);
     if let Some(map_options) = map_options {
         diagnosis.check_lengths(scene, is_used, &map_options.priors);
     }

@@ -93,7 +93,7 @@ pub fn one_scene(
         // Told with the identities.
         localization.skipped.without_object = 0;
     }
-    check.update(&localization.diagnosis);
+    check.update_localized(&localization, identities.is_none());
     refuse_objects(&mut localization, &check.diagnosis, args.check.accept_inconsistent);
     document["diagnosis"] = check.record();
     let solved = start.elapsed();
