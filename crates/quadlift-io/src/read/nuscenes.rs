@@ -21,7 +21,7 @@ use super::poses::{inverse, matrix4, rotation_of, rows};
 use crate::error::ReadError;
 use crate::input::{check_readable, read_error};
 use crate::numbers;
-use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
+use crate::scene_file::{CameraRecord, FrameRecord, RIG_FRAME, SceneFile};
 use crate::wording::{count, plain_words, some_of};
 
 /// The tables, in the order in which they are read.
@@ -314,7 +314,12 @@ fn read_scene<'a>(
     images.sort_by(|a, b| {
         (a.row.timestamp.total_cmp(&b.row.timestamp)).then_with(|| a.row.filename.cmp(&b.row.filename))
     });
+    // A key frame has an image of each camera; their poses come from the same vehicle.
+    let is_rig = scene.cameras.len() > 1 && !options.sweeps;
+    let mut instants: BTreeMap<String, usize> = BTreeMap::new();
     for Image { row, camera, ego_from_camera } in images {
+        let next = instants.len();
+        let instant = *instants.entry(row.sample_token).or_insert(next);
         let Some(world_from_ego) = poses.get(&row.ego_pose_token).copied().flatten() else {
             let (file, token) = (row.filename, row.ego_pose_token);
             return Err(ReadError::new(open(5)?.path, format!("there is no pose \"{token}\", which \"{file}\" has")));
@@ -328,6 +333,7 @@ fn read_scene<'a>(
             image: Some(row.filename),
             // Microseconds.
             time: Some(row.timestamp / 1e6),
+            extra: is_rig.then(|| (RIG_FRAME.to_owned(), instant.into())).into_iter().collect(),
             ..FrameRecord::default()
         });
     }

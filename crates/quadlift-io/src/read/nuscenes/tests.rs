@@ -84,6 +84,10 @@ fn cameras_of_a_scene_are_read() {
             ("samples/CAM_FRONT/2.jpg", "CAM_FRONT", 1532402928.11246),
         ]
     );
+    let rig_frames = |import: &Import| -> Vec<Option<u64>> {
+        import.scene.frames.iter().map(|frame| frame.extra.get("rig_frame").and_then(Value::as_u64)).collect()
+    };
+    assert_eq!(rig_frames(&import), [Some(0), Some(0), Some(1)]);
     let camera = &import.scene.cameras[1];
     assert_eq!((camera.id.as_str(), camera.width, camera.height), ("CAM_FRONT", Some(1600.0), Some(900.0)));
     assert_eq!(camera.params, [1266.5, 1266.5, 816.25, 491.5]);
@@ -91,9 +95,11 @@ fn cameras_of_a_scene_are_read() {
     assert!(import.notes.iter().any(|note| note == "1 image between the key frames left out"));
     let with_sweeps = parse(&tables(), &NuscenesOptions { sweeps: true, ..of_scene("scene-0061") }).unwrap();
     assert_eq!(with_sweeps.scene.frames[2].id, "sweeps/CAM_FRONT/15.jpg");
+    assert_eq!(rig_frames(&with_sweeps), [None; 4]);
     let back = NuscenesOptions { channels: vec!["CAM_BACK".to_owned()], ..of_scene("scene-0061") };
     let back = parse(&tables(), &back).unwrap();
     assert_eq!((back.scene.frames.len(), back.scene.cameras.len()), (1, 1));
+    assert_eq!(rig_frames(&back), [None]);
     assert_eq!(parse(&tables(), &of_scene("scene-0103")).unwrap().scene.frames.len(), 1);
 }
 

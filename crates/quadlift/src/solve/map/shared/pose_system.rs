@@ -137,16 +137,20 @@ impl PoseSystem {
             }
         }
         let all = 3.0 * instants.len() as f64;
-        let of = |from: usize, level: f64, usual: f64| {
+        let of = |from: usize, level: f64, usual: f64, other: f64| {
             let sum = |of: &Motion| of.fixed_rows::<3>(from).sum();
             let determined = (all - sum(&spread) / (level * level)).clamp(0.0, all);
-            let updated = (sum(&squares) / determined.max(1e-3 * all)).sqrt();
+            let expected = other * usual;
+            let a: f64 = std::env::var("QL_A").ok().and_then(|x| x.parse().ok()).unwrap_or(0.0);
+            let updated = ((sum(&squares) + a * expected * expected) / (determined + a).max(1e-3 * all)).sqrt();
             let updated = updated.clamp(level / largest_step, largest_step * level);
             (updated.clamp(SMALLEST * usual, LARGEST * usual), determined)
         };
         let (usual, now) = (levels.first, levels.noise);
-        let (rotation_sd, rotations) = of(0, now.rotation_sd, usual.rotation_sd);
-        let (translation_sd, shifts) = of(3, now.translation_sd, usual.translation_sd);
+        let [rotation, translation] =
+            [now.rotation_sd / usual.rotation_sd, now.translation_sd / usual.translation_sd];
+        let (rotation_sd, rotations) = of(0, now.rotation_sd, usual.rotation_sd, translation);
+        let (translation_sd, shifts) = of(3, now.translation_sd, usual.translation_sd, rotation);
         (PoseLevels { noise: PoseNoise { rotation_sd, translation_sd }, ..levels }, rotations + shifts)
     }
 }
