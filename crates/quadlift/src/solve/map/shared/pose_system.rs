@@ -22,6 +22,9 @@ const TOLERANCE: f64 = 1e-8;
 const SMALLEST: f64 = 1e-4;
 const LARGEST: f64 = 4.0;
 
+/// Number of parameters for which the usual ratio of the levels of rotations and shifts counts: as few as keep both from zero.
+const TIED: f64 = 1.0;
+
 /// Factor by which a level changes in one step, at most: noise levels and objects follow.
 pub(super) const LARGEST_STEP: f64 = 2.0;
 
@@ -137,12 +140,13 @@ impl PoseSystem {
             }
         }
         let all = 3.0 * instants.len() as f64;
+        // Where cameras look at objects around one place, turns and shifts of a camera look alike: the measurements then say hardly more than one
+        // of the two levels, and the other one would become zero.
         let of = |from: usize, level: f64, usual: f64, other: f64| {
             let sum = |of: &Motion| of.fixed_rows::<3>(from).sum();
             let determined = (all - sum(&spread) / (level * level)).clamp(0.0, all);
             let expected = other * usual;
-            let a: f64 = std::env::var("QL_A").ok().and_then(|x| x.parse().ok()).unwrap_or(0.0);
-            let updated = ((sum(&squares) + a * expected * expected) / (determined + a).max(1e-3 * all)).sqrt();
+            let updated = ((sum(&squares) + TIED * expected * expected) / (determined + TIED)).sqrt();
             let updated = updated.clamp(level / largest_step, largest_step * level);
             (updated.clamp(SMALLEST * usual, LARGEST * usual), determined)
         };
