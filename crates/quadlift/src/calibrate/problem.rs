@@ -224,7 +224,13 @@ impl Problem {
     /// Cost of what is known about the unknowns themselves; each residual with its derivatives by unknowns (see `Layout`) is given to
     /// `add`.
     pub(super) fn prior_rows(&self, state: &State, mut add: impl FnMut(f64, &[(Unknown, f64)])) {
+        let mut is_seen = vec![false; self.shapes.len()];
+        self.sites.iter().for_each(|site| is_seen[site.shape] = true);
         for (k, (prior, shape)) in self.shapes.iter().zip(&state.shapes).enumerate() {
+            if !is_seen[k] {
+                // Such as that of false boxes which belong to others once the vertical is known: its size would be open.
+                continue;
+            }
             if let Some([mean, sd]) = prior.log_height {
                 add((shape.log_height - mean) / sd, &[(Unknown::Shape(k, 1), 1.0 / sd)]);
             }

@@ -170,6 +170,24 @@ fn people_on_a_line_or_in_one_place_are_refused_and_so_are_few_instants() {
     }
 }
 
+/// Here false boxes without ids look like another body at first, and like none once the vertical is known.
+#[test]
+fn a_body_that_vanishes_does_not_leave_the_rig_undetermined() {
+    for seed in [1006, 1019] {
+        let hall = hall(HallOptions {
+            cameras: 8,
+            walkers: 3,
+            edge_sd: 0.05,
+            misses: 0.2,
+            false_boxes: 0.05,
+            seed,
+            ..Default::default()
+        });
+        let found = calibrate(&hall.rig(None), &CalibrateOptions { seed: 0, ..known_distance(&hall) });
+        assert!(found.cameras.iter().all(|camera| camera.status == CameraStatus::Ok), "{found:?}");
+    }
+}
+
 #[test]
 fn a_camera_whose_boxes_are_of_other_instants_is_inconsistent_and_one_that_sees_others_is_not_connected() {
     let hall = hall(HallOptions { edge_sd: 0.02, seed: 8, walkers: 2, ..Default::default() });
