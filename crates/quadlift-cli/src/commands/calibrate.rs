@@ -158,6 +158,15 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     scene.write(&mut file, &found, unit.as_deref(), args.posed_only);
     write_scene_file(&args.output, &file)?;
     let calibrated = found.cameras.iter().filter(|camera| camera.status == CameraStatus::Ok).count();
+    let any_way = options.categories(scene.categories()).into_iter().zip(scene.categories());
+    let any_way: Vec<&str> =
+        any_way.filter(|(known, _)| !known.upright && !known.still).map(|(_, name)| name.as_str()).collect();
+    if calibrated == 0 && args.upright.is_empty() && !any_way.is_empty() {
+        out.warning(&format!(
+            "{} may lie any way; if their bodies are upright, such as those of people and vehicles, name them with --upright",
+            some_of(&any_way)
+        ));
+    }
     let posed = found.cameras.iter().filter(|camera| camera.status.has_pose()).count();
     let given = posed - calibrated;
     let kept = if given == 0 { String::new() } else { format!("; {given} had a pose") };

@@ -88,6 +88,21 @@ fn cameras_that_cannot_be_calibrated_are_named_and_have_no_pose() {
 }
 
 #[test]
+fn people_by_another_name_are_asked_for() {
+    let folder = Folder::new();
+    let mut scene = rig(&folder, "");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        detection["category"] = "player".into();
+    }
+    folder.write_json("rig.json", &scene);
+    let run = folder.run("calibrate rig.json -o out.json");
+    let hint = "player may lie any way; if their bodies are upright";
+    assert!(run.code == 1 && run.stderr.contains(hint), "{} {}", run.code, run.stderr);
+    let run = folder.run("calibrate rig.json -o out.json --upright player");
+    assert!(run.code == 0 && !run.stderr.contains(hint), "{} {}", run.code, run.stderr);
+}
+
+#[test]
 fn mistakes_are_named() {
     let folder = Folder::new();
     let rig = rig(&folder, "--cameras 2 --instants 10");

@@ -151,8 +151,7 @@ impl PoseSystem {
             (updated.clamp(SMALLEST * usual, LARGEST * usual), determined)
         };
         let (usual, now) = (levels.first, levels.noise);
-        let [rotation, translation] =
-            [now.rotation_sd / usual.rotation_sd, now.translation_sd / usual.translation_sd];
+        let [rotation, translation] = [now.rotation_sd / usual.rotation_sd, now.translation_sd / usual.translation_sd];
         let (rotation_sd, rotations) = of(0, now.rotation_sd, usual.rotation_sd, translation);
         let (translation_sd, shifts) = of(3, now.translation_sd, usual.translation_sd, rotation);
         (PoseLevels { noise: PoseNoise { rotation_sd, translation_sd }, ..levels }, rotations + shifts)
