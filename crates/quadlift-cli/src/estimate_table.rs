@@ -8,7 +8,7 @@ use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{
-    CueScale, Estimate, LearntCategorySize, Method, ScaledQuantity, SizePrior, Status, SupportingSurface,
+    CueScale, DepthShift, Estimate, LearntCategorySize, Method, ScaledQuantity, SizePrior, Status, SupportingSurface,
 };
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
@@ -167,7 +167,15 @@ pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<(String, bo
             _ => format!("depths{source}"),
         };
         let sd = found.factor * found.log_sd;
-        let line = format!("{what} are {:.3} of the true ones (standard deviation {sd:.3})", found.factor);
+        let line = match found.shift {
+            Some(DepthShift { value, sd: shift_sd }) => {
+                let places = decimals(shift_sd, 2);
+                let shift =
+                    format!("shifted by {value:+.places$} (standard deviations {sd:.3} and {shift_sd:.places$})");
+                format!("{what} are {:.3} of the true ones, {shift}", found.factor)
+            }
+            None => format!("{what} are {:.3} of the true ones (standard deviation {sd:.3})", found.factor),
+        };
         let is_length = !matches!(found.quantity, ScaledQuantity::BoxSize { .. });
         let is_relative = found.quantity == ScaledQuantity::Depth && is_scaled_by_frame(found);
         (line, is_length && !is_relative && !USUAL_SCALES.contains(&found.factor))

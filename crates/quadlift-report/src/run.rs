@@ -87,7 +87,9 @@ fn overview_of_scale(scale: &Value, say: &mut impl FnMut(&str, String)) {
     };
     let of = text("source").map_or(String::new(), |name| format!(" of {name}"));
     let category = text("category").map_or(String::new(), |name| format!(" ({name})"));
-    say(&format!("{what}{of}{category}"), format!("{factor:.3} ± {:.3} of the true ones", factor * log_sd));
+    let shift = number("shift").zip(number("shift_sd"));
+    let shift = shift.map_or(String::new(), |(shift, sd)| format!(", shifted by {shift:+.3} ± {sd:.3}"));
+    say(&format!("{what}{of}{category}"), format!("{factor:.3} ± {:.3} of the true ones{shift}", factor * log_sd));
 }
 
 /// A share as a percentage with two digits.
@@ -196,6 +198,7 @@ mod tests {
             "noise": {"edge_relative": 0.123, "edge_px": 3.456},
             "cue_scales": [
                 {"source": "net", "quantity": "depth", "factor": 1.0923, "log_sd": 0.002},
+                {"source": "near", "quantity": "depth", "factor": 1.1, "log_sd": 0.01, "shift": -0.98, "shift_sd": 0.05},
                 {"source": null, "quantity": "box3d_length", "category": "car", "factor": 1.08, "log_sd": 0.01},
             ],
             "association": {"associated": 153, "clutter": 7, "objects": [{"id": "a"}, {"id": "b"}]},
@@ -212,6 +215,7 @@ mod tests {
                 ),
                 line("noise of box edges", "12 % of the box's half size, or 3.46 px"),
                 line("depths of net", "1.092 ± 0.002 of the true ones"),
+                line("depths of near", "1.100 ± 0.011 of the true ones, shifted by -0.980 ± 0.050"),
                 line("lengths of the 3D boxes (car)", "1.080 ± 0.011 of the true ones"),
                 line("association", "153 of 160 detections assigned to 2 objects; 7 unassigned"),
                 line("left-out views", "26 boxes predicted from the other views: mean IoU 0.91"),

@@ -1,5 +1,5 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
-//! frame; points of structure from motion; outlines and turned boxes: simulated, on rendered scenes and on real images;
+//! frame, and with a shift; points of structure from motion; outlines and turned boxes: simulated, on rendered scenes and on real images;
 //! sizes that are learnt from the scene; surfaces on which objects stand.
 
 mod frame_scales;
@@ -9,6 +9,7 @@ mod occlusion;
 mod one_view;
 mod outlines;
 mod points;
+mod shifts;
 mod sizes;
 mod surfaces;
 mod synthetic;
@@ -29,6 +30,7 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     synthetic::run(seed, progress, &mut report)?;
     one_view::run(seed, progress, &mut report)?;
     frame_scales::run(seed, progress, &mut report)?;
+    shifts::run(seed, progress, &mut report)?;
     points::run(seed, progress, &mut report)?;
     sizes::run(seed, progress, &mut report)?;
     surfaces::run(seed, progress, &mut report)?;

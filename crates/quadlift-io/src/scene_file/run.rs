@@ -86,6 +86,9 @@ pub fn cue_scales_record(scene: &Scene, localization: &Localization) -> Value {
         if let ScaledQuantity::DepthOfFrame { frame } = found.quantity {
             json["frame"] = scene.frames[frame].id.as_str().into();
         }
+        if let Some(shift) = found.shift {
+            (json["shift"], json["shift_sd"]) = (shift.value.into(), shift.sd.into());
+        }
         if let Some(category) = category {
             json["category"] = scene.categories[category].as_str().into();
         }

@@ -50,6 +50,8 @@ pub struct View {
     pub cues: Cues,
     /// Which depths share the scale of this one.
     pub depth_scale: DepthScale,
+    /// Measured minus true depth, world units: the shift of the source, 0 before it is estimated.
+    pub(crate) depth_shift: f64,
 }
 
 /// Which depths of a source share a scale that is estimated.
@@ -106,6 +108,7 @@ impl View {
             cut_off: [false; 4],
             cues: Cues::default(),
             depth_scale: DepthScale::default(),
+            depth_shift: 0.0,
         }
     }
 
@@ -192,6 +195,7 @@ impl Scene {
             cut_off: [false; 4],
             cues,
             depth_scale,
+            depth_shift: 0.0,
         }
         .with_cut_off_edges(BORDER_TOLERANCE_PX)
     }

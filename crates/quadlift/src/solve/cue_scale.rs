@@ -1,18 +1,30 @@
 //! What is found about the sources of depths and 3D boxes.
 
 use super::map::shared::cue_scales::Constant;
+use super::map::shared::found_scales::FoundScale;
 
-/// The scale of one quantity of a source of cues, found from the objects of the scene. Measurements are divided by it.
+/// The scale of one quantity of a source of cues, found from the objects of the scene: measured = factor * true, of depths + shift.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CueScale {
     /// What is scaled.
     pub quantity: ScaledQuantity,
     /// Index into [`crate::scene::SceneParts::cue_sources`]; `None` for cues without a source.
     pub source: Option<u32>,
-    /// Measured over true length: 1 for a source without a bias.
+    /// Measured over true length, where there is no shift: 1 for a source without a bias.
     pub factor: f64,
     /// Standard deviation of its logarithm.
     pub log_sd: f64,
+    /// What is added to the true depth times the factor; `None` for other quantities, and where too few depths are seen to tell.
+    pub shift: Option<DepthShift>,
+}
+
+/// What is added to the depths of a source, in its own lengths.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthShift {
+    /// Measured depth minus the factor times the true depth: 0 for a source without a bias.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sd: f64,
 }
 
 /// A quantity of a source of cues that has a scale of its own.
@@ -38,15 +50,21 @@ pub enum ScaledQuantity {
 }
 
 impl CueScale {
-    /// A constant with its standard deviation; `None` for a part of others.
-    pub(super) fn of((constant, value, log_sd): (Constant, f64, f64)) -> Option<Self> {
-        let (quantity, source) = match constant {
+    /// What the source measures on average where the true length is this one (world units), in its own lengths.
+    pub fn expected(&self, true_length: f64) -> f64 {
+        self.factor * true_length + self.shift.map_or(0.0, |shift| shift.value)
+    }
+
+    /// What is found about a constant; `None` for a part of others.
+    pub(super) fn of(found: FoundScale) -> Option<Self> {
+        let (quantity, source) = match found.constant {
             Constant::Depth(source) => (ScaledQuantity::Depth, source),
             Constant::DepthOfFrame(source, frame) => (ScaledQuantity::DepthOfFrame { frame }, source),
             Constant::Distance(source) => (ScaledQuantity::BoxDistance, source),
-            Constant::Sizes(..) => return None,
+            Constant::Sizes(..) | Constant::DepthShift(_) => return None,
             Constant::Size(source, category, axis) => (ScaledQuantity::BoxSize { category, axis }, source),
         };
-        Some(Self { quantity, source, factor: value.exp(), log_sd })
+        let shift = found.shift.map(|(value, sd)| DepthShift { value, sd });
+        Some(Self { quantity, source, factor: found.log_factor.exp(), log_sd: found.log_sd, shift })
     }
 }

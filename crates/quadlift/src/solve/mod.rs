@@ -22,7 +22,7 @@ pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
 pub use closed_form::reg::{RegSolution, reg};
 pub(crate) use closed_form::solve_closed_form;
-pub use cue_scale::{CueScale, ScaledQuantity};
+pub use cue_scale::{CueScale, DepthShift, ScaledQuantity};
 pub(crate) use enclosing::ENCLOSING_QUANTILE;
 pub use estimate::{
     Alternative, Covariance, CovarianceCoordinates, Estimate, Matrix9, Misfit, Rejection, Status, ViewReport, Warning,

@@ -27,13 +27,16 @@ pub struct CueOptions {
     pub box3d: Option<Box3dNoise>,
 }
 
-/// Errors of simulated depths, relative to the depth.
+/// Errors of simulated depths, relative to the depth where nothing else is said.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthNoise {
     /// Standard deviation of the error of each depth.
     pub noise: f64,
     /// Measured over true depth of all: 1 without a bias.
     pub scale: f64,
+    /// Added to all measured depths, in world units times `scale`: 0 without a bias. Depths that are not positive with it are
+    /// left out.
+    pub shift: f64,
     /// Probability, in [0, 1], of the depth of something else: the background, at 1.5 to 3 times the depth.
     pub outliers: f64,
     /// Standard deviation of the logarithm of a scale that the depths of each frame share.
@@ -62,7 +65,7 @@ pub struct Box3dNoise {
 impl Default for DepthNoise {
     /// A network for metric depth: 5 % noise, 10 % too far.
     fn default() -> Self {
-        Self { noise: 0.05, scale: 1.1, outliers: 0.0, frame_scale: 0.0 }
+        Self { noise: 0.05, scale: 1.1, shift: 0.0, outliers: 0.0, frame_scale: 0.0 }
     }
 }
 
@@ -106,7 +109,10 @@ pub fn simulate_cues(
     for (index, detection) in parts.detections.iter_mut().enumerate() {
         let view = scene.view(&scene.detections[index]);
         let Some(body) = body_of(index, detection) else { continue };
-        let scale = |noise: DepthNoise| DepthNoise { scale: noise.scale * of_frame[view.frame_index], ..noise };
+        let scale = |noise: DepthNoise| {
+            let of_frame = of_frame[view.frame_index];
+            DepthNoise { scale: noise.scale * of_frame, shift: noise.shift * of_frame, ..noise }
+        };
         let depth = options.depth.and_then(|noise| simulated_depth(&view, &body, &scale(noise), &mut depths));
         let box3d = options.box3d.and_then(|noise| simulated_box(&view, &body, &noise, &mut boxes));
         detection.cues = (depth.is_some() || box3d.is_some()).then(|| Box::new(Cues { depth, box3d }));
@@ -118,11 +124,9 @@ fn simulated_depth(view: &View, body: &Body, noise: &DepthNoise, rng: &mut ChaCh
     let error = 1.0 + noise.noise * random::normal(rng);
     let (chance, beyond) = (rng.random_range(0.0..1.0f64), rng.random_range(1.5..3.0f64));
     let factor = if chance < noise.outliers { beyond } else { error.max(0.1) };
-    Some(DepthCue {
-        median: visible_depth(&view.projection, &view.measured_box()?, body, RAYS)? * noise.scale * factor,
-        sd: None,
-        source: Some(0),
-    })
+    let depth = visible_depth(&view.projection, &view.measured_box()?, body, RAYS)?;
+    let median = depth * noise.scale * factor + noise.shift;
+    (median > 0.0).then_some(DepthCue { median, sd: None, source: Some(0) })
 }
 
 fn simulated_box(view: &View, body: &Body, noise: &Box3dNoise, rng: &mut ChaCha8Rng) -> Option<Box3dCue> {

@@ -5,7 +5,8 @@ use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::{Cues, DepthCue, Detection, Scene};
 use quadlift::solve::{BodyKind, MapOptions, ScaledQuantity, Sigmas, Status, Warning};
 use quadlift::synthetic::{
-    Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, generate, simulate_cues,
+    Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate,
+    simulate_cues,
 };
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -92,7 +93,11 @@ fn the_scale_of_a_source_is_found_whatever_its_unit() {
         let found = localize(&scene, &options()).unwrap();
         let [depth] = found.cue_scales[..] else { panic!("{:?}", found.cue_scales) };
         assert_eq!((depth.quantity, depth.source), (ScaledQuantity::Depth, Some(0)));
-        assert!((depth.factor / scale - 1.0).abs() < 0.03 && depth.log_sd < 0.02, "{scale}: {depth:?}");
+        // The objects are all about as far: where they are it is known, the factor and the shift one by one are not.
+        let error = depth.expected(25.0) / (25.0 * scale) - 1.0;
+        assert!(error.abs() < 0.03 && depth.log_sd < 0.06, "{scale}: {error} {depth:?}");
+        let shift = depth.shift.unwrap();
+        assert!(shift.value.abs() < 2.0 * shift.sd && shift.sd < 0.05 * 25.0 * scale, "{scale}: {depth:?}");
         let (with, _) = scores(&made, &found, &scene);
         assert!(with > boxes - 0.005, "{scale}: {boxes} {with}");
     }
@@ -196,12 +201,49 @@ fn a_wrong_number_is_an_error() {
     assert!(scene.edit(|parts| parts.detections[0].cues = Some(Box::new(no_source))).is_err());
 }
 
+/// Depths of a network whose scale and shift are wrong, along a street: near and far objects tell both.
+#[test]
+fn a_shift_is_found_where_objects_are_near_and_far() {
+    let street = generate(&SyntheticOptions {
+        objects: 30,
+        views: 40,
+        standing: true,
+        trajectory: Trajectory::Street,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.03)],
+        seed: 5,
+        ..Default::default()
+    })
+    .unwrap();
+    let score = |shift: f64, is_known: bool| {
+        let mut scene = with_cues(&street, Some(DepthNoise { shift, outliers: 0.05, ..Default::default() }), None);
+        if is_known {
+            scene.edit(|parts| _ = parts.scale_known.insert(0)).unwrap();
+        }
+        let found = localize(&scene, &options()).unwrap();
+        let (o3d, _) = scores(&street, &found, &scene);
+        (o3d, found.cue_scales.first().copied())
+    };
+    let (without, _) = score(0.0, false);
+    for shift in [0.0, 1.0, -1.0] {
+        let (o3d, scale) = score(shift, false);
+        let scale = scale.unwrap();
+        let found = scale.shift.unwrap();
+        assert!((found.value - shift).abs() < 2.0 * found.sd && found.sd < 0.2, "{shift}: {scale:?}");
+        assert!((scale.factor / 1.1).ln().abs() < 2.0 * scale.log_sd && scale.log_sd < 0.02, "{shift}: {scale:?}");
+        assert!((o3d - without).abs() < 0.01, "{shift}: {o3d} {without}");
+    }
+    // Taken for lengths of the world they cost much.
+    let (taken, scale) = score(1.0, true);
+    assert!(taken < without - 0.05 && scale.is_none(), "{taken} {without} {scale:?}");
+}
+
 /// A network that estimates depth up to a scale in each image: half of the objects are seen once, where nothing but the scale that
 /// the others tell says how far they are.
 #[test]
 fn each_frame_has_its_own_scale() {
     let made = made(4);
-    let noise = DepthNoise { noise: 0.02, scale: 40.0, outliers: 0.05, frame_scale: 0.3 };
+    let noise = DepthNoise { noise: 0.02, scale: 40.0, outliers: 0.05, frame_scale: 0.3, ..Default::default() };
     let mut scene = with_cues(&made, Some(noise), None);
     let is_seen_once = |object: u32| object % 2 == 1;
     scene
@@ -240,8 +282,8 @@ fn each_frame_has_its_own_scale() {
         let mut ratios: Vec<f64> =
             scene.detections.iter().filter(|d| d.frame_index as usize == frame).map(ratio).collect();
         ratios.sort_by(f64::total_cmp);
-        off.push((scale.factor / ratios[ratios.len() / 2]).ln());
-        assert!(scale.log_sd < 0.03, "{scale:?}");
+        off.push((scale.expected(25.0) / 25.0 / ratios[ratios.len() / 2]).ln());
+        assert!(scale.log_sd < 0.06, "{scale:?}");
     }
     // Surfaces are nearer than centres by a few percent, about the same in all frames.
     let mean = off.iter().sum::<f64>() / 4.0;
@@ -257,7 +299,7 @@ fn each_frame_has_its_own_scale() {
 #[test]
 fn a_known_scale_is_not_estimated() {
     let made = made(1);
-    let noise = DepthNoise { noise: 0.02, scale: 1.0, outliers: 0.0, frame_scale: 0.0 };
+    let noise = DepthNoise { noise: 0.02, scale: 1.0, ..Default::default() };
     let unknown = with_cues(&made, Some(noise), None);
     let mut known = unknown.clone();
     known.edit(|parts| _ = parts.scale_known.insert(0)).unwrap();

@@ -50,6 +50,7 @@ enum Kind {
     Sides,
     Depth,
     DepthScale,
+    DepthShift,
     DepthOutliers,
     Distance,
     Across,
@@ -61,12 +62,13 @@ enum Kind {
 }
 
 /// The kinds by the names of the command line, with the cue that has them.
-const KINDS: [(&str, Kind, Cue); 13] = [
+const KINDS: [(&str, Kind, Cue); 14] = [
     ("outline", Kind::Outline, Cue::Outline),
     ("angle", Kind::Angle, Cue::OrientedBox),
     ("sides", Kind::Sides, Cue::OrientedBox),
     ("depth", Kind::Depth, Cue::Depth),
     ("depth-scale", Kind::DepthScale, Cue::Depth),
+    ("depth-shift", Kind::DepthShift, Cue::Depth),
     ("depth-outliers", Kind::DepthOutliers, Cue::Depth),
     ("distance", Kind::Distance, Cue::Box3d),
     ("across", Kind::Across, Cue::Box3d),
@@ -86,6 +88,7 @@ fn cue_noise(text: &str) -> Result<CueNoise, String> {
     };
     let (range, expected) = match kind {
         Kind::DepthScale | Kind::SizeScale => (f64::MIN_POSITIVE..=f64::MAX, "a positive factor"),
+        Kind::DepthShift => (f64::MIN..=f64::MAX, "a number"),
         Kind::DepthOutliers | Kind::Flips | Kind::BoxOutliers => (0.0..=1.0, "a share from 0 to 1"),
         _ => (0.0..=f64::MAX, "a number of at least 0"),
     };
@@ -118,6 +121,7 @@ impl CueArgs {
                 Kind::Sides => turned.sides = amount,
                 Kind::Depth => depth.noise = amount,
                 Kind::DepthScale => depth.scale = amount,
+                Kind::DepthShift => depth.shift = amount,
                 Kind::DepthOutliers => depth.outliers = amount,
                 Kind::Distance => box3d.distance = amount,
                 Kind::Across => box3d.across = amount,
@@ -165,6 +169,7 @@ mod tests {
     #[test]
     fn errors_are_read_and_go_with_their_cue() {
         assert_eq!(cue_noise("depth-scale:1.2"), Ok(CueNoise { kind: Kind::DepthScale, amount: 1.2 }));
+        assert_eq!(cue_noise("depth-shift:-1"), Ok(CueNoise { kind: Kind::DepthShift, amount: -1.0 }));
         for wrong in ["depth", "depth:x", "fog:1", "depth:-1", "depth-scale:0", "flips:1.5"] {
             assert!(cue_noise(wrong).is_err(), "{wrong}");
         }

@@ -127,7 +127,7 @@ pub(crate) fn map(
         predict_fold(&views_of(*object), views, options.border_margin, fit)
     });
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
-    let cue_scales = scene.scales().constants().filter_map(CueScale::of).collect();
+    let cue_scales = scene.scales().found().filter_map(CueScale::of).collect();
     let learnt_sizes = scene.sizes().report();
     let supporting_surfaces = scene.surfaces().report();
     MapSolution {

@@ -21,7 +21,8 @@ fn center_of(view: &View) -> Option<Point3<f64>> {
         let world_from_cam = view.projection.world_from_cam_rotation()?;
         return Some(camera + world_from_cam * center.coords);
     }
-    at_depth(view, &camera, view.cues.depth?.median)
+    let depth = view.cues.depth?.median - view.depth_shift;
+    at_depth(view, &camera, depth).filter(|_| depth > 0.0)
 }
 
 /// The point of the ray through the middle of a view's box at this depth along the optical axis.

@@ -412,7 +412,7 @@ impl Fit {
         let of_noise = invert_spd(&self.equations.hessian())?;
         let mut local =
             if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
-        if let Some(terms) = self.scale_terms(noise) {
+        if let Some(terms) = self.scale_terms(shared.scales, noise) {
             local += shared.scales.added_covariance(&terms);
         }
         if context.corrects_poses()

@@ -45,6 +45,7 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
         cut_off: [false; 4],
         cues: Default::default(),
         depth_scale: crate::scene::DepthScale::Source,
+        depth_shift: 0.0,
     }
 }
 

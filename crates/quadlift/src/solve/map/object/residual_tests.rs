@@ -63,6 +63,7 @@ fn view(bounding_box: Option<BoundingBox>, ellipse: Option<Ellipse>) -> View {
         cut_off: [false; 4],
         cues: Default::default(),
         depth_scale: crate::scene::DepthScale::Source,
+        depth_shift: 0.0,
     }
 }
 

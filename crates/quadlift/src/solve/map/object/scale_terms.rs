@@ -10,11 +10,11 @@ use crate::scene::{DepthScale, View};
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::cues::MeasuredCue;
-use crate::solve::map::shared::cue_scales::{Constant, CueScales, ObjectTerms, Term};
+use crate::solve::map::shared::cue_scales::{Constant, CueScales, ObjectTerms, Ratios, Term};
 
 impl Fit {
     /// The terms of the constants at this fit; `None` without cues or where the normal equations are singular.
-    pub(crate) fn scale_terms(&self, noise: &NoiseLevels) -> Option<ObjectTerms> {
+    pub(crate) fn scale_terms(&self, scales: &CueScales, noise: &NoiseLevels) -> Option<ObjectTerms> {
         let measurements = &self.problem.measurements;
         if measurements.cues.is_empty() {
             return None;
@@ -28,14 +28,21 @@ impl Fit {
         objective.each_cue(&self.body, |cue, rows, _, loss_weight| {
             let view = &self.problem.views.views[cue.view];
             let mut axis = 0;
+            let by_shift = self.derivative_by_shift(cue, view, scales);
             for row in rows {
-                let derivative = -cue.whitening(noise, row.group);
+                let whitening = cue.whitening(noise, row.group);
                 let weight = loss_weight * weights.of(row.group);
-                for constant in self.constants(view, row.group, &mut axis) {
+                let constants = self.constants(view, row.group, by_shift, &mut axis);
+                for (k, &(constant, derivative)) in constants.iter().enumerate() {
+                    let derivative = -whitening * derivative;
                     let term = terms.entry(constant).or_default();
                     term.information += weight * derivative * derivative;
                     term.gradient += weight * derivative * row.residual;
                     term.coupling += nalgebra::SVector::from(row.row) * (weight * derivative);
+                    term.with.resize(k, (constant, 0.0));
+                    for (with, (other, by_other)) in term.with.iter_mut().zip(&constants) {
+                        *with = (*other, with.1 - weight * derivative * whitening * by_other);
+                    }
                 }
             }
         });
@@ -71,8 +78,8 @@ impl Fit {
         Some(variance.sqrt() * frame.unit / nearest.norm())
     }
 
-    /// Logarithms of measured over predicted lengths of other views' cues, by their constants, if this body were theirs.
-    pub(crate) fn log_ratios(&self, views: &[View], noise: &NoiseLevels, ratios: &mut BTreeMap<Constant, Vec<f64>>) {
+    /// Measured against predicted lengths of other views' cues, by their constants, if this body were theirs.
+    pub(crate) fn ratios(&self, views: &[View], noise: &NoiseLevels, ratios: &mut Ratios) {
         let frame = &self.problem.measurements.frame;
         let world = self.body.body_in_world(frame);
         let mut rows = Vec::new();
@@ -83,36 +90,55 @@ impl Fit {
                 cue.rows(&self.body, noise, &mut rows);
                 let mut axis = 0;
                 for row in &rows {
-                    for constant in self.constants(view, row.group, &mut axis) {
-                        ratios.entry(constant).or_default().push(row.residual / cue.whitening(noise, row.group));
+                    for (constant, _) in self.constants(view, row.group, None, &mut axis) {
+                        let ratio = row.residual / cue.whitening(noise, row.group);
+                        ratios.logs.entry(constant).or_default().push(ratio);
                     }
+                }
+                let scaled = view.cues.depth.filter(|_| view.depth_scale != DepthScale::Known);
+                if let (Some(depth), Some(predicted)) = (scaled, cue.predicted_depth(&self.body)) {
+                    ratios.depths.entry(depth.source).or_default().push(predicted * frame.unit);
                 }
             }
         }
     }
 
-    /// The constants that a residual of a view's cue contains; `axis` counts those of sizes.
-    fn constants(&self, view: &View, group: NoiseGroup, axis: &mut usize) -> impl Iterator<Item = Constant> + use<> {
+    /// The derivative of the logarithm of the expected measurement by the shift of its source; `None` for cues without one, 0 where
+    /// the body is behind the camera.
+    fn derivative_by_shift(&self, cue: &MeasuredCue, view: &View, scales: &CueScales) -> Option<f64> {
+        let reference = scales.reference(view.cues.depth.filter(|_| cue.is_depth())?.source)?;
+        let unit = self.problem.measurements.frame.unit;
+        let of_depth = |depth: f64| (reference - depth * unit) / (depth * unit + view.depth_shift);
+        Some(cue.predicted_depth(&self.body).map_or(0.0, of_depth))
+    }
+
+    /// The constants that a residual of a view's cue contains, those of the whole source first, with the derivatives of the logarithm
+    /// of the expected measurement; `axis` counts those of sizes.
+    fn constants(
+        &self,
+        view: &View,
+        group: NoiseGroup,
+        by_shift: Option<f64>,
+        axis: &mut usize,
+    ) -> Vec<(Constant, f64)> {
         let source = || view.cues.box3d.and_then(|measured| measured.source);
-        let (first, second) = match group {
-            NoiseGroup::Depth => {
+        match group {
+            NoiseGroup::Depth if view.depth_scale != DepthScale::Known => {
                 let source = view.cues.depth.and_then(|depth| depth.source);
                 let of_frame = Constant::DepthOfFrame(source, view.frame_index);
-                let of_source = Constant::Depth(source);
-                (
-                    (view.depth_scale != DepthScale::Known).then_some(of_source),
-                    (view.depth_scale == DepthScale::Frame).then_some(of_frame),
-                )
+                std::iter::once((Constant::Depth(source), 1.0))
+                    .chain(by_shift.map(|derivative| (Constant::DepthShift(source), derivative)))
+                    .chain((view.depth_scale == DepthScale::Frame).then_some((of_frame, 1.0)))
+                    .collect()
             }
-            NoiseGroup::BoxDistance => (Some(Constant::Distance(source())), None),
+            NoiseGroup::BoxDistance => vec![(Constant::Distance(source()), 1.0)],
             NoiseGroup::BoxSize => {
                 *axis += 1;
                 let category = self.problem.views.category_index;
                 let of_all = Constant::Sizes(source(), category);
-                (Some(Constant::Size(source(), category, *axis - 1)), Some(of_all))
+                vec![(of_all, 1.0), (Constant::Size(source(), category, *axis - 1), 1.0)]
             }
-            _ => (None, None),
-        };
-        first.into_iter().chain(second)
+            _ => Vec::new(),
+        }
     }
 }

@@ -10,7 +10,7 @@ use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::observer::{Unobserved, Watch};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
-use crate::solve::map::shared::cue_scales::{Constant, CueScales};
+use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
 use crate::solve::options::{BodyKind, MapOptions};
 use crate::synthetic::{CueOptions, Observations, SyntheticOptions, generate, simulate_cues};
 use nalgebra::{Matrix3, Vector3};
@@ -45,25 +45,40 @@ fn fit_at(noise: &NoiseLevels) -> Fit {
 #[test]
 fn the_cost_falls_with_a_step_as_its_derivatives_say() {
     let noise = NoiseLevels::new(67.0);
-    let fit = fit_at(&noise);
-    let terms = fit.scale_terms(&noise).unwrap();
-    // Depth, distance, all sizes, and three extents.
-    assert_eq!(terms.terms.len(), 6);
-    let mut scales = CueScales::default();
-    let change = scales.step(std::iter::once(&terms)).unwrap();
-    let cost = |share: f64| {
-        let change = change.part(share);
-        fit.moved_with(&change, share, &terms, &noise).unwrap().equations.cost + scales.changed(&change).cost()
-    };
-    let slope = |h: f64| (cost(h) - cost(-h)) / (2.0 * h);
-    let by_body = fit.equations.gradient().dot(&change.step_of(&terms, 1.0));
-    let values: BTreeMap<_, _> = change.constants().map(|(constant, value, _)| (constant, value)).collect();
-    // Those of extents are with that of all.
-    let own = |constant: &Constant| values[constant] - constant.of_all().map_or(0.0, |all| values[&all]);
-    let by_scales: f64 = terms.terms.iter().map(|(constant, term)| term.gradient * own(constant)).sum();
-    let expected = 2.0 * (by_body + by_scales);
-    assert!((slope(1e-4) - expected).abs() < 1e-4 * expected.abs(), "{} {expected}", slope(1e-4));
-    assert!(expected < 0.0 && cost(1.0) < cost(0.0));
+    let without_shift = CueScales::default();
+    // The object is 200 away.
+    let far = Ratios { depths: BTreeMap::from([(Some(0), vec![120.0; 5])]), ..Default::default() };
+    // Depth, distance, all sizes, and three extents; the shift.
+    for (mut scales, constants) in [(without_shift, 6), (CueScales::of_medians(far), 7)] {
+        let mut fit = fit_at(&noise);
+        // At no scales, and at some.
+        for place in 0..2 {
+            let terms = fit.scale_terms(&scales, &noise).unwrap();
+            assert_eq!(terms.terms.len(), constants);
+            let change = scales.step(std::iter::once(&terms)).unwrap();
+            let there = |share: f64| {
+                let change = change.part(share);
+                (fit.moved_with(&change, share, &terms, &noise).unwrap(), scales.changed(&change))
+            };
+            let cost = |share: f64| {
+                let (fit, scales) = there(share);
+                fit.equations.cost + scales.cost()
+            };
+            let slope = |h: f64| (cost(h) - cost(-h)) / (2.0 * h);
+            let by_body = fit.equations.gradient().dot(&change.step_of(&terms, 1.0));
+            let of_prior = |constant| scales.prior_gradient(constant);
+            let by_scales: f64 = terms
+                .terms
+                .iter()
+                .map(|(constant, term)| (term.gradient + of_prior(*constant)) * change.value(*constant))
+                .sum();
+            let expected = 2.0 * (by_body + by_scales);
+            let slope = slope(1e-4);
+            assert!((slope - expected).abs() < 1e-4 * expected.abs(), "{constants} {place}: {slope} {expected}");
+            assert!(expected < 0.0 && cost(1.0) < cost(0.0));
+            (fit, scales) = there(0.5);
+        }
+    }
 }
 
 /// With the covariance of other levels an object would know more than its measurements tell, and the scales had no solution.
@@ -71,7 +86,7 @@ fn the_cost_falls_with_a_step_as_its_derivatives_say() {
 fn terms_are_those_of_the_noise_levels() {
     let fit = fit_at(&NoiseLevels::new(67.0));
     for noise in [NoiseLevels::new(67.0).scaled(0.1), NoiseLevels::new(67.0).scaled(10.0)] {
-        let terms = fit.scale_terms(&noise).unwrap();
+        let terms = fit.scale_terms(&CueScales::default(), &noise).unwrap();
         for term in terms.terms.values() {
             assert!(term.information - term.coupling.dot(&(terms.covariance * term.coupling)) > 0.0);
         }

@@ -46,6 +46,8 @@ struct MeasuredDepth {
     ray: Vector3<f64>,
     cosine: f64,
     log_depth: f64,
+    /// Shift of the source: measured minus true depth, in the object's lengths.
+    shift: f64,
     weight: f64,
     /// Logarithm of the median depth of the visible surface over that of [`BodyModel::near_side`], at a body near this one.
     perspective: f64,
@@ -115,6 +117,14 @@ impl MeasuredCue {
         }
     }
 
+    /// The depth of the visible surface of a body that this depth measures, in the object's lengths; `None` for other cues, and where it
+    /// or what the shift makes of it is not before the camera.
+    pub(crate) fn predicted_depth(&self, body: &impl BodyModel) -> Option<f64> {
+        let Kind::Depth(measured) = &self.kind else { return None };
+        let depth = measured.depth_from_afar(body)?.0 * measured.perspective.exp();
+        Some(depth).filter(|depth| depth + measured.shift > SMALLEST_DEPTH)
+    }
+
     /// 1 / standard deviation of the errors of a group in this cue.
     pub(crate) fn whitening(&self, noise: &NoiseLevels, group: NoiseGroup) -> f64 {
         let weight = match (&self.kind, group) {
@@ -162,6 +172,7 @@ impl MeasuredDepth {
             ray,
             cosine: axis.dot(&ray),
             log_depth: (depth.median / frame.unit).ln(),
+            shift: view.depth_shift / frame.unit,
             weight: weight(depth.sd.map(|sd| sd / depth.median), NoiseGroup::Depth),
             perspective: 0.0,
         })
@@ -175,11 +186,14 @@ impl MeasuredDepth {
         (depth > SMALLEST_DEPTH).then_some((depth, row))
     }
 
-    /// Logarithm of the measured depth over that of the visible surface.
+    /// Logarithm of the measured depth over that of the visible surface with the shift.
     fn residual(&self, body: &impl BodyModel) -> (f64, Row) {
-        match self.depth_from_afar(body) {
-            Some((depth, row)) => (self.log_depth - depth.ln() - self.perspective, row.map(|x| -x / depth)),
-            None => (self.log_depth - SMALLEST_DEPTH.ln(), [0.0; 9]),
+        let shifted = |(depth, row): (f64, Row)| (depth + self.shift * (-self.perspective).exp(), row);
+        match self.depth_from_afar(body).map(shifted) {
+            Some((depth, row)) if depth > SMALLEST_DEPTH => {
+                (self.log_depth - depth.ln() - self.perspective, row.map(|x| -x / depth))
+            }
+            _ => (self.log_depth - SMALLEST_DEPTH.ln(), [0.0; 9]),
         }
     }
 }

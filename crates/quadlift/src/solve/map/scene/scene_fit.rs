@@ -1,7 +1,6 @@
 //! All objects of a scene together: rounds of noise levels, ground plane and refits, until they agree.
 
 use crate::tuning::UPRIGHT_SHARE;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
@@ -26,7 +25,7 @@ use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
 use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::SharedErrors;
-use crate::solve::map::shared::cue_scales::CueScales;
+use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::poses::PoseCorrections;
@@ -158,12 +157,12 @@ impl SceneFit {
             views
         };
         let boxes = Self::settled(body_kinds, &without_cues, noise, CueScales::default(), context);
-        let mut ratios = BTreeMap::new();
+        let mut ratios = Ratios::default();
         for (k, fit) in boxes.fits.iter().enumerate() {
             // Where boxes leave the distance open they do not tell a scale.
             let Ok(fit) = fit else { continue };
             if fit.relative_distance_sd().is_some_and(|sd| sd < WELL_LOCATED) {
-                fit.log_ratios(&views_of(k).views, &boxes.noise, &mut ratios);
+                fit.ratios(&views_of(k).views, &boxes.noise, &mut ratios);
             }
         }
         Some(CueScales::of_medians(ratios))

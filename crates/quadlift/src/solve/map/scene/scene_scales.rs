@@ -24,7 +24,7 @@ pub(super) fn step_scales(
     if context.options.sigmas.is_some() || !context.has_cues {
         return false;
     }
-    let terms = map_indices(fits.len(), |k| fits[k].as_ref().ok()?.scale_terms(noise));
+    let terms = map_indices(fits.len(), |k| fits[k].as_ref().ok()?.scale_terms(scales, noise));
     let known = terms.iter().flatten();
     if known.clone().next().is_none() {
         return false;

@@ -3,6 +3,7 @@
 
 pub(crate) mod cue_scales;
 mod envelope;
+pub(crate) mod found_scales;
 pub(crate) mod ground;
 pub(crate) mod pose_evidence;
 pub(crate) mod pose_prior;

@@ -29,8 +29,9 @@ pub(super) struct Told {
     pub gradient: f64,
     /// Products of derivatives by the scale and by the object's parameters.
     pub coupling: SVector<f64, PARAMETERS>,
-    /// For that of a frame: the position of the scale of the source, which the same measurements contain.
-    pub with: Option<usize>,
+    /// Positions of constants of the source that the same measurements contain, with the sums of weighted products of both
+    /// derivatives. Each pair is with one of its two.
+    pub with: Vec<(usize, f64)>,
 }
 
 /// The equations.
@@ -166,9 +167,9 @@ impl ScaleSystem {
             let moved = covariance * parameters;
             for term in told {
                 image[term.index] -= term.coupling.dot(&moved);
-                if let Some(source) = term.with {
-                    image[term.index] += term.information * x[source];
-                    image[source] += term.information * x[term.index];
+                for &(source, information) in &term.with {
+                    image[term.index] += information * x[source];
+                    image[source] += information * x[term.index];
                 }
             }
         }
@@ -200,16 +201,17 @@ impl ScaleSystem {
                 for other in &of_frame {
                     frames[position(other)].1[position(term)] -= other.coupling.dot(&seen);
                 }
-                if let Some(source) = term.with.map(|source| self.places[source].0) {
-                    normal[(position(term), source)] += term.information;
-                    normal[(source, position(term))] += term.information;
+                for &(source, information) in &term.with {
+                    let source = self.places[source].0;
+                    normal[(position(term), source)] += information;
+                    normal[(source, position(term))] += information;
                 }
             }
             for term in &of_frame {
                 let (diagonal, entries) = &mut frames[position(term)];
                 *diagonal -= term.coupling.dot(&(covariance * term.coupling));
-                if let Some(source) = term.with {
-                    entries[self.places[source].0] += term.information;
+                for &(source, information) in &term.with {
+                    entries[self.places[source].0] += information;
                 }
             }
         }
@@ -295,10 +297,16 @@ mod tests {
                 let mut coupling = SVector::zeros();
                 coupling[0] = (share * information).sqrt();
                 coupling[1 + index % 4] = (0.2 * share * information).sqrt();
-                told.push(Told { index, information, gradient: rng.random_range(-3.0..3.0), coupling, with: Some(1) });
+                told.push(Told {
+                    index,
+                    information,
+                    gradient: rng.random_range(-3.0..3.0),
+                    coupling,
+                    with: vec![(1, information)],
+                });
                 sum = (sum.0 + information, sum.1 + coupling);
             }
-            told.push(Told { index: 1, information: sum.0, gradient: 0.5, coupling: sum.1, with: None });
+            told.push(Told { index: 1, information: sum.0, gradient: 0.5, coupling: sum.1, with: Vec::new() });
             let scale: f64 = told.iter().map(|term| term.coupling.norm_squared() / term.information).sum();
             let covariance = Matrix9::identity() * (0.5 / scale.max(1.0));
             for a in &told {
