@@ -8,7 +8,8 @@ use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{
-    CueScale, DepthShift, Estimate, LearntCategorySize, Method, ScaledQuantity, SizePrior, Status, SupportingSurface,
+    CueScale, DepthShift, Estimate, LearntCategorySize, Method, PosePointsReport, ScaledQuantity, SizePrior, Status,
+    SupportingSurface,
 };
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
@@ -211,6 +212,20 @@ pub fn learnt_sizes(scene: &Scene, localization: &Localization) -> Vec<String> {
         )
     };
     localization.learnt_sizes.iter().map(line).collect()
+}
+
+/// The points from which poses were corrected beside the objects, in one line.
+pub fn pose_points(found: &PosePointsReport) -> String {
+    let pixels = |error: Option<f64>| error.map_or_else(|| "-".to_owned(), |error| format!("{error:.2} px"));
+    format!(
+        "poses: {} of {}, {}; median error {} as given, {} now; noise {}",
+        count(found.points, "track"),
+        count(found.scene_points, "point"),
+        count(found.observations, "observation"),
+        pixels(found.given_error),
+        pixels(found.error),
+        pixels(found.noise)
+    )
 }
 
 /// The surfaces on which objects stand, one line each; none where they were not asked for.

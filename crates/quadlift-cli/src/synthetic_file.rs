@@ -13,7 +13,11 @@ pub fn with_true_ids(mut file: SceneFile, synthetic: &SyntheticScene) -> SceneFi
     file
 }
 
-/// The scene with its cameras, detections and, as `objects`, the truth.
+fn rounded(x: f64, steps: f64) -> f64 {
+    (x * steps).round() / steps
+}
+
+/// The scene with its cameras, points, detections and, as `objects`, the truth.
 pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
     let scene = &synthetic.scene;
     // One record for each kind of camera; the first one is simply called "camera".
@@ -25,6 +29,7 @@ pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
         up: scene.up.map(|up| up.into_inner().into()),
         ..Default::default()
     };
+    let mut observed: Vec<(Vec<u32>, Vec<[f64; 2]>)> = vec![Default::default(); synthetic.frames.len()];
     for frame in &synthetic.frames {
         let kind = (frame.intrinsics, [frame.width, frame.height]);
         let camera = kinds.iter().position(|k| *k == kind).unwrap_or_else(|| {
@@ -38,6 +43,19 @@ pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
             cam_from_world: Some(std::array::from_fn(|i| std::array::from_fn(|j| pose[(i, j)]))),
             ..Default::default()
         });
+    }
+    for point in &scene.points {
+        let number = file.points.len() as u32;
+        file.points.push(point.position.coords.map(|x| rounded(x, 1e6)).into());
+        for seen in &point.observations {
+            let (points, pixels) = &mut observed[seen.frame_index as usize];
+            points.push(number);
+            pixels.push(seen.pixel.map(|x| rounded(x, 100.0)).into());
+        }
+    }
+    for (frame, (points, pixels)) in file.frames.iter_mut().zip(observed).filter(|(_, (points, _))| !points.is_empty())
+    {
+        (frame.observed_points, frame.observed_pixels) = (Some(points.into()), Some(pixels.into()));
     }
     for (index, (intrinsics, [width, height])) in kinds.iter().enumerate() {
         file.cameras.push(CameraRecord {

@@ -79,6 +79,7 @@ Examples:
   quadlift synth -o outlines.json --views 3 --cues outline --cue-noise outline:0.05
   quadlift synth -o cues.json --views 2 --cues depth,box3d --cue-noise depth:0.1 --cue-noise yaw:20
   quadlift synth -o hall.json --walkers 2 --cameras 4 --noise box:0.03 --misses 0.2
+  quadlift synth -o points.json --trajectory street --views 60 --noise box:0.02 --points 1000 --pose-noise 0.3
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
@@ -141,6 +142,14 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = args::three_numbers, allow_hyphen_values = true)]
     offset: [f64; 3],
 
+    /// Number of points about the objects, each tracked through 3 to 20 images, as structure from motion finds them
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(0..=10_000_000))]
+    points: usize,
+
+    /// Standard deviation of the pixels of points, each way
+    #[arg(long, value_name = "PX", default_value_t = 0.5, value_parser = args::finite, requires = "points")]
+    point_noise: f64,
+
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -159,8 +168,8 @@ pub struct Args {
         long,
         help_heading = "Rendering",
         conflicts_with_all = [
-            "body", "standing", "edge_bias", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "DetectorArgs", "IdArgs",
-            "CueArgs"
+            "body", "standing", "edge_bias", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "points", "DetectorArgs",
+            "IdArgs", "CueArgs"
         ]
     )]
     render: bool,
@@ -176,7 +185,7 @@ pub struct Args {
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=100),
         conflicts_with_all = [
             "objects", "views", "body", "standing", "edge_bias", "observations", "outliers", "trajectory", "scale", "offset", "cube",
-            "pose_noise", "duplicates", "occlusion", "fragments", "switches", "truth", "CueArgs", "render"
+            "pose_noise", "points", "duplicates", "occlusion", "fragments", "switches", "truth", "CueArgs", "render"
         ]
     )]
     walkers: Option<usize>,
@@ -390,6 +399,8 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
         outlier_share: args.outliers,
         cube_side: args.cube,
         pose_noise: args.pose_noise,
+        points: args.points,
+        point_noise: args.point_noise,
         detector: Detector {
             misses: detector.misses,
             false_boxes: detector.false_boxes,

@@ -137,6 +137,11 @@ fn entries() -> Vec<Case> {
             scene["points"] = json!([[0, 0, 1]]);
             scene["frames"][0]["observed_points"] = json!([0, 1]);
         }),
+        changed("pixels of fewer points than were observed", |scene| {
+            scene["points"] = json!([[0, 0, 1], [0, 1, 1]]);
+            scene["frames"][0]["observed_points"] = json!([0, 1]);
+            scene["frames"][0]["observed_pixels"] = json!([[10, 20]]);
+        }),
         changed("a 3D box in an unknown frame", |scene| {
             scene["detections"][2]["box3d"] = json!({"center": [0, 0, 5], "frame": "lidar"});
         }),

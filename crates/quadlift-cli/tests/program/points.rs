@@ -124,3 +124,44 @@ fn sweeps_are_read_where_they_are_and_damaged_ones_are_named() {
     assert_ne!(folder.run("localize sweep.json -o velodyne/a.bin").code, 0);
     assert_eq!(std::fs::read(folder.path("velodyne/a.bin")).unwrap(), bytes);
 }
+
+#[test]
+fn points_with_their_pixels_tell_errors_of_poses() {
+    let folder = Folder::new();
+    folder.succeed(
+        "synth -q -o scene.json --trajectory street --views 24 --objects 12 --noise box:0.02 --points 600 --pose-noise 0.3",
+    );
+    let scene = folder.json("scene.json");
+    let frame = &scene["frames"][3];
+    let lists = ["observed_points", "observed_pixels"].map(|name| frame[name].as_array().unwrap().len());
+    assert!(lists[0] > 20 && lists[0] == lists[1], "{lists:?}");
+    let run = folder.run("localize scene.json --refine-poses -o out.json -v --accept-inconsistent");
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(run.stderr.contains("poses: ") && run.stderr.contains("median error"), "{}", run.stderr);
+    let found = folder.json("out.json");
+    let points = &found["localization"]["pose_points"];
+    let number = |name: &str| points[name].as_f64().unwrap();
+    assert!(number("given_error_px") > 1.0 && number("error_px") < 0.8, "{points}");
+    assert!((0.3..0.7).contains(&number("noise_px")) && points.get("problem").is_none(), "{points}");
+    // Frames keep their points and pixels.
+    assert_eq!(found["frames"][3]["observed_pixels"], frame["observed_pixels"]);
+    // Pixels of images half as large are no pixels of these points.
+    let mut wrong = scene.clone();
+    for frame in wrong["frames"].as_array_mut().unwrap() {
+        for pixel in frame["observed_pixels"].as_array_mut().unwrap() {
+            pixel.as_array_mut().unwrap().iter_mut().for_each(|x| *x = json!(0.5 * x.as_f64().unwrap()));
+        }
+    }
+    folder.write_json("wrong.json", &wrong);
+    let run = folder.run("localize wrong.json --refine-poses --accept-inconsistent --json");
+    assert!(run.stderr.contains("warning: points were not used for the poses: "), "{}", run.stderr);
+    let document: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert!(document["scenes"][0]["pose_points"]["problem"].is_string(), "{document}");
+    // As many pixels as points.
+    wrong["frames"][3]["observed_pixels"] = json!([[1, 2]]);
+    folder.write_json("wrong.json", &wrong);
+    let run = folder.run("localize wrong.json");
+    let expected =
+        format!("frames[3].observed_pixels: found 1 pixel; expected one for each of the {} points", lists[0]);
+    assert!(run.code == 1 && run.stderr.contains(&expected), "{}", run.stderr);
+}

@@ -43,7 +43,13 @@ const MOTIONS: [(&str, Option<PoseMotion>); 4] = [
     ("slow", Some(PoseMotion::Slow)),
 ];
 
-fn drive(seed: u64) -> Result<SyntheticScene, Error> {
+/// The row with points: tracks of a drive, errors of their pixels, and share of wrong observations.
+const WITH_POINTS: (&str, Option<PoseMotion>) = ("auto, with points", Some(PoseMotion::Auto));
+const POINTS: usize = 1500;
+const POINT_NOISE: f64 = 0.5;
+const POINT_MISMATCHES: f64 = 0.05;
+
+fn drive(seed: u64, points: usize) -> Result<SyntheticScene, Error> {
     Ok(generate(&SyntheticOptions {
         seed,
         objects: CARS,
@@ -51,6 +57,9 @@ fn drive(seed: u64) -> Result<SyntheticScene, Error> {
         trajectory: Trajectory::Street,
         observations: Observations::Boxes,
         noise: vec![Noise::BoxEdges(EDGE_NOISE)],
+        points,
+        point_noise: POINT_NOISE,
+        point_mismatches: POINT_MISMATCHES,
         ..Default::default()
     })?)
 }
@@ -138,21 +147,23 @@ fn spread(errors: &[Vector3<f64>]) -> f64 {
 
 /// Adds the table of simulated drives.
 pub(super) fn run(seed: u64, progress: Progress, report: &mut Report) -> Result<(), Error> {
-    let steps = Steps::new("cameras", ERRORS.len() * MOTIONS.len(), progress);
+    let steps = Steps::new("cameras", ERRORS.len() * (MOTIONS.len() + 1), progress);
     report.text(format!(
         "Poses that are refined with the objects (`localize --refine-poses`): {DRIVES} drives of {FRAMES} frames along {CARS} cars, boxes with \
          {EDGE_NOISE} of their half size of noise, poses with errors. Errors of poses are root mean squares less their mean over the \
-         drive, which no box shows. NEES: medians, of objects with 9 parameters (8.34), of poses with 6 (5.35)."
+         drive, which no box shows. \"With points\": {POINTS} points of structure from motion, each tracked through 3 to 20 frames, {POINT_NOISE} px \
+         of noise, {POINT_MISMATCHES} of the observations wrong. NEES: medians, of objects with 9 parameters (8.34), of poses with 6 (5.35)."
     ));
     let titles = ["errors of poses", "refined", "rotation, rad", "position", "O3D", "NEES of objects", "NEES of poses"];
     let mut table = Table::new("Refined poses: simulated drives", titles);
     let mut halved = Vec::new();
     for errors in ERRORS {
         let mut as_given = 0.0;
-        for (name, refine_poses) in MOTIONS {
+        for (name, refine_poses) in MOTIONS.into_iter().chain([WITH_POINTS]) {
+            let points = if name == WITH_POINTS.0 { POINTS } else { 0 };
             let of_drive = |k: u64| -> Result<Scores, Error> {
                 let seed = seed.wrapping_add(FIRST_SEED + k);
-                let made = drive(seed)?;
+                let made = drive(seed, points)?;
                 let given = with_errors(&made, errors, seed)?;
                 let map = MapOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() };
                 let found = localize(&given.scene, &LocalizeOptions { seed, ..map.into() })?;

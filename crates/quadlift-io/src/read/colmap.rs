@@ -3,6 +3,7 @@
 //! COLMAP's conventions are those of the scene file: OpenCV axes, world to camera, pixels from the corner, all camera
 //! models with their names. Format: `src/colmap/scene/reconstruction_io` of COLMAP.
 
+mod observed;
 mod points;
 mod rigs;
 
@@ -21,6 +22,7 @@ use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 use crate::wording::count;
 
+use observed::Chosen;
 pub use points::DEFAULT_POINTS;
 use rigs::{ImageId, Rigs};
 
@@ -88,6 +90,7 @@ pub fn parse_text(
     rigs: Option<[File; 2]>,
     most_points: usize,
 ) -> Result<Import, ReadError> {
+    let points = Chosen::new(points::parse_text(points)?, most_points);
     let mut model = Model { rigs: rigs.map(rigs::parse_text).transpose()?, ..Model::default() };
     // Without cameras the file is empty but for its comments.
     for line in lines(cameras.0, as_utf8(cameras.0, cameras.1)?).filter(|line| !line.is_blank_or_comment()) {
@@ -109,7 +112,10 @@ pub fn parse_text(
         // lines.
         while let Some(line) = image_lines.peek() {
             let is_comment = line.text.starts_with('#');
-            if is_comment || is_points(line)? {
+            if is_comment {
+                image_lines.next();
+            } else if is_points(line)? {
+                model.add_pixels(id, points.pixels_of_text(id, line)?);
                 image_lines.next();
             }
             if !is_comment {
@@ -117,7 +123,7 @@ pub fn parse_text(
             }
         }
     }
-    model.import(images.0, "text", points::parse_text(points)?, most_points)
+    model.import(images.0, "text", &points)
 }
 
 /// Whether a line that follows an image holds its points; otherwise it is the next image.
@@ -157,6 +163,7 @@ pub fn parse_binary(
     rigs: Option<[File; 2]>,
     most_points: usize,
 ) -> Result<Import, ReadError> {
+    let points = Chosen::new(points::parse_binary(points)?, most_points);
     let mut model = Model { rigs: rigs.map(rigs::parse_binary).transpose()?, ..Model::default() };
     let mut bytes = Bytes::new(cameras.0, cameras.1);
     // The counts of the files are not trusted: nothing is allocated for them.
@@ -182,11 +189,11 @@ pub fn parse_binary(
         let camera = bytes.u32("a camera id")?;
         let image = ImageId { id, camera, name: bytes.text("the name of an image")?.to_owned() };
         model.add_image(image, quaternion, translation).map_err(|problem| bytes.error(problem))?;
-        let points = bytes.u64("the number of points")?;
-        bytes.skip(points, 24, "points")?;
+        let pixels = points.pixels_of_bytes(id, &mut bytes)?;
+        model.add_pixels(id, pixels);
     }
     bytes.end()?;
-    model.import(images.0, "binary", points::parse_binary(points)?, most_points)
+    model.import(images.0, "binary", &points)
 }
 
 /// Model, image size and parameters, as in a line of `cameras.txt` after the id.
@@ -216,6 +223,8 @@ struct Model {
     frames: BTreeMap<String, FrameRecord>,
     images: Vec<ImageId>,
     rigs: Option<Rigs>,
+    /// By the ids of the images; `None` where their points are not those of the tracks.
+    pixels: BTreeMap<u32, Option<Box<[[f64; 2]]>>>,
 }
 
 impl Model {
@@ -266,32 +275,22 @@ impl Model {
         Ok(())
     }
 
-    /// Tells the frames which of the points were observed in them. Images of tracks that the model does not have are passed over.
-    fn add_observations(&mut self, points: &[points::Point]) {
-        let mut observed: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        for (index, point) in (0u32..).zip(points) {
-            for image in &point.track {
-                let of_image = observed.entry(*image).or_default();
-                // A track may have two pixels of one image.
-                if of_image.last() != Some(&index) {
-                    of_image.push(index);
-                }
-            }
-        }
+    fn add_pixels(&mut self, image: u32, pixels: Option<Option<Box<[[f64; 2]]>>>) {
+        self.pixels.extend(pixels.map(|pixels| (image, pixels)));
+    }
+
+    /// Tells the frames which of the points were observed in them, and in which pixels. Images of tracks that the model does not have are
+    /// passed over.
+    fn add_observations(&mut self, points: &Chosen) {
         for image in &self.images {
-            if let (Some(frame), Some(points)) = (self.frames.get_mut(&image.name), observed.remove(&image.id)) {
-                frame.observed_points = Some(points.into());
+            if let (Some(frame), Some(seen)) = (self.frames.get_mut(&image.name), points.observed.get(&image.id)) {
+                frame.observed_points = Some(seen.iter().map(|seen| seen.point).collect());
+                frame.observed_pixels = self.pixels.remove(&image.id).flatten();
             }
         }
     }
 
-    fn import(
-        mut self,
-        path: &Path,
-        form: &str,
-        points: Vec<points::Point>,
-        most_points: usize,
-    ) -> Result<Import, ReadError> {
+    fn import(mut self, path: &Path, form: &str, points: &Chosen) -> Result<Import, ReadError> {
         let mut notes = vec![
             format!("COLMAP model in {form} form: axes, poses and pixel coordinates need no conversion"),
             "the length unit is unknown".to_owned(),
@@ -300,19 +299,26 @@ impl Model {
             let of_rigs = rigs.apply(&self.images, &mut self.frames);
             notes.extend(of_rigs.map_err(|problem| ReadError::new(path, problem))?);
         }
-        let all = points.len();
-        let points = points::chosen(points, most_points);
-        match points.len() {
+        match points.points.len() {
             0 => {}
-            kept if kept == all => notes.push(format!("{} of the model", count(all, "sparse point"))),
-            kept => notes.push(format!("{kept} of {}, evenly spread", count(all, "sparse point"))),
+            kept if kept == points.all => notes.push(format!("{} of the model", count(kept, "sparse point"))),
+            kept => notes.push(format!("{kept} of {}, evenly spread", count(points.all, "sparse point"))),
         }
-        if points.iter().any(|point| !point.track.is_empty()) {
-            self.add_observations(&points);
-            notes.push("frames have the points that were observed in them".to_owned());
+        if !points.observed.is_empty() {
+            let (with, without) = self.pixels.values().fold((0, 0), |(with, without), pixels| match pixels {
+                Some(_) => (with + 1, without),
+                None => (with, without + 1),
+            });
+            let pixels = if with > 0 { ", with their pixels" } else { "" };
+            notes.push(format!("frames have the points that were observed in them{pixels}"));
+            if without > 0 {
+                let images = count(without, "image");
+                notes.push(format!("the pixels of {images} were not used: their points are not those of the tracks"));
+            }
+            self.add_observations(points);
         }
         let scene = SceneFile {
-            points: points.iter().map(|point| point.position).collect(),
+            points: points.points.iter().map(|point| point.position).collect(),
             cameras: self.cameras.into_values().collect(),
             frames: self.frames.into_values().collect(),
             ..SceneFile::default()

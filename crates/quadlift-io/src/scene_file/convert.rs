@@ -64,6 +64,7 @@ impl SceneFile {
                 builder.taken_by_rig(added, RigCamera { instant, camera });
             }
         }
+        self.add_tracked_points(&mut builder)?;
         if let Some(cloud) = self.point_cloud.as_deref() {
             cloud.check(true, |field| format!("point_cloud{field}"))?;
         }

@@ -15,6 +15,7 @@ pub fn expected(field: &str) -> Option<&'static str> {
             "\"point_cloud\": {\"path\": \"...\", \"frame\": \"camera\", \"transform\": three rows of four numbers}"
         }
         "observed_points" => "\"observed_points\": a list of whole numbers, the points of the scene from 0",
+        "observed_pixels" => "\"observed_pixels\": [[x, y], [x, y], ...], the pixels of \"observed_points\"",
         "transform" => "\"transform\": three rows [a, b, c, t], which map points of the file to \"frame\"",
         "points" => "\"points\": a list of [x, y, z] in the world",
         "rotation" => "\"rotation\": a unit quaternion [w, x, y, z]",

@@ -2,12 +2,12 @@
 //! depths of detections that they show.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Vector2};
 use quadlift::Observer;
-use quadlift::scene::{DepthCue, Frame, Scene};
+use quadlift::scene::{DepthCue, Frame, Scene, SceneBuilder};
 use quadlift_segment::{ProjectedPoint, SurfaceOfPoints, surface_of_points};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -17,6 +17,7 @@ use super::records::{FrameRecord, SceneFile};
 use crate::error::{EntryError, ReadError};
 use crate::numbers;
 use crate::read::point_cloud::read_point_cloud;
+use crate::wording;
 
 /// The source of depths from a cloud without one, and of those from the scene's points.
 const CLOUD_SOURCE: &str = "point_cloud";
@@ -82,11 +83,25 @@ impl FrameRecord {
             cloud.check(false, |field| entry(&format!(".point_cloud{field}")))?;
         }
         let observed = self.observed_points.iter().flatten().enumerate();
-        match observed.into_iter().find(|(_, point)| **point as usize >= count) {
+        if let Some((k, point)) = observed.into_iter().find(|(_, point)| **point as usize >= count) {
+            let problem = format!("found {point}; expected the number of a point from 0, of the scene's {count}");
+            return Err(EntryError::new(entry(&format!(".observed_points[{k}]")), problem));
+        }
+        let Some(pixels) = &self.observed_pixels else { return Ok(()) };
+        let points = self.observed_points.as_ref().map_or(0, |points| points.len());
+        if pixels.len() != points {
+            let problem = format!(
+                "found {}; expected one for each of the {} in \"observed_points\"",
+                wording::count(pixels.len(), "pixel"),
+                wording::count(points, "point")
+            );
+            return Err(EntryError::new(entry(".observed_pixels"), problem));
+        }
+        match pixels.iter().position(|pixel| !pixel.iter().all(|x| x.is_finite())) {
             None => Ok(()),
-            Some((k, point)) => {
-                let problem = format!("found {point}; expected the number of a point from 0, of the scene's {count}");
-                Err(EntryError::new(entry(&format!(".observed_points[{k}]")), problem))
+            Some(k) => {
+                let problem = format!("found {:?}; expected two finite numbers", pixels[k]);
+                Err(EntryError::new(entry(&format!(".observed_pixels[{k}]")), problem))
             }
         }
     }
@@ -115,6 +130,21 @@ fn has_points(frame: &FrameRecord) -> bool {
 }
 
 impl SceneFile {
+    /// Adds the points to a scene whose frames are there and have pixels of them.
+    pub(super) fn add_tracked_points(&self, builder: &mut SceneBuilder) -> Result<(), EntryError> {
+        let mut tracks: BTreeMap<u32, Vec<(usize, [f64; 2])>> = BTreeMap::new();
+        for (index, frame) in self.frames.iter().enumerate() {
+            let observed = frame.observed_points.iter().flatten().zip(frame.observed_pixels.iter().flatten());
+            observed.for_each(|(point, pixel)| tracks.entry(*point).or_default().push((index, *pixel)));
+        }
+        for (point, observed) in tracks {
+            let Some(position) = self.points.get(point as usize) else { continue };
+            let added = builder.add_point(*position, &observed);
+            added.map_err(|error| EntryError::new(format!("points[{point}]"), error))?;
+        }
+        Ok(())
+    }
+
     /// Whether detections may get a depth from points: a frame has a cloud, or the scene has one, or it is known which points a frame
     /// observed.
     pub fn has_points_of_frames(&self) -> bool {

@@ -178,6 +178,9 @@ pub struct FrameRecord {
     /// Which of the scene's points were observed in the image: their numbers from 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub observed_points: Option<Box<[u32]>>,
+    /// The pixels in which they were observed, in the image as it is, in the order of `observed_points`.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_lists")]
+    pub observed_pixels: Option<Box<[[f64; 2]]>>,
     /// Time in seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,

@@ -5,7 +5,8 @@ use quadlift::geometry::{CamFromWorld, Projection};
 use quadlift::nalgebra::Matrix3x4;
 use quadlift::scene::Scene;
 use quadlift::solve::{
-    BodyKind, CueScale, Estimate, LearntCategorySize, Method, ScaledQuantity, Sigmas, Status, SupportingSurface,
+    BodyKind, CueScale, Estimate, LearntCategorySize, Method, PosePointsProblem, ScaledQuantity, Sigmas, Status,
+    SupportingSurface,
 };
 use quadlift::{Localization, LocalizeOptions};
 use serde_json::{Map, Value, json};
@@ -130,6 +131,28 @@ pub fn supporting_surfaces_record(scene: &Scene, localization: &Localization) ->
     localization.supporting_surfaces.iter().map(record).collect()
 }
 
+/// The points from which poses were corrected beside the objects; null if the scene has none, or poses were not corrected. `problem` says
+/// why they were left out.
+pub fn pose_points_record(localization: &Localization) -> Value {
+    let Some(found) = &localization.pose_points else { return Value::Null };
+    let mut json = json!({
+        "scene_points": found.scene_points,
+        "points": found.points,
+        "observations": found.observations,
+        "given_error_px": found.given_error,
+        "error_px": found.error,
+        "noise_px": found.noise,
+    });
+    if let Some(problem) = &found.problem {
+        json["problem"] = problem.name().into();
+        json["warning"] = found.to_string().into();
+    }
+    if let Some(PosePointsProblem::Elsewhere { error }) = found.problem {
+        json["position_error_px"] = error.into();
+    }
+    json
+}
+
 /// The cross-validation of a scene; null if no view could be predicted.
 pub fn cross_validation_record(localization: &Localization) -> Value {
     let checked = &localization.cross_validation;
@@ -242,6 +265,9 @@ impl SceneFile {
         }
         if !localization.supporting_surfaces.is_empty() {
             about["supporting_surfaces"] = supporting_surfaces_record(scene, localization);
+        }
+        if localization.pose_points.is_some() {
+            about["pose_points"] = pose_points_record(localization);
         }
         self.with_results(Vec::new(), about).with_refined_poses(localization)
     }

@@ -40,11 +40,11 @@ const RECORDS: [&str; 26] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 69] = [
+const PLAIN: [&str; 70] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
     "counts", "cut_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
     "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
-    "notes", "object", "observed_points", "occluded", "odd_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
+    "notes", "object", "observed_pixels", "observed_points", "occluded", "odd_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
     "reason", "rejected_because", "relative", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
     "status", "support_exponent", "time", "touches_others", "transform", "truncated", "up", "value", "version", "views",
     "views_rejected", "views_used", "visible_fraction", "warnings", "width",
@@ -241,7 +241,7 @@ mod tests {
             "projection": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "width": 1, "height": 1, "image": "a.png", "time": 1.5,
             "depth": {"path": "depth/a.png", "scale": 0.001, "source": "lidar"},
             "point_cloud": {"path": "a.bin", "frame": "world", "source": "lidar", "transform": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]},
-            "observed_points": [0, 2, 5],
+            "observed_points": [0, 2, 5], "observed_pixels": [[1, 2], [3.5, 4], [5, 6]],
         });
         let document = json!({
             "format": "quadlift.scene", "version": 1, "name": "a", "length_unit": "m", "up": [0, 0, 1], "notes": "b",

@@ -11,7 +11,7 @@ impl Correction {
     /// The corrected scene. Detections without a frame or a measurement are dropped; lenses are not changed
     /// (measurements undistorted with wrong intrinsics are not undistorted again). Depths and 3D boxes stay where they are in the
     /// frame of the camera; their lengths are in the world's unit. Where the box changes, the supporting lines of an outline are
-    /// dropped: correct the scene file to keep them.
+    /// dropped, and so are tracked points: correct the scene file to keep them.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut corrected = rewrite(
             scene,
@@ -68,6 +68,7 @@ fn rewrite(
     frames: Option<Vec<Option<usize>>>,
 ) -> Scene {
     let mut result = scene.clone().into_parts();
+    result.points = Vec::new();
     let given: Vec<Option<CameraParts>> =
         scene.frames.iter().map(|frame| CameraParts::from_projection(&frame.projection)).collect();
     for (frame, camera) in result.frames.iter_mut().zip(&given) {

@@ -14,12 +14,12 @@ use crate::diagnosis::{Diagnosis, diagnose_refined};
 use crate::observer::{Observer, Unobserved, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
-use crate::solve::map::{MapContext, PoseUnknowns, map};
+use crate::solve::map::{MapContext, PosePoints, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
     BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, OptionError,
-    POSE_NOISE_NAMES, PoseNoise, RefinedPose, Sigmas, Status, SupportingSurface, ViewReport, predict_fold,
-    solve_closed_form,
+    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, Status, SupportingSurface, ViewReport,
+    predict_fold, solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.
@@ -50,9 +50,11 @@ pub struct Localization {
     pub pose_noise: Option<PoseNoise>,
     /// Frames over which the errors of poses last, 0 if those of frames are independent; found by [`crate::solve::PoseMotion::Auto`].
     pub pose_memory: Option<f64>,
-    /// Corrections of the poses of the frames that show objects, where [`crate::solve::MapOptions::refine_poses`] or
+    /// Corrections of the poses of the frames that show objects or points, where [`crate::solve::MapOptions::refine_poses`] or
     /// [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub refined_poses: Vec<RefinedPose>,
+    /// The points from which poses were corrected beside the objects, if the scene has any.
+    pub pose_points: Option<PosePointsReport>,
     /// Scales of the sources of depths and 3D boxes, if there are any and noise levels are not given.
     pub cue_scales: Vec<CueScale>,
     /// Sizes of categories, where [`crate::solve::MapOptions::learn_sizes`] asks for them: one for each category and kind of body.
@@ -157,13 +159,18 @@ pub fn localize_observed(
     };
     let folds_of =
         |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
-    let (mut refined_poses, mut pose_memory) = (Vec::new(), None);
+    let (mut refined_poses, mut pose_memory, mut points) = (Vec::new(), None, None);
     let (mut cue_scales, mut learnt_sizes, mut supporting_surfaces) = (Vec::new(), Vec::new(), Vec::new());
     let (mut estimates, noise, pose_noise, body, folds, predicted) = if let Some(map_options) = map_options {
+        let pose_unknowns = Arc::new(PoseUnknowns::of(&scene.frames, map_options.refine_extrinsics));
+        let corrects = map_options.refine_poses.is_some() || map_options.pose_noise.is_some();
+        let pose_points =
+            if corrects { PosePoints::of(scene, &pose_unknowns, map_options) } else { PosePoints::default() };
         let context = MapContext {
             categories: &scene.categories,
             up: scene.up,
-            pose_unknowns: Arc::new(PoseUnknowns::of(&scene.frames, map_options.refine_extrinsics)),
+            pose_unknowns,
+            pose_points,
             cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
             seed: options.seed,
             has_cues: scene.detections.iter().any(|d| d.cues.is_some()),
@@ -175,6 +182,7 @@ pub fn localize_observed(
         (cue_scales, learnt_sizes) = (solution.cue_scales, solution.learnt_sizes);
         supporting_surfaces = solution.supporting_surfaces;
         (refined_poses, pose_memory) = (solution.refined_poses, solution.pose_memory);
+        points = solution.pose_points;
         (solution.estimates, solution.noise, solution.pose_noise, solution.body, solution.folds, solution.predicted)
     } else {
         let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
@@ -226,6 +234,7 @@ pub fn localize_observed(
         pose_noise,
         pose_memory,
         refined_poses,
+        pose_points: points,
         cue_scales,
         learnt_sizes,
         supporting_surfaces,

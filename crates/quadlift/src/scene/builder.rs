@@ -10,6 +10,7 @@ use super::cues::Cues;
 use super::error::SceneError;
 use super::outlines::{Outlines, Shape, check_outline};
 use super::parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
+use super::points::{PointObservation, TrackedPoint, check_points};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection};
 
 /// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
@@ -223,6 +224,36 @@ impl SceneBuilder {
         self.outlines.add(index, &mut detection, input.bounding_box.is_some(), frame, &shape)?;
         self.scene.detections.push(detection);
         Ok(index)
+    }
+
+    /// Adds a point of structure from motion with the pixels in which frames observed it, given by their indices: pixels of the images as
+    /// they are. Those without pinhole pixels (see [`Camera::undistort_point`]) are passed over, and of several in one frame all but the
+    /// first.
+    ///
+    /// # Errors
+    /// [`SceneError::Point`].
+    pub fn add_point(&mut self, position: [f64; 3], observed: &[(usize, [f64; 2])]) -> Result<(), SceneError> {
+        let (point, frames) = (self.scene.points.len(), self.scene.frames.len());
+        let mut observations = Vec::with_capacity(observed.len());
+        for &(index, pixel) in observed {
+            let frame = self.scene.frames.get(index);
+            let refuse = |problem: String| SceneError::Point { point, problem };
+            let frame = frame.ok_or_else(|| refuse(format!("it was observed in frame {index}, of {frames}")))?;
+            if !pixel.iter().all(|x| x.is_finite()) {
+                return Err(refuse(format!("its pixel in frame {index} is not finite")));
+            }
+            observations.extend(PointObservation::in_image(index as u32, frame, pixel.into()));
+        }
+        // Stable: of several in a frame the first one stays.
+        observations.sort_by_key(|seen| seen.frame_index);
+        observations.dedup_by_key(|seen| seen.frame_index);
+        let added = TrackedPoint { position: position.into(), observations };
+        check_points(std::slice::from_ref(&added), frames).map_err(|error| match error {
+            SceneError::Point { problem, .. } => SceneError::Point { point, problem },
+            error => error,
+        })?;
+        self.scene.points.push(added);
+        Ok(())
     }
 
     /// The finished scene.

@@ -58,6 +58,14 @@ pub enum SceneError {
         /// How many there are.
         count: usize,
     },
+    /// A tracked point is not finite, or was observed in a frame that the scene does not have or twice in one.
+    #[error("points[{point}]: {problem}")]
+    Point {
+        /// Index of the point.
+        point: usize,
+        /// What is wrong.
+        problem: String,
+    },
     /// More frames, detections or names than a 32-bit index can count.
     #[error("the scene is too large: more than 4294967295 entries")]
     TooLarge,

@@ -8,6 +8,7 @@ mod error;
 mod hidden;
 mod outlines;
 mod parts;
+mod points;
 mod skipped;
 mod sources;
 mod views;
@@ -19,6 +20,7 @@ pub use hidden::hidden_edges;
 pub(crate) use outlines::extreme_corners;
 pub use outlines::{FrameOutline, OutlineError, Outlines, Shape, check_outline, hidden_lines};
 pub use parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
+pub use points::{PointObservation, TrackedPoint};
 pub use skipped::SkippedDetections;
 pub use sources::SourceError;
 pub(crate) use views::{BORDER_TOLERANCE_PX, edges_at_border};
@@ -49,7 +51,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError`] when an index points nowhere, two frames share an id, an image size is not positive, or one source has
-    /// two detections of one object in one frame.
+    /// two detections of one object in one frame, or a tracked point is wrong.
     pub fn from_parts(parts: SceneParts) -> Result<Self, SceneError> {
         check_parts(&parts)?;
         Ok(Self(parts))

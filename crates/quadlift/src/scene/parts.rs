@@ -6,6 +6,7 @@ use nalgebra::{Unit, Vector2, Vector3};
 
 use super::cues::Cues;
 use super::error::SceneError;
+use super::points::{TrackedPoint, check_points};
 use crate::geometry::{BoundingBox, Camera, Ellipse, Projection, SupportLines};
 
 /// The contents of a [`super::Scene`].
@@ -35,6 +36,8 @@ pub struct SceneParts {
     /// Sources whose depths are lengths of the world, as those of points that were triangulated with its poses: no scale is estimated.
     /// Indices into `cue_sources`.
     pub scale_known: BTreeSet<u32>,
+    /// Points with the pixels in which frames observed them. They tell errors of poses ([`crate::solve::MapOptions::refine_poses`]).
+    pub points: Vec<TrackedPoint>,
 }
 
 /// A posed image.
@@ -149,6 +152,7 @@ pub(super) fn check_parts(parts: &SceneParts) -> Result<(), SceneError> {
             return Err(SceneError::ImageSize { width: size.x, height: size.y });
         }
     }
+    check_points(&parts.points, parts.frames.len())?;
     let mut seen = HashMap::new();
     for (detection, d) in parts.detections.iter().enumerate() {
         let cues = d.cues.as_deref().copied().unwrap_or_default();

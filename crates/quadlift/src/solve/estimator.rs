@@ -7,7 +7,7 @@ use nalgebra::{Unit, Vector3};
 use super::closed_form::solve_closed_form;
 use super::enclosing::ENCLOSING_QUANTILE;
 use super::estimate::Estimate;
-use super::map::{MapContext, map};
+use super::map::{MapContext, PosePoints, map};
 use super::options::Method;
 use super::validate::OptionError;
 use crate::observer::{Unobserved, Watch};
@@ -89,6 +89,7 @@ impl Estimator {
             categories: &categories,
             up: self.up,
             pose_unknowns: Arc::default(),
+            pose_points: PosePoints::default(),
             cameras: views.iter().filter_map(|view| view.projection.center_in_world()).collect(),
             seed: self.seed,
             has_cues: views.iter().any(|view| !view.cues.is_empty()),

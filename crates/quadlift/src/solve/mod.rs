@@ -10,6 +10,7 @@ mod learnt_size;
 pub(crate) mod map;
 mod options;
 pub(crate) mod plausible;
+mod pose_points_report;
 mod prediction;
 mod refined_pose;
 mod report;
@@ -33,6 +34,7 @@ pub(crate) use options::BORDER_MARGIN;
 pub use options::{
     BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseMotion, PoseNoise, RegOptions, SizePrior,
 };
+pub use pose_points_report::{PosePointsProblem, PosePointsReport};
 pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::Prediction;
 pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};

@@ -13,6 +13,7 @@ mod hall;
 mod noise;
 mod objects;
 mod options;
+mod points;
 pub mod random;
 mod scene;
 mod shapes;
@@ -110,6 +111,10 @@ fn generate_objects(
             ellipse: detection.ellipse,
             ..Default::default()
         })?;
+    }
+    for point in points::track_points(options, &objects, &projections, [width, height]) {
+        let position = point.position.coords * options.scale + options.offset;
+        builder.add_point(position.into(), &point.observed)?;
     }
     Ok(SyntheticScene {
         scene: builder.build(),

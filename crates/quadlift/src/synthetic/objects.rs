@@ -18,7 +18,7 @@ const CAR: Vector3<f64> = Vector3::new(2.1, 0.85, 0.75);
 
 /// An object in the world before scaling and translation.
 pub(super) struct Object {
-    center: Point3<f64>,
+    pub(super) center: Point3<f64>,
     pub(super) semi_axes: Vector3<f64>,
     rotation: Rotation3<f64>,
 }

@@ -49,6 +49,12 @@ pub struct SyntheticOptions {
     pub detector: Detector,
     /// Object ids of the detections.
     pub ids: SyntheticIds,
+    /// Number of points about the objects; each is tracked through 3 to 20 frames, and points that fewer frames see are left out.
+    pub points: usize,
+    /// Standard deviation of each component of the pixel of an observation.
+    pub point_noise: f64,
+    /// Probability, in [0, 1], that an observation is of something else, anywhere in the image.
+    pub point_mismatches: f64,
 }
 
 /// Misses and false positives of a detector (ours); the default is a perfect detector.
@@ -104,6 +110,9 @@ impl Default for SyntheticOptions {
             pose_noise: 0.0,
             detector: Detector::default(),
             ids: SyntheticIds::default(),
+            points: 0,
+            point_noise: 0.5,
+            point_mismatches: 0.0,
         }
     }
 }
@@ -291,6 +300,9 @@ impl SyntheticOptions {
         if !not_negative(self.pose_noise) {
             return out_of_range("pose noise", self.pose_noise, "a number that is not negative");
         }
+        if !not_negative(self.point_noise) {
+            return out_of_range("noise of points", self.point_noise, "a number that is not negative");
+        }
         if !not_negative(self.detector.false_boxes) {
             return out_of_range("number of false boxes", self.detector.false_boxes, "a number that is not negative");
         }
@@ -303,6 +315,7 @@ impl SyntheticOptions {
             ("share of duplicates", self.detector.duplicates),
             ("share of fragments", fragments),
             ("share of switches", switches),
+            ("share of wrong observations", self.point_mismatches),
         ] {
             if !(0.0..=1.0).contains(&share) {
                 return out_of_range(what, share, "a number from 0 to 1");

@@ -12,7 +12,11 @@ use quadlift::{Localization, localize};
 
 /// Cars along a street, with noisy boxes.
 fn street(noise: f64) -> SyntheticScene {
-    generate(&SyntheticOptions {
+    generate(&street_options(noise)).unwrap()
+}
+
+fn street_options(noise: f64) -> SyntheticOptions {
+    SyntheticOptions {
         seed: 4,
         objects: 24,
         views: 60,
@@ -20,8 +24,7 @@ fn street(noise: f64) -> SyntheticScene {
         observations: Observations::Boxes,
         noise: if noise > 0.0 { vec![Noise::BoxEdges(noise)] } else { Vec::new() },
         ..Default::default()
-    })
-    .unwrap()
+    }
 }
 
 /// The scene with errors of its poses (rotation in radians, shift), and the errors.
@@ -140,10 +143,9 @@ fn exact_poses_are_not_touched() {
     }
 }
 
-/// Two frames that follow each other as a rig of two cameras, one of which has wrong extrinsics.
-#[test]
-fn a_rig_has_one_error_and_wrong_extrinsics_are_found() {
-    let exact = street(0.03);
+/// The scene with errors of a rig of two cameras, which took two frames that follow each other, and one degree of wrong extrinsics: the same
+/// as frames apart, and as a rig.
+fn with_errors_of_a_rig(exact: &SyntheticScene) -> [SyntheticScene; 2] {
     let mut rng = stream(9, 78);
     let mut errors = Vec::new();
     let mut given = exact.clone();
@@ -171,15 +173,37 @@ fn a_rig_has_one_error_and_wrong_extrinsics_are_found() {
             }
         })
         .unwrap();
+    [apart, given]
+}
+
+#[test]
+fn a_rig_has_one_error_and_wrong_extrinsics_are_found() {
+    let exact = street(0.03);
     let of = |given: &SyntheticScene| {
         let found = found(given, Some(PoseMotion::Auto));
         assert!(found.refined_poses.iter().all(|refined| refined.covariance.is_some()));
         (rotation_error(&exact, given, &found), scores(&exact, &found))
     };
-    let (apart, rig) = (of(&apart), of(&given));
+    let [apart, rig] = with_errors_of_a_rig(&exact).map(|given| of(&given));
     println!("frames {apart:?}, rig {rig:?}");
     assert!(rig.0 < 0.8 * apart.0 && rig.0 < 0.003, "{apart:?} {rig:?}");
     assert!(rig.1.0 > apart.1.0 && rig.1.1 < apart.1.1.max(14.0), "{apart:?} {rig:?}");
+}
+
+#[test]
+fn points_tell_the_errors_of_a_rig() {
+    let exact = street_with_points(0.03, 1000, 0.5, 0.0);
+    let [_, rig] = with_errors_of_a_rig(&exact);
+    let boxes = without_points(&rig);
+    let [of_boxes, of_points] = [&boxes, &rig].map(|given| {
+        let found = found(given, Some(PoseMotion::Auto));
+        assert!(found.refined_poses.len() == 60 && found.refined_poses.iter().all(|r| r.covariance.is_some()));
+        (rotation_error(&exact, given, &found), scores(&exact, &found), found.pose_points)
+    });
+    println!("{of_boxes:?} {of_points:?}");
+    let report = of_points.2.unwrap();
+    assert!(report.problem.is_none() && report.error < Some(0.7), "{report:?}");
+    assert!(of_points.0 < 0.7 * of_boxes.0, "{of_boxes:?} {of_points:?}");
 }
 
 /// Objects in the middle of cameras on an arc, with noisy boxes.
@@ -259,4 +283,93 @@ fn poses_around_few_objects_are_not_more_certain_than_they_are() {
     println!("NEES of poses {medians:?}");
     // 5.35 is honest; without a prior on the ratio of the levels most are above 1000.
     assert!(medians.len() == 6 && medians.iter().all(|nees| (1.0..30.0).contains(nees)), "{medians:?}");
+}
+
+/// The street with points that are tracked through it.
+fn street_with_points(noise: f64, points: usize, point_noise: f64, point_mismatches: f64) -> SyntheticScene {
+    let options = SyntheticOptions { points, point_noise, point_mismatches, ..street_options(noise) };
+    generate(&options).unwrap()
+}
+
+fn without_points(made: &SyntheticScene) -> SyntheticScene {
+    let mut made = made.clone();
+    made.scene.edit(|parts| parts.points.clear()).unwrap();
+    made
+}
+
+#[test]
+fn points_tell_poses_better_than_boxes_do() {
+    for (sd, memory, at_most) in [([0.01, 0.05], 0.0, 0.6), ([0.02, 0.3], 100.0, 0.5)] {
+        let (mut boxes, mut points) = (0.0, 0.0);
+        for seed in 4..7 {
+            let options = SyntheticOptions { seed, points: 1500, point_mismatches: 0.05, ..street_options(0.02) };
+            let exact = generate(&options).unwrap();
+            let (given, _) = with_errors(&exact, sd, memory);
+            let without = without_points(&given);
+            let [of_boxes, of_points] = [&without, &given].map(|given| found(given, Some(PoseMotion::Auto)));
+            let report = of_points.pose_points.unwrap();
+            assert!(of_boxes.pose_points.is_none() && report.problem.is_none());
+            assert!(report.given_error > Some(1.0) && report.error < Some(0.8), "{report:?}");
+            assert!((report.noise.unwrap() / 0.5 - 1.0).abs() < 0.15, "{report:?}");
+            let (a, b) = (rotation_error(&exact, &without, &of_boxes), rotation_error(&exact, &given, &of_points));
+            let (c, d) = (scores(&exact, &of_boxes), scores(&exact, &of_points));
+            println!("{memory} {seed}: rotation {a:.5} {b:.5}, IoU and NEES {c:.3?} {d:.3?}, {report:?}");
+            (boxes, points) = (boxes + a, points + b);
+        }
+        assert!(points < at_most * boxes, "{memory}: {points} {boxes}");
+    }
+}
+
+#[test]
+fn exact_poses_with_points_are_not_touched() {
+    for (noise, point_noise, mismatches) in [(0.0, 0.0, 0.0), (0.03, 0.5, 0.0), (0.03, 1.0, 0.05)] {
+        let exact = street_with_points(noise, 800, point_noise, mismatches);
+        let (without, with) = (found(&exact, None), found(&exact, Some(PoseMotion::Auto)));
+        assert!(with.refined_poses.is_empty() && with.pose_noise.is_none(), "{noise}: {:?}", with.pose_noise);
+        let bodies = |found: &Localization| found.estimates.iter().map(|e| e.body).collect::<Vec<_>>();
+        assert_eq!(bodies(&without), bodies(&with));
+        assert!(with.pose_points.unwrap().problem.is_none() && without.pose_points.is_none());
+    }
+}
+
+/// Points of something else must not move the poses.
+#[test]
+fn points_that_contradict_the_poses_are_left_out() {
+    let exact = street_with_points(0.02, 800, 0.5, 0.0);
+    let (given, _) = with_errors(&exact, [0.003, 0.02], 0.0);
+    type Change = fn(&mut quadlift::scene::SceneParts);
+    let wrong: [(&str, Change); 5] = [
+        ("elsewhere", |parts| parts.points.iter_mut().for_each(|point| point.position *= 3.0)),
+        ("elsewhere", |parts| {
+            let pixels = parts.points.iter_mut().flat_map(|point| &mut point.observations);
+            pixels.for_each(|seen| seen.pixel *= 0.5);
+        }),
+        // Another model: the frames are others.
+        ("contradict_poses", |parts| {
+            let count = parts.frames.len() as u32;
+            for point in &mut parts.points {
+                let seen = &mut point.observations;
+                seen.iter_mut().for_each(|seen| seen.frame_index = count - 1 - seen.frame_index);
+                seen.reverse();
+            }
+        }),
+        // The pixels of other points.
+        ("contradict_poses", |parts| {
+            let mut rng = stream(3, 3);
+            for seen in parts.points.iter_mut().flat_map(|point| &mut point.observations) {
+                seen.pixel += quadlift::nalgebra::Vector2::new(normal(&mut rng), normal(&mut rng)) * 80.0;
+            }
+        }),
+        ("no_parallax", |parts| parts.points.iter_mut().for_each(|point| point.observations.truncate(1))),
+    ];
+    let expected = found(&without_points(&given), Some(PoseMotion::Auto));
+    for (name, change) in wrong {
+        let mut given = given.clone();
+        given.scene.edit(change).unwrap();
+        let found = found(&given, Some(PoseMotion::Auto));
+        let report = found.pose_points.unwrap();
+        println!("{name}: {report}");
+        assert_eq!(report.problem.map(|problem| problem.name()), Some(name), "{report:?}");
+        assert_eq!(found.refined_poses, expected.refined_poses);
+    }
 }

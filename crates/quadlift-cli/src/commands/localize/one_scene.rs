@@ -11,8 +11,8 @@ use quadlift_io::diagnosis::refuse_objects;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::{Detail, write_localized_file};
 use quadlift_io::scene_file::{
-    count_localised, cross_validation_record, cue_scales_record, learnt_sizes_record, noise_record, skipped_record,
-    supporting_surfaces_record,
+    count_localised, cross_validation_record, cue_scales_record, learnt_sizes_record, noise_record, pose_points_record,
+    skipped_record, supporting_surfaces_record,
 };
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
@@ -23,7 +23,9 @@ use crate::association::{associate_and_check, associated_scene, localize_in_word
 use crate::corrections::{CorrectedScene, corrected_in_words};
 use crate::diagnosis::Check;
 use crate::error::Outcome;
-use crate::estimate_table::{cue_scales, learnt_sizes, noise_levels, render, summaries, supporting_surfaces};
+use crate::estimate_table::{
+    cue_scales, learnt_sizes, noise_levels, pose_points, render, summaries, supporting_surfaces,
+};
 use crate::localization::{
     Settings, localize_scene, read_depths, read_masks, read_points, result_file, result_file_without_objects,
 };
@@ -179,6 +181,12 @@ pub fn one_scene(
     for line in learnt_sizes(&scene, &localization).into_iter().chain(supporting_surfaces(&scene, &localization)) {
         out.detail(&one_line(&line));
     }
+    if let Some(points) = &localization.pose_points {
+        match points.problem {
+            Some(_) => out.warning(&points.to_string()),
+            None => out.detail(&pose_points(points)),
+        }
+    }
     out.detail(&format!("read in {}, localised in {}", duration(read), duration(solved - read)));
     if out.json {
         document["objects"] = serde_json::to_value(summaries(&scene, &localization))?;
@@ -192,6 +200,9 @@ pub fn one_scene(
         }
         if !localization.supporting_surfaces.is_empty() {
             document["supporting_surfaces"] = supporting_surfaces_record(&scene, &localization);
+        }
+        if localization.pose_points.is_some() {
+            document["pose_points"] = pose_points_record(&localization);
         }
         document["cross_validation"] = cross_validation_record(&localization);
         document["skipped"] = skipped_record(&localization);

@@ -17,12 +17,12 @@ const DIGITS: i32 = 7;
 /// A point with figures of its quality.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Point {
-    id: u64,
+    pub id: u64,
     pub position: [f64; 3],
     /// Mean reprojection error in pixels; negative where COLMAP has not computed it.
     error: f64,
-    /// The images of its observations, by their ids.
-    pub track: Box<[u32]>,
+    /// Its observations: ids of images, and the places of its pixels in their lists of points.
+    pub track: Box<[(u32, u32)]>,
 }
 
 impl Point {
@@ -61,8 +61,8 @@ pub(super) fn parse_text(file: File) -> Result<Vec<Point>, ReadError> {
         }
         let mut track = Vec::with_capacity(length / 2);
         while !fields.is_empty() {
-            track.push(fields.whole("an image id of the track, a whole number")?);
-            fields.word("the index of a point in the image")?;
+            let image = fields.whole("an image id of the track, a whole number")?;
+            track.push((image, fields.whole("the index of a point in the image, a whole number")?));
         }
         points.push(Point { id, position, error, track: track.into() });
     }
@@ -85,8 +85,7 @@ pub(super) fn parse_binary(file: File) -> Result<Vec<Point>, ReadError> {
         let length = bytes.u64("the length of a track")?;
         let mut track = Vec::new();
         for _ in 0..length {
-            track.push(bytes.u32("the image of an observation")?);
-            bytes.skip(1, 4, "index of a point in an image")?;
+            track.push((bytes.u32("the image of an observation")?, bytes.u32("the index of a point in an image")?));
         }
         let track = track.into();
         points.push(Point { id, position, error, track });
@@ -144,7 +143,7 @@ mod tests {
     use super::*;
 
     fn point(id: u64, x: f64, error: f64, track: usize) -> Point {
-        Point { id, position: [x, 0.0, 0.0], error, track: vec![1; track].into() }
+        Point { id, position: [x, 0.0, 0.0], error, track: vec![(1, 0); track].into() }
     }
 
     #[test]
@@ -216,7 +215,7 @@ mod tests {
             "points3D.bin: byte 75: the file ends 0 bytes after this; expected a point id, 8 bytes"
         );
         bytes[0] = 1;
-        let expected = Point { id: 5, position: [0.5, -1.0, 2.0], error: 0.25, track: [0, 0].into() };
+        let expected = Point { id: 5, position: [0.5, -1.0, 2.0], error: 0.25, track: [(0, 0), (0, 0)].into() };
         assert_eq!(binary(&bytes), Ok(vec![expected.clone()]));
         assert_eq!(parse_text((Path::new("a"), b"5 0.5 -1 2 1 2 3 0.25 0 0 0 0\n")), Ok(vec![expected]));
         assert_eq!((binary(b""), parse_text((Path::new("a"), b"# none\n"))), (Ok(Vec::new()), Ok(Vec::new())));

@@ -180,7 +180,7 @@ fn points_of_a_model_are_kept_and_told() {
     let all = read(DEFAULT_POINTS).unwrap();
     // In the order of their ids; the model is about a unit wide.
     assert_eq!(all.scene.points, [[0.123457, 0.25, 2.0], [1.0, 1.0, 1.0], [1.25, -0.5, 3.0]]);
-    let told = |import: &Import| import.notes[import.notes.len() - 2].clone();
+    let told = |import: &Import| import.notes.iter().find(|note| note.contains("sparse point")).unwrap().clone();
     assert_eq!(told(&all), "3 sparse points of the model");
     // By the ids of the images, which are no places in the list: frames are sorted by their names.
     let of_image = |import: &Import, id: usize| {
@@ -220,4 +220,103 @@ fn points_of_a_model_are_kept_and_told() {
     assert_eq!(read(0).unwrap().scene.points, Vec::<[f64; 3]>::new());
     let error = read(1).unwrap_err().to_string();
     assert!(error.ends_with("points3D.txt:1: the line ends after 3 fields; expected a position X Y Z"), "{error}");
+}
+
+/// Two images of one camera, with points whose order in the lists of the images is not that of the tracks; the second image sees the
+/// point 8 twice.
+const TWO_IMAGES: [&str; 3] = [
+    "1 PINHOLE 640 480 500 500 320 240\n",
+    "1 1 0 0 0 0 0 0 1 a.png\n10.5 20.25 -1 100.123 200.987 8 300 40 3\n2 1 0 0 0 -1 0 0 1 b.png\n1 2 3 5.5 6.5 8 7 8 -1 9 9 8\n",
+    "8 0.5 1 5 0 0 0 0.3 2 1 1 1 2 3\n3 1 0 6 0 0 0 0.4 1 2 2 0\n",
+];
+
+/// The same in binary.
+fn two_images_binary() -> [Vec<u8>; 3] {
+    let number = |x: f64| x.to_le_bytes().to_vec();
+    let mut cameras = [1u64.to_le_bytes().as_slice(), &1u32.to_le_bytes(), &1u32.to_le_bytes()].concat();
+    cameras.extend([640u64.to_le_bytes(), 480u64.to_le_bytes()].concat());
+    [500.0, 500.0, 320.0, 240.0].iter().for_each(|x| cameras.extend(number(*x)));
+    let mut images = 2u64.to_le_bytes().to_vec();
+    let seen: [&[(f64, f64, i64)]; 2] = [
+        &[(10.5, 20.25, -1), (100.123, 200.987, 8), (300.0, 40.0, 3)],
+        &[(1.0, 2.0, 3), (5.5, 6.5, 8), (7.0, 8.0, -1), (9.0, 9.0, 8)],
+    ];
+    for (k, (name, seen)) in ["a.png", "b.png"].iter().zip(seen).enumerate() {
+        images.extend((k as u32 + 1).to_le_bytes());
+        [1.0, 0.0, 0.0, 0.0, -(k as f64), 0.0, 0.0].iter().for_each(|x| images.extend(number(*x)));
+        images.extend(1u32.to_le_bytes());
+        images.extend([name.as_bytes(), &[0]].concat());
+        images.extend((seen.len() as u64).to_le_bytes());
+        seen.iter().for_each(|(x, y, id)| images.extend([number(*x), number(*y), id.to_le_bytes().to_vec()].concat()));
+    }
+    let mut points = 2u64.to_le_bytes().to_vec();
+    let tracks =
+        [(8u64, [0.5f64, 1.0, 5.0], vec![(2u32, 1u32), (1, 1), (2, 3)]), (3, [1.0, 0.0, 6.0], vec![(1, 2), (2, 0)])];
+    for (id, position, track) in tracks {
+        points.extend(id.to_le_bytes());
+        position.iter().for_each(|x| points.extend(number(*x)));
+        points.extend([0, 0, 0]);
+        points.extend(number(0.3));
+        points.extend((track.len() as u64).to_le_bytes());
+        track.iter().for_each(|(image, place)| points.extend([image.to_le_bytes(), place.to_le_bytes()].concat()));
+    }
+    [cameras, images, points]
+}
+
+#[test]
+fn frames_have_the_pixels_of_their_points() {
+    let text = |files: [&str; 3], most| {
+        parse_text(files.map(|file| (Path::new("a.txt"), file.as_bytes())), None, most).unwrap()
+    };
+    let seen = |import: &Import| {
+        let of = |frame: &FrameRecord| {
+            (frame.observed_points.clone().unwrap().to_vec(), frame.observed_pixels.clone().unwrap().to_vec())
+        };
+        import.scene.frames.iter().map(of).collect::<Vec<_>>()
+    };
+    // In the order of the ids of the points: 3, 8. A point that was seen twice has its first pixel.
+    let expected =
+        vec![(vec![0, 1], vec![[300.0, 40.0], [100.12, 200.99]]), (vec![0, 1], vec![[1.0, 2.0], [5.5, 6.5]])];
+    let found = text(TWO_IMAGES, 10);
+    assert_eq!(seen(&found), expected);
+    assert!(found.notes.contains(&"frames have the points that were observed in them, with their pixels".to_owned()));
+    let binary = two_images_binary();
+    let path = Path::new("a.bin");
+    let binary = parse_binary([0, 1, 2].map(|k| (path, binary[k].as_slice())), None, 10).unwrap();
+    assert_eq!(seen(&binary), expected);
+    // Only those of the points that are kept.
+    assert_eq!(seen(&text(TWO_IMAGES, 1))[0], (vec![0], vec![[100.12, 200.99]]));
+    // The scene has them as tracks.
+    let scene = found.scene.to_scene().unwrap();
+    assert_eq!(scene.points.len(), 2);
+    assert_eq!(scene.points[1].position, Point3::new(0.5, 1.0, 5.0));
+    let pixels: Vec<(u32, Vector2<f64>)> =
+        scene.points[1].observations.iter().map(|seen| (seen.frame_index, seen.pixel)).collect();
+    assert_eq!(pixels, [(0, Vector2::new(100.12, 200.99)), (1, Vector2::new(5.5, 6.5))]);
+}
+
+#[test]
+fn pixels_of_other_points_are_not_used() {
+    let parse = |images: &str, points: &str| {
+        let files = [TWO_IMAGES[0], images, points];
+        parse_text(files.map(|file| (Path::new("a.txt"), file.as_bytes())), None, 10)
+    };
+    let note = "the pixels of 1 image were not used: their points are not those of the tracks".to_owned();
+    for (images, points) in [
+        // Another point is at the place, or none.
+        (TWO_IMAGES[1].replace("300 40 3", "300 40 4"), TWO_IMAGES[2].to_owned()),
+        (TWO_IMAGES[1].to_owned(), TWO_IMAGES[2].replace("1 2 2 0", "1 7 2 0")),
+    ] {
+        let found = parse(&images, &points).unwrap();
+        let pixels: Vec<bool> = found.scene.frames.iter().map(|frame| frame.observed_pixels.is_some()).collect();
+        assert_eq!(pixels, [false, true]);
+        assert!(found.scene.frames.iter().all(|frame| frame.observed_points.is_some()));
+        assert!(found.notes.contains(&note), "{:?}", found.notes);
+    }
+    // Programs that keep no pixels write an empty line.
+    let found = parse("1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 -1 0 0 1 b.png\n\n", TWO_IMAGES[2]).unwrap();
+    assert!(found.scene.frames.iter().all(|frame| frame.observed_pixels.is_none()));
+    assert!(found.notes.contains(&"frames have the points that were observed in them".to_owned()));
+    let error = parse(&TWO_IMAGES[1].replace("300 40 3", "300 x 3"), TWO_IMAGES[2]).unwrap_err();
+    assert_eq!(error.to_string(), "a.txt:2: found \"x\"; expected a pixel X Y of point 2");
 }

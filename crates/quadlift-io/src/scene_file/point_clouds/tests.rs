@@ -67,10 +67,21 @@ fn the_points_that_a_frame_observed_give_its_detection_a_depth_once() {
     let (found, each, known) = depths(value.clone(), none);
     assert_eq!((found.detections, each[0], known), (1, Some(5.0), false));
     value["frames"][1]["observed_points"] = json!([8]);
-    let file: SceneFile = serde_json::from_value(value).unwrap();
-    let error = file.to_scene().unwrap_err();
-    assert_eq!(error.entry, "frames[1].observed_points[0]");
-    assert_eq!(error.problem, "found 8; expected the number of a point from 0, of the scene's 8");
+    let refused = |value: &Value| {
+        let file: SceneFile = serde_json::from_value(value.clone()).unwrap();
+        let error = file.to_scene().unwrap_err();
+        (error.entry, error.problem)
+    };
+    let (entry, problem) = refused(&value);
+    assert_eq!(entry, "frames[1].observed_points[0]");
+    assert_eq!(problem, "found 8; expected the number of a point from 0, of the scene's 8");
+    value["frames"][1]["observed_points"] = json!([3, 4]);
+    value["frames"][1]["observed_pixels"] = json!([[1.0, 2.0]]);
+    let (entry, problem) = refused(&value);
+    assert_eq!(entry, "frames[1].observed_pixels");
+    assert_eq!(problem, "found 1 pixel; expected one for each of the 2 points in \"observed_points\"");
+    value["frames"][1].as_object_mut().unwrap().remove("observed_points");
+    assert_eq!(refused(&value).1, "found 1 pixel; expected one for each of the 0 points in \"observed_points\"");
 }
 
 #[test]

@@ -84,12 +84,14 @@ fn frame() -> impl Strategy<Value = FrameRecord> {
         option::of(depth_image().prop_map(Box::new)),
         option::of(number()),
     );
-    let points = (option::of(point_cloud().prop_map(Box::new)), option::of(vec(any::<u32>(), 0..4)));
+    let pixels = option::of(vec([number(), number()], 0..4));
+    let points = (option::of(point_cloud().prop_map(Box::new)), option::of(vec(any::<u32>(), 0..4)), pixels);
     (text(), posed, image, points, extra()).prop_map(|(id, posed, image, points, extra)| {
         let (camera, cam_from_world, projection) = posed;
         let (width, height, image, depth, time) = image;
-        let (point_cloud, observed_points) = points;
+        let (point_cloud, observed_points, observed_pixels) = points;
         let observed_points = observed_points.map(Into::into);
+        let observed_pixels = observed_pixels.map(Into::into);
         FrameRecord {
             id,
             camera,
@@ -101,6 +103,7 @@ fn frame() -> impl Strategy<Value = FrameRecord> {
             depth,
             point_cloud,
             observed_points,
+            observed_pixels,
             time,
             extra,
         }

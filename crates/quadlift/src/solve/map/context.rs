@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, Unit, Vector3};
 
+use super::shared::pose_points::PosePoints;
 use super::shared::pose_unknowns::PoseUnknowns;
 use crate::observer::Watch;
 use crate::scene::ObjectViews;
@@ -20,6 +21,8 @@ pub(crate) struct MapContext<'a> {
     pub cameras: Vec<Point3<f64>>,
     /// Which motion corrects the pose of which camera.
     pub pose_unknowns: Arc<PoseUnknowns>,
+    /// Points from which poses are corrected beside the objects, if there are any.
+    pub pose_points: PosePoints,
     /// Seed of the hypotheses and of the random starts.
     pub seed: u64,
     /// Whether detections have depths or 3D boxes.

@@ -18,11 +18,13 @@ pub(super) mod shared;
 pub(crate) use self::context::MapContext;
 use self::scene::body_selection::BodyKinds;
 use self::scene::scene_fit::SceneFit;
+pub(crate) use self::shared::pose_points::PosePoints;
 pub(crate) use self::shared::pose_unknowns::PoseUnknowns;
 use super::cue_scale::CueScale;
 use super::estimate::Estimate;
 use super::learnt_size::LearntCategorySize;
 use super::options::{BodyKind, PoseNoise};
+use super::pose_points_report::PosePointsReport;
 use super::prediction::{Fold, FoldPrediction, predict_fold};
 use super::refined_pose::RefinedPose;
 use super::sigmas::Sigmas;
@@ -46,6 +48,8 @@ pub(crate) struct MapSolution {
     pub pose_memory: Option<f64>,
     /// Corrections of the poses.
     pub refined_poses: Vec<RefinedPose>,
+    /// The points with the corrected poses.
+    pub pose_points: Option<PosePointsReport>,
     /// The scales of cues.
     pub cue_scales: Vec<CueScale>,
     /// The learnt sizes of categories.
@@ -95,6 +99,9 @@ pub(crate) fn map(
         }
     };
     let scene = scene.with_upright(context).with_learnt_sizes(context).with_surfaces(context);
+    if let Some(pose_points) = scene.points_left_out(context) {
+        return map(count, views_of, &MapContext { pose_points, ..context.clone() }, folds);
+    }
     let kind_of = |index: usize| match body_kinds.of_each().get(index / stride) {
         Some(kind) if index.is_multiple_of(stride) => *kind,
         _ => body_kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &body_kinds, context)),
@@ -136,6 +143,7 @@ pub(crate) fn map(
         pose_noise,
         pose_memory: scene.pose_memory(),
         refined_poses: scene.refined_poses(),
+        pose_points: scene.pose_points(context),
         cue_scales,
         learnt_sizes,
         supporting_surfaces,

@@ -29,7 +29,7 @@ use crate::solve::map::residuals::row::ResidualRow;
 use crate::solve::map::residuals::view_rows::choose_harmonics;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
-use crate::solve::map::shared::poses::{FrameTerm, ObjectPoseTerms};
+use crate::solve::map::shared::pose_terms::{FrameTerm, ObjectPoseTerms};
 use crate::solve::map::shared::surfaces::Support;
 use crate::solve::report::{describe, is_a_body};
 

@@ -20,7 +20,9 @@ use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::ground::GroundPlane;
+use crate::solve::map::shared::pose_points::PosePoints;
 use crate::solve::map::shared::pose_prior::PosePrior;
+use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::options::{BodyKind, MapOptions, PoseNoise};
 use crate::synthetic::{Observations, SyntheticOptions, generate};
@@ -43,6 +45,7 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
         up,
         cameras: Vec::new(),
         pose_unknowns: Arc::default(),
+        pose_points: PosePoints::default(),
         seed: 0,
         enclosing_quantile: 0.85,
         options: &options,
@@ -110,7 +113,8 @@ fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
         let pose_noise = Some(PoseNoise { rotation_sd: 0.01, translation_sd: 0.1 });
         let prior = PosePrior::new(&MapOptions { pose_noise, ..Default::default() }, &Arc::default(), || 1.0).unwrap();
         // With this noise measurements are worth nothing.
-        let step = poses.update(vec![fit.pose_terms(&noise.scaled(1e5)).unwrap()], &prior);
+        let objects = vec![fit.pose_terms(&noise.scaled(1e5)).unwrap()];
+        let step = poses.update(SceneTerms { objects, points: Vec::new() }, &prior);
         assert!((step.motion_of(2).unwrap() + moved).norm() < 1e-6);
         assert!(poses.motion_of(2).unwrap().norm() < 1e-6);
         assert!(poses.determined() < 1e-4);

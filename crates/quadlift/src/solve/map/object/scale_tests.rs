@@ -11,6 +11,7 @@ use crate::observer::{Unobserved, Watch};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
+use crate::solve::map::shared::pose_points::PosePoints;
 use crate::solve::options::{BodyKind, MapOptions};
 use crate::synthetic::{CueOptions, Observations, SyntheticOptions, generate, simulate_cues};
 use nalgebra::{Matrix3, Vector3};
@@ -28,6 +29,7 @@ fn fit_at(noise: &NoiseLevels) -> Fit {
         up: None,
         cameras: Vec::new(),
         pose_unknowns: Arc::default(),
+        pose_points: PosePoints::default(),
         seed: 0,
         enclosing_quantile: 0.85,
         options: &options,

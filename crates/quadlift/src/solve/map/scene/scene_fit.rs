@@ -27,10 +27,13 @@ use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
+use crate::solve::map::shared::pose_points::PosePoints;
 use crate::solve::map::shared::pose_prior::PosePrior;
+use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::map::shared::size_model::SizeInformation;
 use crate::solve::options::{BodyKind, PoseNoise};
+use crate::solve::pose_points_report::PosePointsReport;
 use crate::solve::refined_pose::RefinedPose;
 use crate::solve::sigmas::Sigmas;
 
@@ -238,7 +241,9 @@ impl SceneFit {
             let corrects = |prior: &&PosePrior| round > 0 && (looks || !prior.may_be_exact);
             let moved = pose_prior.as_ref().filter(corrects).map(|prior| {
                 let terms = map_indices(fits.len(), |k| fits[k].as_ref().ok().and_then(|fit| fit.pose_terms(&noise)));
-                poses.update(terms.into_iter().flatten().collect(), prior)
+                let objects = terms.into_iter().flatten().collect();
+                let points = context.pose_points.terms(&poses);
+                poses.update(SceneTerms { objects, points }, prior)
             });
             let moved = moved.filter(|moved| !moved.is_empty());
             // The objects then follow the cameras, once.
@@ -489,6 +494,16 @@ impl SceneFit {
     /// The corrections of the poses.
     pub(crate) fn refined_poses(&self) -> Vec<RefinedPose> {
         self.poses.refined()
+    }
+
+    /// No points, where they contradict these poses.
+    pub(crate) fn points_left_out(&self, context: &MapContext) -> Option<PosePoints> {
+        context.pose_points.left_out(&self.poses)
+    }
+
+    /// The points with the corrected poses, if there are any.
+    pub(crate) fn pose_points(&self, context: &MapContext) -> Option<PosePointsReport> {
+        context.pose_points.report(&self.poses)
     }
 
     /// Frames over which the errors of poses last, if they are estimated.

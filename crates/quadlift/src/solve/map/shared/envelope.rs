@@ -47,6 +47,39 @@ impl Envelope {
         row.blocks[column - row.first] += block;
     }
 
+    /// Adds a matrix with the same envelope.
+    pub(crate) fn add_all(&mut self, other: &Self) {
+        for (row, other) in self.rows.iter_mut().zip(&other.rows) {
+            row.blocks.iter_mut().zip(&other.blocks).for_each(|(block, other)| *block += other);
+        }
+    }
+
+    /// The product with a vector.
+    pub(crate) fn times(&self, x: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
+        let mut product = vec![Vector6::zeros(); x.len()];
+        for (i, row) in self.rows.iter().enumerate() {
+            for (block, k) in row.blocks.iter().zip(row.first..) {
+                product[i] += block * x[k];
+                if k < i {
+                    product[k] += block.tr_mul(&x[i]);
+                }
+            }
+        }
+        product
+    }
+
+    /// The trace of the product with a symmetric matrix, whose blocks outside of this envelope do not count.
+    pub(crate) fn trace_of_product(&self, other: &Self) -> f64 {
+        let of_row = |(i, row): (usize, &BlockRow)| {
+            let of_block = |(block, k): (&Matrix6<f64>, usize)| {
+                let twice = if k < i { 2.0 } else { 1.0 };
+                twice * other.block(i, k).map_or(0.0, |other| block.dot(&other))
+            };
+            row.blocks.iter().zip(row.first..).map(of_block).sum::<f64>()
+        };
+        self.rows.iter().enumerate().map(of_row).sum()
+    }
+
     /// The block in this row and column, of either triangle; `None` outside of the envelope.
     pub(crate) fn block(&self, row: usize, column: usize) -> Option<Matrix6<f64>> {
         if row >= column {
@@ -189,7 +222,7 @@ mod tests {
         for (k, block) in factor.solve(&right).iter().enumerate() {
             assert!((block - expected.rows(6 * k, 6)).norm() < 1e-10);
         }
-        let (inverse, expected) = (factor.inverse(), full.try_inverse().unwrap());
+        let (inverse, expected) = (factor.inverse(), full.clone().try_inverse().unwrap());
         for (row, &first) in FIRST.iter().enumerate() {
             for column in first..=row {
                 let block = inverse.block(row, column).unwrap();
@@ -198,6 +231,15 @@ mod tests {
             }
         }
         assert!(inverse.block(5, 2).is_none());
+        let product = &full * &stacked;
+        for (k, block) in envelope.times(&right).iter().enumerate() {
+            assert!((block - product.rows(6 * k, 6)).norm() < 1e-9);
+        }
+        // All of the inverse that the product needs lies in the envelope.
+        assert!((envelope.trace_of_product(&inverse) - 6.0 * FIRST.len() as f64).abs() < 1e-9);
+        let mut twice = envelope.clone();
+        twice.add_all(&envelope);
+        assert!((twice.trace_of_product(&inverse) - 12.0 * FIRST.len() as f64).abs() < 1e-9);
     }
 
     #[test]

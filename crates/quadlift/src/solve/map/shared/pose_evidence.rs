@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix6, Vector2};
 
 use super::pose_prior::{PoseLevels, PosePrior};
-use super::pose_system::{LARGEST_STEP, PoseSystem};
-use super::poses::{FrameTerm, Motion, ObjectPoseTerms};
+use super::pose_system::{LARGEST_STEP, PoseEquations, PoseSystem};
+use super::pose_terms::SceneTerms;
+use super::poses::Motion;
 use crate::parallel::map_indices;
 
 /// Steps of the levels under the same equations, at most; the relative change below which they stand, and the number of parameters of the
@@ -49,16 +50,16 @@ struct Contender {
 impl Contender {
     /// From these levels, which are estimated if they are not given; `None` where the equations are singular.
     fn new(
-        objects: &[ObjectPoseTerms],
+        equations: &PoseEquations,
         mut levels: PoseLevels,
         estimated: bool,
         before: impl Fn(usize) -> Motion,
     ) -> Option<Self> {
         let mut evidence = None;
         for _ in 0..LEVEL_STEPS {
-            let Some(system) = PoseSystem::new(objects, levels, &before) else { break };
+            let Some(system) = PoseSystem::new(equations, levels, &before) else { break };
             evidence = Some(system.log_evidence());
-            let (shown, determined) = system.levels(levels, LARGEST_FREE_STEP);
+            let (shown, determined) = system.levels(equations, levels, LARGEST_FREE_STEP);
             if !estimated || shown.change(&levels) < LEVELS_STAND || determined < DETERMINED {
                 break;
             }
@@ -69,23 +70,25 @@ impl Contender {
 }
 
 impl PosePrior {
+    /// Whether poses stay as given before anything is known of their levels: they may be exact, and the cheap tests find no errors.
+    pub(super) fn leaves_as_given(&self, terms: &SceneTerms, levels: &[PoseLevels]) -> bool {
+        levels.is_empty() && self.may_be_exact && !self.are_suspected(terms)
+    }
+
     /// The levels from which the next step is taken, of each memory that errors may have, that of the largest evidence first. `levels` are
     /// those of the last step; none before the first one, and none then for poses that do not clearly show errors.
     pub(super) fn contenders(
         &self,
-        objects: &[ObjectPoseTerms],
+        equations: &PoseEquations,
         levels: &[PoseLevels],
         before: impl Fn(usize) -> Motion + Sync,
     ) -> Vec<PoseLevels> {
         let starts = levels.is_empty();
-        if starts && self.may_be_exact && !self.are_suspected(objects) {
-            return Vec::new();
-        }
         let levels = if starts { self.first.as_slice() } else { levels };
         if levels.len() < 2 && !(starts && self.may_be_exact) {
             return levels.to_vec();
         }
-        let contender = |k: usize| Some((levels[k], Contender::new(objects, levels[k], self.estimated, &before)?));
+        let contender = |k: usize| Some((levels[k], Contender::new(equations, levels[k], self.estimated, &before)?));
         let found: Vec<(PoseLevels, Contender)> = map_indices(levels.len(), contender).into_iter().flatten().collect();
         let most = found.iter().map(|(_, found)| found.evidence).fold(f64::NEG_INFINITY, f64::max);
         if starts && self.may_be_exact && most < MIN_EVIDENCE {
@@ -103,23 +106,18 @@ impl PosePrior {
     }
 
     /// Whether poses as given show errors: of single frames, or slow ones. It takes much less time than the equations of all frames.
-    fn are_suspected(&self, objects: &[ObjectPoseTerms]) -> bool {
-        score_of_independent(objects).max() > SUSPECTED_SCORE
-            || self.first.iter().any(|first| evidence_of_slow(objects, *first) > SUSPECTED_EVIDENCE)
+    fn are_suspected(&self, terms: &SceneTerms) -> bool {
+        score_of_independent(terms).max() > SUSPECTED_SCORE
+            || self.first.iter().any(|first| evidence_of_slow(terms, *first) > SUSPECTED_EVIDENCE)
     }
 }
 
 /// The derivative of the evidence by the variances of independent errors (rotation, shift), at zero, relative to its standard deviation if
 /// poses are exact: Rao's score. The standard deviation is a little too small, since it leaves out what couples frames.
-fn score_of_independent(objects: &[ObjectPoseTerms]) -> Vector2<f64> {
+fn score_of_independent(terms: &SceneTerms) -> Vector2<f64> {
     let mut frames: BTreeMap<usize, (Motion, Matrix6<f64>)> = BTreeMap::new();
-    for object in objects {
-        for term in &object.frames {
-            let (gradient, information) = frames.entry(term.frame).or_default();
-            *gradient += term.gradient + term.coupling * object.step;
-            *information += term.information - term.coupling * object.covariance * term.coupling.transpose();
-        }
-    }
+    terms.objects.iter().for_each(|object| object.add_diagonal(&mut frames));
+    terms.points.iter().for_each(|point| point.add_diagonal(&mut frames));
     Vector2::from_fn(|k, _| {
         let of = |(gradient, information): &(Motion, Matrix6<f64>)| {
             let block = information.fixed_view::<3, 3>(3 * k, 3 * k).into_owned();
@@ -131,25 +129,16 @@ fn score_of_independent(objects: &[ObjectPoseTerms]) -> Vector2<f64> {
 }
 
 /// Logarithm of the evidence for slow errors, with one motion for some frames that follow each other.
-fn evidence_of_slow(objects: &[ObjectPoseTerms], first: PoseLevels) -> f64 {
+fn evidence_of_slow(terms: &SceneTerms, first: PoseLevels) -> f64 {
     let together = COARSE * first.memory;
     if together < FEWEST_TOGETHER {
         return f64::NEG_INFINITY;
     }
-    let objects: Vec<ObjectPoseTerms> =
-        objects.iter().map(|object| coarse(object, together, first.first_camera)).collect();
-    let memory = first.memory / together;
-    let levels = PoseLevels { memory, first_camera: usize::MAX, ..first };
-    Contender::new(&objects, levels, true, |_| Motion::zeros()).map_or(f64::NEG_INFINITY, |found| found.evidence)
-}
-
-/// The terms of an object if so many frames that follow each other have one motion, and cameras none in their rig.
-fn coarse(object: &ObjectPoseTerms, together: f64, first_camera: usize) -> ObjectPoseTerms {
-    let mut frames: BTreeMap<usize, FrameTerm> = BTreeMap::new();
-    for term in object.frames.iter().filter(|term| term.frame < first_camera) {
-        let frame = (term.frame as f64 / together) as usize;
-        frames.entry(frame).or_insert_with(|| FrameTerm::new(frame)).merge(term);
-    }
-    let frames = frames.into_values().collect();
-    ObjectPoseTerms { frames, cross: Vec::new(), ..*object }
+    let coarse = SceneTerms {
+        objects: terms.objects.iter().map(|object| object.coarse(together, first.first_camera)).collect(),
+        points: terms.points.iter().map(|point| point.coarse(together, first.first_camera)).collect(),
+    };
+    let levels = PoseLevels { memory: first.memory / together, first_camera: usize::MAX, ..first };
+    let equations = PoseEquations::new(&coarse, usize::MAX);
+    Contender::new(&equations, levels, true, |_| Motion::zeros()).map_or(f64::NEG_INFINITY, |found| found.evidence)
 }

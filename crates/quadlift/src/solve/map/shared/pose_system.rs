@@ -1,12 +1,11 @@
-//! The normal equations of pose corrections, from which the objects are eliminated (Schur complement).
+//! The normal equations of pose corrections, from which objects and points are eliminated (Schur complement).
 
-use std::collections::BTreeMap;
-
-use nalgebra::{Matrix6, SMatrix, Vector6};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 
 use super::envelope::{Envelope, Factor};
 use super::pose_prior::PoseLevels;
-use super::poses::{Motion, ObjectPoseTerms};
+use super::pose_terms::{PoseTerms, SceneTerms};
+use super::poses::Motion;
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::solve::options::PoseNoise;
 
@@ -28,11 +27,185 @@ const TIED: f64 = 1.0;
 /// Factor by which a level changes in one step, at most: noise levels and objects follow.
 pub(super) const LARGEST_STEP: f64 = 2.0;
 
+/// What the measurements say about the motions, with objects and points eliminated.
+#[derive(Debug, Clone)]
+pub(crate) struct PoseEquations {
+    /// Numbers of the motions, ascending. The first ones, of frames or instants, follow each other.
+    numbers: Vec<usize>,
+    instants: usize,
+    /// So many motions have a factor of their own.
+    segment: usize,
+    /// The information within the segments, and of that what points say.
+    information: Envelope,
+    of_points: Envelope,
+    /// Minus the gradient at the corrections so far.
+    right: Vec<Motion>,
+    /// What objects say beyond the segments, if there are several.
+    beyond: Option<Whole>,
+}
+
+/// The information of the objects without an envelope.
+#[derive(Debug, Clone)]
+struct Whole {
+    diagonal: Vec<Matrix6<f64>>,
+    /// Positions, row and column, with what the motions of a rig and of its camera have in common.
+    cross: Vec<((usize, usize), Matrix6<f64>)>,
+    couplings: Vec<Coupling<PARAMETERS>>,
+}
+
+/// What an object or a point couples: positions of motions, and their couplings in units in which its own information is 1.
+#[derive(Debug, Clone)]
+struct Coupling<const N: usize> {
+    motions: Vec<(usize, SMatrix<f64, 6, N>)>,
+}
+
+/// Positions of motions that belong together, ascending.
+type Coupled = Vec<usize>;
+
+impl PoseEquations {
+    /// The equations from what objects and points say. `first_camera` is the number of the first motion that does not follow another one.
+    /// Points that were observed in several segments of frames are left out.
+    pub(crate) fn new(terms: &SceneTerms, first_camera: usize) -> Self {
+        let numbers = terms.numbers();
+        let instants = numbers.partition_point(|number| *number < first_camera);
+        let (objects, points) = (coupled(&terms.objects, &numbers), coupled(&terms.points, &numbers));
+        let mut segment = numbers.len().max(1);
+        let first_columns = |segment: usize| first_columns(numbers.len(), instants, segment, &objects, &points);
+        while Envelope::work(&first_columns(segment)) > MOST_WORK {
+            segment = segment.div_ceil(2);
+        }
+        let mut of_points = Envelope::zeros(&first_columns(segment));
+        let mut information = of_points.clone();
+        let mut right = vec![Motion::zeros(); numbers.len()];
+        for (terms, at) in terms.points.iter().zip(&points).filter(|(_, at)| lies_within(at, segment)) {
+            Coupling::add(terms, at, segment, &mut of_points, &mut right);
+        }
+        let couplings = (terms.objects.iter().zip(&objects))
+            .filter_map(|(terms, at)| Coupling::add(terms, at, segment, &mut information, &mut right))
+            .collect();
+        information.add_all(&of_points);
+        let beyond = (segment < numbers.len()).then(|| Whole::new(terms, &numbers, couplings));
+        Self { numbers, instants, segment, information, of_points, right, beyond }
+    }
+
+    /// The numbers of the motions, ascending.
+    pub(crate) fn numbers(&self) -> &[usize] {
+        &self.numbers
+    }
+
+    /// The product of the information with motions.
+    fn times(&self, x: &[Motion]) -> Vec<Motion> {
+        let Some(Whole { diagonal, cross, couplings }) = &self.beyond else { return self.information.times(x) };
+        let mut product = self.of_points.times(x);
+        for (k, block) in diagonal.iter().enumerate() {
+            product[k] += block * x[k];
+        }
+        for ((row, column), block) in cross {
+            product[*row] += block * x[*column];
+            product[*column] += block.tr_mul(&x[*row]);
+        }
+        for Coupling { motions } in couplings {
+            let sum: SVector<f64, PARAMETERS> = motions.iter().map(|(k, block)| block.tr_mul(&x[*k])).sum();
+            motions.iter().for_each(|(k, block)| product[*k] -= block * sum);
+        }
+        product
+    }
+}
+
+/// The positions of the motions that each couples; those of the camera in a rig are coupled with its instants, too.
+fn coupled<const N: usize>(terms: &[PoseTerms<N>], numbers: &[usize]) -> Vec<Coupled> {
+    let position = |number: usize| numbers.partition_point(|other| *other < number);
+    let of = |terms: &PoseTerms<N>| {
+        let mut positions: Coupled = terms.frames.iter().map(|term| position(term.frame)).collect();
+        positions.sort_unstable();
+        positions
+    };
+    terms.iter().map(of).collect()
+}
+
+/// Whether all positions lie in one segment.
+fn lies_within(positions: &[usize], segment: usize) -> bool {
+    positions.first().zip(positions.last()).is_none_or(|(first, last)| first / segment == last / segment)
+}
+
+/// The first column of each row if only rows of the same segment are coupled.
+fn first_columns(count: usize, instants: usize, segment: usize, objects: &[Coupled], points: &[Coupled]) -> Vec<usize> {
+    let start = |k: usize| k / segment * segment;
+    let mut first: Vec<usize> = (0..count).collect();
+    for (k, first) in first.iter_mut().enumerate().take(instants) {
+        if k > start(k) {
+            *first = k - 1;
+        }
+    }
+    for positions in objects.iter().chain(points.iter().filter(|positions| lies_within(positions, segment))) {
+        let mut least = usize::MAX;
+        for k in positions {
+            if least == usize::MAX || least < start(*k) {
+                least = *k;
+            }
+            first[*k] = first[*k].min(least);
+        }
+    }
+    first
+}
+
+impl<const N: usize> Coupling<N> {
+    /// Adds what an object or a point says, itself eliminated, within the segments; `None` where it says nothing.
+    fn add(
+        terms: &PoseTerms<N>,
+        positions: &Coupled,
+        segment: usize,
+        information: &mut Envelope,
+        right: &mut [Motion],
+    ) -> Option<Self> {
+        let root = nalgebra::Cholesky::new(terms.covariance)?.l();
+        let numbers: Vec<usize> = {
+            let mut numbers: Vec<usize> = terms.frames.iter().map(|term| term.frame).collect();
+            numbers.sort_unstable();
+            numbers
+        };
+        let place = |number: &usize| positions[numbers.partition_point(|other| other < number)];
+        let mut motions = Vec::with_capacity(terms.frames.len());
+        for term in &terms.frames {
+            let k = place(&term.frame);
+            information.add(k, k, &term.information);
+            right[k] -= term.gradient + term.coupling * terms.step;
+            motions.push((k, term.coupling * root));
+        }
+        motions.sort_by_key(|(k, _)| *k);
+        for ((row, column), block) in &terms.cross {
+            let (row, column) = (place(row), place(column));
+            if row / segment == column / segment {
+                information.add(row, column, block);
+            }
+        }
+        for (at, (row, a)) in motions.iter().enumerate() {
+            for (column, b) in motions[..=at].iter().filter(|(column, _)| *column / segment == *row / segment) {
+                information.add(*row, *column, &-(a * b.transpose()));
+            }
+        }
+        Some(Self { motions })
+    }
+}
+
+impl Whole {
+    fn new(terms: &SceneTerms, numbers: &[usize], couplings: Vec<Coupling<PARAMETERS>>) -> Self {
+        let position = |number: usize| numbers.partition_point(|other| *other < number);
+        let mut diagonal = vec![Matrix6::zeros(); numbers.len()];
+        let mut cross = Vec::new();
+        for object in terms.objects.iter().filter(|object| nalgebra::Cholesky::new(object.covariance).is_some()) {
+            object.frames.iter().for_each(|term| diagonal[position(term.frame)] += term.information);
+            cross.extend(
+                object.cross.iter().map(|((row, column), block)| ((position(*row), position(*column)), *block)),
+            );
+        }
+        Self { diagonal, cross, couplings }
+    }
+}
+
 /// The solved equations.
 #[derive(Debug, Clone)]
 pub(crate) struct PoseSystem {
-    /// Numbers of the motions, ascending.
-    numbers: Vec<usize>,
     step: Vec<Motion>,
     /// The corrections after the step.
     motions: Vec<Motion>,
@@ -41,65 +214,31 @@ pub(crate) struct PoseSystem {
     log_evidence: f64,
 }
 
-/// What an object couples: positions of frames, and their couplings in units in which the object's information is 1.
-struct Coupling {
-    frames: Vec<(usize, SMatrix<f64, 6, PARAMETERS>)>,
-}
-
 impl PoseSystem {
-    /// Builds and solves the equations; `None` where they are singular or nothing is seen. `before` is the correction of a frame so far.
-    pub(crate) fn new(
-        objects: &[ObjectPoseTerms],
-        levels: PoseLevels,
-        before: impl Fn(usize) -> Motion,
-    ) -> Option<Self> {
-        let mut numbers: Vec<usize> = objects.iter().flat_map(|o| o.frames.iter().map(|term| term.frame)).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
-        let position: BTreeMap<usize, usize> = numbers.iter().enumerate().map(|(k, number)| (*number, k)).collect();
-        let mut diagonal = vec![Matrix6::zeros(); numbers.len()];
-        let mut right = vec![Motion::zeros(); numbers.len()];
-        // The prior.
-        let precision = levels.precision(&numbers);
+    /// Solves the equations with the prior; `None` where they are singular or nothing is seen. `before` is the correction of a motion so
+    /// far.
+    pub(crate) fn new(equations: &PoseEquations, levels: PoseLevels, before: impl Fn(usize) -> Motion) -> Option<Self> {
+        let PoseEquations { numbers, instants, segment, information, right, .. } = equations;
+        let prior = Prior::new(numbers, *instants, levels);
         let motions: Vec<Motion> = numbers.iter().map(|number| before(*number)).collect();
-        for (k, (with_itself, with_before)) in precision.iter().enumerate() {
-            let scale = levels.scale(numbers[k]);
-            diagonal[k] += Matrix6::from_diagonal(&(scale * *with_itself));
-            right[k] -= scale.component_mul(&motions[k]) * *with_itself;
-            if *with_before != 0.0 {
-                right[k] -= scale.component_mul(&motions[k - 1]) * *with_before;
-                right[k - 1] -= scale.component_mul(&motions[k]) * *with_before;
-            }
-        }
-        let mut cross: BTreeMap<(usize, usize), Matrix6<f64>> = BTreeMap::new();
-        let mut couplings = Vec::with_capacity(objects.len());
-        for object in objects {
-            let Some(root) = nalgebra::Cholesky::new(object.covariance) else { continue };
-            let mut coupled = Vec::with_capacity(object.frames.len());
-            for term in &object.frames {
-                let k = position[&term.frame];
-                diagonal[k] += term.information;
-                right[k] -= term.gradient + term.coupling * object.step;
-                coupled.push((k, term.coupling * root.l()));
-            }
-            coupled.sort_by_key(|(k, _)| *k);
-            couplings.push(Coupling { frames: coupled });
-            for ((row, column), block) in &object.cross {
-                *cross.entry((position[row], position[column])).or_default() += block;
-            }
-        }
-        let scale = levels.scale(0);
-        let correlated = if levels.is_correlated() { levels.instants(&numbers).len() } else { 0 };
-        let cross = cross.into_iter().collect();
-        let equations = Equations { diagonal, precision, scale, couplings, cross, correlated };
-        let Solution { step, covariance, log_determinant } = equations.solve(&right)?;
+        let mut matrix = information.clone();
+        prior.add_to(&mut matrix, *segment);
+        let factor = matrix.factor()?;
+        let mut with_prior = vec![Motion::zeros(); numbers.len()];
+        prior.add_product(&motions, &mut with_prior);
+        with_prior.iter_mut().zip(right).for_each(|(product, right)| *product = right - *product);
+        let step = if *segment >= numbers.len() {
+            factor.solve(&with_prior)
+        } else {
+            conjugate_gradients(equations, &prior, &factor, &with_prior)
+        };
         // What the measurements say, as a normal distribution of the motions: integrated with the prior (method, section 11.2).
         let told = equations.times(&motions);
         let explained = (0..numbers.len()).map(|k| (right[k] + told[k]).dot(&(motions[k] + step[k]))).sum::<f64>();
-        let log_evidence = 0.5 * (levels.log_determinant(&numbers) - log_determinant + explained);
+        let log_evidence = 0.5 * (levels.log_determinant(numbers) - factor.log_determinant() + explained);
         let is_finite = step.iter().all(|motion| motion.iter().all(|x| x.is_finite()));
         let motions = motions.iter().zip(&step).map(|(before, step)| before + step).collect();
-        is_finite.then_some(Self { numbers, step, motions, covariance, log_evidence })
+        is_finite.then(|| Self { step, motions, covariance: factor.inverse(), log_evidence })
     }
 
     /// Logarithm of the evidence for the levels, against that for poses that are exact.
@@ -107,27 +246,29 @@ impl PoseSystem {
         self.log_evidence
     }
 
-    /// The numbers of the motions, ascending.
-    pub(crate) fn numbers(&self) -> &[usize] {
-        &self.numbers
-    }
-
-    /// The step of each.
+    /// The step of each motion.
     pub(crate) fn step(&self) -> &[Motion] {
         &self.step
     }
 
-    /// Covariance of the motions with two numbers (rows, columns); `None` where no object couples them.
-    pub(crate) fn covariance(&self, number: usize, other: usize) -> Option<Matrix6<f64>> {
-        let place = |number: usize| self.numbers.binary_search(&number).ok();
+    /// Covariance of the motions with two numbers (rows, columns); `None` where no object or point couples them.
+    pub(crate) fn covariance(&self, equations: &PoseEquations, number: usize, other: usize) -> Option<Matrix6<f64>> {
+        let place = |number: usize| equations.numbers.binary_search(&number).ok();
         self.covariance.block(place(number)?, place(other)?)
+    }
+
+    /// Of the parameters that the measurements determine, the share that points do.
+    pub(crate) fn share_of_points(&self, equations: &PoseEquations) -> f64 {
+        let all = equations.information.trace_of_product(&self.covariance);
+        let of_points = equations.of_points.trace_of_product(&self.covariance);
+        if all > 0.0 { (of_points / all).clamp(0.0, 1.0) } else { 0.0 }
     }
 
     /// The standard deviations that the corrections show (MacKay's rule), and the number of parameters that the measurements determine.
     /// `levels` are those of the equations; they change by a factor of `largest_step`, at most.
-    pub(crate) fn levels(&self, levels: PoseLevels, largest_step: f64) -> (PoseLevels, f64) {
+    pub(crate) fn levels(&self, equations: &PoseEquations, levels: PoseLevels, largest_step: f64) -> (PoseLevels, f64) {
         let motions = &self.motions;
-        let instants = levels.instants(&self.numbers);
+        let instants = levels.instants(&equations.numbers);
         let precision = levels.precision(instants);
         let (mut squares, mut spread) = (Motion::zeros(), Motion::zeros());
         for (k, (with_itself, with_before)) in precision.iter().enumerate() {
@@ -158,132 +299,91 @@ impl PoseSystem {
     }
 }
 
-/// The solution of the equations, their inverse within the envelope, and the logarithm of their determinant.
-struct Solution {
-    step: Vec<Motion>,
-    covariance: Envelope,
-    log_determinant: f64,
-}
-
-/// The equations: information of measurements and prior less what the objects take.
-struct Equations {
-    diagonal: Vec<Matrix6<f64>>,
+/// The precision of the prior.
+struct Prior {
     precision: Vec<(f64, f64)>,
-    scale: Motion,
-    couplings: Vec<Coupling>,
-    /// Positions, row and column, with what the motions of a rig and of its camera have in common.
-    cross: Vec<((usize, usize), Matrix6<f64>)>,
+    /// Of each component, of the motion at this position.
+    scales: Vec<Motion>,
     /// So many motions, the first ones, follow each other.
     correlated: usize,
 }
 
-impl Equations {
-    /// The first column of each row if only rows of the same segment are coupled.
-    fn first_columns(&self, segment: usize) -> Vec<usize> {
-        let start = |k: usize| k / segment * segment;
-        let mut first: Vec<usize> = (0..self.diagonal.len()).collect();
-        for (k, first) in first.iter_mut().enumerate() {
-            if k < self.correlated && k > start(k) {
-                *first = k - 1;
-            }
-        }
-        for ((row, column), _) in &self.cross {
-            first[*row] = first[*row].min((*column).max(start(*row)));
-        }
-        for coupling in &self.couplings {
-            let mut least = usize::MAX;
-            for (k, _) in &coupling.frames {
-                if least == usize::MAX || least < start(*k) {
-                    least = *k;
-                }
-                first[*k] = first[*k].min(least);
-            }
-        }
-        first
+impl Prior {
+    fn new(numbers: &[usize], instants: usize, levels: PoseLevels) -> Self {
+        let scales = numbers.iter().map(|number| levels.scale(*number)).collect();
+        let correlated = if levels.is_correlated() { instants } else { 0 };
+        Self { precision: levels.precision(numbers), scales, correlated }
     }
 
-    fn envelope(&self, segment: usize) -> Envelope {
-        let first = self.first_columns(segment);
-        let mut matrix = Envelope::zeros(&first);
-        for (k, block) in self.diagonal.iter().enumerate() {
-            matrix.add(k, k, block);
-            if k < self.correlated && first[k] < k {
-                matrix.add(k, k - 1, &Matrix6::from_diagonal(&(self.scale * self.precision[k].1)));
-            }
-        }
-        for ((row, column), block) in self.cross.iter().filter(|((row, column), _)| column / segment == row / segment) {
-            matrix.add(*row, *column, block);
-        }
-        for Coupling { frames } in &self.couplings {
-            for (place, (row, a)) in frames.iter().enumerate() {
-                for (column, b) in frames[..=place].iter().filter(|(column, _)| *column / segment == *row / segment) {
-                    matrix.add(*row, *column, &-(a * b.transpose()));
-                }
-            }
-        }
-        matrix
+    /// The couplings of the motions that follow each other: position, and the diagonal of the block with the one before.
+    fn couplings(&self) -> impl Iterator<Item = (usize, Motion)> {
+        (1..self.correlated).map(|k| (k, self.scales[k] * self.precision[k].1))
     }
 
-    fn times(&self, x: &[Motion]) -> Vec<Motion> {
-        let mut product: Vec<Motion> = self.diagonal.iter().zip(x).map(|(block, x)| block * x).collect();
-        for k in 1..self.correlated {
-            let with_before = self.scale * self.precision[k].1;
+    fn add_to(&self, matrix: &mut Envelope, segment: usize) {
+        for (k, (scale, (with_itself, _))) in self.scales.iter().zip(&self.precision).enumerate() {
+            matrix.add(k, k, &Matrix6::from_diagonal(&(scale * *with_itself)));
+        }
+        for (k, with_before) in self.couplings().filter(|(k, _)| !k.is_multiple_of(segment)) {
+            matrix.add(k, k - 1, &Matrix6::from_diagonal(&with_before));
+        }
+    }
+
+    fn add_product(&self, x: &[Motion], product: &mut [Motion]) {
+        for (k, (scale, (with_itself, _))) in self.scales.iter().zip(&self.precision).enumerate() {
+            product[k] += scale.component_mul(&x[k]) * *with_itself;
+        }
+        for (k, with_before) in self.couplings() {
             product[k] += with_before.component_mul(&x[k - 1]);
             product[k - 1] += with_before.component_mul(&x[k]);
         }
-        for ((row, column), block) in &self.cross {
-            product[*row] += block * x[*column];
-            product[*column] += block.tr_mul(&x[*row]);
-        }
-        for Coupling { frames } in &self.couplings {
-            let sum: nalgebra::SVector<f64, PARAMETERS> = frames.iter().map(|(k, block)| block.tr_mul(&x[*k])).sum();
-            frames.iter().for_each(|(k, block)| product[*k] -= block * sum);
-        }
-        product
     }
+}
 
-    fn solve(&self, right: &[Motion]) -> Option<Solution> {
-        let mut segment = self.diagonal.len().max(1);
-        while Envelope::work(&self.first_columns(segment)) > MOST_WORK {
-            segment = segment.div_ceil(2);
+fn conjugate_gradients(
+    equations: &PoseEquations,
+    prior: &Prior,
+    preconditioner: &Factor,
+    right: &[Motion],
+) -> Vec<Motion> {
+    let dot = |a: &[Motion], b: &[Motion]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+    let mut x = vec![Vector6::zeros(); right.len()];
+    let mut residual = right.to_vec();
+    let mut z = preconditioner.solve(&residual);
+    let mut direction = z.clone();
+    let mut rho = dot(&residual, &z);
+    let enough = TOLERANCE * TOLERANCE * rho;
+    for _ in 0..ITERATIONS {
+        if rho <= enough || rho.is_nan() {
+            break;
         }
-        let factor = self.envelope(segment).factor()?;
-        let step =
-            if segment >= self.diagonal.len() { factor.solve(right) } else { self.conjugate_gradients(&factor, right) };
-        Some(Solution { step, covariance: factor.inverse(), log_determinant: factor.log_determinant() })
+        let mut product = equations.times(&direction);
+        prior.add_product(&direction, &mut product);
+        let length = rho / dot(&direction, &product);
+        for (k, x) in x.iter_mut().enumerate() {
+            *x += direction[k] * length;
+            residual[k] -= product[k] * length;
+        }
+        z = preconditioner.solve(&residual);
+        let next = dot(&residual, &z);
+        direction.iter_mut().zip(&z).for_each(|(d, z)| *d = z + *d * (next / rho));
+        rho = next;
     }
+    x
+}
 
-    fn conjugate_gradients(&self, preconditioner: &Factor, right: &[Motion]) -> Vec<Motion> {
-        let dot = |a: &[Motion], b: &[Motion]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
-        let mut x = vec![Vector6::zeros(); right.len()];
-        let mut residual = right.to_vec();
-        let mut z = preconditioner.solve(&residual);
-        let mut direction = z.clone();
-        let mut rho = dot(&residual, &z);
-        let enough = TOLERANCE * TOLERANCE * rho;
-        for _ in 0..ITERATIONS {
-            if rho <= enough || rho.is_nan() {
-                break;
-            }
-            let product = self.times(&direction);
-            let length = rho / dot(&direction, &product);
-            for (k, x) in x.iter_mut().enumerate() {
-                *x += direction[k] * length;
-                residual[k] -= product[k] * length;
-            }
-            z = preconditioner.solve(&residual);
-            let next = dot(&residual, &z);
-            direction.iter_mut().zip(&z).for_each(|(d, z)| *d = z + *d * (next / rho));
-            rho = next;
-        }
-        x
+#[cfg(test)]
+impl PoseSystem {
+    /// The square of what the measurements show, in units of its covariance.
+    pub(crate) fn explained(&self, equations: &PoseEquations) -> f64 {
+        equations.right.iter().zip(&self.step).map(|(a, b)| a.dot(b)).sum()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::map::shared::poses::FrameTerm;
+    use crate::solve::map::shared::pose_terms::FrameTerm;
     use crate::synthetic::random::{normal, stream};
     use nalgebra::{Cholesky, DMatrix, DVector, SVector};
 
@@ -330,11 +430,12 @@ mod tests {
             SMatrix::<f64, PARAMETERS, PARAMETERS>::from_fn(|i, j| by_object.column(i).dot(&by_object.column(j)));
         let covariance = information.try_inverse().unwrap();
         let step = -(covariance * SVector::<f64, PARAMETERS>::from_fn(|i, _| by_object.column(i).dot(&residuals)));
-        let objects = [ObjectPoseTerms { frames, cross: Vec::new(), covariance, step }];
+        let objects = vec![PoseTerms { frames, cross: Vec::new(), covariance, step }];
+        let equations = PoseEquations::new(&SceneTerms { objects, points: Vec::new() }, usize::MAX);
         let of = |rotation_sd, translation_sd, memory| {
             let noise = PoseNoise { rotation_sd, translation_sd };
             let levels = PoseLevels { noise, memory, extrinsics: noise, first: noise, first_camera: usize::MAX };
-            let system = PoseSystem::new(&objects, levels, |_| Motion::zeros()).unwrap();
+            let system = PoseSystem::new(&equations, levels, |_| Motion::zeros()).unwrap();
             (system.log_evidence(), marginal(&residuals, &by, &by_object, levels))
         };
         let (first, expected_first) = of(0.3, 0.5, 1e-9);

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 
-use super::poses::{Correction, FrameTerm, ObjectPoseTerms};
+use super::pose_terms::{FrameTerm, PoseTerms, SceneTerms};
+use super::poses::Correction;
 use crate::scene::Frame;
 
 /// A camera of a rig.
@@ -95,14 +96,14 @@ impl PoseUnknowns {
         all
     }
 
-    /// What an object tells about the unknowns, from what it tells about frames.
-    pub(super) fn of_object(&self, object: ObjectPoseTerms) -> ObjectPoseTerms {
+    /// What an object or a point tells about the unknowns, from what it tells about frames.
+    pub(super) fn of_terms<const N: usize>(&self, terms: PoseTerms<N>) -> PoseTerms<N> {
         if self.members.is_empty() {
-            return object;
+            return terms;
         }
-        let mut frames: BTreeMap<usize, FrameTerm> = BTreeMap::new();
+        let mut frames: BTreeMap<usize, FrameTerm<N>> = BTreeMap::new();
         let mut cross: BTreeMap<(usize, usize), Matrix6<f64>> = BTreeMap::new();
-        for term in &object.frames {
+        for term in &terms.frames {
             let unknowns = self.of_frame(term.frame);
             for (unknown, by) in &unknowns {
                 frames.entry(*unknown).or_insert_with(|| FrameTerm::new(*unknown)).merge(&term.by(by));
@@ -111,7 +112,20 @@ impl PoseUnknowns {
                 *cross.entry((*camera, *instant)).or_default() += by_camera.transpose() * term.information * by;
             }
         }
-        ObjectPoseTerms { frames: frames.into_values().collect(), cross: cross.into_iter().collect(), ..object }
+        PoseTerms { frames: frames.into_values().collect(), cross: cross.into_iter().collect(), ..terms }
+    }
+
+    /// The same of all objects and points.
+    pub(super) fn of_scene(&self, SceneTerms { objects, points }: SceneTerms) -> SceneTerms {
+        SceneTerms {
+            objects: objects.into_iter().map(|terms| self.of_terms(terms)).collect(),
+            points: points.into_iter().map(|terms| self.of_terms(terms)).collect(),
+        }
+    }
+
+    /// The number of a frame's motion, or of its instant's, in the order of time.
+    pub(crate) fn instant(&self, frame: usize) -> usize {
+        self.members.get(frame).map_or(frame, |member| member.instant)
     }
 
     /// The corrections of the frames whose unknowns have these.

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::{Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, SMatrix, Vector3, Vector6};
 
 use super::pose_prior::{PoseLevels, PosePrior};
-use super::pose_system::{LARGEST_STEP, PoseSystem};
+use super::pose_system::{LARGEST_STEP, PoseEquations, PoseSystem};
+use super::pose_terms::{ObjectPoseTerms, SceneTerms};
 use super::pose_unknowns::PoseUnknowns;
-use crate::geometry::rotation_vector;
-use crate::optimize::normal_equations::{PARAMETERS, Row};
+use crate::geometry::{Projection, rotation_vector};
+use crate::optimize::normal_equations::PARAMETERS;
 use crate::scene::ObjectViews;
 use crate::solve::estimate::Matrix9;
 use crate::solve::refined_pose::RefinedPose;
@@ -17,63 +18,6 @@ use crate::solve::refined_pose::RefinedPose;
 /// Correction of a camera: a rotation about its centre (rotation vector, radians) and a shift (world units), both in
 /// world axes.
 pub(crate) type Motion = Vector6<f64>;
-
-/// What the measurements of an object in one frame tell about the camera.
-#[derive(Debug, Clone)]
-pub(crate) struct FrameTerm {
-    /// Index of the frame.
-    pub frame: usize,
-    /// Sum of weighted products of the derivatives by the motion.
-    pub information: Matrix6<f64>,
-    /// Sum of weighted products of residuals and derivatives.
-    pub gradient: Motion,
-    /// Products of the derivatives by the motion and by the object's parameters.
-    pub coupling: SMatrix<f64, 6, PARAMETERS>,
-}
-
-impl FrameTerm {
-    /// Nothing about a frame.
-    pub(crate) fn new(frame: usize) -> Self {
-        Self { frame, information: Matrix6::zeros(), gradient: Motion::zeros(), coupling: SMatrix::zeros() }
-    }
-
-    /// Adds a residual with its derivatives by the motion and by the object's parameters.
-    pub(crate) fn add(&mut self, residual: f64, by_motion: &Motion, by_object: &Row, weight: f64) {
-        self.information += by_motion * by_motion.transpose() * weight;
-        self.gradient += by_motion * (residual * weight);
-        self.coupling += by_motion * SVector::from(*by_object).transpose() * weight;
-    }
-
-    /// The same about a motion by which that of the camera has this derivative.
-    pub(super) fn by(&self, by: &Matrix6<f64>) -> Self {
-        Self {
-            frame: self.frame,
-            information: by.transpose() * self.information * by,
-            gradient: by.tr_mul(&self.gradient),
-            coupling: by.transpose() * self.coupling,
-        }
-    }
-
-    /// Adds what another frame tells, if it has the same motion.
-    pub(crate) fn merge(&mut self, other: &Self) {
-        self.information += other.information;
-        self.gradient += other.gradient;
-        self.coupling += other.coupling;
-    }
-}
-
-/// What an object tells about the cameras that see it.
-#[derive(Debug, Clone)]
-pub(crate) struct ObjectPoseTerms {
-    /// By frame, each once; by unknown after [`PoseUnknowns::of_object`].
-    pub frames: Vec<FrameTerm>,
-    /// Products of the derivatives by the motions of two unknowns that move the same camera: the larger number, the smaller one.
-    pub cross: Vec<((usize, usize), Matrix6<f64>)>,
-    /// Covariance of the object's parameters were the cameras known.
-    pub covariance: Matrix9,
-    /// The step that its parameters are still from their minimum.
-    pub step: SVector<f64, PARAMETERS>,
-}
 
 /// The correction of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -112,42 +56,47 @@ pub(crate) struct PoseCorrections {
     unknowns: Arc<PoseUnknowns>,
     /// The motions, by their numbers.
     motions: BTreeMap<usize, Correction>,
-    /// Covariance of two motions.
-    covariance: Option<PoseSystem>,
+    /// The equations and their solution, which have the covariance of two motions.
+    covariance: Option<(PoseEquations, PoseSystem)>,
     /// Levels of the motions, given or estimated, for each memory that errors may have; empty unless poses are corrected.
     levels: Vec<PoseLevels>,
     /// The memory whose evidence is largest.
     memory: Option<f64>,
-    /// Number of parameters of the motions that the measurements determine.
-    determined: f64,
+    /// Number of parameters of the motions that the measurements determine: those of objects, and of points.
+    determined: [f64; 2],
 }
 
 impl PoseCorrections {
-    /// Corrects the frames from the fitted objects and the prior: one step of Gauss and Newton for cameras and objects together, with the
+    /// Corrects the frames from the fitted objects, the points and the prior: one step of Gauss and Newton for all of them together, with the
     /// levels whose evidence is largest. Poses that may be exact stay as given where that is not clearly larger than the evidence for it.
     /// Returns what is new in the corrections, which the objects then follow.
-    pub(crate) fn update(&mut self, objects: Vec<ObjectPoseTerms>, prior: &PosePrior) -> Self {
-        let objects: Vec<_> = objects.into_iter().map(|object| prior.unknowns.of_object(object)).collect();
+    pub(crate) fn update(&mut self, terms: SceneTerms, prior: &PosePrior) -> Self {
+        let terms = prior.unknowns.of_scene(terms);
         let before = |number: usize| self.motions.get(&number).map_or_else(Motion::zeros, Correction::motion);
-        let mut levels = prior.contenders(&objects, &self.levels, before);
-        let system = levels.first().and_then(|levels| PoseSystem::new(&objects, *levels, before));
         // As given, or as they are.
+        if prior.leaves_as_given(&terms, &self.levels) {
+            return Self::default();
+        }
+        let equations = PoseEquations::new(&terms, prior.unknowns.first_camera);
+        let mut levels = prior.contenders(&equations, &self.levels, before);
+        let system = levels.first().and_then(|levels| PoseSystem::new(&equations, *levels, before));
         let Some(system) = system else { return Self::default() };
         let stepped =
             |(number, step): (&usize, &Motion)| (*number, Correction::of(step).after(self.motions.get(number)));
-        let motions = system.numbers().iter().zip(system.step()).map(stepped).collect();
-        let (shown, determined) = system.levels(levels[0], LARGEST_STEP);
+        let motions = equations.numbers().iter().zip(system.step()).map(stepped).collect();
+        let (shown, determined) = system.levels(&equations, levels[0], LARGEST_STEP);
         if prior.estimated {
             levels[0] = shown;
         }
+        let of_points = determined * system.share_of_points(&equations);
         let corrected = Self {
             frames: prior.unknowns.corrections(&motions),
             unknowns: prior.unknowns.clone(),
             motions,
-            covariance: Some(system),
             memory: Some(levels[0].memory),
+            covariance: Some((equations, system)),
             levels,
-            determined,
+            determined: [determined - of_points, of_points],
         };
         let before = std::mem::replace(self, corrected);
         let mut step = self.frames.clone();
@@ -166,8 +115,7 @@ impl PoseCorrections {
     /// Moves the cameras of an object's views.
     pub(crate) fn apply(&self, views: &mut ObjectViews) {
         for view in &mut views.views {
-            let Some(Correction { turn, shift }) = self.frames.get(&view.frame_index) else { continue };
-            if let Some(moved) = view.projection.with_moved_camera(turn, shift) {
+            if let Some(moved) = self.camera(view.frame_index, &view.projection) {
                 view.projection = moved;
             }
         }
@@ -176,12 +124,12 @@ impl PoseCorrections {
     /// The corrections, in the order of the frames.
     pub(crate) fn refined(&self) -> Vec<RefinedPose> {
         let covariance = |frame: usize| {
-            let system = self.covariance.as_ref()?;
+            let (equations, system) = self.covariance.as_ref()?;
             let by = self.unknowns.of_frame(frame);
             let mut sum = Matrix6::zeros();
             for (number, a) in &by {
                 for (other, b) in &by {
-                    sum += a * system.covariance(*number, *other)? * b.transpose();
+                    sum += a * system.covariance(equations, *number, *other)? * b.transpose();
                 }
             }
             Some((sum + sum.transpose()) * 0.5)
@@ -197,14 +145,14 @@ impl PoseCorrections {
 
     /// What the errors of the corrected cameras add to the covariance of an object's parameters.
     pub(crate) fn added_covariance(&self, object: ObjectPoseTerms) -> Matrix9 {
-        let Some(system) = &self.covariance else { return Matrix9::zeros() };
-        let object = self.unknowns.of_object(object);
+        let Some((equations, system)) = &self.covariance else { return Matrix9::zeros() };
+        let object = self.unknowns.of_terms(object);
         let follow: Vec<(usize, SMatrix<f64, PARAMETERS, 6>)> =
             object.frames.iter().map(|term| (term.frame, object.covariance * term.coupling.transpose())).collect();
         let mut added = Matrix9::zeros();
         for (frame, a) in &follow {
             for (other, b) in &follow {
-                if let Some(covariance) = system.covariance(*frame, *other) {
+                if let Some(covariance) = system.covariance(equations, *frame, *other) {
                     added += a * covariance * b.transpose();
                 }
             }
@@ -212,9 +160,23 @@ impl PoseCorrections {
         (added + added.transpose()) * 0.5
     }
 
-    /// Number of parameters of the cameras that the measurements determine: they took as many degrees of freedom of the residuals.
+    /// Number of parameters of the cameras that the measurements of objects determine: they took as many degrees of freedom of the
+    /// residuals.
     pub(crate) fn determined(&self) -> f64 {
-        self.determined
+        self.determined[0]
+    }
+
+    /// The same of points.
+    pub(crate) fn determined_by_points(&self) -> f64 {
+        self.determined[1]
+    }
+
+    /// The camera of a frame, corrected; `None` where it has no centre.
+    pub(crate) fn camera(&self, frame: usize, given: &Projection) -> Option<Projection> {
+        match self.frames.get(&frame) {
+            None => Some(*given),
+            Some(Correction { turn, shift }) => given.with_moved_camera(turn, shift),
+        }
     }
 
     /// Frames over which the errors of poses last, once poses were corrected.
