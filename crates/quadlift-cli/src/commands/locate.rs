@@ -5,9 +5,13 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
-use quadlift::locate::{CameraHeight, Gravity, LandmarkMap, LocateOptions, LocateStatus, Located};
+use quadlift::diagnosis::{Agreement, Cause};
+use quadlift::locate::{
+    CameraHeight, CommonMistake, Gravity, LandmarkMap, LocateOptions, LocateStatus, Located, Query,
+};
 use quadlift::nalgebra::{Unit, Vector3};
 use quadlift::scene::SourceError;
+use quadlift_io::diagnosis::cause_in_words;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::locate::{FrameQuery, ObjectLandmarks, location_record, write_locations};
 use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
@@ -37,7 +41,8 @@ const MOST_ROWS: usize = 10_000;
     after_help = "\
 Columns:
   status    ok; ambiguous: several poses explain the boxes; no_pose: none explains them better than chance;
-            too_few_objects: fewer than three boxes (two with gravity) of categories of the map
+            too_few_objects: fewer than three boxes (two with gravity) of categories of the map;
+            inconsistent: all images fit the map clearly better once a common mistake is corrected
   objects   boxes that the pose explains / boxes of the frame
   position, rotation  standard deviations (root mean square of the axes)
   evidence  log odds of the pose against boxes that come from nowhere (natural logarithm)
@@ -47,7 +52,8 @@ Examples:
   quadlift locate map.json photos.json -o located.json
   quadlift locate map.json phone.json -o located.json --up-in-camera 0,-1,0
 
-Exit codes: 0 success; 1 a file cannot be read or written, the map has no objects, or no frame was located; 2 wrong usage."
+Exit codes: 0 success; 1 a file cannot be read or written, the map has no objects, or no frame was located; 2 wrong usage;
+3 the images do not fit the map: another image size, focal length or format of boxes explains them clearly better."
 )]
 pub struct Args {
     /// The map: a result of `quadlift localize` or `quadlift stream --map`, or a scene file with true objects
@@ -94,6 +100,10 @@ pub struct Args {
     #[arg(long, value_name = "HEIGHT,SD", value_parser = height, allow_hyphen_values = true)]
     height: Option<[f64; 2]>,
 
+    /// Keep the poses that were found although the images fit the map clearly better once a common mistake is corrected
+    #[arg(long)]
+    accept_inconsistent: bool,
+
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
@@ -134,15 +144,23 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let start = Instant::now();
     let landmarks = LandmarkMap::new(map.landmarks.clone());
-    let locate = |frame: FrameQuery| {
+    let options_of = |frame: &FrameQuery| {
         let gravity = frame.up_in_camera.or(options.gravity.map(|known| known.up_in_camera)).zip(up);
         let sd = args.up_sd.to_radians();
         let gravity = gravity.map(|(up_in_camera, up_in_world)| Gravity { up_in_world, up_in_camera, sd });
-        let located = landmarks.locate(&frame.query, &LocateOptions { gravity, ..options.clone() });
+        LocateOptions { gravity, ..options.clone() }
+    };
+    let locate = |frame: FrameQuery| {
+        let located = landmarks.locate(&frame.query, &options_of(&frame));
         (frame, located)
     };
-    let found: Vec<(FrameQuery, Located)> = frames.into_par_iter().map(locate).collect();
+    let mut found: Vec<(FrameQuery, Located)> = frames.into_par_iter().map(locate).collect();
     out.detail(&format!("{} located in {}", count(found.len(), "frame"), duration(start.elapsed())));
+    let mistake = common_mistake(&landmarks, &found, &options_of);
+    if mistake.is_some() && !args.accept_inconsistent {
+        let ok = found.iter_mut().map(|(_, located)| located).filter(|located| located.status == LocateStatus::Ok);
+        ok.for_each(|located| located.status = LocateStatus::Inconsistent);
+    }
     let ids: Vec<String> = found.iter().map(|(frame, _)| file.frames[frame.frame_index].id.clone()).collect();
     write_locations(&mut file, &map_file, &map, &found, args.posed_only);
     write_scene_file(&args.output, &file)?;
@@ -161,8 +179,66 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let words = ["view".into(), args.output.as_path().into()];
         Next::default().command(words, "look at the cameras in the map").tell(out)?;
     }
-    out.document(&document(args, &ids, &found, &map, &options))?;
-    Ok(if located == 0 { Outcome::SomethingFailed } else { Outcome::Fine })
+    let mut document = document(args, &ids, &found, &map, &options);
+    document["mistake"] = mistake.map_or(Value::Null, |mistake| mistake_record(&mistake));
+    out.document(&document)?;
+    Ok(match mistake {
+        Some(mistake) => {
+            let text = format!("{}: {}", args.query.display(), mistake_in_words(&mistake));
+            if args.accept_inconsistent {
+                out.warning(&text);
+                Outcome::Fine
+            } else {
+                out.error(&text);
+                Outcome::Inconsistent
+            }
+        }
+        None if located == 0 => Outcome::SomethingFailed,
+        None => Outcome::Fine,
+    })
+}
+
+/// A mistake that all frames have in common. Frames without enough boxes say nothing.
+fn common_mistake(
+    map: &LandmarkMap,
+    found: &[(FrameQuery, Located)],
+    options_of: &(dyn Fn(&FrameQuery) -> LocateOptions + Sync),
+) -> Option<CommonMistake> {
+    let sought = found.iter().filter(|(_, located)| located.status != LocateStatus::TooFewObjects);
+    let images: Vec<(&Query, LocateOptions)> = sought.map(|(frame, _)| (&frame.query, options_of(frame))).collect();
+    map.common_mistake(&images.iter().map(|(query, options)| (*query, options)).collect::<Vec<_>>())
+}
+
+/// The mistake as the cause of an inconsistent scene.
+fn cause(mistake: &CommonMistake) -> Cause {
+    let unknown = Agreement { miss: 0.0, share: 0.0, boxes: 0 };
+    let CommonMistake { correction, .. } = *mistake;
+    Cause {
+        name: correction.cause(),
+        value: correction.value(),
+        correction: Some(correction),
+        before: unknown,
+        after: unknown,
+    }
+}
+
+fn mistake_in_words(mistake: &CommonMistake) -> String {
+    format!(
+        "the images do not fit the map: {} (evidence {:.0}, {:.0} after correction)",
+        cause_in_words(&cause(mistake)),
+        mistake.evidence,
+        mistake.corrected_evidence
+    )
+}
+
+fn mistake_record(mistake: &CommonMistake) -> Value {
+    let cause = cause(mistake);
+    json!({
+        "name": cause.name.name(),
+        "value": cause.value,
+        "evidence": mistake.evidence,
+        "corrected_evidence": mistake.corrected_evidence,
+    })
 }
 
 /// The options of all frames; the direction of gravity may be that of a frame.

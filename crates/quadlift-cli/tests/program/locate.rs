@@ -6,7 +6,11 @@ use serde_json::{Value, json};
 /// A map from the even frames of a synthetic scene (`map.json`), and the odd frames without poses and ids (`query.json`); the
 /// poses that were taken away, by frame.
 fn map_and_query(folder: &Folder) -> Vec<(String, Value)> {
-    folder.succeed("synth -q -o scene.json --objects 12 --views 10 --seed 5 --noise box:0.03");
+    map_and_query_of(folder, "--objects 12 --views 10 --seed 5 --noise box:0.03")
+}
+
+fn map_and_query_of(folder: &Folder, synth: &str) -> Vec<(String, Value)> {
+    folder.succeed(&format!("synth -q -o scene.json {synth}"));
     let scene = folder.json("scene.json");
     let frames = scene["frames"].as_array().unwrap();
     let ids: Vec<&str> = frames.iter().map(|frame| frame["id"].as_str().unwrap()).collect();
@@ -195,4 +199,25 @@ fn hostile_maps_and_images_are_answered() {
     assert_eq!(folder.run("locate map.json query.json -o out.json --up-in-camera 0,0,0").code, 2);
     assert_eq!(folder.run("locate map.json query.json -o out.json --height 1").code, 2);
     assert_eq!(folder.run("locate map.json query.json -o map.json").code, 2);
+}
+
+#[test]
+fn images_of_another_size_do_not_fit_the_map() {
+    let folder = Folder::new();
+    // Cameras among the objects: far away a smaller image is one from a larger distance.
+    map_and_query_of(&folder, "--objects 16 --views 10 --seed 5 --noise box:0.03 --trajectory random --cube 60");
+    let mut query = folder.json("query.json");
+    for detection in query["detections"].as_array_mut().unwrap() {
+        detection["box"].as_array_mut().unwrap().iter_mut().for_each(|x| *x = (0.5 * x.as_f64().unwrap()).into());
+    }
+    folder.write_json("query.json", &query);
+    let run = folder.run("locate map.json query.json -o located.json");
+    let words = "the boxes were measured at another image size: multiply their coordinates by 2.0";
+    assert!(run.code == 3 && run.stderr.contains(words), "{} {}", run.code, run.stderr);
+    let frames = |folder: &Folder| folder.json("located.json")["frames"].as_array().unwrap().clone();
+    assert!(frames(&folder).iter().all(|frame| frame.get("cam_from_world").is_none()));
+    assert!(frames(&folder).iter().all(|frame| frame["location"]["status"] != "ok"));
+    let run = folder.run("locate map.json query.json -o located.json --accept-inconsistent --json");
+    let told: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!((run.code, &told["mistake"]["name"]), (0, &json!("image_size")));
 }

@@ -42,6 +42,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod check;
 mod hypotheses;
 mod prepared;
 mod refine;
@@ -51,6 +52,7 @@ mod tests;
 
 use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
 
+pub use self::check::CommonMistake;
 use self::hypotheses::Groups;
 use self::prepared::PreparedQuery;
 use crate::geometry::rigid::Pose;
@@ -147,6 +149,9 @@ pub enum LocateStatus {
     TooFewObjects,
     /// No pose explains it better than chance.
     NoPose,
+    /// All images are clearly better explained once a common mistake is corrected ([`LandmarkMap::common_mistake`], which who locates them
+    /// asks for).
+    Inconsistent,
 }
 
 impl LocateStatus {
@@ -157,6 +162,7 @@ impl LocateStatus {
             Self::Ambiguous => "ambiguous",
             Self::TooFewObjects => "too_few_objects",
             Self::NoPose => "no_pose",
+            Self::Inconsistent => "inconsistent",
         }
     }
 }

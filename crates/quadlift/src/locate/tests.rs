@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::{CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
+use crate::diagnosis::Correction;
 use crate::geometry::rigid::Pose;
 use crate::geometry::{
     BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box, rotation_vector,
@@ -297,4 +298,45 @@ fn more_landmarks_and_boxes_than_can_be_compared_are_answered() {
     let query = image(&mut rng, &row[1470..1530], &pose, 0.02, 0.0, 0.0);
     assert!(query.boxes.len() > 20, "{}", query.boxes.len());
     assert_ne!(locate(row, &query).status, LocateStatus::Ok);
+}
+
+/// An image with a mistake of its boxes, and of its focal length.
+fn mistaken(query: &Query, of_edge: impl Fn(f64) -> f64, focal_factor: f64) -> Query {
+    let change = |b: &QueryBox| QueryBox {
+        bounding_box: BoundingBox::new(b.bounding_box.edges().map(&of_edge)).unwrap(),
+        ..b.clone()
+    };
+    let k = &query.intrinsics;
+    Query {
+        intrinsics: Intrinsics::new(focal_factor * k.fx, focal_factor * k.fy, k.cx, k.cy).unwrap(),
+        boxes: query.boxes.iter().map(change).collect(),
+        ..query.clone()
+    }
+}
+
+#[test]
+fn mistakes_of_all_images_are_found_and_right_images_have_none() {
+    let check = |seed: u64, categories: usize, of_edge: fn(f64) -> f64, focal_factor: f64| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let landmarks = room(&mut rng, 30, categories);
+        let map = LandmarkMap::new(landmarks.clone());
+        let mut wrong = || {
+            let pose = camera(&mut rng);
+            mistaken(&image(&mut rng, &landmarks, &pose, 0.05, 0.2, 0.2), of_edge, focal_factor)
+        };
+        let images: Vec<Query> = (0..4).map(|_| wrong()).collect();
+        let options = LocateOptions::default();
+        map.common_mistake(&images.iter().map(|query| (query, &options)).collect::<Vec<_>>())
+    };
+    for (seed, categories) in [(1, 30), (2, 6), (3, 3)] {
+        assert_eq!(check(seed, categories, |x| x, 1.0), None);
+    }
+    let mistake = check(1, 30, |x| x, 0.8).unwrap();
+    let Correction::FocalFactor(factor) = mistake.correction else { panic!("{mistake:?}") };
+    assert!((factor / 1.25 - 1.0).abs() < 0.06, "{mistake:?}");
+    assert!(mistake.corrected_evidence > mistake.evidence + 50.0, "{mistake:?}");
+    let mistake = check(2, 6, |x| 0.5 * x, 1.0).unwrap();
+    let Correction::ImageScale(factor) = mistake.correction else { panic!("{mistake:?}") };
+    assert!((factor / 2.0 - 1.0).abs() < 0.04, "{mistake:?}");
+    assert_eq!(LandmarkMap::new(Vec::new()).common_mistake(&[]), None);
 }
