@@ -24,9 +24,15 @@ const FAR: f64 = 400.0;
 /// Factor on standard deviations while a transform rests on few objects.
 const WIDEN: f64 = 3.0;
 
-/// Rounds of matching and refining, and steps of each.
-const ROUNDS: usize = 8;
+/// Rounds of matching and refining at most, and steps of each.
+const ROUNDS: usize = 30;
 const STEPS: usize = 12;
+
+/// Rounds in which matches may change.
+const MATCHING_ROUNDS: usize = 8;
+
+/// Change of a transform, relative to it, from which on it stands: errors of objects are turned by it, so that each round has others.
+const SETTLED: f64 = 1e-9;
 
 /// Logarithm of the odds that two objects are the same, against objects of their categories that are anywhere in their maps: `None` where
 /// they are far apart. `widen` multiplies standard deviations.
@@ -94,17 +100,19 @@ pub(super) fn aligned(maps: &PreparedMaps, start: Similarity) -> Option<MapTrans
     let mut refined: Option<Refined> = None;
     for round in 0..ROUNDS {
         let widen = if round == 0 { WIDEN } else { 1.0 };
-        let (found, _) = matches(maps, &a_from_b, widen);
+        let found = if round < MATCHING_ROUNDS { matches(maps, &a_from_b, widen).0 } else { before.clone() };
         if found.len() < maps.needed() {
             return None;
         }
-        if round > 1 && found == before {
-            break;
-        }
         let better = refine(maps, &a_from_b, &found, STEPS)?;
+        let change = (better.a_from_b.matrix() - a_from_b.matrix()).norm();
         a_from_b = better.a_from_b;
+        let stands = found == before && change < SETTLED * a_from_b.matrix().norm();
         before = found;
         refined = Some(better);
+        if round > 1 && stands {
+            break;
+        }
     }
     let Refined { pivot, information, .. } = refined?;
     let (found, gains) = matches(maps, &a_from_b, 1.0);
