@@ -403,9 +403,9 @@ class Estimates(EstimateArrays):
     cue_scales : list of dict
         What the sources of depths and 3D boxes are wrong by: ``source`` (None: unnamed), ``quantity`` (``"depth"``,
         ``"box3d_distance"``, ``"box3d_length"``, ``"box3d_width"``, ``"box3d_height"``, the last three with a
-        ``category``), ``factor`` of measured to true and ``log_sd``, the standard deviation of its logarithm. Depths may
-        have ``shift`` and ``shift_sd``, in the lengths of the source: measured = factor * true + shift. Empty without
-        cues and with given `sigmas`.
+        ``category``), ``factor`` of measured to true and ``log_sd``, the standard deviation of its logarithm. Depths
+        may have ``shift`` and ``shift_sd``, in the lengths of the source: measured = factor * true + shift. Empty
+        without cues and with given `sigmas`.
     cross_validation : dict or None
         How well left-out views are predicted, over the scene: `iou` (mean, between predicted and measured boxes),
         `edge_error` (median, relative to half the size of the box), the numbers of `views` and `objects`, and the
