@@ -71,7 +71,7 @@ struct Explained {
 /// An image with its options.
 type Image<'a> = (&'a Query, &'a LocateOptions);
 
-fn evenly<'a, 'b>(images: &'b [Image<'a>], most: usize) -> Vec<Image<'a>> {
+fn evenly<'a>(images: &[Image<'a>], most: usize) -> Vec<Image<'a>> {
     images.iter().step_by(images.len().div_ceil(most).max(1)).copied().collect()
 }
 
