@@ -120,8 +120,8 @@ impl Check {
         }
     }
 
-    /// The same with the result of a localisation. That of poses which were refined, and which agree with the boxes, stands for a scene
-    /// whose detections name their objects.
+    /// The same with the result of a localisation. If detections name their objects, and refined poses agree with the boxes, the result is
+    /// that of the refined poses.
     pub fn update_localized(&mut self, localization: &Localization, are_named: bool) {
         let refined = are_named && !localization.refined_poses.is_empty() && localization.diagnosis.consistent;
         if refined && !self.diagnosis.consistent {

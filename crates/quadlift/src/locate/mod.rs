@@ -149,8 +149,8 @@ pub enum LocateStatus {
     TooFewObjects,
     /// No pose explains it better than chance.
     NoPose,
-    /// All images are clearly better explained once a common mistake is corrected ([`LandmarkMap::common_mistake`], which who locates them
-    /// asks for).
+    /// All images are clearly better explained once a common mistake is corrected. [`LandmarkMap::locate`] sees one image and does not check it:
+    /// callers with several use [`LandmarkMap::common_mistake`].
     Inconsistent,
 }
 

@@ -324,7 +324,7 @@ fn mistakes_of_all_images_are_found_and_right_images_have_none() {
             let pose = camera(&mut rng);
             mistaken(&image(&mut rng, &landmarks, &pose, 0.05, 0.2, 0.2), of_edge, focal_factor)
         };
-        let images: Vec<Query> = (0..4).map(|_| wrong()).collect();
+        let images: Vec<Query> = (0..3).map(|_| wrong()).collect();
         let options = LocateOptions::default();
         map.common_mistake(&images.iter().map(|query| (query, &options)).collect::<Vec<_>>())
     };
