@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use quadlift::diagnosis::{Agreement, Cause};
 use quadlift::locate::{
-    CameraHeight, CommonMistake, Gravity, LandmarkMap, LocateOptions, LocateStatus, Located, Query,
+    CameraHeight, CommonMistake, Gravity, LandmarkMap, LocateOptions, LocateStatus, Located, LocatedImage,
 };
 use quadlift::nalgebra::{Unit, Vector3};
 use quadlift::scene::SourceError;
@@ -156,7 +156,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     };
     let mut found: Vec<(FrameQuery, Located)> = frames.into_par_iter().map(locate).collect();
     out.detail(&format!("{} located in {}", count(found.len(), "frame"), duration(start.elapsed())));
-    let mistake = common_mistake(&landmarks, &found, &options_of);
+    let mistake = common_mistake(&landmarks, &found, options_of);
     if mistake.is_some() && !args.accept_inconsistent {
         let ok = found.iter_mut().map(|(_, located)| located).filter(|located| located.status == LocateStatus::Ok);
         ok.for_each(|located| located.status = LocateStatus::Inconsistent);
@@ -199,14 +199,18 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 }
 
 /// A mistake that all frames have in common. Frames without enough boxes say nothing.
-fn common_mistake(
+fn common_mistake<'a>(
     map: &LandmarkMap,
-    found: &[(FrameQuery, Located)],
-    options_of: &(dyn Fn(&FrameQuery) -> LocateOptions + Sync),
+    found: &'a [(FrameQuery, Located)],
+    options_of: impl Fn(&FrameQuery) -> LocateOptions,
 ) -> Option<CommonMistake> {
     let sought = found.iter().filter(|(_, located)| located.status != LocateStatus::TooFewObjects);
-    let images: Vec<(&Query, LocateOptions)> = sought.map(|(frame, _)| (&frame.query, options_of(frame))).collect();
-    map.common_mistake(&images.iter().map(|(query, options)| (*query, options)).collect::<Vec<_>>())
+    let image = |(frame, located): &'a (FrameQuery, Located)| LocatedImage {
+        query: &frame.query,
+        options: options_of(frame),
+        located,
+    };
+    map.common_mistake(&sought.map(image).collect::<Vec<_>>())
 }
 
 /// The mistake as the cause of an inconsistent scene.

@@ -65,8 +65,8 @@ pub struct Localization {
     pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
     pub cross_validation: CrossValidation,
-    /// The self-check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the status [`Status::Inconsistent`] instead of
-    /// [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
+    /// The self-check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the
+    /// status [`Status::Inconsistent`] instead of [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
     pub diagnosis: Diagnosis,
 }
 

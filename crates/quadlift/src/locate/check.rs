@@ -3,7 +3,7 @@
 //! A focal length or an image size that is wrong moves all boxes alike, and poses follow: an image alone looks nearly right, from a wrong
 //! place.
 
-use super::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
+use super::{LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
 use crate::diagnosis::{BoxFormat, Correction};
 use crate::parallel::map_indices;
 
@@ -34,6 +34,17 @@ const USUAL_MATCHES: f64 = 0.6;
 const CLEARLY: f64 = 10.0;
 const CLEAR_SHARE: f64 = 0.1;
 
+/// An image as it was located.
+#[derive(Debug, Clone)]
+pub struct LocatedImage<'a> {
+    /// The camera and the boxes.
+    pub query: &'a Query,
+    /// The options with which it was located.
+    pub options: LocateOptions,
+    /// What [`LandmarkMap::locate`] found.
+    pub located: &'a Located,
+}
+
 /// A mistake that explains all images clearly better once it is corrected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommonMistake {
@@ -63,28 +74,26 @@ fn corrected(query: &Query, correction: &Correction) -> Option<Query> {
 struct Explained {
     evidence: f64,
     located: usize,
-    /// Boxes that the poses explain, of those that may show an object of the map.
+    /// Boxes that the poses explain.
     matches: usize,
-    boxes: usize,
 }
 
-/// An image with its options.
-type Image<'a> = (&'a Query, &'a LocateOptions);
-
-fn evenly<'a>(images: &[Image<'a>], most: usize) -> Vec<Image<'a>> {
-    images.iter().step_by(images.len().div_ceil(most).max(1)).copied().collect()
+fn evenly<'a>(images: &[LocatedImage<'a>], most: usize) -> Vec<LocatedImage<'a>> {
+    images.iter().step_by(images.len().div_ceil(most).max(1)).cloned().collect()
 }
 
 impl LandmarkMap {
     /// A mistake that all images have in common, if correcting it explains them clearly better; with images from one camera, or from
-    /// cameras that are wrong in the same way. It takes about five times as long as to locate ten images, and longer where they cannot be
+    /// cameras that are wrong in the same way. It takes about four times as long as to locate ten images, and longer where they cannot be
     /// located. The same input gives the same answer.
-    pub fn common_mistake(&self, images: &[(&Query, &LocateOptions)]) -> Option<CommonMistake> {
+    pub fn common_mistake(&self, images: &[LocatedImage]) -> Option<CommonMistake> {
         let sample = evenly(images, MOST_IMAGES);
         let few = evenly(&sample, FEW_IMAGES);
         let [given, given_few] = [&sample, &few].map(|images| self.explained(images, None));
         let is_usual = |found: &Explained| found.located as f64 >= USUAL_SHARE * sample.len() as f64;
-        let explains = given.matches as f64 >= USUAL_MATCHES * given.boxes as f64;
+        let is_known = |b: &&QueryBox| self.landmarks.iter().any(|landmark| landmark.may_be(b.category.as_deref()));
+        let boxes: usize = sample.iter().map(|image| image.query.boxes.iter().filter(is_known).count()).sum();
+        let explains = given.matches as f64 >= USUAL_MATCHES * boxes as f64;
         let is_clear = |found: &Explained| found.evidence > given.evidence + CLEARLY.max(CLEAR_SHARE * given.evidence);
         let both = |factor: f64| [Correction::ImageScale(factor), Correction::FocalFactor(factor)];
         let near: Vec<Correction> = [1.0 / NEAR, NEAR].into_iter().flat_map(both).collect();
@@ -121,19 +130,20 @@ impl LandmarkMap {
     }
 
     /// The correction with the largest evidence, the first one of equal ones.
-    fn best_of(&self, corrections: &[Correction], images: &[Image]) -> Option<(Correction, Explained)> {
+    fn best_of(&self, corrections: &[Correction], images: &[LocatedImage]) -> Option<(Correction, Explained)> {
         let found = corrections.iter().map(|correction| (*correction, self.explained(images, Some(correction))));
         found.reduce(|best, other| if other.1.evidence > best.1.evidence { other } else { best })
     }
 
-    /// How well images are explained after a correction.
-    fn explained(&self, images: &[Image], correction: Option<&Correction>) -> Explained {
+    /// How well images are explained after a correction, or as they were located.
+    fn explained(&self, images: &[LocatedImage], correction: Option<&Correction>) -> Explained {
         let of_image = |k: usize| {
-            let (query, options) = images[k];
-            let found = match correction {
-                Some(correction) => self.locate(&corrected(query, correction)?, options),
-                None => self.locate(query, options),
+            let LocatedImage { query, options, located } = &images[k];
+            let again = match correction {
+                Some(correction) => Some(self.locate(&corrected(query, correction)?, options)),
+                None => None,
             };
+            let found = again.as_ref().unwrap_or(located);
             let best = found.poses.first().filter(|_| found.status != LocateStatus::NoPose)?;
             // The density of a box is that in given pixels; that of false boxes, per area of the image and of the box, has half of it.
             let log_scale = if let Some(Correction::ImageScale(factor)) = correction { factor.ln() } else { 0.0 };
@@ -141,17 +151,10 @@ impl LandmarkMap {
             Some((best.evidence + 2.0 * log_scale * matches as f64, matches)).filter(|(evidence, _)| *evidence > 0.0)
         };
         let all = map_indices(images.len(), of_image);
-        let is_known = |b: &&QueryBox| {
-            let alike = |landmark: &Landmark| {
-                b.category.is_none() || landmark.category.as_ref().is_none_or(|c| Some(c) == b.category.as_ref())
-            };
-            self.landmarks.iter().any(alike)
-        };
         Explained {
             evidence: all.iter().flatten().map(|(evidence, _)| evidence).sum(),
             located: all.iter().flatten().count(),
             matches: all.iter().flatten().map(|(_, matches)| matches).sum(),
-            boxes: images.iter().map(|(query, _)| query.boxes.iter().filter(is_known).count()).sum(),
         }
     }
 }

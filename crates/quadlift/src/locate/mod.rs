@@ -52,7 +52,7 @@ mod tests;
 
 use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
 
-pub use self::check::CommonMistake;
+pub use self::check::{CommonMistake, LocatedImage};
 use self::hypotheses::Groups;
 use self::prepared::PreparedQuery;
 use crate::geometry::rigid::Pose;
@@ -225,6 +225,11 @@ impl Landmark {
             estimate.covariance.as_ref().map(|of_body| of_body.matrix.fixed_view::<3, 3>(0, 0).into_owned());
         (estimate.status == Status::Ok).then_some(())?;
         Some(Self { ellipsoid: estimate.ellipsoid()?, center_covariance: covariance, category })
+    }
+
+    /// Whether a box of this category may show it.
+    fn may_be(&self, category: Option<&str>) -> bool {
+        self.category.as_deref().zip(category).is_none_or(|(own, of_box)| own == of_box)
     }
 }
 

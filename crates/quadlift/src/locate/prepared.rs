@@ -114,10 +114,7 @@ impl<'a> PreparedQuery<'a> {
             .boxes
             .iter()
             .map(|query_box| {
-                let may_be = |landmark: usize| match (&query_box.category, &map.landmarks[landmark].category) {
-                    (Some(a), Some(b)) => a == b,
-                    _ => true,
-                };
+                let may_be = |landmark: usize| map.landmarks[landmark].may_be(query_box.category.as_deref());
                 (0..map.landmarks.len()).filter(|&landmark| may_be(landmark)).collect()
             })
             .collect();

@@ -7,7 +7,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::{CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
+use super::{
+    CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, LocatedImage, Query, QueryBox,
+};
 use crate::diagnosis::Correction;
 use crate::geometry::rigid::Pose;
 use crate::geometry::{
@@ -326,7 +328,9 @@ fn mistakes_of_all_images_are_found_and_right_images_have_none() {
         };
         let images: Vec<Query> = (0..3).map(|_| wrong()).collect();
         let options = LocateOptions::default();
-        map.common_mistake(&images.iter().map(|query| (query, &options)).collect::<Vec<_>>())
+        let all: Vec<Located> = images.iter().map(|query| map.locate(query, &options)).collect();
+        let image = |(query, located)| LocatedImage { query, options: options.clone(), located };
+        map.common_mistake(&images.iter().zip(&all).map(image).collect::<Vec<_>>())
     };
     for (seed, categories) in [(1, 30), (2, 6), (3, 3)] {
         assert_eq!(check(seed, categories, |x| x, 1.0), None);

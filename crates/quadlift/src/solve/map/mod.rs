@@ -99,7 +99,8 @@ pub(crate) fn map(
         }
     };
     let scene = scene.with_upright(context).with_learnt_sizes(context).with_surfaces(context);
-    if let Some(pose_points) = scene.points_left_out(context) {
+    let pose_points = scene.pose_points(context);
+    if let Some(pose_points) = pose_points.and_then(PosePoints::left_out) {
         return map(count, views_of, &MapContext { pose_points, ..context.clone() }, folds);
     }
     let kind_of = |index: usize| match body_kinds.of_each().get(index / stride) {
@@ -143,7 +144,7 @@ pub(crate) fn map(
         pose_noise,
         pose_memory: scene.pose_memory(),
         refined_poses: scene.refined_poses(),
-        pose_points: scene.pose_points(context),
+        pose_points,
         cue_scales,
         learnt_sizes,
         supporting_surfaces,

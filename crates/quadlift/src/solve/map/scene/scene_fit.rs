@@ -27,7 +27,6 @@ use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
-use crate::solve::map::shared::pose_points::PosePoints;
 use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
@@ -494,11 +493,6 @@ impl SceneFit {
     /// The corrections of the poses.
     pub(crate) fn refined_poses(&self) -> Vec<RefinedPose> {
         self.poses.refined()
-    }
-
-    /// No points, where they contradict these poses.
-    pub(crate) fn points_left_out(&self, context: &MapContext) -> Option<PosePoints> {
-        context.pose_points.left_out(&self.poses)
     }
 
     /// The points with the corrected poses, if there are any.

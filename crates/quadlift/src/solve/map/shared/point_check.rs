@@ -42,8 +42,9 @@ impl PosePoints {
         report.points = points.tracks.len();
         report.observations = points.observations();
         let as_given = PoseCorrections::default();
-        report.given_error = finite(points.fitted(&as_given).median);
-        let (tried, error) = points.tried(unknowns, options);
+        let given_error = points.fitted(&as_given).median;
+        report.given_error = finite(given_error);
+        let (tried, error) = points.tried(given_error, unknowns, options);
         report.error = finite(error);
         let elsewhere = points.median_as_given(&as_given).min(points.median_as_given(&tried));
         let apart = LARGEST_ANGLE * points.usual_focal_length();
@@ -61,19 +62,18 @@ impl PosePoints {
     }
 
     /// Corrections from the points alone, and the median error that they leave. None are needed where it is small as given.
-    fn tried(&self, unknowns: &Arc<PoseUnknowns>, options: &MapOptions) -> (PoseCorrections, f64) {
+    fn tried(&self, given_error: f64, unknowns: &Arc<PoseUnknowns>, options: &MapOptions) -> (PoseCorrections, f64) {
         let distance = self.usual_distance();
         let wide = PoseNoise { rotation_sd: TRIED_ROTATION, translation_sd: TRIED_SHIFT * distance };
         let noise = options.pose_noise.unwrap_or(wide);
         let Some(prior) =
             PosePrior::new(&MapOptions { pose_noise: Some(noise), ..options.clone() }, unknowns, || distance)
         else {
-            return (PoseCorrections::default(), self.fitted(&PoseCorrections::default()).median);
+            return (PoseCorrections::default(), given_error);
         };
         let first = prior.first.iter().take(1).map(|levels| PoseLevels { memory: 0.0, ..*levels }).collect();
         let prior = PosePrior { first, estimated: false, may_be_exact: false, ..prior };
-        let mut poses = PoseCorrections::default();
-        let mut error = self.fitted(&poses).median;
+        let (mut poses, mut error) = (PoseCorrections::default(), given_error);
         for _ in 0..TRIED_STEPS {
             if error <= LARGEST_ERROR {
                 break;
@@ -94,12 +94,10 @@ impl PosePoints {
         Some(PosePointsReport { error: finite(fitted.median), noise: Some(fitted.level), ..as_given })
     }
 
-    /// No points, where these corrections leave so large errors that the points contradict the poses and the objects.
-    pub(crate) fn left_out(&self, poses: &PoseCorrections) -> Option<Self> {
-        let report = self.report(poses).filter(|report| report.problem.is_none())?;
-        let problem = Some(PosePointsProblem::Contradict);
-        let contradicts = report.error.is_none_or(|error| error > LARGEST_ERROR);
-        let report = PosePointsReport { noise: None, problem, ..report };
+    /// No points, where the corrections left so large errors that the points contradict the poses and the objects; `report` is theirs.
+    pub(crate) fn left_out(report: PosePointsReport) -> Option<Self> {
+        let contradicts = report.problem.is_none() && report.error.is_none_or(|error| error > LARGEST_ERROR);
+        let report = PosePointsReport { noise: None, problem: Some(PosePointsProblem::Contradict), ..report };
         contradicts.then(|| Self { as_given: Some(report), ..Self::default() })
     }
 }
