@@ -13,6 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("QUADLIFT_DATA", ROOT.parent / "shared/data"))
 LIMIT = 120  # seconds of one case
+SHOWN = 60  # cases that differ
 
 # Synthetic scenes: the options of `quadlift synth`.
 SYNTHETIC = {
@@ -69,8 +70,8 @@ EXPORTS = "ply glb kitti bop boxer coco mcap ros csv tum colmap rerun"
 class Cases:
     """What is run: a name, the words of the command, and the folder in which it runs."""
 
-    def __init__(self, program, folder):
-        self.program, self.folder, self.cases = program, folder, []
+    def __init__(self, env, folder):
+        self.env, self.folder, self.cases = env, folder, []
 
     def add(self, name, *words, stdin=None):
         words = [word for part in words for word in (part.split() if isinstance(part, str) else [str(part)])]
@@ -87,11 +88,11 @@ class Cases:
         place = self.folder / name
         place.mkdir(parents=True)
         python = words[:1] == ["PYTHON"]
-        command = [os.environ["QUADLIFT_PYTHON"], *words[1:]] if python else [str(self.program), *words]
+        command = [os.environ["QUADLIFT_PYTHON"], *words[1:]] if python else ["quadlift", *words]
         begun = time.monotonic()
         try:
             with open(place / stdin if stdin else os.devnull, "rb") as source:
-                done = subprocess.run(command, cwd=place, stdin=source, capture_output=True, timeout=LIMIT)
+                done = subprocess.run(command, cwd=place, env=self.env, stdin=source, capture_output=True, timeout=LIMIT)
             code, out, err = done.returncode, done.stdout, done.stderr
         except subprocess.TimeoutExpired:
             code, out, err = "timeout", b"", b""
@@ -127,7 +128,11 @@ def record(program, folder):
     for name, target in (("real", DATA / "scenes"), ("cases", DATA.parent / "cases"), ("docs", ROOT / "docs/data"), ("seeds", ROOT / "fuzz/seeds"),
                          ("fixtures", ROOT / "crates/quadlift-io/tests/fixtures")):
         (folder / "in" / name).symlink_to(target)
-    cases, lines = Cases(program, folder), []
+    # Suggestions of next commands name the program as it was called.
+    (folder / "bin").mkdir()
+    (folder / "bin/quadlift").symlink_to(program)
+    env = {**os.environ, "PATH": f"{folder / 'bin'}:{os.environ['PATH']}"}
+    cases, lines = Cases(env, folder), []
 
     # 1: scenes. What follows reads them.
     for name, options in SYNTHETIC.items():
@@ -230,7 +235,7 @@ def record(program, folder):
         for number, words in enumerate(texts):
             if re.match(r"(view|reproduce)\b", words):
                 continue
-            done = subprocess.run(["bash", "-c", f'exec "$0" {words}', str(program)], cwd=place, capture_output=True, timeout=LIMIT)
+            done = subprocess.run(["bash", "-c", f"exec quadlift {words}"], cwd=place, env=env, capture_output=True, timeout=LIMIT)
             digest = hashlib.sha256(done.stdout + b"\0" + done.stderr).hexdigest()[:20]
             (place / f".{number}.out").write_bytes(done.stdout + done.stderr)
             found.append((f"pages/{name}/.{number}.out {done.returncode} {digest}", 0.0))
@@ -261,7 +266,7 @@ def main():
     old = dict(line.split(" ", 1) for line in (base / "old/record").read_text().splitlines())
     new = dict(line.split(" ", 1) for line in lines)
     differ = [name for name in [*old, *(name for name in new if name not in old)] if old.get(name) != new.get(name)]
-    for name in differ:
+    for name in differ[:SHOWN]:
         print(f"{name}: {old.get(name, 'not there')} -> {new.get(name, 'not there')}")
     print(f"{len(differ)} of {len({*old, *new})} cases differ" + (f": diff -r {base}/old/NAME {base}/new/NAME" if differ else ""))
     sys.exit(bool(differ))

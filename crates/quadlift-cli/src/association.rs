@@ -1,18 +1,11 @@
-//! Finding out which detections show the same object: what `associate` and `localize` share.
+//! Association in words: what `associate` and `localize` share.
 
-use std::path::Path;
-
-use anyhow::bail;
-use quadlift::associate_observed;
-use quadlift::association::{AssociateError, AssociateOptions, Association, IdUse, Outcome};
-use quadlift::diagnosis::diagnose_association;
-use quadlift::scene::{Detection, Scene, SourceError};
+use quadlift::association::{Association, IdUse};
+use quadlift::run::AssociateWhen;
+use quadlift_io::SceneFile;
 use quadlift_io::association::skipped_in_words;
 
-use crate::corrections::CorrectedScene;
-use crate::diagnosis::Check;
-use crate::output::{Output, one_line};
-use crate::progress::{counting_bar, shown_on};
+use crate::output::one_line;
 use crate::words::{count, some_of};
 
 /// How far to trust the ids of detections, as on the command line.
@@ -50,32 +43,22 @@ pub enum When {
 }
 
 impl When {
-    /// How to use the ids of a scene if it is to be associated, otherwise `None`. `chosen` is the user's choice.
-    pub fn ids_for(self, scene: &Scene, source: Option<&str>, chosen: Option<IdsName>) -> Option<IdUse> {
-        let default = match self {
-            Self::Never => return None,
-            Self::Always => IdUse::Evidence,
-            Self::Auto if named_and_unnamed(scene, source).1 == 0 => return None,
-            Self::Auto => IdUse::Trust,
-        };
-        Some(chosen.map_or(default, IdsName::use_of_ids))
+    /// The library's word.
+    pub fn of_library(self) -> AssociateWhen {
+        match self {
+            Self::Auto => AssociateWhen::Auto,
+            Self::Never => AssociateWhen::Never,
+            Self::Always => AssociateWhen::Always,
+        }
     }
 }
 
-/// Numbers of detections of a source with and without an object id; an ambiguous source is reported later.
-fn named_and_unnamed(scene: &Scene, source: Option<&str>) -> (usize, usize) {
-    let source = scene.source_index(source).unwrap_or_default();
-    let of_source = |d: &&Detection| source.is_none() || d.source_index == source;
-    let (named, unnamed): (Vec<_>, Vec<_>) =
-        scene.detections.iter().filter(of_source).partition(|d| d.object_index.is_some());
-    (named.len(), unnamed.len())
-}
-
-/// The message of `localize` about an association.
-pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, association: &Association) -> String {
-    let (named, unnamed) = named_and_unnamed(scene, source);
+/// The message of `localize` about an association of the detections of a file.
+pub fn localize_in_words(file: &SceneFile, source: Option<&str>, ids: IdUse, association: &Association) -> String {
+    let used = || file.detections.iter().filter(|d| source.is_none() || d.source.as_deref() == source);
+    let unnamed = used().filter(|d| d.object.is_none()).count();
     let given = match ids {
-        _ if named == 0 => "no detection has an object id".to_owned(),
+        _ if unnamed == used().count() => "no detection has an object id".to_owned(),
         IdUse::Trust => {
             format!("{} without an object id; the ids of the others are trusted", count(unnamed, "detection"))
         }
@@ -89,52 +72,6 @@ pub fn localize_in_words(scene: &Scene, source: Option<&str>, ids: IdUse, associ
         text.push_str(&format!("\ndoubtful: {}", one_line(&some_of(&doubtful))));
     }
     text
-}
-
-/// Associates the detections of a scene and runs the self-check; with `--fix` the scene is corrected and associated
-/// again. `title` precedes the progress bar. If no object is found, the error gives the reason with the result of the
-/// self-check.
-pub fn associate_and_check(
-    title: &str,
-    corrected: &mut CorrectedScene,
-    path: &Path,
-    options: &AssociateOptions,
-    check: &mut Check,
-    out: &Output,
-) -> anyhow::Result<Association> {
-    let mut association = with_progress(title, &corrected.scene, options, out)?;
-    check.update(&diagnose_association(&corrected.scene, &association, options)?);
-    while check.fix(corrected, path)? {
-        association = with_progress(title, &corrected.scene, options, out)?;
-        check.diagnosis = diagnose_association(&corrected.scene, &association, options)?;
-    }
-    judged(association, check)
-}
-
-fn with_progress(title: &str, scene: &Scene, options: &AssociateOptions, out: &Output) -> anyhow::Result<Association> {
-    let bar = counting_bar(title, "association steps", out);
-    let result = associate_observed(scene, options, &shown_on(&bar));
-    bar.finish_and_clear();
-    match result {
-        Err(error @ AssociateError::Source(SourceError::Several(_))) => bail!("{error} (--source NAME)"),
-        result => Ok(result?),
-    }
-}
-
-/// An association that has found something; otherwise an error.
-fn judged(association: Association, check: &Check) -> anyhow::Result<Association> {
-    if association.outcome == Outcome::NothingAgrees {
-        return Err(check.nothing_agrees(&skipped_in_words(association.skipped)).into());
-    }
-    if association.outcome != Outcome::Found {
-        bail!("no object was found: {}{}", association.outcome.text(), skipped_in_words(association.skipped));
-    }
-    Ok(association)
-}
-
-/// The scene with the objects of an association.
-pub fn associated_scene(scene: &Scene, association: &Association, source: Option<&str>) -> anyhow::Result<Scene> {
-    Ok(association.applied_to(scene, scene.source_index(source)?))
 }
 
 /// The result, in one sentence.

@@ -3,15 +3,13 @@
 use std::path::Path;
 
 use quadlift::diagnosis::Correction;
-use quadlift::scene::Scene;
-use quadlift_io::SceneFile;
-use quadlift_io::correct::{RecordCorrection, correct, options};
+use quadlift_io::correct::{RecordCorrection, options};
 use quadlift_io::read_scene_file;
+use quadlift_io::run::FileInput;
 
 use crate::args;
 use crate::files::with_hint;
 use crate::output::one_line;
-use crate::words::count;
 
 /// Corrections of conventions in the scene. The options have the names and values that the self-check proposes.
 #[derive(clap::Args)]
@@ -145,47 +143,13 @@ impl SceneCorrections {
     }
 }
 
-/// A scene that was read and corrected.
-pub struct CorrectedScene {
-    /// The corrected records.
-    pub file: SceneFile,
-    /// The scene that they describe.
-    pub scene: Scene,
-    /// Descriptions of the corrections.
-    pub notes: Vec<String>,
-    /// The number that the detections gave to the frame number 0.
-    pub frame_offset: i64,
-    /// The corrections requested by options.
-    pub corrections: Vec<RecordCorrection>,
-}
-
 /// Descriptions of the corrections, one per line.
 pub fn corrected_in_words(notes: &[String]) -> String {
     notes.iter().map(|note| format!("corrected: {}\n", one_line(note))).collect()
 }
 
-impl CorrectedScene {
-    /// Drops detections with a lower score; those without a score are kept.
-    pub fn leave_out_below(&mut self, least: f64, path: &Path) -> anyhow::Result<()> {
-        let before = self.file.detections.len();
-        self.file.detections.retain(|detection| detection.score.is_none_or(|score| score >= least));
-        let left_out = before - self.file.detections.len();
-        if left_out > 0 {
-            self.scene = self.file.to_scene().map_err(|error| error.in_file(path))?;
-            self.notes.push(format!("skipped {} with a score below {least}", count(left_out, "detection")));
-        }
-        Ok(())
-    }
-
-    /// Reads a scene file, corrects it and checks it.
-    pub fn read(path: &Path, corrections: &[RecordCorrection]) -> anyhow::Result<Self> {
-        Self::of(read_scene_file(path).map_err(|error| with_hint(path, error))?, corrections, path)
-    }
-
-    /// Corrects and checks what was read from a path.
-    pub fn of(mut file: SceneFile, corrections: &[RecordCorrection], path: &Path) -> anyhow::Result<Self> {
-        let notes = correct(&mut file, corrections).map_err(|error| error.in_file(path))?;
-        let scene = file.to_scene().map_err(|error| error.in_file(path))?;
-        Ok(Self { file, scene, notes, frame_offset: 0, corrections: corrections.to_vec() })
-    }
+/// Reads a scene file, corrects it and checks it.
+pub fn read_input(path: &Path, corrections: &[RecordCorrection]) -> anyhow::Result<FileInput> {
+    let file = read_scene_file(path).map_err(|error| with_hint(path, error))?;
+    Ok(FileInput::corrected(file, path, corrections)?)
 }

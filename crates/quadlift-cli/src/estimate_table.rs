@@ -11,10 +11,10 @@ use quadlift::solve::{
     CueScale, DepthShift, Estimate, LearntCategorySize, Method, PosePointsReport, ScaledQuantity, SizePrior, Status,
     SupportingSurface,
 };
+use quadlift_io::run::FileOptions;
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
 
-use crate::localization::Settings;
 use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
 use crate::table::{Cell, Table, decimals, number};
 use crate::words::{count, some_of, with_unit};
@@ -70,7 +70,7 @@ fn full_lengths(body: &Body) -> [f64; 3] {
 }
 
 /// The table and its notes.
-pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -> String {
+pub fn render(scene: &Scene, localization: &Localization, options: &FileOptions) -> String {
     let rows = summaries(scene, localization);
     let shown = &rows[..rows.len().min(MOST_ROWS)];
     let mut text = table(scene, shown, localization.cross_validation.extent == Extent::All);
@@ -78,10 +78,10 @@ pub fn render(scene: &Scene, localization: &Localization, settings: &Settings) -
         let more = rows.len() - shown.len();
         let _ = writeln!(text, "{DIM}and {more} more objects; the result (-o) and --json list all{DIM:#}");
     }
-    for note in notes(&rows, localization, settings) {
+    for note in notes(&rows, localization, options) {
         let _ = writeln!(text, "{WARNING}note:{WARNING:#} {}", one_line(&note));
     }
-    let without = settings.categories_without_prior(scene);
+    let without = options.categories_without_prior(scene);
     if !without.is_empty() {
         let _ = writeln!(text, "{WARNING}warning:{WARNING:#} no prior for: {}", one_line(&without.join(", ")));
     }
@@ -296,12 +296,12 @@ fn status_style(status: &str) -> Style {
 }
 
 /// Notes about the objects, each with the ids of the affected ones.
-fn notes(rows: &[Summary], localization: &Localization, settings: &Settings) -> Vec<String> {
+fn notes(rows: &[Summary], localization: &Localization, options: &FileOptions) -> Vec<String> {
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for (row, estimate) in rows.iter().zip(&localization.estimates) {
         let odd = row.cross_validation.as_ref().and_then(|checked| checked.odd_view.as_deref());
         let odd = odd.map(|view| format!("the view {view} contradicts the others"));
-        let reason = reason(estimate.status, &settings.options.method, settings.options.min_views);
+        let reason = reason(estimate.status, &options.run.localize.method, options.run.localize.min_views);
         for text in reason.into_iter().chain(row.warnings.iter().cloned()).chain(odd) {
             match notes.iter_mut().find(|(known, _)| *known == text) {
                 Some((_, ids)) => ids.push(row.id),
@@ -341,7 +341,7 @@ mod tests {
         let scene = Scene::from_parts(SceneParts { object_ids, ..Default::default() }).unwrap();
         let estimates = (0..count).map(|k| Estimate::failed(k, None, Status::Inconsistent)).collect();
         let localization = Localization { estimates, ..Default::default() };
-        let text = render(&scene, &localization, &Settings::default());
+        let text = render(&scene, &localization, &FileOptions::default());
         let is_row = |line: &&str| line.starts_with("thing");
         assert_eq!(text.lines().filter(is_row).count(), MOST_ROWS);
         assert!(text.contains("and 7 more objects; the result (-o) and --json list all"), "{text}");

@@ -26,7 +26,6 @@ mod signals;
 mod synthetic_file;
 mod table;
 mod threads;
-mod two_mistakes;
 mod words;
 
 use std::process::ExitCode;

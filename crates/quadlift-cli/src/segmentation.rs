@@ -8,7 +8,7 @@ use quadlift_io::scene_file::SceneImages;
 use quadlift_io::segmentation::{self, SegmentSceneError, Segmentation, Settings, Step};
 
 use crate::output::Output;
-use crate::progress::{counting_bar, object_bar};
+use crate::progress::counting_bar;
 
 /// Segments the detections of a scene; `title` precedes the progress bars.
 pub fn segment_scene(
@@ -18,7 +18,7 @@ pub fn segment_scene(
     settings: &Settings,
     out: &Output,
 ) -> anyhow::Result<Segmentation> {
-    let (of_images, of_objects) = (counting_bar(title, "images", out), object_bar(title, out));
+    let (of_images, of_objects) = (counting_bar(title, "images", out), counting_bar(title, "objects", out));
     let result = segmentation::segment_scene(scene, images, settings, &|step, done, total| {
         let bar = match step {
             Step::Images => &of_images,

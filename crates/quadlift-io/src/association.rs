@@ -16,7 +16,7 @@ pub fn write_objects(detections: &mut [DetectionRecord], associated: &Scene) {
     }
 }
 
-/// Adds an association to a result: the detections with their object ids, warnings of doubtful objects, and counts.
+/// Adds an association to a result: the detections with their object ids, and warnings of doubtful objects.
 /// `detections` are those of the associated file.
 pub fn add_to_result(
     result: &mut SceneFile,
@@ -36,9 +36,6 @@ pub fn add_to_result(
         association.objects.iter().filter_map(|o| Some((o.id.as_str(), o.doubtful?.text()))).collect();
     for object in &mut result.objects {
         object.warnings.extend(doubts.get(object.id.as_str()).map(|doubt| format!("doubtful: {doubt}")));
-    }
-    if let Some(about) = &mut result.localization {
-        about["association"] = association_record(associated, association);
     }
 }
 

@@ -1,8 +1,7 @@
 //! The self-check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as JSON.
 
-use quadlift::Localization;
 use quadlift::diagnosis::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
-use quadlift::solve::Status;
+use quadlift::run::Check;
 use serde_json::{Value, json};
 
 use crate::correct::RecordCorrection;
@@ -100,15 +99,21 @@ pub fn together_in_words([first, second]: &[Cause; 2], context: &Context) -> Str
     )
 }
 
-/// Applies an earlier diagnosis of the scene (made before its detections were associated) to its localisation: if the
-/// scene was inconsistent, no object is `ok`, unless `accepted`.
-pub fn refuse_objects(localization: &mut Localization, diagnosis: &Diagnosis, accepted: bool) {
-    if diagnosis.consistent {
-        return;
+/// A check in the format of result files: [`diagnosis_record`], and two causes that explain the scene together.
+pub fn check_record(check: &Check, context: &Context) -> Value {
+    let mut record = diagnosis_record(&check.diagnosis, context);
+    if let Some(two) = &check.together {
+        record["together"] = two.iter().map(|cause| cause_record(cause, context)).collect();
     }
-    localization.diagnosis = diagnosis.clone();
-    let ok = localization.estimates.iter_mut().filter(|estimate| estimate.status == Status::Ok && !accepted);
-    ok.for_each(|estimate| estimate.status = Status::Inconsistent);
+    record
+}
+
+/// The problem that a check found and its correction, as text; `None` if there is none.
+pub fn check_in_words(check: &Check, context: &Context) -> Option<String> {
+    match &check.together {
+        Some(two) => Some(together_in_words(two, context)),
+        None => diagnosis_in_words(&check.diagnosis, context),
+    }
 }
 
 /// Describes the problem in a record written by [`diagnosis_record`]; `None` if there is none, or if it is not such a

@@ -31,6 +31,7 @@ mod numbers;
 pub mod priors;
 pub mod problems;
 pub mod read;
+pub mod run;
 pub mod scene_file;
 pub mod segmentation;
 pub mod stream;

@@ -1,14 +1,15 @@
 //! Association with Python's keywords.
 
 use pyo3::prelude::*;
-use quadlift::associate_observed;
-use quadlift::association::{AssociateOptions, Association, Outcome};
-use quadlift::diagnosis::diagnose_association;
+use quadlift::association::{AssociateOptions, Association};
+use quadlift::run::{RunError, identify};
 use quadlift::scene::Scene;
 use quadlift_io::association::skipped_in_words;
-use quadlift_io::diagnosis::{Context, diagnosis_in_words};
+use quadlift_io::diagnosis::{Context, check_in_words};
+use quadlift_io::run::InputError;
 
 use crate::error::refuse;
+use crate::loaded::Loaded;
 use crate::options::{IDS, choice, read_priors};
 use crate::run::Ticker;
 
@@ -31,7 +32,7 @@ impl AssociateKeywords {
     /// Checks the keywords for a scene.
     pub fn for_scene(self, scene: &Scene) -> PyResult<AssociateOptions> {
         let unit = scene.length_unit.as_deref();
-        let (priors, _) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
+        let priors = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
         let options = AssociateOptions {
             ids: choice("ids", &self.ids, &IDS)?,
             thorough: self.thorough,
@@ -47,18 +48,22 @@ impl AssociateKeywords {
     }
 }
 
-/// Associates; returns an error with the reason if nothing is found.
-pub fn associated(scene: &Scene, options: &AssociateOptions, ticker: &Ticker) -> Result<Association, String> {
-    let association = associate_observed(scene, options, ticker).map_err(|error| error.to_string())?;
-    match association.outcome {
-        Outcome::Found => Ok(association),
-        Outcome::NothingAgrees => {
-            let diagnosis = diagnose_association(scene, &association, options).unwrap_or_default();
-            let why = diagnosis_in_words(&diagnosis, &Context::default());
-            let why = why.map_or(String::new(), |why| format!(": {why}"));
-            let skipped = skipped_in_words(association.skipped);
-            Err(format!("no object was found: {}{skipped}{why}", Outcome::NothingAgrees.text()))
-        }
-        outcome => Err(format!("no object was found: {}{}", outcome.text(), skipped_in_words(association.skipped))),
-    }
+/// Checks and associates; the scene with the objects that were found, or the reason why there are none.
+pub fn associated(
+    loaded: &Loaded,
+    options: &AssociateOptions,
+    ticker: &Ticker,
+) -> Result<(Scene, Association), String> {
+    let mut input = loaded.input();
+    let found = identify(&mut input, options, false, ticker);
+    let (_, association) = found.map_err(|error| in_words(&error, &input.context))?;
+    let source = input.scene().source_index(options.source.as_deref()).map_err(|error| error.to_string())?;
+    Ok((association.applied_to(input.scene(), source), association))
+}
+
+/// Why a run failed.
+pub fn in_words(error: &RunError<InputError>, context: &Context) -> String {
+    let RunError::NothingFound { skipped, check, .. } = error else { return error.to_string() };
+    let why = check_in_words(check, context).map_or(String::new(), |why| format!(": {why}"));
+    format!("{error}{}{why}", skipped_in_words(*skipped))
 }

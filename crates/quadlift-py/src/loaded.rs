@@ -8,6 +8,7 @@ use pyo3::PyResult;
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::guard::is_same_file;
+use quadlift_io::run::FileInput;
 use quadlift_io::video::VideoFrames;
 
 use crate::detections::{DetectionArrays, Originals, refused};
@@ -16,7 +17,7 @@ use crate::error::refuse;
 /// A validated scene and its scene file.
 pub struct Loaded {
     /// Frames and detections.
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     /// The path to which those in the file are relative, as that of the file is.
     pub path: PathBuf,
     /// The scene was computed from that of the path and lacks parts of it, such as detections.
@@ -28,12 +29,12 @@ pub struct Loaded {
 
 /// Where the scene file comes from.
 enum Source {
-    File(SceneFile),
+    File(Arc<SceneFile>),
     /// Another scene with more detections. The file is created on demand: localising arrays does not need it.
     Added {
         base: Arc<Loaded>,
         originals: Originals,
-        file: OnceLock<SceneFile>,
+        file: OnceLock<Arc<SceneFile>>,
     },
 }
 
@@ -44,7 +45,8 @@ impl Loaded {
             true => refuse(format!("{}: {}", error.entry, error.problem)),
             false => refuse(error.in_file(&path)),
         })?;
-        Ok(Self { scene, path, is_result: false, source: Source::File(file), videos: VideoFrames::default() })
+        let (scene, source) = (Arc::new(scene), Source::File(Arc::new(file)));
+        Ok(Self { scene, path, is_result: false, source, videos: VideoFrames::default() })
     }
 
     /// The result of a localisation of the scene of a path.
@@ -82,23 +84,29 @@ impl Loaded {
         Ok(())
     }
 
+    /// The input of a run.
+    pub fn input(&self) -> FileInput {
+        FileInput::of(Arc::clone(self.file()), Arc::clone(&self.scene), &self.path)
+    }
+
     /// A scene with more detections.
     pub fn with_detections(base: &Arc<Self>, detections: DetectionArrays) -> PyResult<Self> {
-        let mut parts = base.scene.clone().into_parts();
+        let mut parts = (*base.scene).clone().into_parts();
         let originals = detections.add_to(&mut parts)?;
         let scene = Scene::from_parts(parts).map_err(|error| refused(error, base.scene.detections.len()))?;
+        let scene = Arc::new(scene);
         let source = Source::Added { base: Arc::clone(base), originals, file: OnceLock::new() };
         Ok(Self { scene, path: base.path.clone(), is_result: base.is_result, source, videos: base.videos.clone() })
     }
 
     /// The scene file.
-    pub fn file(&self) -> &SceneFile {
+    pub fn file(&self) -> &Arc<SceneFile> {
         match &self.source {
             Source::File(file) => file,
             Source::Added { base, originals, file } => file.get_or_init(|| {
-                let mut file = base.file().clone();
+                let mut file = SceneFile::clone(base.file());
                 originals.add_records(&mut file, &self.scene, base.scene.detections.len());
-                file
+                Arc::new(file)
             }),
         }
     }

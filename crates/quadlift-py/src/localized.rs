@@ -7,198 +7,88 @@ use std::time::Instant;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use quadlift::Localization;
 use quadlift::association::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
-use quadlift::diagnosis::{diagnose, diagnose_association};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::locate::{Landmark, LandmarkMap, LocateOptions};
-use quadlift::scene::{Detection, Scene, SkippedDetections};
+use quadlift::scene::{Scene, SkippedDetections};
 use quadlift::solve::{Alternative, BodyKind, Estimate, Rejection};
-use quadlift::{Localization, MeasurementKind, localize_observed};
 use quadlift_io::SceneFile;
-use quadlift_io::association::{add_to_result, association_record};
-use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record, refuse_objects};
+use quadlift_io::association::association_record;
+use quadlift_io::diagnosis::check_record;
 use quadlift_io::evaluation::{Matching, evaluate_objects};
+use quadlift_io::run::{FileInput, FileOptions, FileRun, FileRunError, run_file};
 use quadlift_io::scene_file::{
-    coordinates_name, cross_validation_record, cue_scales_record, fitted_body_name, noise_record, settings_record,
+    coordinates_name, cross_validation_record, cue_scales_record, fitted_body_name, noise_record,
 };
-use quadlift_io::stream::MapMemory;
 use quadlift_report::{Content, Scores, page, report};
 
-use crate::association::associated;
+use crate::association::in_words;
 use crate::error::refuse;
 use crate::loaded::Loaded;
 use crate::locate::{LocateQuery, location};
-use crate::options::Choices;
 use crate::recording::recorded;
 use crate::run::{Ticker, on_threads};
 use crate::scene::PyScene;
 
-/// A localisation and what it was made from.
+/// A localization and what it was made from.
 #[pyclass(name = "Localized", module = "quadlift._core", frozen)]
 pub struct PyLocalized {
-    /// The file that was localised.
+    /// The scene as it was given.
     loaded: Arc<Loaded>,
-    /// The scene if it differs from the loaded one: after association, or with masks.
-    changed: Option<Scene>,
-    /// The association, if there was one.
-    association: Option<Association>,
-    /// The estimates.
-    localization: Localization,
-    /// The settings as in a file.
-    settings: serde_json::Value,
-    /// The calibration of regions, if any.
-    calibration: Option<serde_json::Value>,
-    /// What an object map knows of the objects, if they are those of one.
-    memory: Option<MapMemory>,
+    /// The run.
+    run: FileRun,
     /// Index of the used source.
     source: Option<u32>,
-    /// Read errors, as text.
-    problems: Vec<String>,
     /// Time that the library took, seconds.
     seconds: f64,
 }
 
-/// Reads masks if needed, associates detections without object ids, and localises, like the program.
-pub fn localized(loaded: Arc<Loaded>, choices: &Choices, ticker: &Ticker) -> Result<PyLocalized, String> {
-    let start = Instant::now();
-    let options = &choices.options;
-    let source =
-        loaded.scene.source_index(options.source.as_deref()).map_err(|error| format!("{error} (source=...)"))?;
-    let mut problems = Vec::new();
-    let mut changed = None;
-    if options.measurements == MeasurementKind::Mask {
-        if loaded.file().detections.iter().all(|detection| detection.mask.is_none()) {
-            return Err("no detection has a mask".to_owned());
-        }
-        let mut scene = loaded.scene.clone();
-        let unread = loaded.file().add_support_lines(&loaded.path, &mut scene, source, ticker);
-        let unread = unread.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
-        problems.extend(unread.into_iter().map(|(_, error)| error.to_string()));
-        problems.dedup();
-        changed = Some(scene);
-        ticker.restart();
-    }
-    if loaded.file().has_depth_images() && options.method.map_options().is_some() {
-        let mut scene = changed.take().unwrap_or_else(|| loaded.scene.clone());
-        let found = loaded.file().add_depths(&loaded.path, &mut scene, source, ticker);
-        let found = found.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
-        problems.extend(found.problems.iter().map(ToString::to_string));
-        problems.dedup();
-        changed = Some(scene);
-        ticker.restart();
-    }
-    // As it was given; with the ids that are found there may be more to see.
-    let of_source = |d: &Detection| source.is_none() || d.source_index == source;
-    let mut given = diagnose(changed.as_ref().unwrap_or(&loaded.scene), of_source);
-    let mut association = None;
-    if let Some(ids) = choices.ids {
-        let scene = changed.as_ref().unwrap_or(&loaded.scene);
-        let found = associated(scene, &choices.of_association(ids), ticker)?;
-        if given.consistent {
-            given = diagnose_association(scene, &found, &choices.of_association(ids)).map_err(|e| e.to_string())?;
-        }
-        changed = Some(found.applied_to(scene, source));
-        association = Some(found);
-        ticker.restart();
-    }
-    if loaded.file().has_points_of_frames() && options.method.map_options().is_some() {
-        let mut scene = changed.take().unwrap_or_else(|| loaded.scene.clone());
-        let found = loaded.file().add_depths_of_points(&loaded.path, &mut scene, source, ticker);
-        let found = found.map_err(|error| format!("{}: {}", error.entry, error.problem))?;
-        problems.extend(found.problems.iter().map(ToString::to_string));
-        problems.dedup();
-        changed = Some(scene);
-        ticker.restart();
-    }
-    let scene = changed.as_ref().unwrap_or(&loaded.scene);
-    let mut localization = localize_observed(scene, options, ticker).map_err(|error| error.to_string())?;
-    if localization.estimates.is_empty() {
-        return Err(match scene.detections.len() {
-            0 => "there is nothing to localise: the scene has no detections".to_owned(),
-            n => format!("there is nothing to localise: {n} detections have no object id"),
-        });
-    }
-    if association.is_some() {
-        // They show no object, which is told with the identities.
-        localization.skipped.without_object = 0;
-    }
-    // With refined poses the localisation has checked those.
-    if association.is_some() || localization.refined_poses.is_empty() {
-        refuse_objects(&mut localization, &given, options.accept_inconsistent);
-    }
-    let settings = settings_record(options, choices.priors.as_deref());
-    let seconds = start.elapsed().as_secs_f64();
-    let calibration = choices.calibration.clone();
-    let memory = None;
-    Ok(PyLocalized {
-        loaded,
-        changed,
-        association,
-        localization,
-        settings,
-        calibration,
-        memory,
-        source,
-        problems,
-        seconds,
-    })
-}
-
-/// Localises the objects of a map like `quadlift stream --map`: from the means of the views (`averaged`), for a file of the kept ones.
-pub fn localized_map(
+/// Runs all steps on a scene, like the program; `loaded` is the scene as it was given.
+pub fn localized(
     loaded: Arc<Loaded>,
-    averaged: &Scene,
-    memory: MapMemory,
-    choices: &Choices,
+    input: FileInput,
+    options: &FileOptions,
     ticker: &Ticker,
 ) -> Result<PyLocalized, String> {
     let start = Instant::now();
-    let localization = match averaged.detections.is_empty() {
-        true => Localization::default(),
-        false => localize_observed(averaged, &choices.options, ticker).map_err(|error| error.to_string())?,
-    };
-    Ok(PyLocalized {
-        loaded,
-        changed: None,
-        association: None,
-        localization,
-        settings: settings_record(&choices.options, choices.priors.as_deref()),
-        calibration: choices.calibration.clone(),
-        memory: Some(memory),
-        source: None,
-        problems: Vec::new(),
-        seconds: start.elapsed().as_secs_f64(),
-    })
+    let source = input.scene().source_index(options.run.localize.source.as_deref());
+    let source = source.map_err(|error| format!("{error} (source=...)"))?;
+    let run = run_file(input, options, ticker).map_err(|failed| {
+        let (input, error) = *failed;
+        match error {
+            FileRunError::Run(error) => in_words(&error, &input.context),
+            other => other.to_string(),
+        }
+    })?;
+    Ok(PyLocalized { loaded, run, source, seconds: start.elapsed().as_secs_f64() })
 }
 
 impl PyLocalized {
-    /// The scene that was localised.
+    /// The scene that was localized.
     fn scene(&self) -> &Scene {
-        self.changed.as_ref().unwrap_or(&self.loaded.scene)
+        self.run.input.scene()
+    }
+
+    fn localization(&self) -> &Localization {
+        self.run.localization()
+    }
+
+    fn association(&self) -> Option<&Association> {
+        self.run.run.association.as_ref()
     }
 
     /// The result as a file: as the program writes it.
     fn file(&self) -> SceneFile {
-        let mut file = self.loaded.file().localized(self.scene(), &self.localization, self.settings.clone());
-        if let (Some(calibration), Some(about)) = (&self.calibration, &mut file.localization) {
-            about["calibration"] = calibration.clone();
-        }
-        if let Some(association) = &self.association {
-            let source = self.source.map(|index| self.scene().sources[index as usize].as_str());
-            add_to_result(&mut file, self.loaded.file().detections.clone(), self.scene(), source, association);
-        }
-        if let Some(memory) = &self.memory {
-            memory.add_to(&mut file, self.loaded.file());
-        }
-        file
+        self.run.result()
     }
 
     /// Why an estimated object may not be one standing object.
     fn doubt(&self, estimate: &Estimate) -> Option<&'static str> {
         let id = &self.scene().object_ids[estimate.object_index];
         // The objects that were found come first, in their order.
-        let found = self.association.as_ref()?.objects.get(estimate.object_index)?;
+        let found = self.association()?.objects.get(estimate.object_index)?;
         found.doubtful.filter(|_| found.id == *id).map(|doubt| doubt.text())
     }
 }
@@ -207,7 +97,7 @@ impl PyLocalized {
 impl PyLocalized {
     /// The figures of the objects and of the detections by name.
     fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let estimates = &self.localization.estimates;
+        let estimates = &self.localization().estimates;
         let dict = PyDict::new(py);
         let name = |e: &Estimate| self.scene().object_ids[e.object_index].as_str();
         let category = |e: &Estimate| e.category_index.map(|index| self.scene().categories[index].as_str());
@@ -265,7 +155,7 @@ impl PyLocalized {
         rows("misfits", 1, &|e, to| to.extend(e.misfit.map(|misfit| misfit.relative)))?;
         dict.set_item("alternatives", estimates.iter().map(alternatives).collect::<Vec<_>>())?;
         rows("residuals_px", 1, &|e, to| to.extend(e.rms_residual_px()))?;
-        let checked = &self.localization.cross_validation;
+        let checked = &self.localization().cross_validation;
         let of_object = |index| checked.of_estimate(index).filter(|_| checked.extent == Extent::All);
         let ious = (0..estimates.len()).map(|k| of_object(k).and_then(ObjectCrossValidation::iou).unwrap_or(f64::NAN));
         dict.set_item("predicted_ious", PyArray1::from_vec(py, ious.collect()))?;
@@ -286,9 +176,9 @@ impl PyLocalized {
             Some((id, Landmark::from_estimate(estimate, category)?))
         };
         let (ids, landmarks): (Vec<&str>, Vec<Landmark>) =
-            self.localization.estimates.iter().filter_map(landmark).unzip();
+            self.localization().estimates.iter().filter_map(landmark).unzip();
         let rows: Vec<usize> = (0..ids.len()).collect();
-        let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise_of(&self.localization))?);
+        let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise_of(self.localization()))?);
         let located = py.detach(|| LandmarkMap::new(landmarks).locate(&boxes, &options));
         Ok((location(py, &located, boxes.boxes.len(), &rows)?, ids))
     }
@@ -303,7 +193,7 @@ impl PyLocalized {
     fn report(&self, title: &str, truth: Option<&PyScene>) -> PyResult<String> {
         let images = self.loaded.file().to_images(&self.loaded.path).map_err(refuse)?;
         let estimate = self.file();
-        let truth = truth.map(|scene| scene.loaded.file());
+        let truth = truth.map(|scene| &**scene.loaded.file());
         // Without objects in common there are none.
         let scores = truth.and_then(|truth| {
             let (estimate, truth) = ((Path::new("the estimate"), &estimate), (Path::new("the truth"), truth));
@@ -319,7 +209,7 @@ impl PyLocalized {
 
     /// What a recording holds, as JSON, and the indices of its frames.
     fn recording(&self, title: &str, truth: Option<&PyScene>) -> PyResult<(String, Vec<usize>)> {
-        recorded(title, &self.loaded, self.scene(), &self.file(), truth.map(|scene| scene.loaded.file()))
+        recorded(title, &self.loaded, self.scene(), &self.file(), truth.map(|scene| &**scene.loaded.file()))
     }
 
     /// The scene that was localised, as it was given.
@@ -331,38 +221,37 @@ impl PyLocalized {
     /// The kind of body that was fitted; `mixed` where objects differ.
     #[getter]
     fn body(&self) -> String {
-        fitted_body_name(self.localization.body)
+        fitted_body_name(self.localization().body)
     }
 
     /// Noise levels as JSON.
     #[getter]
     fn noise_json(&self) -> String {
-        serde_json::Value::from(noise_record(&self.localization)).to_string()
+        serde_json::Value::from(noise_record(self.localization())).to_string()
     }
 
     /// The scales of the sources of depths and 3D boxes as JSON.
     #[getter]
     fn cue_scales_json(&self) -> String {
-        cue_scales_record(self.scene(), &self.localization).to_string()
+        cue_scales_record(self.scene(), self.localization()).to_string()
     }
 
     /// The cross-validation of the scene, as JSON.
     #[getter]
     fn cross_validation_json(&self) -> String {
-        cross_validation_record(&self.localization).to_string()
+        cross_validation_record(self.localization()).to_string()
     }
 
     /// How regions are calibrated, as JSON.
     #[getter]
     fn calibration_json(&self) -> Option<String> {
-        self.calibration.as_ref().map(ToString::to_string)
+        self.run.options.calibration.as_ref().map(ToString::to_string)
     }
 
     /// The self-check as JSON, and its message.
     #[getter]
     fn diagnosis(&self) -> (String, Option<String>) {
-        let (diagnosis, context) = (&self.localization.diagnosis, Context::of(self.loaded.file(), 0));
-        (diagnosis_record(diagnosis, &context).to_string(), diagnosis_in_words(diagnosis, &context))
+        (check_record(&self.run.run.check, &self.run.input.context).to_string(), self.run.problem())
     }
 
     /// Detections that took no part: without object, occluded or truncated, beyond the lens, without the measurement that
@@ -370,25 +259,25 @@ impl PyLocalized {
     #[getter]
     fn skipped(&self) -> (usize, usize, usize, usize) {
         let SkippedDetections { without_object, occluded_or_truncated, beyond_lens, without_measurement, .. } =
-            self.localization.skipped;
+            self.localization().skipped;
         (without_object, occluded_or_truncated, beyond_lens, without_measurement)
     }
 
     /// Whether the detections were associated.
     #[getter]
     fn associated(&self) -> bool {
-        self.association.is_some()
+        self.association().is_some()
     }
 
     /// The association as JSON.
     #[getter]
     fn association_json(&self) -> Option<String> {
-        self.association.as_ref().map(|association| association_record(self.scene(), association).to_string())
+        self.association().map(|association| association_record(self.scene(), association).to_string())
     }
 
     #[getter]
     fn problems(&self) -> Vec<String> {
-        self.problems.clone()
+        self.run.input.problems.clone()
     }
 
     #[getter]
@@ -401,7 +290,7 @@ impl PyLocalized {
     /// For each detection its object's place among the estimates, whether it was used, and its residual.
     fn set_detections(&self, py: Python, dict: &Bound<PyDict>) -> PyResult<()> {
         let mut place = vec![-1i64; self.scene().object_ids.len()];
-        for (index, estimate) in self.localization.estimates.iter().enumerate() {
+        for (index, estimate) in self.localization().estimates.iter().enumerate() {
             place[estimate.object_index] = index as i64;
         }
         let detections = &self.scene().detections;
@@ -413,7 +302,7 @@ impl PyLocalized {
             let is_of_source = self.source.is_none() || detection.source_index == self.source;
             let object = detection.object_index.filter(|_| is_of_source).map(|index| index as usize);
             let row = object.map_or(-1, |object| place[object]);
-            let estimate = usize::try_from(row).ok().and_then(|row| self.localization.estimates.get(row));
+            let estimate = usize::try_from(row).ok().and_then(|row| self.localization().estimates.get(row));
             // Views are in the order of their frames.
             let frame = detection.frame_index as usize;
             let view =

@@ -10,20 +10,21 @@ use pyo3::types::{PyBytes, PyDict};
 use quadlift::geometry::{CamFromWorld, Projection, quaternion_from_rotation};
 use quadlift::online::{FrameUpdate, MapObject, ObjectId, ObjectMap, OnlineOptions, Presence};
 use quadlift::solve::PoseNoise;
-use quadlift_io::EntryError;
+use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::FrameRecord;
 use quadlift_io::stream::{
-    AboutRecord, CameraOfFrame, FrameLine, MapMemory, OutputLine, PoseRecord, StoredPriors, StoredStream, StreamState,
+    AboutRecord, CameraOfFrame, FrameLine, OutputLine, PoseRecord, StoredPriors, StoredStream, StreamState,
     StreamedScene, lasting_options, parse_stored_stream, presence_name, read_stored_stream, write_state,
     write_state_file,
 };
+use quadlift_io::{EntryError, SceneFile};
 use serde_json::{Map, Value};
 
 use crate::detections::BoxArrays;
 use crate::error::refuse;
 use crate::live::Live;
 use crate::loaded::Loaded;
-use crate::localized::{PyLocalized, localized_map};
+use crate::localized::{PyLocalized, localized};
 use crate::locate::{LocateQuery, location};
 use crate::options::{IDS, LocalizeKeywords, choice, read_priors};
 use crate::run::in_background;
@@ -186,7 +187,7 @@ impl PyObjectMap {
     #[new]
     fn new(keywords: MapKeywords) -> PyResult<Self> {
         let unit = keywords.length_unit.as_deref();
-        let (priors, _) = read_priors(keywords.priors.as_deref(), keywords.priors_text.as_deref(), unit)?;
+        let priors = read_priors(keywords.priors.as_deref(), keywords.priors_text.as_deref(), unit)?;
         let stored = match (&keywords.priors, &keywords.priors_text) {
             (_, Some(text)) => Some(StoredPriors::Text { text: text.clone() }),
             (name, None) => name.clone().map(StoredPriors::Name),
@@ -367,15 +368,12 @@ impl PyObjectMap {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyLocalized> {
-        let (file, averaged, memory) = self.with(py, |StreamState { map, scene, .. }| {
-            Ok((scene.to_file(map), scene.to_averaged_file(map), MapMemory::of(map)))
+        let input = self.with(py, |StreamState { map, scene, .. }| {
+            FileInput::of_map(scene, map, Path::new("")).map_err(|error| error.to_string())
         })?;
-        let loaded = Arc::new(Loaded::new(file, PathBuf::new())?);
-        let averaged = Loaded::new(averaged, PathBuf::new())?;
-        let choices = keywords.for_scene(&loaded.scene)?;
-        in_background(py, threads, progress, move |ticker| {
-            localized_map(loaded, &averaged.scene, memory, &choices, ticker)
-        })
+        let loaded = Arc::new(Loaded::new(SceneFile::clone(&input.file), PathBuf::new())?);
+        let options = keywords.options()?;
+        in_background(py, threads, progress, move |ticker| localized(loaded, input, &options, ticker))
     }
 
     /// The options by the names of the program, as JSON.

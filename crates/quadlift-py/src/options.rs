@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use pyo3::prelude::*;
-use quadlift::association::{AssociateOptions, IdUse};
+use quadlift::association::IdUse;
 use quadlift::cross_validation::Extent;
-use quadlift::scene::Scene;
+use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{LocalizeOptions, UnknownName};
-use quadlift_io::builtin_priors;
 use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
-use quadlift_io::priors::{check_metres, parse_priors, plausible_sizes};
+use quadlift_io::priors::check_metres;
+use quadlift_io::run::{FileOptions, PriorSource};
 use serde_json::Value;
 
 use crate::error::refuse;
@@ -54,21 +54,9 @@ pub struct LocalizeKeywords {
     calibration: Vec<(Py<PyScene>, Py<PyScene>)>,
 }
 
-/// The options from keywords.
-pub struct Choices {
-    /// LocalizeOptions of the library.
-    pub options: LocalizeOptions,
-    /// The source of the priors, as text.
-    pub priors: Option<String>,
-    /// The use of ids if the scene is associated first, otherwise `None`.
-    pub ids: Option<IdUse>,
-    /// How regions are calibrated, where they are: what the result says about it.
-    pub calibration: Option<Value>,
-}
-
 impl LocalizeKeywords {
-    /// Checks the keywords for a scene.
-    pub fn for_scene(&self, scene: &Scene) -> PyResult<Choices> {
+    /// Checks the keywords and reads what they name.
+    pub fn options(&self) -> PyResult<FileOptions> {
         let mut method: Method = named("method", &self.method)?;
         if method.map_options().is_none() {
             let given = [
@@ -128,14 +116,13 @@ impl LocalizeKeywords {
             Some(true) => Extent::All,
         };
         options.validate().map_err(refuse)?;
-        let unit = scene.length_unit.as_deref();
-        let (priors, name) = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
-        if let Some(map) = options.method.map_options_mut() {
-            map.priors = priors;
-        }
-        options.plausible_sizes = plausible_sizes(scene.length_unit.as_deref());
         options.source = self.source.clone();
-        Ok(Choices { options, priors: name, ids: self.ids(scene)?, calibration: self.calibration()? })
+        let ids = self.ids.as_deref().map(|ids| choice("ids", ids, &IDS)).transpose()?;
+        let run =
+            RunOptions { localize: options, associate: choice("associate", &self.associate, &WHEN)?, ids, fix: false };
+        let priors = prior_source(self.priors.as_deref(), self.priors_text.as_deref());
+        let options = FileOptions::new(run, priors).map_err(refuse)?;
+        Ok(FileOptions { calibration: self.calibration()?, ..options })
     }
 
     /// As `--calibration` of the program.
@@ -156,74 +143,39 @@ impl LocalizeKeywords {
         let pairs = self.calibration.iter().zip(&names);
         let pairs: Vec<ResultAndTruth> = pairs
             .map(|((result, truth), [of_result, of_truth])| {
-                [(&**of_result, result.get().loaded.file()), (&**of_truth, truth.get().loaded.file())]
+                [(&**of_result, &**result.get().loaded.file()), (&**of_truth, &**truth.get().loaded.file())]
             })
             .collect();
         let calibration = calibrate(&pairs).map_err(|error| refuse(format!("calibration: {error}")))?;
         let names: Vec<[&Path; 2]> = names.iter().map(|[result, truth]| [&**result, &**truth]).collect();
         Ok(Some(calibration_record(&calibration, &names)))
     }
+}
 
-    /// As `--associate` and `--ids` of the program.
-    fn ids(&self, scene: &Scene) -> PyResult<Option<IdUse>> {
-        let chosen = self.ids.as_deref().map(|ids| choice("ids", ids, &IDS)).transpose()?;
-        let when = choice("associate", &self.associate, &WHEN)?;
-        let source = scene.source_index(self.source.as_deref()).unwrap_or_default();
-        let of_source = |index: Option<u32>| source.is_none() || index == source;
-        let unnamed = scene.detections.iter().any(|d| of_source(d.source_index) && d.object_index.is_none());
-        Ok(match when {
-            When::Never => None,
-            When::Auto if !unnamed => None,
-            When::Auto => Some(chosen.unwrap_or(IdUse::Trust)),
-            When::Always => Some(chosen.unwrap_or(IdUse::Evidence)),
-        })
+/// Where priors come from: their name or path, or the text of a file.
+fn prior_source(name: Option<&str>, text: Option<&str>) -> PriorSource {
+    match (name, text) {
+        (_, Some(text)) => PriorSource::Text(text.to_owned()),
+        (Some("builtin"), None) => PriorSource::Builtin,
+        (Some(path), None) => PriorSource::File(path.into()),
+        (None, None) => PriorSource::None,
     }
 }
 
-/// Priors by their name or path, or from the text of a file; and where they come from, in words.
-pub fn read_priors(
-    name: Option<&str>,
-    text: Option<&str>,
-    length_unit: Option<&str>,
-) -> PyResult<(CategoryPriors, Option<String>)> {
-    let priors = match (name, text) {
-        (_, Some(text)) => {
-            let priors = parse_priors("priors".as_ref(), text).map_err(refuse)?;
-            return Ok((priors, Some("given".to_owned())));
-        }
-        (Some("builtin"), None) => {
-            check_metres(length_unit).map_err(refuse)?;
-            builtin_priors()
-        }
-        (Some(path), None) => quadlift_io::read_priors(path.as_ref()).map_err(refuse)?,
-        (None, None) => CategoryPriors::default(),
-    };
-    Ok((priors, name.map(str::to_owned)))
-}
-
-impl Choices {
-    /// LocalizeOptions of the association that goes before the localisation.
-    pub fn of_association(&self, ids: IdUse) -> AssociateOptions {
-        AssociateOptions {
-            source: self.options.source.clone(),
-            ids,
-            priors: self.options.method.map_options().map(|map| map.priors.clone()).unwrap_or_default(),
-            ..Default::default()
-        }
+/// Priors by their name or path, or from the text of a file, for a scene with this unit of length.
+pub fn read_priors(name: Option<&str>, text: Option<&str>, length_unit: Option<&str>) -> PyResult<CategoryPriors> {
+    let source = prior_source(name, text);
+    if source == PriorSource::Builtin {
+        check_metres(length_unit).map_err(refuse)?;
     }
-}
-
-#[derive(Clone, Copy)]
-enum When {
-    Auto,
-    Never,
-    Always,
+    source.read().map_err(refuse)
 }
 
 /// Names of `ids`: what ids are worth.
 pub const IDS: [(&str, IdUse); 3] = [("trust", IdUse::Trust), ("evidence", IdUse::Evidence), ("ignore", IdUse::Ignore)];
 
-const WHEN: [(&str, When); 3] = [("auto", When::Auto), ("never", When::Never), ("always", When::Always)];
+const WHEN: [(&str, AssociateWhen); 3] =
+    [("auto", AssociateWhen::Auto), ("never", AssociateWhen::Never), ("always", AssociateWhen::Always)];
 
 /// The value of this name; the error names the argument, what was found and what there is.
 pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyResult<T> {

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use quadlift::Observer;
+use quadlift::{Observer, Phase};
 use rayon::ThreadPool;
 
 use crate::error::refuse;
@@ -34,6 +34,10 @@ impl Observer for Ticker {
         self.done.fetch_max(done, Ordering::Relaxed);
         self.total.store(total, Ordering::Relaxed);
         if self.cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn begins(&self, _: Phase) {
+        self.restart();
     }
 }
 

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use quadlift::align::AlignStatus;
-use quadlift::diagnosis::diagnose;
-use quadlift::scene::Detection;
+use quadlift::run::Check;
+use quadlift_io::SceneFile;
 use quadlift_io::align::{ALIGNMENT, Contradiction, MapScale, align_checked, alignment_record, merge, options_of};
 use quadlift_io::association::write_objects;
 use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
-use quadlift_io::diagnosis::{Context, diagnosis_in_words, diagnosis_record};
+use quadlift_io::diagnosis::{check_in_words, check_record};
 use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::detections::csv::TableOptions;
 use quadlift_io::read::detections::names::read_names;
@@ -110,7 +110,7 @@ impl PyScene {
         let table = TableOptions { frame_column, names: class_names.as_ref() };
         let format = detect_detections(&path).map_err(refuse)?;
         let found = read_detections(format, &path, None, &table).map_err(refuse)?;
-        let mut file = self.loaded.file().clone();
+        let mut file = SceneFile::clone(self.loaded.file());
         let source = source.unwrap_or(format.name());
         let options = AddOptions { source, min_score, image_size, ..Default::default() };
         let added = add_detections(&mut file, found, &options).map_err(refuse)?;
@@ -134,7 +134,7 @@ impl PyScene {
         if is_same {
             return write_scene_file(&path, self.loaded.file()).map_err(refuse);
         }
-        let mut file = self.loaded.file().clone();
+        let mut file = SceneFile::clone(self.loaded.file());
         for place in file.paths_mut() {
             *place = absolute(here.join(&*place)).map_err(refuse)?.display().to_string();
         }
@@ -161,7 +161,7 @@ impl PyScene {
         };
         let corrections = corrections.iter().map(correction).collect::<PyResult<Vec<_>>>()?;
         let corrections: Vec<RecordCorrection> = corrections.into_iter().flatten().collect();
-        let mut file = self.loaded.file().clone();
+        let mut file = SceneFile::clone(self.loaded.file());
         let notes = correct(&mut file, &corrections).map_err(refuse)?;
         Ok((Self::new(file, self.loaded.path.clone())?, notes))
     }
@@ -169,11 +169,10 @@ impl PyScene {
     /// The self-check as JSON, and its message.
     fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<(String, Option<String>)> {
         let scene = &self.loaded.scene;
-        let source = scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;
-        let of_source = |d: &Detection| source.is_none() || d.source_index == source;
-        let diagnosis = py.detach(|| on_threads(|| diagnose(scene, of_source)))?;
-        let context = Context::of(self.loaded.file(), 0);
-        Ok((diagnosis_record(&diagnosis, &context).to_string(), diagnosis_in_words(&diagnosis, &context)))
+        scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;
+        let mut input = self.loaded.input();
+        let check = py.detach(|| on_threads(|| Check::with_identities(&mut input, source, false)))?.map_err(refuse)?;
+        Ok((check_record(&check, &input.context).to_string(), check_in_words(&check, &input.context)))
     }
 
     /// Localises the objects.
@@ -184,9 +183,9 @@ impl PyScene {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyLocalized> {
-        let choices = keywords.for_scene(&self.loaded.scene)?;
-        let loaded = Arc::clone(&self.loaded);
-        in_background(py, threads, progress, move |ticker| localized(loaded, &choices, ticker))
+        let (options, loaded) = (keywords.options()?, Arc::clone(&self.loaded));
+        let input = loaded.input();
+        in_background(py, threads, progress, move |ticker| localized(loaded, input, &options, ticker))
     }
 
     /// Finds masks and ellipses in the images; the scene with them, and what went wrong.
@@ -214,12 +213,9 @@ impl PyScene {
     ) -> PyResult<(Self, Vec<Found>)> {
         let options = keywords.for_scene(&self.loaded.scene)?;
         let loaded = Arc::clone(&self.loaded);
-        let (scene, association) = in_background(py, threads, progress, move |ticker| {
-            let association = associated(&loaded.scene, &options, ticker)?;
-            let source = loaded.scene.source_index(options.source.as_deref()).map_err(|e| e.to_string())?;
-            Ok((association.applied_to(&loaded.scene, source), association))
-        })?;
-        let mut file = self.loaded.file().clone();
+        let (scene, association) =
+            in_background(py, threads, progress, move |ticker| associated(&loaded, &options, ticker))?;
+        let mut file = SceneFile::clone(self.loaded.file());
         write_objects(&mut file.detections, &scene);
         // The true objects, if the scene has any, have other ids.
         file.objects = Vec::new();
@@ -255,7 +251,7 @@ impl PyScene {
         let (AlignStatus::Ok, Some(best)) = (found.status, found.transforms.first()) else {
             return Ok((record.to_string(), None));
         };
-        let mut moved = b.clone();
+        let mut moved = SceneFile::clone(b);
         let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
         moved.move_paths([&folder(&other.loaded.path), &folder(&self.loaded.path)]).map_err(refuse)?;
         let mut merged = merge(a, &moved, [&maps.0, &maps.1], best).map_err(refuse)?.file;

@@ -65,7 +65,7 @@ impl SegmentKeywords {
         if let Some(folder) = &self.out_masks {
             create_dir_all(folder).map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
         }
-        let mut file = file.clone();
+        let mut file = SceneFile::clone(file);
         let folder = path.parent().unwrap_or(Path::new(""));
         add_to_scene(&mut file, scene, &segmentation, method, [folder, folder], self.out_masks.as_deref())
             .map_err(|error| error.to_string())?;

@@ -2,15 +2,17 @@
 
 use std::collections::HashSet;
 use std::io::Write;
+use std::path::Path;
 
+use quadlift::Unobserved;
 use quadlift::online::ObjectMap;
-use quadlift::{Localization, localize};
-use quadlift_io::SceneFile;
 use quadlift_io::mcap::CdrWriter;
+use quadlift_io::run::{FileInput, run_file};
 use quadlift_io::scene_file::{Detail, ObjectRecord, write_scene};
-use quadlift_io::stream::{MapMemory, StreamState};
+use quadlift_io::stream::StreamState;
 use quadlift_io::write::mcap::MapMessages;
 use quadlift_io::write::{BodyChoice, CheckedScene};
+use quadlift_io::{ReadError, SceneFile};
 
 use crate::Options;
 use crate::bytes::Bytes;
@@ -18,9 +20,7 @@ use crate::bytes::Bytes;
 /// A map at an instant, to be estimated on any thread.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
-    file: SceneFile,
-    averaged: SceneFile,
-    memory: MapMemory,
+    input: Result<FileInput, ReadError>,
     /// Time of the last frame in nanoseconds.
     pub stamp: i64,
 }
@@ -46,8 +46,7 @@ impl Snapshot {
         let mut map: ObjectMap = stream.map.clone();
         map.settle();
         let stamp = map.last_frame().map_or(0, |(id, time)| stamp(id, time));
-        let (file, averaged) = (stream.scene.to_file(&map), stream.scene.to_averaged_file(&map));
-        Self { file, averaged, memory: MapMemory::of(&map), stamp }
+        Self { input: FileInput::of_map(&stream.scene, &map, Path::new("the map")), stamp }
     }
 
     /// The result, as `quadlift stream --map` writes it.
@@ -55,14 +54,9 @@ impl Snapshot {
     /// # Errors
     /// A text if the scene of the map is not valid.
     pub fn result(&self, options: &Options) -> Result<SceneFile, String> {
-        let scene = self.averaged.to_scene().map_err(|error| format!("{}: {}", error.entry, error.problem))?;
-        let localization = match scene.detections.is_empty() {
-            true => Localization::default(),
-            false => localize(&scene, &options.localize).map_err(|error| error.to_string())?,
-        };
-        let mut result = self.file.localized(&scene, &localization, options.settings.clone());
-        self.memory.add_to(&mut result, &self.file);
-        Ok(result)
+        let input = self.input.clone().map_err(|error| error.to_string())?;
+        let run = run_file(input, &options.estimates, &Unobserved);
+        run.map(|run| run.result()).map_err(|failed| failed.1.to_string())
     }
 
     /// The result with its messages.

@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use quadlift::LocalizeOptions;
 use quadlift::association::IdUse;
 use quadlift::online::OnlineOptions;
-use quadlift::solve::{CategoryPriors, MapOptions, Method, PoseNoise};
+use quadlift::run::RunOptions;
+use quadlift::solve::{MapOptions, PoseNoise};
 use quadlift_io::mcap::LiveOptions;
-use quadlift_io::priors::plausible_sizes;
 use quadlift_io::read::PixelCenters;
-use quadlift_io::scene_file::settings_record;
+use quadlift_io::run::{FileOptions, PriorSource};
 use quadlift_io::stream::{StoredPriors, id_use_name, lasting_options};
-use quadlift_io::{builtin_priors, read_priors};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::Arguments;
@@ -31,9 +30,7 @@ pub struct Options {
     /// The map.
     pub map: OnlineOptions,
     /// How the objects of the map are estimated.
-    pub localize: LocalizeOptions,
-    /// The settings as they stand in a result.
-    pub settings: Value,
+    pub estimates: FileOptions,
     /// Options that a state goes on with, as `quadlift stream` writes them.
     pub lasting: Map<String, Value>,
     /// Noise of the poses.
@@ -79,7 +76,11 @@ impl Options {
         };
         let (detections_topics, camera_info_topics) = (topics("detections_topics")?, topics("camera_info_topics")?);
         let live = live_options(parameters, &detections_topics, &camera_info_topics)?;
-        let (priors, stored_priors) = priors(parameters.text("priors"))?;
+        let (priors, stored_priors) = match parameters.text("priors") {
+            "" => (PriorSource::None, None),
+            "builtin" => (PriorSource::Builtin, Some(StoredPriors::Name("builtin".to_owned()))),
+            path => (PriorSource::File(path.into()), Some(StoredPriors::Name(path.to_owned()))),
+        };
         let pose_noise = match parameters.doubles("pose_noise") {
             [] => None,
             &[rotation_sd, translation_sd] if rotation_sd > 0.0 && translation_sd > 0.0 => {
@@ -87,34 +88,33 @@ impl Options {
             }
             other => return Err(format!("the parameter pose_noise is {other:?}; expected two numbers above 0")),
         };
-        let positive = |name: &str| Some(parameters.double(name)).filter(|x| *x != 0.0);
-        let map = OnlineOptions {
-            ids: ids(parameters.text("ids"))?,
-            min_views: parameters.size("min_views"),
-            min_score: positive("min_score"),
-            pixel_sd: positive("pixel_sd"),
-            priors: priors.clone(),
-            max_views: parameters.size("max_views"),
-            max_objects: parameters.size("max_objects"),
-            ..OnlineOptions::default()
-        };
-        map.validate().map_err(|error| error.to_string())?;
         let body = match parameters.text("body") {
             "auto" => None,
             text => Some(text.parse().map_err(|error: quadlift::UnknownName| {
                 format!("the parameter body is \"{text}\"; expected one of auto, {}", error.expected.join(", "))
             })?),
         };
-        let estimates =
-            MapOptions { body, upright: parameters.is_set("upright"), pose_noise, priors, ..MapOptions::default() };
-        let localize = LocalizeOptions { method: Method::Map(estimates), ..LocalizeOptions::default() };
+        let options = MapOptions { body, upright: parameters.is_set("upright"), pose_noise, ..MapOptions::default() };
+        let localize = LocalizeOptions::from(options);
         localize.validate().map_err(|error| error.to_string())?;
+        let estimates = FileOptions::new(RunOptions { localize, ..RunOptions::default() }, priors);
+        let estimates = estimates.map_err(|error| error.to_string())?;
+        let positive = |name: &str| Some(parameters.double(name)).filter(|x| *x != 0.0);
+        let map = OnlineOptions {
+            ids: ids(parameters.text("ids"))?,
+            min_views: parameters.size("min_views"),
+            min_score: positive("min_score"),
+            pixel_sd: positive("pixel_sd"),
+            priors: estimates.category_priors(),
+            max_views: parameters.size("max_views"),
+            max_objects: parameters.size("max_objects"),
+            ..OnlineOptions::default()
+        };
+        map.validate().map_err(|error| error.to_string())?;
         let mut lasting = lasting_options(&map, stored_priors.as_ref(), pose_noise, None);
         // As `quadlift stream` names them for logs; what is usual is left out.
         lasting.insert("rectified".to_owned(), json!(live.rectified.then_some(true)));
         lasting.insert("world-frame".to_owned(), json!(Some(&live.world_frame).filter(|frame| *frame != "map")));
-        let name = (!parameters.text("priors").is_empty()).then(|| parameters.text("priors"));
-        let settings = settings_record(&localize, name);
         Ok(Self {
             reliable_detections: match parameters.text("detections_reliability") {
                 "reliable" => true,
@@ -128,8 +128,7 @@ impl Options {
             lasting,
             live,
             map,
-            localize: LocalizeOptions { plausible_sizes: plausible_sizes(Some("m")), ..localize },
-            settings,
+            estimates,
             pose_noise,
             files: Files::new(parameters.text("state_file"), parameters.text("map_file")),
             resume: parameters.is_set("resume"),
@@ -168,15 +167,6 @@ fn live_options(parameters: &Parameters, detections: &[String], cameras: &[Strin
         kept: parameters.double("transform_buffer"),
         most_waiting: parameters.size("queue_size"),
     })
-}
-
-fn priors(name: &str) -> Result<(CategoryPriors, Option<StoredPriors>), String> {
-    let priors = match name {
-        "" => return Ok((CategoryPriors::default(), None)),
-        "builtin" => builtin_priors(),
-        path => read_priors(path.as_ref()).map_err(|error| error.to_string())?,
-    };
-    Ok((priors, Some(StoredPriors::Name(name.to_owned()))))
 }
 
 fn ids(name: &str) -> Result<IdUse, String> {

@@ -29,6 +29,7 @@
 //!   [`Estimate`](solve::Estimate) for every object: a body (ellipsoid, cuboid, cylinder or superellipsoid), its covariance,
 //!   the residual of each view, outliers and warnings. A [`Status`](solve::Status) other than `Ok` says why there is none.
 //! - **No object ids**: [`associate()`] divides the detections into objects and clutter.
+//! - **All steps in order**: [`run()`] checks a scene, associates its detections, and localizes its objects, as the program does.
 //! - **Frame by frame**: [`online::ObjectMap`] keeps a map of objects while frames arrive.
 //! - **One object, no scene**: [`solve::Estimator`] fits the [`View`](scene::View)s of one object by any method.
 //! - **Wrong input**: [`diagnosis::diagnose`] checks whether a scene agrees with itself, and names the mistake (pose
@@ -68,6 +69,7 @@ mod observer;
 pub mod online;
 mod optimize;
 mod parallel;
+pub mod run;
 pub mod scene;
 pub mod solve;
 pub mod synthetic;
@@ -78,9 +80,10 @@ mod tuning;
 pub mod tuning;
 
 pub use association::{associate, associate_observed};
-pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind, localize, localize_observed};
+pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind};
 pub use names::UnknownName;
-pub use observer::{Observer, Watch};
+pub use observer::{Observer, Phase, Unobserved, Watch};
+pub use run::{localize, localize_observed, run};
 // Its types are part of this API.
 pub use nalgebra;
 

@@ -21,6 +21,25 @@ pub trait Observer: Sync {
     /// Called now and then, from any thread and not always in order, with the number of steps done and their total, which
     /// may grow. [`ControlFlow::Break`] cancels the work: it ends soon with an error that says so.
     fn progress(&self, done: usize, total: usize) -> ControlFlow<()>;
+
+    /// Another piece of work begins, whose steps are counted from 0.
+    fn begins(&self, _: Phase) {}
+}
+
+/// A piece of the work of [`crate::run()`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Phase {
+    /// Detections are associated.
+    Association,
+    /// Masks are read; steps are frames.
+    Masks,
+    /// Depth images are read; steps are frames.
+    DepthImages,
+    /// Points are read; steps are frames.
+    Points,
+    /// Objects are solved.
+    Objects,
 }
 
 impl<F: Fn(usize, usize) -> ControlFlow<()> + Sync> Observer for F {
@@ -30,7 +49,8 @@ impl<F: Fn(usize, usize) -> ControlFlow<()> + Sync> Observer for F {
 }
 
 /// Nobody watches.
-pub(crate) struct Unobserved;
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unobserved;
 
 impl Observer for Unobserved {
     fn progress(&self, _: usize, _: usize) -> ControlFlow<()> {

@@ -3,23 +3,26 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
 use clap::builder::RangedU64ValueParser;
 use quadlift::association::AssociateOptions;
+use quadlift::run::identify;
 use quadlift_io::association::{association_record, write_objects};
+use quadlift_io::diagnosis::check_record;
 use quadlift_io::guard::check_not_read;
+use quadlift_io::priors::check_metres;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use serde_json::json;
 
 use crate::args;
-use crate::association::{IdsName, associate_and_check, associated_scene, in_words};
-use crate::corrections::{CheckArgs, CorrectedScene, SceneCorrections, corrected_in_words};
-use crate::diagnosis::Check;
+use crate::association::{IdsName, in_words};
+use crate::corrections::{CheckArgs, SceneCorrections, corrected_in_words, read_input};
+use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, outputs};
-use crate::localization::check_metres;
+use crate::localization::run_error;
 use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
+use crate::progress::RunProgress;
 use crate::table::{Cell, Table};
 use crate::threads;
 use crate::words::duration;
@@ -120,19 +123,19 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Err(error) = options.validate() {
         return usage(error.to_string());
     }
-    let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let mut input = read_input(&args.scene, &args.corrections.list())?;
     check_not_read(&args.output)?;
-    let mut check = Check::new(&mut corrected, &args.check, args.source.as_deref(), Some(options.ids), &args.scene)?;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
-        check_metres(&corrected.scene)?;
+        check_metres(input.scene().length_unit.as_deref()).map_err(anyhow::Error::msg)?;
     }
     let title = args.scene.display().to_string();
     let start = Instant::now();
-    let association = associate_and_check(&title, &mut corrected, &args.scene, &options, &mut check, out)
-        .with_context(|| title.clone())?;
-    let CorrectedScene { mut file, scene, notes, .. } = corrected;
+    let found = identify(&mut input, &options, args.check.fix, &RunProgress::new(&title, out));
+    let (check, association) = found.map_err(|error| run_error(error, &title, &input))?;
     out.detail(&format!("associated in {}", duration(start.elapsed())));
-    let associated = associated_scene(&scene, &association, args.source.as_deref())?;
+    let scene = input.scene();
+    let associated = association.applied_to(scene, scene.source_index(args.source.as_deref())?);
+    let mut file = (*input.file).clone();
     write_objects(&mut file.detections, &associated);
     // The true objects, if the scene has any, have other ids.
     file.objects = Vec::new();
@@ -152,7 +155,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "{HEADING}{}{HEADING:#}: {}\n{}\n{}wrote {}\n",
         one_line(&title),
         in_words(&association),
-        corrected_in_words(&notes),
+        corrected_in_words(&input.notes),
         table.render(),
         args.output.display()
     ))?;
@@ -160,12 +163,12 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let words =
         ["localize".into(), args.output.as_path().into()].into_iter().chain(source).chain(["-o objects.json".into()]);
     Next::default().command(words, "localise the objects").tell(out)?;
-    let mut document = association_record(&scene, &association);
-    if !notes.is_empty() {
-        document["corrections"] = json!(notes);
+    let mut document = association_record(scene, &association);
+    if !input.notes.is_empty() {
+        document["corrections"] = json!(input.notes);
     }
     document["output"] = args.output.display().to_string().into();
-    document["diagnosis"] = check.record();
+    document["diagnosis"] = check_record(&check, &input.context);
     out.document(&document)?;
-    Ok(check.tell(&title, out))
+    Ok(tell(&check, &input.context, args.check.accept_inconsistent, &title, out))
 }

@@ -5,13 +5,13 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use quadlift::diagnosis::Diagnosis;
+use quadlift::run::{Check, diagnose_source, diagnose_unnamed};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
-use quadlift_io::diagnosis::Context;
+use quadlift_io::diagnosis::{check_in_words, check_record};
 use serde::Serialize;
 
-use crate::corrections::{CorrectedScene, SceneCorrections, corrected_in_words};
-use crate::diagnosis::{Check, of_source, without_ids};
+use crate::corrections::{SceneCorrections, corrected_in_words, read_input};
 use crate::error::Outcome;
 use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
@@ -105,9 +105,8 @@ struct Source {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let CorrectedScene { file, scene, notes, corrections, .. } =
-        CorrectedScene::read(&args.scene, &args.corrections.list())?;
-    let context = Context::of(&file, 0).after(&corrections);
+    let input = read_input(&args.scene, &args.corrections.list())?;
+    let (file, scene) = (&*input.file, input.scene());
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;
     // Objects of other files are the truth.
@@ -131,23 +130,23 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         detections: scene.detections.len(),
         sources: sources(&file, &scene),
         oddities: Vec::new(),
-        corrections: notes,
+        corrections: input.notes.clone(),
         diagnosis: serde_json::Value::Null,
     };
     report.oddities = oddities(&file, &scene, &report);
     // The source that agrees least with the poses, or the only one.
     let diagnoses = report.sources.iter().flat_map(|source| {
         let name = source.name.as_deref();
-        [(of_source(&scene, name), name), (without_ids(&scene, name), name)]
+        [(diagnose_source(scene, name), name), (diagnose_unnamed(scene, name), name)]
     });
     let miss = |d: &Diagnosis| d.agreement.map_or(0.0, |agreement| agreement.miss);
     let worst = |(a, _): &(Diagnosis, Option<&str>), (b, _): &(Diagnosis, Option<&str>)| {
         b.consistent.cmp(&a.consistent).then(miss(a).total_cmp(&miss(b)))
     };
     let (diagnosis, name) = diagnoses.max_by(worst).unwrap_or_default();
-    let check = Check::of(diagnosis, context, &file, name);
-    report.diagnosis = check.record();
-    report.oddities.extend(check.in_words());
+    let check = Check::of_diagnosis(diagnosis, &input, name);
+    report.diagnosis = check_record(&check, &input.context);
+    report.oddities.extend(check_in_words(&check, &input.context));
     let path = args.scene.as_path();
     let mut next = Next::default();
     if report.detections > 0 {

@@ -7,13 +7,16 @@ mod one_scene;
 
 use std::path::{Path, PathBuf};
 
-use quadlift_io::SceneFile;
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::detect::is_mcap;
+use quadlift_io::diagnosis::Context;
 use quadlift_io::mcap::read_mcap;
+use quadlift_io::run::FileInput;
+use quadlift_io::scene_file::Detail;
+use quadlift_io::{ReadError, SceneFile};
 use serde_json::json;
 
-use crate::corrections::CorrectedScene;
+use crate::corrections::read_input;
 use crate::error::{InconsistentError, Outcome, in_words, usage};
 use crate::files::{check_file, check_result_name, expand, outputs};
 use crate::logs::tell_problems;
@@ -30,9 +33,9 @@ use one_scene::one_scene;
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     args.output.as_deref().map_or(Ok(()), |output| check_result_name(output, true))?;
-    let settings = args.settings()?;
-    let calibration = read_calibration(&args.calibration)?;
-    let calibration = calibration.as_ref();
+    let mut options = args.options()?;
+    options.calibration = read_calibration(&args.calibration)?;
+    let chosen = (&options, Detail::from(args.detail));
     if let Some((cameras, detections)) = args.direct.paths() {
         let [output, report] = [&args.output, &args.report].map(Option::as_deref);
         output.map_or(Ok(()), check_file)?;
@@ -41,19 +44,21 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let log = (&args.log, &args.keep_going);
         // The base folder of image paths.
         let place = output.or(report);
-        let scene = || {
+        let input = || {
             let (file, frame_offset) =
                 args.direct.read([cameras, detections], place, args.source.as_deref(), log, out)?;
             // The size of the images and the numbers of the frames are dealt with where detections are added.
-            let mut scene = CorrectedScene::of(file, &args.corrections.list(None, None), detections)?;
-            scene.frame_offset = frame_offset;
-            scene.corrections.extend(args.direct.pixels_and_frames().0.map(RecordCorrection::ImageSize));
-            Ok(scene)
+            let mut input =
+                FileInput::corrected(file, place.unwrap_or(Path::new("")), &args.corrections.list(None, None))
+                    .map_err(|error| ReadError { path: detections.to_owned(), ..error })?;
+            let measured_at = args.direct.pixels_and_frames().0.map(RecordCorrection::ImageSize);
+            input.context = Context::of(&input.file, frame_offset).after(&args.corrections.list(None, None));
+            input.context = input.context.after(measured_at.as_slice());
+            Ok(input)
         };
         let mut document =
             json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
-        let named = [detections, place.unwrap_or(Path::new(""))];
-        let outcome = one_scene(named, scene, [output, report], args, (&settings, calibration), out, &mut document)?;
+        let outcome = one_scene(detections, input, [output, report], chosen, out, &mut document)?;
         if outcome == Outcome::Fine {
             next_steps(None, [output, report]).tell(out)?;
         }
@@ -76,16 +81,15 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         }
         let (image_size, frame_offset) = args.direct.pixels_and_frames();
         let corrections = args.corrections.list(image_size, frame_offset);
-        let scene = || {
-            let mut scene = match is_mcap(input) {
-                true => CorrectedScene::of(read_log(args, input, out)?, &corrections, input)?,
-                false => CorrectedScene::read(input, &corrections)?,
+        let read = || {
+            let mut found = match is_mcap(input) {
+                true => FileInput::corrected(read_log(args, input, out)?, input, &corrections)?,
+                false => read_input(input, &corrections)?,
             };
-            args.direct.min_score().map_or(Ok(()), |least| scene.leave_out_below(least, input))?;
-            Ok(scene)
+            args.direct.min_score().map_or(Ok(()), |min_score| found.drop_below_score(min_score))?;
+            Ok(found)
         };
-        let chosen = (&settings, calibration);
-        match one_scene([input, input], scene, [output, report], args, chosen, out, &mut document) {
+        match one_scene(input, read, [output, report], chosen, out, &mut document) {
             Ok(ended) => outcome = outcome.and(ended),
             Err(error) => {
                 out.error(&in_words(&error));

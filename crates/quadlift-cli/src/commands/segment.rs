@@ -5,6 +5,8 @@ use std::time::Instant;
 
 use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
+use quadlift::run::Check;
+use quadlift_io::diagnosis::check_record;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::SceneImages;
 use quadlift_io::scene_file::way_to_file;
@@ -14,8 +16,8 @@ use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
-use crate::corrections::{CheckArgs, CorrectedScene, SceneCorrections, corrected_in_words};
-use crate::diagnosis::Check;
+use crate::corrections::{CheckArgs, SceneCorrections, corrected_in_words, read_input};
+use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
 use crate::next::Next;
@@ -115,10 +117,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     outputs(&inputs, &args.output)?;
     check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
-    let mut corrected = CorrectedScene::read(&args.scene, &args.corrections.list())?;
+    let mut input = read_input(&args.scene, &args.corrections.list())?;
     [Some(&args.output), args.report.as_ref()].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
-    let check = Check::with_identities(&mut corrected, &args.check, args.source.as_deref(), &args.scene)?;
-    let CorrectedScene { mut file, scene, notes, .. } = corrected;
+    let check = Check::with_identities(&mut input, args.source.as_deref(), args.check.fix)?;
+    let (scene, notes) = (input.scene(), &input.notes);
+    let mut file = (*input.file).clone();
     let mut of_video = None;
     if let Some(video) = &args.images {
         let folder = args.scene.parent().unwrap_or(Path::new(""));
@@ -174,9 +177,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "without_box": segmentation.without_box.len(),
         "problems": problems,
         "corrections": notes,
-        "diagnosis": check.record(),
+        "diagnosis": check_record(&check, &input.context),
     }))?;
-    let outcome = check.tell(&title, out);
+    let outcome = tell(&check, &input.context, args.check.accept_inconsistent, &title, out);
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
 

@@ -10,10 +10,12 @@ use std::path::{Path, PathBuf};
 use clap::builder::RangedU64ValueParser;
 use quadlift::LocalizeOptions;
 use quadlift::online::OnlineOptions;
-use quadlift::solve::{MapOptions, Method, PoseNoise};
+use quadlift::run::RunOptions;
+use quadlift::solve::{MapOptions, PoseNoise};
 use quadlift_io::detect::is_mcap;
 use quadlift_io::guard::{allow_overwriting, check_not_read};
 use quadlift_io::mcap::McapOptions;
+use quadlift_io::run::{FileOptions, PriorSource};
 use quadlift_io::stream::{StoredPriors, lasting_options};
 use serde_json::{Map, Value};
 
@@ -22,7 +24,7 @@ use crate::association::IdsName;
 use crate::commands::import::formats::Pixels;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, check_result_name};
-use crate::localization::{PriorSource, Settings};
+use crate::localization::file_options;
 use crate::logs::LogArgs;
 use crate::next::Next;
 use crate::output::Output;
@@ -174,7 +176,7 @@ impl Args {
     }
 
     /// How the objects of the map file are estimated.
-    fn settings(&self) -> anyhow::Result<Settings> {
+    fn options(&self) -> anyhow::Result<FileOptions> {
         let priors = match &self.priors {
             None => PriorSource::None,
             Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
@@ -186,7 +188,7 @@ impl Args {
             pose_noise: self.pose_noise,
             ..MapOptions::default()
         };
-        Settings::new(LocalizeOptions { method: Method::Map(map), ..Default::default() }, priors)
+        file_options(RunOptions { localize: LocalizeOptions::from(map), ..Default::default() }, priors)
     }
 
     /// How a log is read. Refuses options of logs if the input is none.
@@ -203,13 +205,13 @@ impl Args {
     }
 
     /// The options of the map.
-    fn map_options(&self, settings: &Settings) -> anyhow::Result<OnlineOptions> {
+    fn map_options(&self, options: &FileOptions) -> anyhow::Result<OnlineOptions> {
         let options = OnlineOptions {
             ids: self.ids.use_of_ids(),
             min_views: self.min_views,
             min_score: self.min_score,
             pixel_sd: self.pixel_sd,
-            priors: settings.priors_on_categories(),
+            priors: options.category_priors(),
             max_views: self.max_views,
             max_objects: self.max_objects,
             ..OnlineOptions::default()
@@ -255,8 +257,8 @@ impl Args {
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     args.check_outputs()?;
-    let settings = args.settings()?;
-    let map_options = args.map_options(&settings)?;
+    let options = args.options()?;
+    let map_options = args.map_options(&options)?;
     let lasting = args.lasting_options(&map_options);
     let mut session = Session::new(map_options, args, &lasting, out)?;
     let mut source = Source::open(args.input(), args.source.as_deref(), args.log_options()?, out)?;
@@ -270,7 +272,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         report: args.report.as_deref(),
         input: args.input().unwrap_or(Path::new("stream.jsonl")),
         detail: args.detail.into(),
-        settings: &settings,
+        options: &options,
         lasting: &lasting,
     };
     if let Some(target) = &args.rerun {

@@ -1,4 +1,4 @@
-//! The main entry point: a scene and options in, estimates out.
+//! Objects of a scene: its detections and options in, estimates out.
 
 mod measurement_kind;
 mod options;
@@ -11,15 +11,15 @@ use std::sync::Arc;
 
 use crate::cross_validation::{CrossValidation, choose_folds, summarise};
 use crate::diagnosis::{Diagnosis, diagnose_refined};
-use crate::observer::{Observer, Unobserved, Watch};
+use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, PosePoints, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
     BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, OptionError,
-    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, Status, SupportingSurface, ViewReport,
-    predict_fold, solve_closed_form,
+    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, SupportingSurface, ViewReport, predict_fold,
+    solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.
@@ -66,7 +66,7 @@ pub struct Localization {
     /// Cross-validation: how well left-out views are predicted.
     pub cross_validation: CrossValidation,
     /// The self-check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the
-    /// status [`Status::Inconsistent`] instead of [`Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
+    /// status [`crate::solve::Status::Inconsistent`] instead of [`crate::solve::Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
     pub diagnosis: Diagnosis,
 }
 
@@ -81,20 +81,12 @@ impl Localization {
     }
 }
 
-/// Localises every object with an id in the detections.
+/// The fourth step of a run: solves every object with an id in the detections. The diagnosis of the result is that of the detections that
+/// are used, with refined poses; [`crate::run::Check`] draws the conclusion.
 ///
 /// # Errors
-/// [`LocalizeError`] if the options do not fit the scene; a single object that cannot be solved is a
-/// [`crate::solve::Status`] instead.
-pub fn localize(scene: &Scene, options: &LocalizeOptions) -> Result<Localization, LocalizeError> {
-    localize_observed(scene, options, &Unobserved)
-}
-
-/// [`localize()`] with an observer, whose steps are objects.
-///
-/// # Errors
-/// As [`localize()`]; [`LocalizeError::Cancelled`] if the observer cancels.
-pub fn localize_observed(
+/// [`LocalizeError`] if the options do not fit the scene, or the observer cancels.
+pub(crate) fn solve_objects(
     scene: &Scene,
     options: &LocalizeOptions,
     observer: &dyn Observer,
@@ -223,9 +215,6 @@ pub fn localize_observed(
     let mut diagnosis = diagnose_refined(scene, &refined_poses, is_used);
     if let Some(map_options) = map_options {
         diagnosis.check_lengths(scene, is_used, &map_options.priors);
-    }
-    if !diagnosis.consistent && !options.accept_inconsistent {
-        estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
     }
     Ok(Localization {
         estimates,

@@ -7,7 +7,8 @@ use super::map::ObjectMap;
 use super::tracked::Presence;
 use super::views::KeptView;
 use crate::geometry::BoundingBox;
-use crate::localize::{Localization, LocalizeError, LocalizeOptions, localize};
+use crate::localize::{Localization, LocalizeError, LocalizeOptions};
+use crate::run::localize;
 use crate::scene::{Detection, Scene, SceneParts};
 
 impl ObjectMap {

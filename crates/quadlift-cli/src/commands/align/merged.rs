@@ -2,19 +2,20 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use quadlift::LocalizeOptions;
 use quadlift::align::MapTransform;
+use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift_io::align::{ALIGNMENT, Merged, merge};
-use quadlift_io::diagnosis::{Context, refuse_objects};
+use quadlift_io::diagnosis::check_record;
+use quadlift_io::run::{FileInput, PriorSource};
 use quadlift_io::scene_file::count_localised;
-use quadlift_io::write_scene_file;
+use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
 use super::{Args, Map};
-use crate::diagnosis::Check;
+use crate::diagnosis::tell;
 use crate::error::{InconsistentError, Outcome};
-use crate::localization::{PriorSource, Settings, localize_scene, read_depths, read_points, result_file};
+use crate::localization::{file_options, run_scene};
 use crate::output::{Output, one_line};
 use crate::words::count;
 
@@ -99,37 +100,32 @@ fn renamed(names: &[(String, String)]) -> Value {
 /// read.
 fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Result<(String, Vec<String>)> {
     let title = "the merged map";
-    let options = LocalizeOptions { source: args.source.clone(), ..Default::default() };
-    let settings = Settings::new(options, PriorSource::None)?;
-    let mut file = merged.file.clone();
-    file.objects = Vec::new();
-    let mut scene = file.to_scene().context(title)?;
-    let mut problems = Vec::new();
-    for read in [read_depths, read_points] {
-        problems.extend(read(title, (&args.a, &file), &mut scene, &settings.options, out).context(title)?);
-    }
-    let mut localization = localize_scene(title, &scene, &settings, out).context(title)?;
-    let context = Context::of(&file, 0);
-    let check = Check::of(localization.diagnosis.clone(), context, &file, args.source.as_deref());
+    let localize = LocalizeOptions {
+        source: args.source.clone(),
+        accept_inconsistent: args.accept_inconsistent,
+        ..Default::default()
+    };
+    let options = RunOptions { localize, associate: AssociateWhen::Never, ..Default::default() };
+    let file = SceneFile { objects: Vec::new(), ..merged.file.clone() };
+    let input = FileInput::corrected(file, &args.a, &[])?;
+    let run = run_scene(title, input, &file_options(options, PriorSource::None)?, out)?;
+    let check = &run.run.check;
     if !check.diagnosis.consistent && !args.accept_inconsistent {
-        let why = check.in_words().unwrap_or_default();
+        let why = run.problem().unwrap_or_default();
         let text = format!("{title} is inconsistent, though each map may be consistent: {why}");
-        return Err(InconsistentError { text, diagnosis: check.record() }.into());
+        return Err(InconsistentError { text, diagnosis: check_record(check, &run.input.context) }.into());
     }
-    refuse_objects(&mut localization, &check.diagnosis, args.accept_inconsistent);
-    check.tell(title, out);
-    let mut result = result_file(&file, &scene, &localization, &settings);
-    if let Some(about) = &mut result.localization {
-        about["diagnosis"] = check.record();
-    }
-    result.detections = std::mem::take(&mut file.detections);
-    let localised = count_localised(&localization.estimates);
+    tell(check, &run.input.context, args.accept_inconsistent, title, out);
+    let mut result = run.result();
+    result.detections = run.input.file.detections.clone();
+    let estimates = &run.localization().estimates;
+    let localised = count_localised(estimates);
     // Objects without detections (a map may have objects that its file shows in no frame) keep their estimates.
-    let known: std::collections::BTreeSet<&str> = scene.object_ids.iter().map(String::as_str).collect();
+    let known: std::collections::BTreeSet<&str> = run.input.scene().object_ids.iter().map(String::as_str).collect();
     let kept: Vec<_> =
         merged.file.objects.iter().filter(|object| !known.contains(object.id.as_str())).cloned().collect();
     result.objects.extend(kept);
     merged.file = result;
-    let of = count(localization.estimates.len(), "object");
-    Ok((format!("localised {localised} of {of} from the detections of both maps\n"), problems))
+    let of = count(estimates.len(), "object");
+    Ok((format!("localised {localised} of {of} from the detections of both maps\n"), run.input.problems))
 }

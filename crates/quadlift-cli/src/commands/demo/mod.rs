@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::{Args as _, FromArgMatches};
-use quadlift_io::diagnosis::Context as Known;
+use quadlift::run::{Check, diagnose_unnamed};
+use quadlift_io::diagnosis::check_in_words;
+use quadlift_io::run::FileInput;
 use quadlift_io::{SceneFile, read_scene_file};
 use serde_json::json;
 
 use super::localize;
-use crate::diagnosis::{Check, without_ids};
 use crate::error::Outcome;
 use crate::files::make_folder;
 use crate::next::Next;
@@ -89,10 +90,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let found = Findings::new(&desk, &result)?;
     out.report(&first_part(&file, &found, &path(SCENE), &page))?;
 
-    let wrong = read_scene_file(&path(WRONG))?;
-    let scene = wrong.to_scene().map_err(|error| error.in_file(&path(WRONG)))?;
-    let check = Check::of(without_ids(&scene, None), Known::of(&wrong, 0), &wrong, None);
-    let said = check.in_words().unwrap_or_else(|| "the scene is consistent".to_owned());
+    let wrong = FileInput::read(&path(WRONG), &[])?;
+    let check = Check::of_diagnosis(diagnose_unnamed(wrong.scene(), None), &wrong, None);
+    let said = check_in_words(&check, &wrong.context).unwrap_or_else(|| "the scene is consistent".to_owned());
     localize(&path(WRONG), &path(MENDED), None, true)?;
     let mended = read_scene_file(&path(MENDED))?;
     let again = Findings::new(&desk, &mended)?;

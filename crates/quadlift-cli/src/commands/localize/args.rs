@@ -4,16 +4,18 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use quadlift::cross_validation::Extent;
+use quadlift::run::RunOptions;
 use quadlift::solve::{BodyKind, Method, PoseMotion, PoseNoise, Sigmas};
 use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_io::read_scene_file;
+use quadlift_io::run::{FileOptions, PriorSource};
 
 use super::direct::{DirectArgs, ONLY_DIRECT};
 use crate::args::{self, BodyChoice, DetailName, SigmaSource};
 use crate::association::{IdsName, When};
 use crate::corrections::{CheckArgs, Corrections};
 use crate::error::usage;
-use crate::localization::{PriorSource, Settings};
+use crate::localization::file_options;
 use crate::logs::{KeepGoing, LogArgs};
 
 /// Estimate 3D objects from the detections of a scene
@@ -186,7 +188,7 @@ pub fn with_requirements(command: clap::Command) -> clap::Command {
 }
 
 impl Args {
-    pub(super) fn settings(&self) -> anyhow::Result<Settings> {
+    pub(super) fn options(&self) -> anyhow::Result<FileOptions> {
         let mut method = self.method.clone();
         let options_of_map = [
             (self.body.0.is_some_and(|body| body != BodyKind::Ellipsoid), "--body is an option"),
@@ -242,7 +244,7 @@ impl Args {
                 ));
             }
         };
-        let mut options = LocalizeOptions {
+        let mut localize = LocalizeOptions {
             method,
             source: self.source.clone(),
             min_views: self.min_views,
@@ -254,9 +256,15 @@ impl Args {
             ..Default::default()
         };
         if self.cross_validate {
-            options.cross_validation.extent = Extent::All;
+            localize.cross_validation.extent = Extent::All;
         }
-        Settings::new(options, priors)
+        let run = RunOptions {
+            localize,
+            associate: self.associate.of_library(),
+            ids: self.ids.map(IdsName::use_of_ids),
+            fix: self.check.fix,
+        };
+        file_options(run, priors)
     }
 }
 

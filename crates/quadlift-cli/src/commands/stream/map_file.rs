@@ -2,15 +2,13 @@
 
 use std::path::Path;
 
-use anyhow::Context;
-use quadlift::Localization;
 use quadlift::online::ObjectMap;
-use quadlift_io::scene_file::{Detail, SceneFile};
-use quadlift_io::stream::{MapMemory, StreamState, StreamedScene, write_state_file};
-use quadlift_io::write_scene_file;
+use quadlift_io::run::{FileInput, FileOptions};
+use quadlift_io::scene_file::Detail;
+use quadlift_io::stream::{StreamState, StreamedScene, write_state_file};
 use serde_json::{Map, Value};
 
-use crate::localization::{Settings, localize_scene, result_file};
+use crate::localization::run_scene;
 use crate::output::Output;
 use crate::report::write_localized;
 
@@ -27,7 +25,7 @@ pub struct MapFiles<'a> {
     /// What the result file says of each object.
     pub detail: Detail,
     /// How objects are estimated.
-    pub settings: &'a Settings,
+    pub options: &'a FileOptions,
     /// Options that a state goes on with.
     pub lasting: &'a Map<String, Value>,
 }
@@ -71,34 +69,17 @@ impl MapFiles<'_> {
         report: Option<&Path>,
         out: &Output,
     ) -> anyhow::Result<()> {
-        let file = streamed.to_file(map);
-        let averaged = streamed.to_averaged_file(map);
-        let scene = averaged.to_scene().map_err(|error| error.in_file(self.input))?;
-        let localization = if scene.detections.is_empty() {
-            Localization::default()
-        } else {
-            // No bar: the stream goes on.
-            localize_scene("map", &scene, self.settings, &Output { quiet: true, ..*out }).context("map")?
-        };
-        let mut result = result_file(&file, &scene, &localization, self.settings);
-        MapMemory::of(map).add_to(&mut result, &file);
+        let input = FileInput::of_map(streamed, map, self.input)?;
+        // No bar: the stream goes on.
+        let run = run_scene("map", input, self.options, &Output { quiet: true, ..*out })?;
         if let Some(path) = self.map {
-            self.write_result(path, &result)?;
+            run.write(path, self.detail)?;
         }
         if let Some(path) = report {
-            let images = file.to_images(self.input).map_err(|error| error.in_file(self.input))?;
-            write_localized(path, (self.input, &file), &images, &scene, &result)?;
+            let (path_of_file, file) = (&run.input.path, &run.input.file);
+            let images = file.to_images(path_of_file).map_err(|error| error.in_file(path_of_file))?;
+            write_localized(path, (path_of_file, file), &images, run.input.scene(), &run.result())?;
         }
         Ok(())
-    }
-
-    fn write_result(&self, path: &Path, result: &SceneFile) -> anyhow::Result<()> {
-        if self.detail == Detail::Full {
-            return Ok(write_scene_file(path, result)?);
-        }
-        // The page shows everything.
-        let mut brief = result.clone();
-        brief.objects.iter_mut().for_each(|object| self.detail.apply(object));
-        Ok(write_scene_file(path, &brief)?)
     }
 }

@@ -4,6 +4,7 @@ use anyhow::bail;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::PoseNoise;
 use quadlift_io::priors::check_metres;
+use quadlift_io::run::PriorSource;
 use quadlift_io::stream::{
     AboutRecord, FrameLine, Line, LineError, MAX_LINE, NextLine, OutputLine, PoseRecord, StreamState, parse_line,
     read_state_file,
@@ -15,7 +16,6 @@ use super::map_file::MapFiles;
 use super::rerun::Live;
 use super::source::{Item, Source};
 use crate::error::in_words;
-use crate::localization::PriorSource;
 use crate::output::{HEADING, Output};
 use crate::words::count;
 
@@ -87,7 +87,7 @@ impl<'a> Session<'a> {
     /// Observes all frames of the input, until it ends, a signal comes or nobody reads the events.
     pub fn run(&mut self, source: &mut Source, files: &MapFiles) -> anyhow::Result<()> {
         source.tell_that_it_waits(self.out);
-        let needs_metres = matches!(files.settings.priors, PriorSource::Builtin);
+        let needs_metres = matches!(files.options.priors, PriorSource::Builtin);
         if let Some(about) = source.about() {
             self.about(None, &about)?;
         }

@@ -1,0 +1,134 @@
+//! One run on a file: [`quadlift::run()`], and its result as a file. The program, Python, the ROS 2 node and maps of streams
+//! call [`run_file`].
+
+mod input;
+mod options;
+
+use std::path::Path;
+
+use quadlift::run::{Run, RunError};
+use quadlift::{Localization, Observer};
+use serde_json::{Value, json};
+
+pub use input::{FileInput, InputError};
+pub use options::{FileOptions, PriorSource};
+
+use crate::association::{add_to_result, association_record};
+use crate::diagnosis::{check_in_words, check_record};
+use crate::error::WriteError;
+use crate::scene_file::{Detail, SceneFile, estimates_to_objects, write_localized_file, write_scene_file};
+
+/// A finished run: what was read, how, and what was found.
+#[derive(Debug, Clone)]
+pub struct FileRun {
+    /// The scene, with the objects that association found.
+    pub input: FileInput,
+    /// The result.
+    pub run: Run,
+    /// How it was made.
+    pub options: FileOptions,
+}
+
+/// Why a run on a file has no result.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileRunError {
+    /// The built-in priors do not fit the unit of the scene.
+    #[error("{0}")]
+    Unit(String),
+    /// The run failed.
+    #[error(transparent)]
+    Run(Box<RunError<InputError>>),
+}
+
+/// Runs the steps of [`quadlift::run()`] on a file. The map of a stream without detections has an empty result.
+///
+/// # Errors
+/// [`FileRunError`] if there is no result, with the input as it is by then.
+pub fn run_file(
+    mut input: FileInput,
+    options: &FileOptions,
+    observer: &dyn Observer,
+) -> Result<FileRun, Box<(FileInput, FileRunError)>> {
+    let run = if input.memory.is_some() && input.scene().detections.is_empty() {
+        Ok(Run::default())
+    } else {
+        match options.for_scene(input.scene()) {
+            Err(problem) => Err(FileRunError::Unit(problem)),
+            Ok(run_options) => {
+                quadlift::run(&mut input, &run_options, observer).map_err(|error| FileRunError::Run(Box::new(error)))
+            }
+        }
+    };
+    match run {
+        Ok(run) => Ok(FileRun { input, run, options: options.clone() }),
+        Err(error) => Err(Box::new((input, error))),
+    }
+}
+
+impl FileRun {
+    /// The estimates.
+    pub fn localization(&self) -> &Localization {
+        &self.run.localization
+    }
+
+    /// The problem of an inconsistent scene and its correction, or a possible mistake, as text.
+    pub fn problem(&self) -> Option<String> {
+        check_in_words(&self.run.check, &self.input.context)
+    }
+
+    /// What the result says about the run: `localization` of its file.
+    pub fn record(&self) -> Value {
+        self.without_objects().localization.unwrap_or_default()
+    }
+
+    /// The result as a file.
+    pub fn result(&self) -> SceneFile {
+        let mut result = self.without_objects();
+        result.objects = estimates_to_objects(self.input.scene(), &self.run.localization).collect();
+        if let Some(association) = &self.run.association {
+            let source = self.options.run.localize.source.as_deref();
+            let detections = self.input.file.detections.clone();
+            add_to_result(&mut result, detections, self.input.scene(), source, association);
+        }
+        if let Some(memory) = &self.input.memory {
+            memory.add_to(&mut result, &self.input.file);
+        }
+        result
+    }
+
+    /// Writes the result; `detail` says how much of each object.
+    ///
+    /// # Errors
+    /// As [`write_scene_file`].
+    pub fn write(&self, path: &Path, detail: Detail) -> Result<(), WriteError> {
+        if self.run.association.is_none() && self.input.memory.is_none() {
+            // Without records of all objects at once.
+            let result = self.without_objects();
+            return write_localized_file(path, &result, self.input.scene(), &self.run.localization, detail);
+        }
+        let mut result = self.result();
+        result.objects.iter_mut().for_each(|object| detail.apply(object));
+        write_scene_file(path, &result)
+    }
+
+    /// The result without objects and detections.
+    fn without_objects(&self) -> SceneFile {
+        let (input, run) = (&self.input, &self.run);
+        let mut result =
+            input.file.localized_without_objects(input.scene(), &run.localization, self.options.settings());
+        if let Some(about) = &mut result.localization {
+            about["diagnosis"] = check_record(&run.check, &input.context);
+            if !input.notes.is_empty() {
+                about["corrections"] = json!(input.notes);
+            }
+            if let Some(association) = &run.association {
+                about["association"] = association_record(input.scene(), association);
+            }
+            if let Some(calibration) = &self.options.calibration {
+                about["calibration"] = calibration.clone();
+            }
+        }
+        result
+    }
+}

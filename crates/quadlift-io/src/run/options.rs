@@ -1,0 +1,110 @@
+//! Options of a run on files: those of the library, and what files say beside them.
+
+use std::path::PathBuf;
+
+use quadlift::run::RunOptions;
+use quadlift::scene::Scene;
+use quadlift::solve::CategoryPriors;
+use serde_json::Value;
+
+use crate::error::ReadError;
+use crate::priors::{builtin_priors, check_metres, parse_priors, plausible_sizes, read_priors};
+use crate::scene_file::settings_record;
+
+/// Where the priors on categories come from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum PriorSource {
+    /// There are none.
+    #[default]
+    None,
+    /// The built-in priors, in meters.
+    Builtin,
+    /// A TOML file.
+    File(PathBuf),
+    /// The text of such a file.
+    Text(String),
+}
+
+impl PriorSource {
+    /// Reads the priors.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file is not as expected.
+    pub fn read(&self) -> Result<CategoryPriors, ReadError> {
+        match self {
+            Self::None => Ok(CategoryPriors::default()),
+            Self::Builtin => Ok(builtin_priors()),
+            Self::File(path) => read_priors(path),
+            Self::Text(text) => parse_priors("priors".as_ref(), text),
+        }
+    }
+
+    /// The source as results name it.
+    pub fn name(&self) -> Option<String> {
+        match self {
+            Self::None => None,
+            Self::Builtin => Some("builtin".to_owned()),
+            Self::File(path) => Some(path.display().to_string()),
+            Self::Text(_) => Some("given".to_owned()),
+        }
+    }
+}
+
+/// Options of [`super::run_file`].
+#[derive(Debug, Clone, Default)]
+pub struct FileOptions {
+    /// The options of the library, with the priors that were read.
+    pub run: RunOptions,
+    /// Where these priors come from.
+    pub priors: PriorSource,
+    /// How regions are calibrated: what the result says about it.
+    pub calibration: Option<Value>,
+}
+
+impl FileOptions {
+    /// Reads the priors of a source into the options.
+    ///
+    /// # Errors
+    /// As [`PriorSource::read`].
+    pub fn new(mut run: RunOptions, priors: PriorSource) -> Result<Self, ReadError> {
+        if let Some(map) = run.localize.method.map_options_mut() {
+            map.priors = priors.read()?;
+        }
+        Ok(Self { run, priors, calibration: None })
+    }
+
+    /// The options of the library for a scene: what they mean depends on its unit of length.
+    ///
+    /// # Errors
+    /// The built-in priors are in meters, and the scene is not.
+    pub(super) fn for_scene(&self, scene: &Scene) -> Result<RunOptions, String> {
+        let unit = scene.length_unit.as_deref();
+        if self.priors == PriorSource::Builtin {
+            check_metres(unit)?;
+        }
+        let mut options = self.run.clone();
+        options.localize.plausible_sizes = plausible_sizes(unit);
+        Ok(options)
+    }
+
+    /// The settings as they are written to the result.
+    pub fn settings(&self) -> Value {
+        settings_record(&self.run.localize, self.priors.name().as_deref())
+    }
+
+    /// The priors on categories; none for methods that take none.
+    pub fn category_priors(&self) -> CategoryPriors {
+        self.run.localize.method.map_options().map(|map| map.priors.clone()).unwrap_or_default()
+    }
+
+    /// Categories of the scene that have no prior although priors are used.
+    pub fn categories_without_prior<'a>(&self, scene: &'a Scene) -> Vec<&'a str> {
+        let map = self.run.localize.method.map_options();
+        let Some(map) = map.filter(|map| !map.learn_sizes && self.priors != PriorSource::None) else {
+            // Where sizes are learned, the result lists them.
+            return Vec::new();
+        };
+        let unknown = |name: &&str| map.priors.of(name).is_none();
+        scene.categories.iter().map(String::as_str).filter(unknown).collect()
+    }
+}
