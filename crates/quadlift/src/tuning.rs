@@ -137,8 +137,6 @@ tuned! {
     UNEVENNESS = 0.07;
     /// ... and this share of its distance from the nearest camera.
     UNEVENNESS_FAR = 0.01;
-    /// Standard deviation of the slopes of a table or shelf against `up`, radians: of the surface, and of `up` itself.
-    SURFACE_SLOPE_SD = 0.02;
 
     // Association.
     /// Share of detections with another category than that of their object.

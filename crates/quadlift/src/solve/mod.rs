@@ -15,7 +15,6 @@ mod prediction;
 mod refined_pose;
 mod report;
 mod sigmas;
-mod supporting_surface;
 mod triangulate;
 mod validate;
 
@@ -41,7 +40,6 @@ pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};
 pub use refined_pose::RefinedPose;
 pub(crate) use sigmas::POSE_NOISE_NAMES;
 pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
-pub use supporting_surface::SupportingSurface;
 pub use triangulate::triangulate;
 pub use validate::OptionError;
 pub(crate) use validate::refuse;

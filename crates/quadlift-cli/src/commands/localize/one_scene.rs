@@ -12,7 +12,7 @@ use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::{Detail, write_localized_file};
 use quadlift_io::scene_file::{
     count_localised, cross_validation_record, cue_scales_record, learnt_sizes_record, noise_record, pose_points_record,
-    skipped_record, supporting_surfaces_record,
+    skipped_record,
 };
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
@@ -23,9 +23,7 @@ use crate::association::{associate_and_check, associated_scene, localize_in_word
 use crate::corrections::{CorrectedScene, corrected_in_words};
 use crate::diagnosis::Check;
 use crate::error::Outcome;
-use crate::estimate_table::{
-    cue_scales, learnt_sizes, noise_levels, pose_points, render, summaries, supporting_surfaces,
-};
+use crate::estimate_table::{cue_scales, learnt_sizes, noise_levels, pose_points, render, summaries};
 use crate::localization::{
     Settings, localize_scene, read_depths, read_masks, read_points, result_file, result_file_without_objects,
 };
@@ -178,7 +176,7 @@ pub fn one_scene(
             out.detail(&one_line(&line));
         }
     }
-    for line in learnt_sizes(&scene, &localization).into_iter().chain(supporting_surfaces(&scene, &localization)) {
+    for line in learnt_sizes(&scene, &localization) {
         out.detail(&one_line(&line));
     }
     if let Some(points) = &localization.pose_points {
@@ -197,9 +195,6 @@ pub fn one_scene(
         }
         if !localization.learnt_sizes.is_empty() {
             document["learnt_sizes"] = learnt_sizes_record(&scene, &localization);
-        }
-        if !localization.supporting_surfaces.is_empty() {
-            document["supporting_surfaces"] = supporting_surfaces_record(&scene, &localization);
         }
         if localization.pose_points.is_some() {
             document["pose_points"] = pose_points_record(&localization);
