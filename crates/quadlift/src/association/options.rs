@@ -24,8 +24,6 @@ pub enum Part {
     Merge,
     /// The weaker of two overlapping bodies is removed.
     Nested,
-    /// Weak objects are released and searched again; only in a thorough search.
-    Dissolve,
     /// The search runs twice, the second time with the learnt statistics.
     SecondPass,
     /// A reason for doubtful objects.
