@@ -52,7 +52,7 @@ pub struct Detection<'a> {
     pub bounding_box: BoundingBox,
     /// Whether the box was measured.
     pub has_box: bool,
-    /// Outline or turned box. They are kept for [`super::ObjectMap::localize`]; the map does not use them. Which lines are hidden is
+    /// Outline or turned box. They are kept for [`super::ObjectMap::to_scene`]; the map does not use them. Which lines are hidden is
     /// computed from the outlines of the frame.
     pub shape: Shape<'a>,
     /// Category.
@@ -61,7 +61,7 @@ pub struct Detection<'a> {
     pub score: Option<f64>,
     /// Object id, for example of a tracker.
     pub id: Option<&'a str>,
-    /// Depth and 3D box, in the frame of the camera. They are kept for [`super::ObjectMap::localize`]; the map does not use them.
+    /// Depth and 3D box, in the frame of the camera. They are kept for [`super::ObjectMap::to_scene`]; the map does not use them.
     pub cues: Option<&'a Cues>,
     /// Names of the sources of `cues`, by their indices.
     pub cue_sources: &'a [String],

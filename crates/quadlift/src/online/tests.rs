@@ -73,7 +73,7 @@ fn every_object_is_found_once_and_localised() {
     let object = map.objects().next().unwrap();
     assert!(object.existence > 0.99 && object.detections > 30 && object.kept_views == 32, "{object:?}");
     assert!(object.expected_views >= object.detections && object.last_seen > 50.0, "{object:?}");
-    let localization = map.localize(&crate::LocalizeOptions::default()).unwrap();
+    let localization = crate::localize(&map.to_averaged_scene(), &crate::LocalizeOptions::default()).unwrap();
     assert!(localization.estimates.iter().all(|e| e.status == Status::Ok && e.covariance.is_some()));
 }
 
