@@ -108,16 +108,6 @@ pub enum ObserveError {
         /// The time of the last frame.
         last: f64,
     },
-    /// Frames that are observed together have different times.
-    #[error("frame {id:?} is of time {time}, the first frame of this instant of time {first}; expected one time")]
-    NotTogether {
-        /// Id of the frame.
-        id: String,
-        /// Its time.
-        time: f64,
-        /// The time of the first frame.
-        first: f64,
-    },
     /// The image size is not positive.
     #[error("the image size of frame {id:?} is {width} x {height}; expected positive numbers")]
     ImageSize {

@@ -19,7 +19,7 @@ mod triangulate;
 mod validate;
 
 pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
-pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd, pfd_unit_quadric};
+pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd};
 pub use closed_form::reg::{RegSolution, reg};
 pub(crate) use closed_form::solve_closed_form;
 pub use cue_scale::{CueScale, DepthShift, ScaledQuantity};
