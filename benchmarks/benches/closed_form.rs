@@ -11,7 +11,7 @@ use std::hint::black_box;
 
 use common::{Views, dense_system, scene};
 use criterion::{BenchmarkId, Criterion};
-use quadlift::solve::{RegOptions, lfd, pfd, pfd_unit_quadric, reg};
+use quadlift::solve::{RegOptions, lfd, pfd, reg};
 
 /// The paper's own computation, with a fast singular value decomposition.
 fn dense_pfd(views: &Views) -> Vec<f64> {
@@ -27,9 +27,6 @@ fn main() {
     for count in [20, 100, 1000] {
         let (views, _) = scene(count, 0.05, 1);
         group.bench_with_input(BenchmarkId::new("pfd", count), &views, |b, views| b.iter(|| pfd(black_box(views))));
-        group.bench_with_input(BenchmarkId::new("pfd_unit_quadric", count), &views, |b, views| {
-            b.iter(|| pfd_unit_quadric(black_box(views)))
-        });
         group.bench_with_input(BenchmarkId::new("lfd", count), &views, |b, views| b.iter(|| lfd(black_box(views))));
         group.bench_with_input(BenchmarkId::new("reg", count), &views, |b, views| {
             b.iter(|| reg(black_box(views), &RegOptions::default()))

@@ -84,7 +84,7 @@ def localize(
         World unit; ``"m"`` is required for ``priors="builtin"``.
     **options : Options
         The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `associate`, `ids`,
-        `cross_validate`, `min_views`, `upright`, `ground_plane`, `supporting_surfaces`, `camera_height`,
+        `cross_validate`, `min_views`, `upright`, `ground_plane`, `camera_height`,
         `refine_poses`, `fixed_extrinsics`, `pose_noise`, `sigmas`, `calibration`, `accept_inconsistent`,
         `reg_lambda`, `seed`, `threads`, `progress`.
 

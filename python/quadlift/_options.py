@@ -73,8 +73,6 @@ class Options(TypedDict, total=False):
     """Detect which objects stand upright, with an axis along the scene's `up`; the default."""
     ground_plane: bool
     """All objects stand on a common ground plane; needs the scene's `up`."""
-    supporting_surfaces: bool
-    """Find level surfaces from the objects that stand on them (tables, shelves, the floor); needs the scene's `up`."""
     camera_height: float | None
     """Height of the cameras above the ground plane, world units."""
     refine_poses: Literal["auto", "independent", "slow"] | None
@@ -117,7 +115,6 @@ DEFAULTS: dict[str, Any] = {
     "max_truncated": None,
     "upright": True,
     "ground_plane": False,
-    "supporting_surfaces": False,
     "camera_height": None,
     "refine_poses": None,
     "fixed_extrinsics": False,
@@ -153,7 +150,6 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         "cross_validate",
         "upright",
         "ground_plane",
-        "supporting_surfaces",
         "fixed_extrinsics",
         "accept_inconsistent",
     ):

@@ -210,7 +210,7 @@ class Scene(FromOtherPackages):
         source : str, optional
             Use only the detections of this source.
         thorough : bool
-            Search from several starts: takes about eight times as long, better with few views or many misses.
+            Search from several starts: takes about four times as long, better with few views.
         min_views : int
             Skip objects with fewer views.
         min_score : float, optional

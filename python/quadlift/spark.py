@@ -82,8 +82,7 @@ def localize(
         the work: on a large cluster use a few per core.
     **options
         `method`, `priors`, `min_views`, `reg_lambda`, `seed` as in `quadlift.localize`, and without the column `object`
-        also `associate`, `ids`, `upright`, `ground_plane`, `supporting_surfaces`,
-        `camera_height`, `pose_noise`.
+        also `associate`, `ids`, `upright`, `ground_plane`, `camera_height`, `pose_noise`.
 
     Returns
     -------

@@ -113,7 +113,6 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "sigmas, type": ({"sigmas": [0.1]}, "sigmas is a list; expected a mapping of names to numbers"),
     "sigmas, method": ({"sigmas": {}, "method": "lfd"}, 'sigmas is an argument of method="map" only'),
     "pose_noise, shape": ({"pose_noise": 1.0}, "pose_noise has the shape ()"),
-    "surfaces": ({"supporting_surfaces": True}, 'the search for supporting surfaces needs an "up" direction'),
     "ground": ({"ground_plane": True}, 'the ground plane needs an "up" direction'),
     "priors without unit": ({"priors": "builtin"}, "the length unit of the scene is not given"),
     "priors": ({"priors": {"cup": {"size": (1, 2, 3)}}}, "size without size_sd"),

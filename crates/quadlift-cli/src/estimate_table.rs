@@ -9,7 +9,6 @@ use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{
     CueScale, DepthShift, Estimate, LearntCategorySize, Method, PosePointsReport, ScaledQuantity, SizePrior, Status,
-    SupportingSurface,
 };
 use quadlift_io::run::FileOptions;
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
@@ -226,18 +225,6 @@ pub fn pose_points(found: &PosePointsReport) -> String {
         pixels(found.error),
         pixels(found.noise)
     )
-}
-
-/// The surfaces on which objects stand, one line each; none where they were not asked for.
-pub fn supporting_surfaces(scene: &Scene, localization: &Localization) -> Vec<String> {
-    let line = |found: &SupportingSurface| {
-        let height = scene.up.map_or(0.0, |up| up.dot(&found.point.coords));
-        let names: Vec<&str> = found.objects.iter().map(|object| scene.object_ids[*object].as_str()).collect();
-        let places = decimals(found.height_sd, 1);
-        let objects = count(names.len(), "object");
-        format!("a surface at the height {height:.places$} carries {objects}: {}", names.join(", "))
-    };
-    localization.supporting_surfaces.iter().map(line).collect()
 }
 
 fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {

@@ -38,16 +38,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ),
     (
         "Knowledge about the scene",
-        &[
-            "no_upright",
-            "ground_plane",
-            "supporting_surfaces",
-            "camera_height",
-            "refine_poses",
-            "fixed_extrinsics",
-            "pose_noise",
-            "sigmas",
-        ],
+        &["no_upright", "ground_plane", "camera_height", "refine_poses", "fixed_extrinsics", "pose_noise", "sigmas"],
     ),
     ("Quality of the result", &["cross_validate", "calibration"]),
     ("Running", &["detail", "seed", "threads"]),

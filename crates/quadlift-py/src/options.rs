@@ -41,7 +41,6 @@ pub struct LocalizeKeywords {
     max_truncated: Option<f64>,
     upright: bool,
     ground_plane: bool,
-    supporting_surfaces: bool,
     camera_height: Option<f64>,
     pose_noise: Option<[f64; 2]>,
     refine_poses: Option<String>,
@@ -62,7 +61,6 @@ impl LocalizeKeywords {
             let given = [
                 ("priors", self.priors.is_some() || self.priors_text.is_some() || self.learn_sizes),
                 ("ground_plane", self.ground_plane),
-                ("supporting_surfaces", self.supporting_surfaces),
                 ("camera_height", self.camera_height.is_some()),
                 ("pose_noise", self.pose_noise.is_some()),
                 ("refine_poses", self.refine_poses.is_some()),
@@ -84,7 +82,6 @@ impl LocalizeKeywords {
             map.upright = self.upright;
             map.learn_sizes = self.learn_sizes;
             map.ground_plane = self.ground_plane;
-            map.supporting_surfaces = self.supporting_surfaces;
             map.camera_height = self.camera_height;
             map.refine_poses = self.refine_poses.as_deref().map(|name| named("refine_poses", name)).transpose()?;
             map.refine_extrinsics = !self.fixed_extrinsics;

@@ -137,8 +137,6 @@ tuned! {
     UNEVENNESS = 0.07;
     /// ... and this share of its distance from the nearest camera.
     UNEVENNESS_FAR = 0.01;
-    /// Standard deviation of the slopes of a table or shelf against `up`, radians: of the surface, and of `up` itself.
-    SURFACE_SLOPE_SD = 0.02;
 
     // Association.
     /// Share of detections with another category than that of their object.
@@ -151,8 +149,6 @@ tuned! {
     /// S22 with GPS poses .832 and 1), and on 26 kinds of synthetic scenes, also of 3, 4 and 6 views: only objects that hide each
     /// other by more than .001 worse (.994 and .990).
     MIN_EVIDENCE_SHARE = 0.88;
-    /// Share of the objects, those with the least evidence per view, that are dissolved.
-    SUSPECT_SHARE = 0.3;
 }
 
 /// The bits of one.

@@ -313,8 +313,8 @@ def localize_scenes(
     length_unit : str, optional
         World unit.
     **options
-        As in `localize_objects`, and `associate`, `ids`, `upright`, `ground_plane`, `supporting_surfaces`,
-        `camera_height`, `pose_noise`, `accept_inconsistent`. Without `sigmas` the noise levels are estimated per scene.
+        As in `localize_objects`, and `associate`, `ids`, `upright`, `ground_plane`, `camera_height`,
+        `pose_noise`, `accept_inconsistent`. Without `sigmas` the noise levels are estimated per scene.
         The objects of an inconsistent scene have the status ``"inconsistent"``.
 
     Returns

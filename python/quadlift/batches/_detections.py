@@ -27,7 +27,6 @@ OF_SCENES = OF_OBJECTS | {
     "ids",
     "upright",
     "ground_plane",
-    "supporting_surfaces",
     "camera_height",
     "refine_poses",
     "fixed_extrinsics",

@@ -65,7 +65,7 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
     ids: IdsName,
 
-    /// Search from several starts: takes about eight times as long, better with few views or many misses
+    /// Search from several starts: takes about four times as long, better with few views
     #[arg(long)]
     thorough: bool,
 

@@ -121,19 +121,19 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         observed_points: file.frames.iter().filter_map(|frame| Some(frame.observed_points.as_ref()?.len())).sum(),
         point_clouds: file.frames.iter().map(|frame| &frame.point_cloud).chain([&file.point_cloud]).flatten().count(),
         cameras: file.cameras.len(),
-        image_sizes: image_sizes(&scene),
+        image_sizes: image_sizes(scene),
         frames_without_image_size: scene.frames.iter().filter(|frame| frame.image_size.is_none()).count(),
         depth_images: file.frames.iter().filter(|frame| frame.depth.is_some()).count(),
         categories: scene.categories.clone(),
         true_objects: if is_result { 0 } else { file.objects.len() },
         estimated_objects: is_result.then_some(file.objects.len()),
         detections: scene.detections.len(),
-        sources: sources(&file, &scene),
+        sources: sources(file, scene),
         oddities: Vec::new(),
         corrections: input.notes.clone(),
         diagnosis: serde_json::Value::Null,
     };
-    report.oddities = oddities(&file, &scene, &report);
+    report.oddities = oddities(file, scene, &report);
     // The source that agrees least with the poses, or the only one.
     let diagnoses = report.sources.iter().flat_map(|source| {
         let name = source.name.as_deref();

@@ -136,8 +136,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         with_crops: args.contact_sheets.is_some(),
     };
     let title = args.scene.display().to_string();
-    let segmentation = segment_scene(&title, &scene, &images, &settings, out).with_context(|| title.clone())?;
-    let problems: Vec<String> = segmentation.problems.in_words(&scene);
+    let segmentation = segment_scene(&title, scene, &images, &settings, out).with_context(|| title.clone())?;
+    let problems: Vec<String> = segmentation.problems.in_words(scene);
     out.errors(&problems);
     let done = segmentation.found.iter().flatten().count();
     if done == 0 {
@@ -148,10 +148,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         make_folder(folder)?;
     }
     if let Some(folder) = &args.contact_sheets {
-        write_sheets(&segmentation, &scene, folder)?;
+        write_sheets(&segmentation, scene, folder)?;
     }
     let folders = [&args.scene, &args.output].map(|path| path.parent().unwrap_or(Path::new("")));
-    add_to_scene(&mut file, &scene, &segmentation, args.method, folders, args.out_masks.as_deref())?;
+    add_to_scene(&mut file, scene, &segmentation, args.method, folders, args.out_masks.as_deref())?;
     // Last, so that it never names masks that do not exist.
     write_scene_file(&args.output, &file)?;
     if let Some(report) = &args.report {
@@ -166,7 +166,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         .chain(["-o objects.json --report objects.html".into()]);
     let next = Next::default().command(words, "localise the objects from boxes and ellipses");
     let of_video = of_video.map_or_else(String::new, |note| format!("note: {}\n", one_line(&note)));
-    out.report(&(report(args, &segmentation, &notes) + &of_video + &next.text()))?;
+    out.report(&(report(args, &segmentation, notes) + &of_video + &next.text()))?;
     out.document(&json!({
         "scene": title,
         "output": args.output.display().to_string(),

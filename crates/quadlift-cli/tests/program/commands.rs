@@ -256,29 +256,6 @@ fn sizes_are_learnt_from_the_scene() {
 }
 
 #[test]
-fn surfaces_are_found_from_what_stands_on_them() {
-    let folder = Folder::new();
-    folder.succeed("synth -q -o scene.json --objects 8 --views 3 --standing --noise box:0.02");
-    let run = folder.run("localize scene.json --supporting-surfaces -o out.json -v");
-    assert_eq!(run.code, 0, "{}", run.stderr);
-    let result = folder.json("out.json");
-    assert_eq!(result["localization"]["settings"]["supporting_surfaces"], true);
-    let surfaces = result["localization"]["supporting_surfaces"].as_array().unwrap();
-    assert_eq!(surfaces.len(), 1, "{surfaces:?}");
-    let objects = surfaces[0]["objects"].as_array().unwrap();
-    assert!(objects.len() >= 6 && objects.contains(&"object_000".into()), "{objects:?}");
-    assert!(surfaces[0]["point"][2].as_f64().unwrap().abs() < 0.5, "{surfaces:?}");
-    let text = format!("{}{}", run.stdout, run.stderr);
-    assert!(text.contains("a surface at the height ") && text.contains(" carries "), "{text}");
-    let mut scene = folder.json("scene.json");
-    scene.as_object_mut().unwrap().remove("up");
-    folder.write_json("scene.json", &scene);
-    let refused = folder.run("localize scene.json --supporting-surfaces");
-    assert!(refused.code == 1 && refused.stderr.contains("\"up\" direction"), "{} {}", refused.code, refused.stderr);
-    assert!(folder.run("localize scene.json --supporting-surfaces --method lfd").stderr.contains("--method map only"));
-}
-
-#[test]
 fn refined_poses_are_in_the_result_beside_the_given_ones() {
     let folder = Folder::new();
     folder.succeed("synth -q -o scene.json --objects 12 --views 8 --noise box:0.01 --pose-noise 0.3");

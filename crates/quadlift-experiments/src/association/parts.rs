@@ -36,7 +36,6 @@ fn rows() -> Vec<Row> {
         doubt("size is no reason for doubt", AssociationWarning::UnusualSize),
         doubt("weak evidence is no reason for doubt", AssociationWarning::WeakEvidence),
         Row { name: "thorough", thorough: true, without: None },
-        Row { name: "thorough, nothing is dissolved", thorough: true, without: Some(Part::Dissolve) },
     ]
 }
 
@@ -100,7 +99,7 @@ pub fn add(data: Option<&Path>, report: &mut Report, seed: u64, steps: &Steps) -
     }
     table.note(
         "Conditions as above. KITTI tracking: the four sequences, false objects and doubtful ones of all of them \
-         together. Only a thorough search releases and searches weak objects again.",
+         together.",
     );
     report.table(table);
     Ok(())

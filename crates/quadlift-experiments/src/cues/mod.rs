@@ -1,6 +1,6 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
 //! frame, and with a shift; points of structure from motion; outlines and turned boxes: simulated, on rendered scenes and on real images;
-//! sizes that are learnt from the scene; surfaces on which objects stand.
+//! sizes that are learnt from the scene.
 
 mod frame_scales;
 mod fusion;
@@ -11,7 +11,6 @@ mod outlines;
 mod points;
 mod shifts;
 mod sizes;
-mod surfaces;
 mod synthetic;
 
 use std::path::Path;
@@ -33,7 +32,6 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
     shifts::run(seed, progress, &mut report)?;
     points::run(seed, progress, &mut report)?;
     sizes::run(seed, progress, &mut report)?;
-    surfaces::run(seed, progress, &mut report)?;
     let folder = match data_folder(data) {
         Ok(folder) => Some(folder),
         Err(Error::NoData(_)) => None,
@@ -43,7 +41,6 @@ pub fn run(data: Option<&Path>, seed: u64, progress: Progress) -> Result<Report,
         Some(folder) => {
             kitti::run(folder, seed, progress, &mut report)?;
             sizes::run_real(folder, seed, progress, &mut report)?;
-            surfaces::run_real(folder, seed, progress, &mut report)?;
         }
         None => report.text("Without the real data KITTI and real images are left out.".to_owned()),
     }

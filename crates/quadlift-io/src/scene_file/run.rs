@@ -6,7 +6,6 @@ use quadlift::nalgebra::Matrix3x4;
 use quadlift::scene::Scene;
 use quadlift::solve::{
     BodyKind, CueScale, Estimate, LearntCategorySize, Method, PosePointsProblem, ScaledQuantity, Sigmas, Status,
-    SupportingSurface,
 };
 use quadlift::{Localization, LocalizeOptions};
 use serde_json::{Map, Value, json};
@@ -48,9 +47,6 @@ pub fn settings_record(options: &LocalizeOptions, priors: Option<&str>) -> Value
         json["priors"] = priors.into();
         if map.learn_sizes {
             json["learn_sizes"] = true.into();
-        }
-        if map.supporting_surfaces {
-            json["supporting_surfaces"] = true.into();
         }
         let levels = |sigmas: &Sigmas| sigmas.levels().map(|(name, x)| (name.to_owned(), x.into())).collect();
         json["sigmas"] = map.sigmas.as_ref().map_or(Value::Null, |sigmas| Value::Object(levels(sigmas)));
@@ -116,19 +112,6 @@ pub fn learnt_sizes_record(scene: &Scene, localization: &Localization) -> Value 
         json
     };
     localization.learnt_sizes.iter().map(record).collect()
-}
-
-/// The surfaces on which objects stand, the one with most objects first; empty unless they were asked for.
-pub fn supporting_surfaces_record(scene: &Scene, localization: &Localization) -> Value {
-    let record = |found: &SupportingSurface| {
-        json!({
-            "point": [found.point.x, found.point.y, found.point.z],
-            "normal": [found.normal.x, found.normal.y, found.normal.z],
-            "height_sd": found.height_sd,
-            "objects": found.objects.iter().map(|object| scene.object_ids[*object].as_str()).collect::<Vec<_>>(),
-        })
-    };
-    localization.supporting_surfaces.iter().map(record).collect()
 }
 
 /// The points from which poses were corrected beside the objects; null if the scene has none, or poses were not corrected. `problem` says
@@ -262,9 +245,6 @@ impl SceneFile {
         }
         if !localization.learnt_sizes.is_empty() {
             about["learnt_sizes"] = learnt_sizes_record(scene, localization);
-        }
-        if !localization.supporting_surfaces.is_empty() {
-            about["supporting_surfaces"] = supporting_surfaces_record(scene, localization);
         }
         if localization.pose_points.is_some() {
             about["pose_points"] = pose_points_record(localization);

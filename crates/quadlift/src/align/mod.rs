@@ -1,5 +1,5 @@
 //! Where one map of objects lies in another: two maps of one place that were made apart, also from opposite sides, without a
-//! common image (ours; docs/method.md, section 23).
+//! common image (ours; docs/method.md, section 22).
 //!
 //! Only objects are compared: category, size, and how far they are from each other. Groups of objects whose distances agree give
 //! transforms to try (`hypotheses`), which are refined with all objects that they bring together (`refine`) and compared by

@@ -24,8 +24,6 @@ pub enum Part {
     Merge,
     /// The weaker of two overlapping bodies is removed.
     Nested,
-    /// Weak objects are released and searched again; only in a thorough search.
-    Dissolve,
     /// The search runs twice, the second time with the learnt statistics.
     SecondPass,
     /// A reason for doubtful objects.
@@ -54,8 +52,8 @@ pub struct AssociateOptions {
     pub pixel_sd: Option<f64>,
     /// Sizes by category, if known. Other priors are not used: they did not help.
     pub priors: CategoryPriors,
-    /// Search from several starts and search weak objects again. About eight times as slow. It helps with few views or many
-    /// misses (F1 .986 to .993 with 6 views, .990 to .998 with 60 % missed) and hardly elsewhere.
+    /// Search from several starts. About four times as slow. It helps with few views (F1 .985 to .996 with 6 views) and hardly
+    /// elsewhere.
     pub thorough: bool,
     /// Switch a part off; for ablations only.
     #[doc(hidden)]

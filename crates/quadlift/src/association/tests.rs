@@ -509,15 +509,13 @@ fn evidence_does_not_depend_on_the_unit_of_length() {
 #[test]
 fn parts_are_worth_their_time() {
     let duplicates = |seed| SyntheticOptions { detector: Detector { duplicates: 0.2, ..DETECTOR }, ..base(seed) };
-    let missed = |seed| SyntheticOptions { detector: Detector { misses: 0.6, ..DETECTOR }, ..base(seed) };
     let four_views = |seed| SyntheticOptions { views: 4, ..base(seed) };
-    for (part, thorough, scenes, least) in [
-        (Part::Nested, false, vec![duplicates(0), duplicates(1)], 0.012),
-        (Part::SecondPass, false, vec![four_views(1), four_views(4)], 0.01),
-        (Part::Dissolve, true, vec![missed(1)], 0.006),
+    for (part, scenes, least) in [
+        (Part::Nested, vec![duplicates(0), duplicates(1)], 0.012),
+        (Part::SecondPass, vec![four_views(1), four_views(4)], 0.01),
     ] {
         let f1 = |without| {
-            let options = AssociateOptions { thorough, without, ..Default::default() };
+            let options = AssociateOptions { without, ..Default::default() };
             scenes.iter().map(|make| score(make, &options).0.f1).sum::<f64>() / scenes.len() as f64
         };
         let (with, without) = (f1(None), f1(Some(part)));

@@ -1,5 +1,5 @@
 //! Where the fixed cameras of a rig are, from what stands or walks by: boxes of the same bodies in several cameras at the same instants
-//! (ours; docs/method.md, section 24).
+//! (ours; docs/method.md, section 23).
 //!
 //! Cameras have known intrinsics. The size of a box tells about how far its body is, so that what two cameras see are two clouds of
 //! points, which a rigid motion takes to each other (`pairs`); from there all cameras, the vertical, the shapes of the bodies and

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, SVector, Vector3};
 
 use super::convex_body::ConvexBody;
 use super::linalg::symmetric_eigen3;
-use super::vech::{unvech4, vech4};
+use super::vech::unvech4;
 
 /// Why a matrix is no ellipsoid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -117,21 +117,6 @@ impl DualQuadric {
         &self.matrix
     }
 
-    /// The lower triangle by columns (10 numbers).
-    pub fn vech(&self) -> SVector<f64, 10> {
-        vech4(&self.matrix)
-    }
-
-    /// The quadric under the map `x -> s x + t` of space: `T Q* T^T`.
-    pub fn transformed(&self, scale: f64, translation: &Vector3<f64>) -> Self {
-        let mut map = Matrix4::identity();
-        for i in 0..3 {
-            map[(i, i)] = scale;
-            map[(i, 3)] = translation[i];
-        }
-        Self { matrix: map * self.matrix * map.transpose() }
-    }
-
     /// Centre and shape matrix `A`; the shape is not checked to be positive definite. `None` when there is no
     /// finite centre (a paraboloid, or NaN).
     pub fn center_and_shape(&self) -> Option<(Point3<f64>, Matrix3<f64>)> {
@@ -170,7 +155,7 @@ mod tests {
         fn dual_quadrics_round_trip(a in -3.0..3.0f64, b in -1.5..1.5f64, c in -3.0..3.0f64,
                                     scale in prop_oneof![-5.0..-0.1f64, 0.1..5.0f64]) {
             let e = ellipsoid([a, b, c]);
-            let back = DualQuadric::from_vech(&(e.dual_quadric().vech() * scale)).to_ellipsoid().unwrap();
+            let back = DualQuadric { matrix: e.dual_quadric().matrix * scale }.to_ellipsoid().unwrap();
             prop_assert!((back.center - e.center).norm() < 1e-10);
             prop_assert!((back.semi_axes - e.semi_axes).norm() < 1e-9);
             prop_assert!((back.shape() - e.shape()).norm() < 1e-9);
@@ -199,14 +184,5 @@ mod tests {
         }
         let q = DualQuadric::from_vech(&SVector::repeat(f64::NAN));
         assert_eq!(q.to_ellipsoid(), Err(EllipsoidError::NotFinite));
-    }
-
-    #[test]
-    fn a_transformed_quadric_is_the_quadric_of_the_transformed_ellipsoid() {
-        let e = ellipsoid([0.1, 0.2, 0.3]);
-        let moved = e.dual_quadric().transformed(2.0, &Vector3::new(5.0, 6.0, 7.0)).to_ellipsoid().unwrap();
-        assert!((moved.center - Point3::new(7.0, 2.0, 13.0)).norm() < 1e-12);
-        assert!((moved.semi_axes - e.semi_axes * 2.0).norm() < 1e-9);
-        assert!((moved.volume() - 8.0 * e.volume()).abs() < 1e-9 * e.volume());
     }
 }

@@ -42,8 +42,8 @@ pub(crate) use rotation::{random_rotation, skew};
 pub use similarity::Similarity;
 pub use superellipsoid::Superellipsoid;
 pub use support_lines::{MOST_SUPPORT_DIRECTIONS, OutlineEnd, SUPPORT_DIRECTIONS, SupportLine, SupportLines};
+pub use vech::vech3;
 pub(crate) use vech::{VECH3, VECH4};
-pub use vech::{projection_matrix_on_vech, vech3, vech4};
 pub use visible_surface::visible_depth;
 
 /// A body of any kind.

@@ -18,8 +18,7 @@ use crate::solve::map::{MapContext, PosePoints, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
     BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, OptionError,
-    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, SupportingSurface, ViewReport, predict_fold,
-    solve_closed_form,
+    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, ViewReport, predict_fold, solve_closed_form,
 };
 
 /// Why a scene cannot be localised at all.
@@ -59,8 +58,6 @@ pub struct Localization {
     pub cue_scales: Vec<CueScale>,
     /// Sizes of categories, where [`crate::solve::MapOptions::learn_sizes`] asks for them: one for each category and kind of body.
     pub learnt_sizes: Vec<LearntCategorySize>,
-    /// Surfaces on which objects stand, where [`crate::solve::MapOptions::supporting_surfaces`] asks for them.
-    pub supporting_surfaces: Vec<SupportingSurface>,
     /// The fitted kind of body, given or selected.
     pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
@@ -152,7 +149,7 @@ pub(crate) fn solve_objects(
     let folds_of =
         |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
     let (mut refined_poses, mut pose_memory, mut points) = (Vec::new(), None, None);
-    let (mut cue_scales, mut learnt_sizes, mut supporting_surfaces) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut cue_scales, mut learnt_sizes) = (Vec::new(), Vec::new());
     let (mut estimates, noise, pose_noise, body, folds, predicted) = if let Some(map_options) = map_options {
         let pose_unknowns = Arc::new(PoseUnknowns::of(&scene.frames, map_options.refine_extrinsics));
         let corrects = map_options.refine_poses.is_some() || map_options.pose_noise.is_some();
@@ -172,7 +169,6 @@ pub(crate) fn solve_objects(
         };
         let solution = map(objects.len(), &views_of, &context, &folds_of);
         (cue_scales, learnt_sizes) = (solution.cue_scales, solution.learnt_sizes);
-        supporting_surfaces = solution.supporting_surfaces;
         (refined_poses, pose_memory) = (solution.refined_poses, solution.pose_memory);
         points = solution.pose_points;
         (solution.estimates, solution.noise, solution.pose_noise, solution.body, solution.folds, solution.predicted)
@@ -226,7 +222,6 @@ pub(crate) fn solve_objects(
         pose_points: points,
         cue_scales,
         learnt_sizes,
-        supporting_surfaces,
         body,
         cross_validation,
         diagnosis,

@@ -30,9 +30,6 @@ pub(super) fn check_up(options: &MapOptions, scene: &Scene) -> Result<(), Option
     if options.ground_plane {
         return needs("the ground plane");
     }
-    if options.supporting_surfaces {
-        return needs("the search for supporting surfaces");
-    }
     if options.camera_height.is_some() { needs("the height of the cameras") } else { Ok(()) }
 }
 

@@ -3,12 +3,12 @@
 use nalgebra::Point3;
 
 use super::*;
-use crate::LocalizeOptions;
 use crate::scene::{Box3dCue, CueError, Cues, DepthCue, Scene};
 use crate::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, ShapeOptions, SyntheticIds, SyntheticOptions,
     SyntheticScene, Trajectory, generate, simulate_cues, simulate_shapes,
 };
+use crate::{LocalizeOptions, localize};
 
 /// Objects seen from an arc of few views, with depths and 3D boxes.
 fn with_cues() -> (SyntheticScene, Scene) {
@@ -170,7 +170,7 @@ fn estimates_use_the_cues_of_the_views() {
     };
     // Errors of the semi-axes, which boxes from a short arc tell badly.
     let errors = |scene: &Scene| {
-        let localization = map_of(scene).localize(&LocalizeOptions::default()).unwrap();
+        let localization = localize(&map_of(scene).to_averaged_scene(), &LocalizeOptions::default()).unwrap();
         let mut errors: Vec<f64> = made
             .truth
             .iter()

@@ -52,7 +52,7 @@ pub struct Detection<'a> {
     pub bounding_box: BoundingBox,
     /// Whether the box was measured.
     pub has_box: bool,
-    /// Outline or turned box. They are kept for [`super::ObjectMap::localize`]; the map does not use them. Which lines are hidden is
+    /// Outline or turned box. They are kept for [`super::ObjectMap::to_scene`]; the map does not use them. Which lines are hidden is
     /// computed from the outlines of the frame.
     pub shape: Shape<'a>,
     /// Category.
@@ -61,7 +61,7 @@ pub struct Detection<'a> {
     pub score: Option<f64>,
     /// Object id, for example of a tracker.
     pub id: Option<&'a str>,
-    /// Depth and 3D box, in the frame of the camera. They are kept for [`super::ObjectMap::localize`]; the map does not use them.
+    /// Depth and 3D box, in the frame of the camera. They are kept for [`super::ObjectMap::to_scene`]; the map does not use them.
     pub cues: Option<&'a Cues>,
     /// Names of the sources of `cues`, by their indices.
     pub cue_sources: &'a [String],
@@ -107,16 +107,6 @@ pub enum ObserveError {
         time: f64,
         /// The time of the last frame.
         last: f64,
-    },
-    /// Frames that are observed together have different times.
-    #[error("frame {id:?} is of time {time}, the first frame of this instant of time {first}; expected one time")]
-    NotTogether {
-        /// Id of the frame.
-        id: String,
-        /// Its time.
-        time: f64,
-        /// The time of the first frame.
-        first: f64,
     },
     /// The image size is not positive.
     #[error("the image size of frame {id:?} is {width} x {height}; expected positive numbers")]

@@ -17,7 +17,7 @@ pub struct LocatedInMap {
 
 impl ObjectMap {
     /// The confirmed objects as landmarks, with their ids: quick fits with their covariances, and the most frequent category. For many
-    /// images at once, or for the better fits of [`ObjectMap::localize`], make a [`LandmarkMap`] once.
+    /// images at once, or for the better fits of [`crate::localize()`], make a [`LandmarkMap`] once.
     pub fn landmarks(&self) -> (Vec<ObjectId>, LandmarkMap) {
         let confirmed = self.tracked().filter(|tracked| tracked.presence == Presence::Confirmed);
         let (ids, landmarks) = confirmed

@@ -111,7 +111,8 @@ pub struct MapObject {
     pub existence: f64,
     /// Evidence of its kept views against clutter (nats).
     pub evidence: f64,
-    /// The quick fit of the association, world frame; [`ObjectMap::localize`] gives better ones with covariances.
+    /// The quick fit of the association, world frame; [`crate::localize()`] of [`ObjectMap::to_averaged_scene`] gives better ones with
+    /// covariances.
     pub ellipsoid: Ellipsoid,
     /// Share of its detections in each category, the most frequent first.
     pub categories: Vec<(Option<String>, f64)>,

@@ -31,36 +31,6 @@ impl ObjectMap {
     /// [`ObserveError`] says why the frame was refused; the map is unchanged.
     pub fn observe(&mut self, frame: &Frame, detections: &[Detection]) -> Result<FrameUpdate, ObserveError> {
         self.check(frame, detections)?;
-        Ok(self.take(frame, detections))
-    }
-
-    /// Observes the frames of several cameras of one instant, one after the other; returns what each of them changed.
-    ///
-    /// All frames are checked first. Ids of frames are different for each camera.
-    ///
-    /// # Errors
-    /// [`ObserveError`] says which frame was refused; then none of them was observed.
-    pub fn observe_together(&mut self, views: &[(Frame, &[Detection])]) -> Result<Vec<FrameUpdate>, ObserveError> {
-        let (mut new, mut new_sources) = (BTreeSet::new(), BTreeSet::new());
-        for (place, (frame, detections)) in views.iter().enumerate() {
-            self.check(frame, detections)?;
-            if views[..place].iter().any(|(other, _)| other.id == frame.id) {
-                return Err(ObserveError::DuplicateFrame(frame.id.clone()));
-            }
-            if frame.time != views[0].0.time {
-                let (id, time, first) = (frame.id.clone(), frame.time, views[0].0.time);
-                return Err(ObserveError::NotTogether { id, time, first });
-            }
-            new.extend(self.new_categories(detections));
-            self.check_categories(frame, new.len())?;
-            new_sources.extend(self.new_cue_sources(detections));
-            self.check_cue_sources(frame, new_sources.len())?;
-        }
-        Ok(views.iter().map(|(frame, detections)| self.take(frame, detections)).collect())
-    }
-
-    /// Observes a checked frame.
-    fn take(&mut self, frame: &Frame, detections: &[Detection]) -> FrameUpdate {
         let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
         let mut current = self.take_in(frame, detections);
         let slots = self.visibility.near(&current.observations.cameras[0].center);
@@ -91,7 +61,7 @@ impl ObjectMap {
             self.keyframes.release(current.key);
         }
         self.last = Some((frame.time, frame.id.clone()));
-        update
+        Ok(update)
     }
 
     fn check(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
@@ -120,39 +90,31 @@ impl ObjectMap {
         if detections.len() > MAX_DETECTIONS {
             return Err(ObserveError::TooManyDetections { id: id(), count: detections.len() });
         }
-        self.check_categories(frame, self.new_categories(detections).len())?;
+        self.check_categories(frame, detections)?;
         check_cues(frame, detections)?;
         check_outlines(frame, detections)?;
-        self.check_cue_sources(frame, self.new_cue_sources(detections).len())?;
+        self.check_cue_sources(frame, detections)?;
         match detections.iter().position(|d| d.score.is_some_and(|score| !score.is_finite())) {
             Some(detection) => Err(ObserveError::Score { id: id(), detection }),
             None => Ok(()),
         }
     }
 
-    /// Categories that the map does not have.
-    fn new_categories<'a>(&self, detections: &[Detection<'a>]) -> BTreeSet<&'a str> {
+    fn check_categories(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
         let is_new = |name: &&str| self.categories.find(Some(name)).is_none();
-        detections.iter().filter_map(|d| d.category).filter(is_new).collect()
-    }
-
-    fn check_categories(&self, frame: &Frame, new: usize) -> Result<(), ObserveError> {
+        let new: BTreeSet<&str> = detections.iter().filter_map(|d| d.category).filter(is_new).collect();
         // One more for detections without a category.
-        let count = self.categories.names().len() + new + 1;
+        let count = self.categories.names().len() + new.len() + 1;
         if count > MAX_CATEGORIES {
             return Err(ObserveError::TooManyCategories { id: frame.id.clone(), count });
         }
         Ok(())
     }
 
-    /// Sources of depths and 3D boxes that the map does not have.
-    fn new_cue_sources<'a>(&self, detections: &[Detection<'a>]) -> BTreeSet<&'a str> {
+    fn check_cue_sources(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
         let names = detections.iter().flat_map(|d| sources_of(d).filter_map(|index| d.cue_sources.get(index as usize)));
-        names.map(String::as_str).filter(|name| !self.cue_sources.iter().any(|known| known == name)).collect()
-    }
-
-    fn check_cue_sources(&self, frame: &Frame, new: usize) -> Result<(), ObserveError> {
-        let count = self.cue_sources.len() + new;
+        let new: BTreeSet<&String> = names.filter(|name| !self.cue_sources.contains(name)).collect();
+        let count = self.cue_sources.len() + new.len();
         if count > MAX_CUE_SOURCES {
             return Err(ObserveError::TooManyCueSources { id: frame.id.clone(), count });
         }

@@ -7,18 +7,17 @@ use super::map::ObjectMap;
 use super::tracked::Presence;
 use super::views::KeptView;
 use crate::geometry::BoundingBox;
-use crate::localize::{Localization, LocalizeError, LocalizeOptions};
-use crate::run::localize;
 use crate::scene::{Detection, Scene, SceneParts};
 
 impl ObjectMap {
-    /// The kept views as a scene. Its object ids are those of the map, in their order; tentative objects are left out.
+    /// The kept views as a scene. Its object ids are those of the map, in their order; tentative objects are left out. The map does
+    /// not know the vertical, the unit of length and the rigs of cameras: the scene has none.
     pub fn to_scene(&self) -> Scene {
         self.scene_of(&|_, edges| edges)
     }
 
-    /// The scene from which [`ObjectMap::localize`] estimates: that of [`ObjectMap::to_scene`], where each box is the mean of those
-    /// of the forgotten views that it stands for and its own.
+    /// The scene from which to estimate the objects ([`crate::localize()`]): that of [`ObjectMap::to_scene`], where each box is the mean
+    /// of those of the forgotten views that it stands for and its own.
     pub fn to_averaged_scene(&self) -> Scene {
         self.scene_of(&|view, edges| view.averaged(edges))
     }
@@ -85,14 +84,5 @@ impl ObjectMap {
         found.sort_by_key(|(d, _)| (d.frame_index, d.object_index));
         let (detections, views) = found.into_iter().unzip();
         (Scene(SceneParts { detections, ..parts }), views)
-    }
-
-    /// Estimates of all objects of the map with covariances, in the order of their ids, from their kept views and the means
-    /// of those that they stand for.
-    ///
-    /// # Errors
-    /// As [`localize()`].
-    pub fn localize(&self, options: &LocalizeOptions) -> Result<Localization, LocalizeError> {
-        localize(&self.to_averaged_scene(), options)
     }
 }

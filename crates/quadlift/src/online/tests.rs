@@ -73,7 +73,7 @@ fn every_object_is_found_once_and_localised() {
     let object = map.objects().next().unwrap();
     assert!(object.existence > 0.99 && object.detections > 30 && object.kept_views == 32, "{object:?}");
     assert!(object.expected_views >= object.detections && object.last_seen > 50.0, "{object:?}");
-    let localization = map.localize(&crate::LocalizeOptions::default()).unwrap();
+    let localization = crate::localize(&map.to_averaged_scene(), &crate::LocalizeOptions::default()).unwrap();
     assert!(localization.estimates.iter().all(|e| e.status == Status::Ok && e.covariance.is_some()));
 }
 
@@ -148,31 +148,6 @@ fn views_that_were_fitted_with_another_object_go_back_when_poses_are_updated() {
     let same = scene.frames.iter().map(|f| PoseUpdate { frame: f.id.clone(), projection: f.projection });
     map.update_poses(&same.collect::<Vec<_>>());
     assert!(strays(&map) <= before, "{} {before}", strays(&map));
-}
-
-#[test]
-fn frames_of_one_instant_are_observed_all_or_none() {
-    let synthetic = around(6, 22, SyntheticIds::Absent);
-    let scene = &synthetic.scene;
-    let pairs = |time: &dyn Fn(usize) -> f64, from: usize| -> Vec<(Frame, Vec<Detection>)> {
-        (from..from + 2).map(|k| (Frame::of_scene(&scene.frames[k], time(k)), detections(scene, k))).collect()
-    };
-    let (mut together, mut apart) = (map(), map());
-    for instant in 0..10 {
-        let views = pairs(&|_| instant as f64, 2 * instant);
-        let borrowed: Vec<(Frame, &[Detection])> = views.iter().map(|(f, d)| (f.clone(), d.as_slice())).collect();
-        let updates = together.observe_together(&borrowed).unwrap();
-        let each: Vec<FrameUpdate> = views.iter().map(|(frame, d)| apart.observe(frame, d).unwrap()).collect();
-        assert_eq!(updates, each);
-    }
-    // The second frame has the id of the first, or is of another time: nothing is observed.
-    let before = together.to_state();
-    let views = pairs(&|k| k as f64, 20);
-    let of = |a: usize, b: usize| [(views[a].0.clone(), &views[a].1[..]), (views[b].0.clone(), &views[b].1[..])];
-    assert_eq!(together.observe_together(&of(0, 0)), Err(ObserveError::DuplicateFrame(views[0].0.id.clone())));
-    let refused = ObserveError::NotTogether { id: views[1].0.id.clone(), time: 21.0, first: 20.0 };
-    assert_eq!(together.observe_together(&of(0, 1)), Err(refused));
-    assert_eq!(together.to_state(), before);
 }
 
 #[test]

@@ -82,11 +82,6 @@ impl View {
         Self { bounding_box: Some(bounding_box), ..Self::unmeasured(projection) }
     }
 
-    /// A view of an object by an ellipse (pixels).
-    pub fn from_ellipse(projection: Projection, ellipse: Ellipse) -> Self {
-        Self { ellipse: Some(ellipse), ..Self::unmeasured(projection) }
-    }
-
     /// The view in an image of this width and height (pixels): edges at its border only bound the extent of the object
     /// from below.
     #[must_use]
@@ -110,15 +105,6 @@ impl View {
             depth_scale: DepthScale::default(),
             depth_shift: 0.0,
         }
-    }
-
-    /// The view with what else is known: depth, 3D box.
-    ///
-    /// # Errors
-    /// [`super::CueError`] names a number that is out of range.
-    pub fn with_cues(self, cues: Cues) -> Result<Self, super::CueError> {
-        cues.check()?;
-        Ok(Self { cues, ..self })
     }
 
     /// The measurement for the closed forms: the ellipse, or the one inscribed in the turned box or in the box.

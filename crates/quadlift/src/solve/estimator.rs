@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Unit, Vector3};
-
 use super::closed_form::solve_closed_form;
 use super::enclosing::ENCLOSING_QUANTILE;
 use super::estimate::Estimate;
@@ -16,7 +14,7 @@ use crate::scene::{ObjectViews, View};
 /// Estimates one object from its views, by any method.
 ///
 /// In a scene, the default method estimates noise levels from all objects, which improves the weights of boxes; with a
-/// scene, prefer [`crate::localize()`].
+/// scene, prefer [`crate::localize()`]. What takes a category or the vertical, such as [`super::MapOptions::priors`], has no effect here.
 ///
 /// ```
 /// use nalgebra::Matrix3x4;
@@ -42,9 +40,6 @@ use crate::scene::{ObjectViews, View};
 #[derive(Debug, Clone)]
 pub struct Estimator {
     method: Method,
-    up: Option<Unit<Vector3<f64>>>,
-    category: Option<String>,
-    seed: u64,
 }
 
 impl Estimator {
@@ -55,43 +50,23 @@ impl Estimator {
     pub fn new(method: impl Into<Method>) -> Result<Self, OptionError> {
         let method = method.into();
         method.validate()?;
-        Ok(Self { method, up: None, category: None, seed: 0 })
-    }
-
-    /// Sets the world direction against gravity, which some priors need.
-    #[must_use]
-    pub fn with_up(self, up: Unit<Vector3<f64>>) -> Self {
-        Self { up: Some(up), ..self }
-    }
-
-    /// Sets the category of the object, which selects one of [`super::MapOptions::priors`].
-    #[must_use]
-    pub fn with_category(self, category: impl Into<String>) -> Self {
-        Self { category: Some(category.into()), ..self }
-    }
-
-    /// Sets the seed of the random numbers.
-    #[must_use]
-    pub fn with_seed(self, seed: u64) -> Self {
-        Self { seed, ..self }
+        Ok(Self { method })
     }
 
     /// Estimates the object of these views. It never fails: [`Estimate::status`] describes the outcome.
     pub fn fit(&self, views: &[View]) -> Estimate {
-        let category_index = self.category.as_ref().map(|_| 0);
-        let mut object = ObjectViews { object_index: 0, category_index, views: views.to_vec() };
+        let mut object = ObjectViews { object_index: 0, category_index: None, views: views.to_vec() };
         let Method::Map(options) = &self.method else {
             return solve_closed_form(&object, &self.method, ENCLOSING_QUANTILE);
         };
         object.views.iter_mut().for_each(|view| *view = view.within_margin(options.border_margin));
-        let categories: Vec<String> = self.category.iter().cloned().collect();
         let context = MapContext {
-            categories: &categories,
-            up: self.up,
+            categories: &[],
+            up: None,
             pose_unknowns: Arc::default(),
             pose_points: PosePoints::default(),
             cameras: views.iter().filter_map(|view| view.projection.center_in_world()).collect(),
-            seed: self.seed,
+            seed: 0,
             has_cues: views.iter().any(|view| !view.cues.is_empty()),
             enclosing_quantile: ENCLOSING_QUANTILE,
             options,

@@ -172,10 +172,6 @@ pub struct MapOptions {
     /// Whether all objects stand on a common ground plane, which is estimated. Otherwise only objects whose prior has
     /// [`CategoryPrior::on_ground`]. Needs the scene's `up`.
     pub ground_plane: bool,
-    /// Whether level surfaces (tables, shelves, the floor) are found from the objects that stand on them, each of which then gets the
-    /// surface of the others as a prior (docs/method.md, section 22). Needs the scene's `up`; objects on the ground plane keep that.
-    /// Has no effect on [`super::Estimator`], which knows one object.
-    pub supporting_surfaces: bool,
     /// Height of the cameras above the ground plane in world units, if known.
     pub camera_height: Option<f64>,
     /// Whether edges that another box probably hides have their own noise level.
@@ -210,7 +206,6 @@ impl Default for MapOptions {
             correlated_views: true,
             upright: true,
             ground_plane: false,
-            supporting_surfaces: false,
             camera_height: None,
             hidden_edges: true,
             pose_noise: None,

@@ -1,10 +1,10 @@
 //! The closed forms on synthetic views: what they recover, what they refuse, and what must not change the result.
 
-use crate::common::{Vech, Views, arc, camera, observe, random_ellipsoid, scene};
+use crate::common::{Vech, Views, arc, camera, observe, projected, random_ellipsoid, scene, vech4};
 use nalgebra::{Matrix4, Point3, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
-use quadlift::geometry::{Ellipse, Ellipsoid, Projection, projection_matrix_on_vech, vech3, vech4};
-use quadlift::solve::{ClosedFormError, RegOptions, RegSolution, lfd, pfd, pfd_unit_quadric, reg};
+use quadlift::geometry::{Ellipse, Ellipsoid, Projection, vech3};
+use quadlift::solve::{ClosedFormError, RegOptions, RegSolution, lfd, pfd, reg};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -28,15 +28,14 @@ fn exact_outlines_give_the_ellipsoid() {
         let lifted = lfd(&views).unwrap().to_ellipsoid().unwrap();
         assert!(relative_error(&lifted, &sorted) < 1e-8, "{count} views, lfd");
         assert!((lifted.shape() - body.shape()).norm() < 1e-7 * body.shape().norm());
-        for solution in [pfd(&views).unwrap(), pfd_unit_quadric(&views).unwrap()] {
-            let lifted = solution.dual_quadric.to_ellipsoid().unwrap();
-            assert!(relative_error(&lifted, &sorted) < 1e-6, "{count} views, pfd");
-            // beta C* = P Q* P^T
-            for ((projection, ellipse), beta) in views.iter().zip(&solution.betas) {
-                let p = projection.matrix();
-                let image = p * solution.dual_quadric.matrix() * p.transpose();
-                assert!((image - ellipse.dual_conic() * *beta).norm() < 1e-6 * image.norm());
-            }
+        let solution = pfd(&views).unwrap();
+        let lifted = solution.dual_quadric.to_ellipsoid().unwrap();
+        assert!(relative_error(&lifted, &sorted) < 1e-6, "{count} views, pfd");
+        // beta C* = P Q* P^T
+        for ((projection, ellipse), beta) in views.iter().zip(&solution.betas) {
+            let p = projection.matrix();
+            let image = p * solution.dual_quadric.matrix() * p.transpose();
+            assert!((image - ellipse.dual_conic() * *beta).norm() < 1e-6 * image.norm());
         }
     }
 }
@@ -47,7 +46,6 @@ fn too_few_views_are_refused() {
     let too_few = |found, needed| ClosedFormError::TooFewViews { found, needed };
     for count in 0..3 {
         assert_eq!(pfd(&views[..count]), Err(too_few(count, 3)));
-        assert_eq!(pfd_unit_quadric(&views[..count]), Err(too_few(count, 3)));
         assert_eq!(lfd(&views[..count]), Err(too_few(count, 3)));
     }
     assert_eq!(reg(&views[..1], &RegOptions::default()), Err(too_few(1, 2)));
@@ -82,7 +80,6 @@ fn degenerate_views() -> Vec<(String, Views)> {
 fn views_that_leave_the_object_open_are_a_status() {
     for (name, views) in degenerate_views() {
         assert_eq!(pfd(&views), Err(ClosedFormError::Degenerate), "pfd, {name}");
-        assert_eq!(pfd_unit_quadric(&views), Err(ClosedFormError::Degenerate), "pfd_unit_quadric, {name}");
         assert_eq!(lfd(&views), Err(ClosedFormError::Degenerate), "lfd, {name}");
     }
 }
@@ -115,7 +112,6 @@ fn numbers_beyond_the_range_of_floats_are_a_status() {
     // Numbers that are not finite are no ellipse; in pixels the squares of these are not finite. `lfd` scales each ellipse.
     views[2].1 = Ellipse::new(views[2].1.center(), Vector2::new(1e200, 1.0), 0.1).unwrap();
     assert_eq!(pfd(&views), Err(ClosedFormError::Degenerate));
-    assert_eq!(pfd_unit_quadric(&views), Err(ClosedFormError::Degenerate));
     assert!(lfd(&views).is_ok());
 }
 
@@ -132,7 +128,7 @@ fn whatever_comes_out_of_extreme_numbers_is_finite() {
             *projection = Projection::from_matrix(projection.matrix() * factor).unwrap_or(*projection);
         }
         for views in [sizes, cameras] {
-            for solution in [pfd(&views), pfd_unit_quadric(&views)].into_iter().flatten() {
+            if let Ok(solution) = pfd(&views) {
                 let all = solution.betas.iter().chain(solution.dual_quadric.matrix().iter());
                 assert!(all.chain([&solution.residual]).all(|x| x.is_finite()), "pfd, {factor:e}");
             }
@@ -185,7 +181,7 @@ proptest! {
 /// The regularised cost from its definition, with the best sphere's part left out: `|M w|^2` at `v_10 = -1`.
 fn data_cost(views: &Views, v: &Vech, betas: &[f64]) -> f64 {
     let cost = |((projection, ellipse), beta): (&(Projection, Ellipse), &f64)| {
-        (projection_matrix_on_vech(projection.matrix()) * v - vech3(&ellipse.dual_conic()) * *beta).norm_squared()
+        (projected(projection, v) - vech3(&ellipse.dual_conic()) * *beta).norm_squared()
     };
     views.iter().zip(betas).map(cost).sum()
 }
@@ -207,7 +203,7 @@ fn the_regularised_solution_is_a_minimum_of_the_cost_as_the_paper_writes_it() {
         let (views, _) = scene(count, 0.1, seed);
         let lambda = 1e16;
         let RegSolution { dual_quadric, betas, cost, .. } = reg(&views, &RegOptions { lambda }).unwrap();
-        let v = dual_quadric.vech();
+        let v = vech4(dual_quadric.matrix());
         assert_eq!(v[9], -1.0);
         // The sphere's part of the cost, minimised by brute force: coordinate descent over (t, ln a, ln b).
         let distance = |v: &Vech, s: &[f64; 5]| -> f64 {

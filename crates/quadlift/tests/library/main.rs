@@ -17,7 +17,6 @@ mod observer;
 mod pfd_reference;
 mod refined_poses;
 mod sigmas;
-mod supporting_surfaces;
 mod surroundings;
 mod trust;
 mod upright;

@@ -119,11 +119,6 @@ pub struct Args {
     #[arg(long)]
     ground_plane: bool,
 
-    /// Find level surfaces (tables, shelves, the floor) from the objects that stand on them, and put each object on that of the
-    /// others (the scene needs `up`)
-    #[arg(long)]
-    supporting_surfaces: bool,
-
     /// Height of the cameras above the ground plane in world units, if known
     #[arg(long, value_name = "H", value_parser = args::positive)]
     camera_height: Option<f64>,
@@ -197,7 +192,6 @@ impl Args {
                 "--ground-plane, --camera-height and --pose-noise are options",
             ),
             (self.refine_poses.is_some(), "--refine-poses is an option"),
-            (self.supporting_surfaces, "--supporting-surfaces is an option"),
             (self.no_upright, "--no-upright is an option"),
             (self.sigmas.is_some(), "--sigmas is an option"),
             (!self.priors.is_empty(), "--priors is an option"),
@@ -207,7 +201,6 @@ impl Args {
                 map.body = self.body.0;
                 map.upright = !self.no_upright;
                 map.ground_plane = self.ground_plane;
-                map.supporting_surfaces = self.supporting_surfaces;
                 map.camera_height = self.camera_height;
                 map.pose_noise = self.pose_noise;
                 map.refine_poses = self.refine_poses;

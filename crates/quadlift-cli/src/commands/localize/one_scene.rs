@@ -15,9 +15,7 @@ use crate::association::localize_in_words;
 use crate::corrections::corrected_in_words;
 use crate::diagnosis::tell;
 use crate::error::Outcome;
-use crate::estimate_table::{
-    cue_scales, learnt_sizes, noise_levels, pose_points, render, summaries, supporting_surfaces,
-};
+use crate::estimate_table::{cue_scales, learnt_sizes, noise_levels, pose_points, render, summaries};
 use crate::localization::{run_scene, settings_in_words};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
@@ -132,7 +130,7 @@ fn tell_details(run: &FileRun, out: &Output) {
             out.detail(&one_line(&line));
         }
     }
-    for line in learnt_sizes(scene, localization).into_iter().chain(supporting_surfaces(scene, localization)) {
+    for line in learnt_sizes(scene, localization) {
         out.detail(&one_line(&line));
     }
     if let Some(points) = &localization.pose_points {

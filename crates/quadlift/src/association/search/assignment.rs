@@ -19,14 +19,12 @@ pub(crate) struct Assignment {
     pub visible: usize,
 }
 
-/// Assigns the boxes for which `free` holds; boxes with a trusted id stay with their object. Stores in the model which
-/// edges are hidden.
+/// Assigns the boxes; those with a trusted id stay with their object. Stores in the model which edges are hidden.
 pub(crate) fn assign(
     context: &AssociationContext,
     observations: &Observations,
     statistics: &mut SceneStatistics,
     objects: &[Object],
-    free: &(impl Fn(usize) -> bool + Sync),
 ) -> Vec<Assignment> {
     let current = owners(observations.boxes.len(), objects);
     let tally = if context.weighs_ids {
@@ -37,7 +35,7 @@ pub(crate) fn assign(
     let gains = LogLikelihoodRatios::new(observations, statistics);
     let candidates = map_indices(observations.cameras.len(), |frame| {
         let boxes = observations.cameras[frame].boxes.clone();
-        let free = boxes.filter(|&i| free(i) && !context.is_trusted(&observations.boxes[i])).map(|i| i as u32);
+        let free = boxes.filter(|&i| !context.is_trusted(&observations.boxes[i])).map(|i| i as u32);
         Candidates::new(observations, statistics, &free.collect::<Vec<_>>())
     });
     let largest_bonus = tally.largest_bonus();

@@ -43,18 +43,16 @@ pub(crate) struct Birth {
     score: f64,
 }
 
-/// Finds births among the unused boxes, starting from those for which `is_seed` holds. No two share a box; the best
-/// comes first.
+/// Finds births among the unused boxes. No two share a box; the best comes first.
 pub(crate) fn births(
     context: &AssociationContext,
     observations: &Observations,
     statistics: &SceneStatistics,
     used: &[bool],
-    is_seed: &(impl Fn(usize) -> bool + Sync),
 ) -> Vec<Birth> {
     let least_score = if used.contains(&true) { 0.0 } else { FIRST_LEAST_SCORE };
     let mut scorer = SphereScorer::new(context, observations, statistics, used);
-    let candidates = distinct(observations, pairs(&scorer, is_seed));
+    let candidates = distinct(observations, pairs(&scorer));
     let grown = map_indices(candidates.len(), |k| {
         let (birth, category) = &candidates[k];
         (improve(&scorer, birth, *category, 3), *category)
@@ -128,16 +126,15 @@ impl PartialEq for Queued {
 impl Eq for Queued {}
 
 /// The best spheres of each box with a box of another frame, scored.
-fn pairs(scorer: &SphereScorer, is_seed: &(impl Fn(usize) -> bool + Sync)) -> Vec<Birth> {
+fn pairs(scorer: &SphereScorer) -> Vec<Birth> {
     let observations = scorer.observations;
     let free: Vec<usize> = scorer.all_free().collect();
     let mut frames: Vec<u32> = free.iter().map(|&i| observations.boxes[i].frame as u32).collect();
     frames.dedup();
     let all_pairs = free.len() * free.len() <= ALL_PAIRS;
-    let seeds: Vec<usize> = free.into_iter().filter(|&i| is_seed(i)).collect();
-    let most_tested = (TESTED_IN_ALL / seeds.len().max(1)).clamp(TESTED[0], TESTED[1]);
-    let found = map_indices(seeds.len(), |k| {
-        let index = seeds[k];
+    let most_tested = (TESTED_IN_ALL / free.len().max(1)).clamp(TESTED[0], TESTED[1]);
+    let found = map_indices(free.len(), |k| {
+        let index = free[k];
         let observation = &observations.boxes[index];
         let camera = &observations.cameras[observation.frame];
         let partners = if all_pairs { &frames } else { &scorer.context.order.partners[observation.frame] };

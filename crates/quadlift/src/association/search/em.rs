@@ -5,7 +5,6 @@ use std::ops::ControlFlow;
 
 use super::frame_shift::learn_shifts;
 use super::merge::drop_nested;
-use super::reseed::reseed_weak;
 use super::state::State;
 use crate::association::input::context::AssociationContext;
 use crate::association::options::Part;
@@ -20,8 +19,8 @@ const BIRTH_ROUNDS: usize = 2;
 const SPHERE_ROUNDS: usize = 1;
 
 impl State {
-    /// All rounds; ends early when nothing changes any more. A thorough run dissolves weak objects and tries again.
-    pub fn run(&mut self, context: &AssociationContext, report: &impl Fn() -> ControlFlow<()>, thorough: bool) {
+    /// All rounds; ends early when nothing changes any more.
+    pub fn run(&mut self, context: &AssociationContext, report: &impl Fn() -> ControlFlow<()>) {
         let (mut before, mut tried) = (None, Vec::new());
         for round in 0..ROUNDS {
             let last_births = ROUNDS - 3;
@@ -51,10 +50,6 @@ impl State {
             if round >= last_births && context.options.uses(Part::Nested) {
                 let objects = std::mem::take(&mut self.objects);
                 self.objects = drop_nested(context, &self.observations, &self.statistics, objects);
-            }
-            let reseeds = thorough && context.options.uses(Part::Dissolve);
-            if reseeds && (round + 1 == last_births || round == last_births) {
-                reseed_weak(context, self);
             }
             if report().is_break() {
                 return;

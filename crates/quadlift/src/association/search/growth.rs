@@ -65,14 +65,13 @@ struct Growth<'a> {
     alive: usize,
 }
 
-/// Grows objects over the frames of `order` from the boxes for which `free` holds, starting with some objects. Returns
-/// those with enough views. `report` is called after each frame.
+/// Grows objects over the frames of `order` from the boxes without a trusted id, starting with some objects. Returns those with
+/// enough views. `report` is called after each frame.
 pub(crate) fn grow(
     context: &AssociationContext,
     observations: &Observations,
     statistics: &mut SceneStatistics,
     order: &[u32],
-    free: &impl Fn(usize) -> bool,
     initial: Vec<Object>,
     report: &impl Fn() -> ControlFlow<()>,
 ) -> Vec<Object> {
@@ -95,8 +94,9 @@ pub(crate) fn grow(
     }
     let mut pool: VecDeque<(usize, u32)> = VecDeque::new();
     for (step, &frame) in order.iter().enumerate() {
+        let free = |&index: &usize| !context.is_trusted(&observations.boxes[index]);
         let mut left: Vec<u32> =
-            observations.cameras[frame as usize].boxes.clone().filter(|&i| free(i)).map(|i| i as u32).collect();
+            observations.cameras[frame as usize].boxes.clone().filter(free).map(|i| i as u32).collect();
         left = growth.extend(frame as usize, step, left);
         while pool.front().is_some_and(|&(since, _)| since + WINDOW <= step) {
             pool.pop_front();

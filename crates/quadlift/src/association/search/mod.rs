@@ -8,5 +8,4 @@ pub(crate) mod frame_shift;
 pub(crate) mod growth;
 pub(crate) mod merge;
 pub(crate) mod passes;
-pub(crate) mod reseed;
 pub(crate) mod state;

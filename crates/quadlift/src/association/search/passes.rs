@@ -74,7 +74,6 @@ pub(crate) fn search(
 
 /// All passes from the objects of trusted ids on, the best of them.
 fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
-    let thorough = context.options.thorough;
     let pass = |mut from: State, order: Option<&[u32]>| {
         if steps.watch.is_cancelled() {
             return from;
@@ -83,11 +82,11 @@ fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
         if let Some(order) = order {
             from.grow(context, order, &|| steps.advance(1));
         }
-        from.run(context, &|| steps.advance(steps.per_round), thorough);
+        from.run(context, &|| steps.advance(steps.per_round));
         from
     };
     let mut best = pass(state.clone(), Some(&context.order.frames));
-    if thorough {
+    if context.options.thorough {
         let cameras = &best.observations.cameras;
         let other_order = context.order.starting_at(cameras, cameras.len() / 2);
         for order in [Some(other_order.as_slice()), None] {
@@ -141,8 +140,7 @@ impl State {
     fn grow(&mut self, context: &AssociationContext, order: &[u32], report: &impl Fn() -> ControlFlow<()>) {
         let initial = std::mem::take(&mut self.objects);
         let observations = &self.observations;
-        let free = |index: usize| !context.is_trusted(&observations.boxes[index]);
-        self.objects = grow(context, observations, &mut self.statistics, order, &free, initial, report);
+        self.objects = grow(context, observations, &mut self.statistics, order, initial, report);
         if self.objects.is_empty() {
             return;
         }

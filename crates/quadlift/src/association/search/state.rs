@@ -28,7 +28,7 @@ impl State {
 
     /// Assigns all boxes and refits every object; those with too few boxes are removed.
     pub fn assign_and_fit(&mut self, context: &AssociationContext, with_spheres: bool) {
-        let assignments = assign(context, &self.observations, &mut self.statistics, &self.objects, &|_| true);
+        let assignments = assign(context, &self.observations, &mut self.statistics, &self.objects);
         self.objects = refit(context, &self.observations, &self.statistics, &self.objects, &assignments, with_spheres);
     }
 
@@ -77,21 +77,20 @@ impl State {
         if used.iter().filter(|&&u| !u).count() <= 2 || used == *tried {
             return;
         }
-        let new = born(context, &self.observations, &self.statistics, &used, &|_| true);
+        let new = born(context, &self.observations, &self.statistics, &used);
         self.objects.extend(new);
         *tried = used;
     }
 }
 
 /// Births as objects: fitted, with the number of frames in which they should be visible.
-pub(crate) fn born(
+fn born(
     context: &AssociationContext,
     observations: &Observations,
     statistics: &SceneStatistics,
     used: &[bool],
-    is_seed: &(impl Fn(usize) -> bool + Sync),
 ) -> Vec<Object> {
-    let found = births(context, observations, statistics, used, is_seed);
+    let found = births(context, observations, statistics, used);
     let objects = map_indices(found.len(), |k| {
         let birth = &found[k];
         let start = Start::sphere(birth.sphere.center, birth.sphere.log_radius.exp());
@@ -103,7 +102,7 @@ pub(crate) fn born(
 }
 
 /// Fits objects to their boxes; those with too few boxes are removed, unless trusted.
-pub(crate) fn refit(
+fn refit(
     context: &AssociationContext,
     observations: &Observations,
     statistics: &SceneStatistics,

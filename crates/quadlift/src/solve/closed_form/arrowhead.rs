@@ -113,13 +113,6 @@ impl Arrowhead {
         self.couplings.iter().all(|n| dot(n, &v).abs() < rounding * size(n))
     }
 
-    /// The minimiser with `|v| = 1`; `None` when a number is not finite.
-    pub(crate) fn minimise_unit_v(&self) -> Option<Minimiser> {
-        let smallest = smallest_singular(self.r(), None, EXACT)?;
-        let betas = self.best_betas(&smallest.vector);
-        Some(Minimiser { v: smallest.vector, betas, residual: smallest.value, iterations: 0 })
-    }
-
     /// The minimiser with `|w| = 1`; `None` when it has no quadric (v = 0) or a number is not finite.
     pub(crate) fn minimise_unit_w(&self) -> Option<Minimiser> {
         // A view with n_f = 0 has no part in the eigenproblem: its beta is 0, or all of w. The latter would leave v =
@@ -221,7 +214,7 @@ fn add_products<const FIRST: usize>(i: usize, n: &[Row], weight: &[f64; 32], row
     }
 }
 
-/// The matrix G (6x10) of [`crate::geometry::projection_matrix_on_vech`], by rows.
+/// The matrix G (6x10) with `vech(P Q P^T) = G vech(Q)` for every symmetric Q (PfD section 3), by rows.
 fn projection_rows(p: &Matrix3x4<f64>) -> [Row; 6] {
     let p: [[f64; 4]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| p[(i, j)]));
     std::array::from_fn(|row| {
@@ -289,6 +282,7 @@ fn dot(a: &Row, b: &Row) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{DualQuadric, vech3};
     use rand::{RngExt, SeedableRng};
 
     /// A random system of `count` views with coupling strength `coupling`, and its dense matrix [R 0; N -D].
@@ -364,7 +358,15 @@ mod tests {
             let coupled = (dot(&system.couplings[0], &v) - system.norms[0] * beta).powi(2);
             assert!((free + coupled - expected).abs() < 1e-10 * expected);
         }
-        let g = crate::geometry::projection_matrix_on_vech(&p);
-        assert!((0..6).all(|i| (0..10).all(|j| projection_rows(&p)[i][j] == g[(i, j)])));
+    }
+
+    #[test]
+    fn g_maps_vech_of_the_quadric_to_vech_of_its_projection() {
+        let p = Matrix3x4::from_fn(|i, j| 0.3 * i as f64 - 0.7 * j as f64 + (i * j) as f64 + 0.1);
+        let v: Row = std::array::from_fn(|k| (k as f64 - 4.0) * 0.37);
+        let direct = vech3(&(p * DualQuadric::from_vech(&v.into()).matrix() * p.transpose()));
+        for (row, expected) in projection_rows(&p).iter().zip(&direct) {
+            assert!((dot(row, &v) - expected).abs() < 1e-12);
+        }
     }
 }

@@ -40,7 +40,7 @@ pub struct PfdSolution {
     pub betas: Vec<f64>,
     /// `|M w|` at the solution: the smallest singular value of the system.
     pub residual: f64,
-    /// Newton steps that the constraint `|w| = 1` took; none for `|v| = 1`.
+    /// Newton steps that the constraint `|w| = 1` took.
     pub iterations: usize,
 }
 
@@ -51,37 +51,15 @@ pub struct PfdSolution {
 /// # Errors
 /// [`ClosedFormError`].
 pub fn pfd(observations: &[(Projection, Ellipse)]) -> Result<PfdSolution, ClosedFormError> {
-    solution(&determined_system(observations)?, Arrowhead::minimise_unit_w)
-}
-
-/// As [`pfd`], but with `|v| = 1` for the quadric alone: the betas, which grow with the squared distance, have no
-/// part in the constraint (ours).
-///
-/// # Errors
-/// [`ClosedFormError`].
-pub fn pfd_unit_quadric(observations: &[(Projection, Ellipse)]) -> Result<PfdSolution, ClosedFormError> {
-    solution(&determined_system(observations)?, Arrowhead::minimise_unit_v)
-}
-
-/// The equations of all views in pixel coordinates.
-pub(crate) fn pixel_system(observations: &[(Projection, Ellipse)]) -> Arrowhead {
-    Arrowhead::new(observations.iter().map(|(p, ellipse)| (*p.matrix(), vech3(&ellipse.dual_conic()).into())))
-}
-
-fn determined_system(observations: &[(Projection, Ellipse)]) -> Result<Arrowhead, ClosedFormError> {
     if observations.len() < FEWEST_VIEWS {
         return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
     }
     let system = pixel_system(observations);
-    if system.is_degenerate(PIXEL_ROUNDING) { Err(ClosedFormError::Degenerate) } else { Ok(system) }
-}
-
-/// Turns a minimiser into a solution with `Q*_44 <= 0`.
-fn solution(
-    system: &Arrowhead,
-    minimise: impl Fn(&Arrowhead) -> Option<Minimiser>,
-) -> Result<PfdSolution, ClosedFormError> {
-    let Minimiser { v, mut betas, residual, iterations } = minimise(system).ok_or(ClosedFormError::Degenerate)?;
+    if system.is_degenerate(PIXEL_ROUNDING) {
+        return Err(ClosedFormError::Degenerate);
+    }
+    let Minimiser { v, mut betas, residual, iterations } =
+        system.minimise_unit_w().ok_or(ClosedFormError::Degenerate)?;
     let mut v = SVector::from(v);
     if !v.iter().chain(&betas).all(|x| x.is_finite()) {
         return Err(ClosedFormError::Degenerate);
@@ -91,4 +69,9 @@ fn solution(
         betas.iter_mut().for_each(|beta| *beta = -*beta);
     }
     Ok(PfdSolution { dual_quadric: DualQuadric::from_vech(&v), betas, residual, iterations })
+}
+
+/// The equations of all views in pixel coordinates.
+pub(crate) fn pixel_system(observations: &[(Projection, Ellipse)]) -> Arrowhead {
+    Arrowhead::new(observations.iter().map(|(p, ellipse)| (*p.matrix(), vech3(&ellipse.dual_conic()).into())))
 }

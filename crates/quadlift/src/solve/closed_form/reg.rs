@@ -233,7 +233,7 @@ mod tests {
         let leading = primal.fixed_view::<3, 3>(0, 0).into_owned();
         let e = leading.symmetric_eigenvalues() * (-leading.determinant() / primal.determinant());
         let paper = e.product().abs().powf(-1.0 / 3.0);
-        let (_, shape) = DualQuadric::from_vech(&crate::geometry::vech4(&dual)).center_and_shape().unwrap();
+        let (_, shape) = DualQuadric::from_vech(&SVector::from_fn(|k, _| dual[VECH4[k]])).center_and_shape().unwrap();
         assert!((shape.determinant().abs().cbrt() - paper).abs() < 1e-9 * paper);
     }
 

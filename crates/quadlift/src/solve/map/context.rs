@@ -49,11 +49,10 @@ impl MapContext<'_> {
         self.options.pose_noise.is_some() || self.options.refine_poses.is_some()
     }
 
-    /// Whether the objects share more than noise levels: surfaces, corrected poses, or sizes.
+    /// Whether the objects share more than noise levels: the ground, corrected poses, or sizes.
     pub(super) fn has_shared_unknowns(&self) -> bool {
-        let MapOptions { ground_plane, priors, learn_sizes, supporting_surfaces, .. } = self.options;
+        let MapOptions { ground_plane, priors, learn_sizes, .. } = self.options;
         let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);
-        let stand = on_ground || *supporting_surfaces;
-        self.corrects_poses() || *learn_sizes || (stand && self.up.is_some())
+        self.corrects_poses() || *learn_sizes || (on_ground && self.up.is_some())
     }
 }

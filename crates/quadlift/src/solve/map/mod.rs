@@ -28,7 +28,6 @@ use super::pose_points_report::PosePointsReport;
 use super::prediction::{Fold, FoldPrediction, predict_fold};
 use super::refined_pose::RefinedPose;
 use super::sigmas::Sigmas;
-use super::supporting_surface::SupportingSurface;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 
@@ -54,8 +53,6 @@ pub(crate) struct MapSolution {
     pub cue_scales: Vec<CueScale>,
     /// The learnt sizes of categories.
     pub learnt_sizes: Vec<LearntCategorySize>,
-    /// Surfaces on which objects stand.
-    pub supporting_surfaces: Vec<SupportingSurface>,
     /// The fitted kind of body; `None` if objects differ.
     pub body: Option<BodyKind>,
     /// The chosen folds.
@@ -98,7 +95,7 @@ pub(crate) fn map(
             (if as_they_are { ellipsoids } else { together(body_kinds.of_each()) }, body_kinds)
         }
     };
-    let scene = scene.with_upright(context).with_learnt_sizes(context).with_surfaces(context);
+    let scene = scene.with_upright(context).with_learnt_sizes(context);
     let pose_points = scene.pose_points(context);
     if let Some(pose_points) = pose_points.and_then(PosePoints::left_out) {
         return map(count, views_of, &MapContext { pose_points, ..context.clone() }, folds);
@@ -137,7 +134,6 @@ pub(crate) fn map(
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
     let cue_scales = scene.scales().found().filter_map(CueScale::of).collect();
     let learnt_sizes = scene.sizes().report();
-    let supporting_surfaces = scene.surfaces().report();
     MapSolution {
         estimates,
         noise,
@@ -147,7 +143,6 @@ pub(crate) fn map(
         pose_points,
         cue_scales,
         learnt_sizes,
-        supporting_surfaces,
         body: body_kinds.of_all(),
         folds,
         predicted,

@@ -2,9 +2,9 @@
 // The benchmarks use a part of it, and are not test code to clippy.
 #![allow(dead_code, clippy::unwrap_used)]
 
-use nalgebra::{DMatrix, Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3x4, Matrix4, Point3, Rotation3, SVector, Vector2, Vector3, Vector6};
 use quadlift::geometry::{
-    CamFromWorld, Ellipse, Ellipsoid, Intrinsics, Projection, project_ellipsoid, projection_matrix_on_vech, vech3,
+    CamFromWorld, DualQuadric, Ellipse, Ellipsoid, Intrinsics, Projection, project_ellipsoid, vech3,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -85,19 +85,28 @@ pub fn normalised(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
     views.iter().map(normalise).collect()
 }
 
+/// The lower triangle of a symmetric matrix, by columns.
+pub fn vech4(m: &Matrix4<f64>) -> Vech {
+    let column = |j: usize| (j..4).map(move |i| m[(i, j)]);
+    Vech::from_iterator((0..4).flat_map(column))
+}
+
+/// `vech(P Q P^T)` of the quadric with this `vech`.
+pub fn projected(projection: &Projection, v: &Vech) -> Vector6<f64> {
+    let p = projection.matrix();
+    vech3(&(p * DualQuadric::from_vech(v).matrix() * p.transpose()))
+}
+
 /// The paper's dense M (6F x (10 + F)).
 pub fn dense_system(views: &[(Projection, Ellipse)]) -> DMatrix<f64> {
     let count = views.len();
     let mut m = DMatrix::<f64>::zeros(6 * count, 10 + count);
     for (f, (projection, ellipse)) in views.iter().enumerate() {
-        let g = projection_matrix_on_vech(projection.matrix());
         let c = vech3(&ellipse.dual_conic());
-        for i in 0..6 {
-            for j in 0..10 {
-                m[(6 * f + i, j)] = g[(i, j)];
-            }
-            m[(6 * f + i, 10 + f)] = -c[i];
+        for j in 0..10 {
+            m.view_mut((6 * f, j), (6, 1)).copy_from(&projected(projection, &Vech::ith(j, 1.0)));
         }
+        m.view_mut((6 * f, 10 + f), (6, 1)).copy_from(&-c);
     }
     m
 }

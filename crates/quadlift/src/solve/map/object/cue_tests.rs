@@ -34,7 +34,8 @@ fn view(center: Point3<f64>, half: Vector3<f64>, rotation: Matrix3<f64>, scale: 
     let pixel = projection.project_point(&center).unwrap();
     let bounding_box = BoundingBox::new([pixel.x - 40.0, pixel.y - 30.0, pixel.x + 40.0, pixel.y + 30.0]).unwrap();
     let depth = DepthCue { median: 8.0 * scale, sd: None, source: None };
-    View::from_box(projection, bounding_box).with_cues(Cues { depth: Some(depth), box3d: Some(box3d) }).unwrap()
+    let cues = Cues { depth: Some(depth), box3d: Some(box3d) };
+    View { cues, ..View::from_box(projection, bounding_box) }
 }
 
 fn rows<B: BodyModel>(m: &Measurements, body: &B) -> (Vec<f64>, Vec<[f64; 9]>, Vec<NoiseGroup>) {
@@ -143,7 +144,7 @@ fn a_near_cuboid_is_seen_in_perspective() {
     // Computed on its own, with a grid of 121 x 121 rays and slabs (numpy).
     let depth = DepthCue { median: 4.03, sd: None, source: None };
     let cues = Cues { depth: Some(depth), box3d: None };
-    let view = View::from_box(projection, bounding_box).with_cues(cues).unwrap();
+    let view = View { cues, ..View::from_box(projection, bounding_box) };
     let mut m = Measurements::new(frame(), std::slice::from_ref(&view), true, false);
     let local = (car.center - frame().origin) / frame().unit;
     let body = OrientedModel::new(local, *turned.matrix(), half_extents / frame().unit, Form::Cuboid);

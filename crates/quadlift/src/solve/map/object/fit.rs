@@ -30,7 +30,6 @@ use crate::solve::map::residuals::view_rows::choose_harmonics;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::pose_terms::{FrameTerm, ObjectPoseTerms};
-use crate::solve::map::shared::surfaces::Support;
 use crate::solve::report::{describe, is_a_body};
 
 /// Between two estimates of the noise levels.
@@ -64,7 +63,7 @@ pub(crate) struct Fit {
     pub equations: NormalEquations,
     /// Set if the views contain outliers.
     pub outlier_scale: Option<f64>,
-    /// The plane on which the object stands, the ground or another surface, in the object frame, and 1/sd of the distance from it.
+    /// The ground on which the object stands, in the object frame, and 1/sd of the distance from it.
     pub ground: Option<(Plane, f64)>,
     /// Whether the last iteration ended at a minimum.
     pub converged: bool,
@@ -148,13 +147,6 @@ impl Fit {
         let center = measurements.frame.point_in_world(self.body.center());
         let of = |view: &View| Some((view.projection.center_in_world()? - center).norm());
         views.views.iter().filter_map(of).min_by(f64::total_cmp)
-    }
-
-    /// Puts the body on a surface that others stand on.
-    pub(crate) fn stand_on(&mut self, support: &Support) {
-        let frame = &self.problem.measurements.frame;
-        let height = support.normal.dot(&(frame.origin - support.reference)) + support.offset;
-        self.ground = Some((Plane { n: support.normal, d: height / frame.unit }, frame.unit / support.sd));
     }
 
     /// Whether the prior has it that the object stands.

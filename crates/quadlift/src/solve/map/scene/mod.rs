@@ -1,10 +1,9 @@
 //! All objects of a scene together: rounds of noise levels and refits ([`scene_fit`]), upright objects ([`upright`]), the kind of
-//! body of each object ([`body_evidence`], [`body_selection`]), sizes of categories ([`learnt_sizes`]), surfaces on which objects stand ([`scene_surfaces`]), scales of cues ([`scene_scales`]).
+//! body of each object ([`body_evidence`], [`body_selection`]), sizes of categories ([`learnt_sizes`]), scales of cues ([`scene_scales`]).
 
 pub(crate) mod body_evidence;
 pub(crate) mod body_selection;
 pub(crate) mod learnt_sizes;
 pub(crate) mod scene_fit;
 mod scene_scales;
-mod scene_surfaces;
 pub(crate) mod upright;

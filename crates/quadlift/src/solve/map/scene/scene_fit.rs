@@ -6,7 +6,6 @@ use std::sync::Arc;
 use super::body_selection::BodyKinds;
 use super::learnt_sizes::SceneSizes;
 use super::scene_scales::step_scales;
-use super::scene_surfaces::SceneSurfaces;
 use super::upright::{share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -88,8 +87,6 @@ pub(crate) struct SceneFit {
     scales: CueScales,
     /// Learnt sizes of categories.
     pub(super) sizes: SceneSizes,
-    /// Surfaces on which objects stand.
-    pub(super) surfaces: SceneSurfaces,
     /// Fraction of upright objects.
     upright_share: f64,
     /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
@@ -190,21 +187,9 @@ impl SceneFit {
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
         let (upright_share, upright_noise) = (UPRIGHT_SHARE.get(), noise);
-        let (ground, sizes, surfaces) = (None, SceneSizes::default(), SceneSurfaces::default());
-        Self {
-            fits,
-            noise,
-            statistics,
-            reference,
-            ground,
-            poses,
-            scales,
-            sizes,
-            surfaces,
-            upright_share,
-            upright_noise,
-        }
-        .again(context)
+        let (ground, sizes) = (None, SceneSizes::default());
+        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share, upright_noise }
+            .again(context)
     }
 
     /// Rounds of noise levels and refits, from these fits and levels.
@@ -315,17 +300,6 @@ impl SceneFit {
         };
         let fits = map_indices(self.fits.len(), sized);
         (self.fits, self.sizes) = (fits, sizes);
-        self
-    }
-
-    /// The same with fits that `change` has changed, refitted under the noise levels of the scene.
-    pub(super) fn refitted(mut self, change: impl Fn(&mut Fit) + Sync) -> Self {
-        let changed = |k: usize| {
-            let mut fit = self.fits[k].as_ref().map_err(Clone::clone)?.clone();
-            change(&mut fit);
-            Ok(fit.refined(&self.noise, false))
-        };
-        self.fits = map_indices(self.fits.len(), changed);
         self
     }
 
@@ -461,12 +435,10 @@ impl SceneFit {
         fit.without_far_views(&self.noise, self.reference, context)
     }
 
-    /// Puts an object on the ground, or on the surface that it probably stands on.
+    /// Puts an object on the ground, if it stands there.
     fn put_down(&self, fit: &mut Fit, context: &MapContext) {
-        let Some(up) = &context.up else { return };
-        match &self.ground {
-            Some(ground) if fit.is_on_ground() => fit.stand_on_ground(ground, up),
-            _ => self.surfaces.put_down(fit, up),
+        if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
+            fit.stand_on_ground(ground, up);
         }
     }
 
@@ -478,11 +450,6 @@ impl SceneFit {
     /// The scales of cues.
     pub(crate) fn scales(&self) -> &CueScales {
         &self.scales
-    }
-
-    /// The surfaces on which objects stand.
-    pub(crate) fn surfaces(&self) -> &SceneSurfaces {
-        &self.surfaces
     }
 
     /// The learnt sizes of categories.

@@ -87,8 +87,8 @@ mod tests {
         let projection = crate::geometry::Projection::from_matrix(nalgebra::Matrix3x4::identity()).unwrap();
         let bounding_box = crate::geometry::BoundingBox::new([0.0, 0.0, 1.0, 1.0]).unwrap();
         let depth = Some(DepthCue { median: measured, sd: Some(0.1 * measured), source: SOURCE });
-        let view = View::from_box(projection, bounding_box).with_cues(Cues { depth, box3d: None }).unwrap();
-        let views = vec![View { depth_scale, ..view }];
+        let cues = Cues { depth, box3d: None };
+        let views = vec![View { cues, depth_scale, ..View::from_box(projection, bounding_box) }];
         let mut object = ObjectViews { object_index: 0, category_index: None, views };
         scales.apply(&mut object);
         object.views.remove(0)

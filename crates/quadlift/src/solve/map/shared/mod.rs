@@ -1,5 +1,5 @@
 //! Unknowns shared by the objects of a scene besides the noise: the ground plane, corrections of poses, the scales of the sources of cues,
-//! sizes of categories, surfaces on which objects stand.
+//! sizes of categories.
 
 pub(crate) mod cue_scales;
 mod envelope;
@@ -16,7 +16,6 @@ pub(crate) mod pose_unknowns;
 pub(crate) mod poses;
 mod scale_system;
 pub(crate) mod size_model;
-pub(crate) mod surfaces;
 
 use self::cue_scales::CueScales;
 use self::poses::PoseCorrections;
