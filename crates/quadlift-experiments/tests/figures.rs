@@ -173,7 +173,7 @@ fn ellipses_from_images() {
         assert!(ellipses < boxes, "{method}: {ellipses} with ellipses, {boxes} with boxes");
     }
     let ellipse_iou = |row: &[&str]| cell(&report, "Masks and ellipses, rendered", row, "ellipse IoU");
-    assert!(ellipse_iou(&["sca+cut", "falls back"]) > 0.86);
+    assert!(ellipse_iou(&["graphcut", "falls back"]) > 0.86);
 }
 
 #[test]
