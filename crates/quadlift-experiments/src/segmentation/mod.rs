@@ -335,9 +335,9 @@ fn table_3d(sets: &[ImageSet], scores: &[Vec<RowScores>]) -> Table {
          non-convex object is not the projection of an ellipsoid, and the ellipses of several views are not \
          projections of the same one, even with true masks. They are also smaller than the outline that the boxes \
          touch, so ellipses alone underestimate the size. Supporting lines of a mask are not affected by its shape, \
-         but by single pixels: on the rendered scenes with clean masks they are the best measurement, on the real \
-         images those of the estimated masks are worse than the boxes. The gain of the rows with true masks is the \
-         error of the estimated masks.",
+         but by single pixels: they are the best measurement of position and size, those of the estimated masks too, \
+         but on the real images not of the axes. The gain of the rows with true masks is the error of the estimated \
+         masks.",
     );
     table
 }
