@@ -156,7 +156,7 @@ def main():
         truth = [read_mask(folder, d["mask"]) for d in detections]
         count += len(detections)
         results = {"GrabCut, each frame alone": run_grabcut(images, detections)}
-        for method in ("sca", "sca+cut", "graphcut"):
+        for method in ("sca", "graphcut"):
             results[f"quadlift segment --method {method}"] = run_quadlift(program, path, method)
         for name, (found, spent) in results.items():
             seconds[name] = seconds.get(name, 0.0) + spent

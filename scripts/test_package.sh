@@ -8,9 +8,10 @@ cd "$(dirname "$0")/.."
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
 # A crate is published with what it needs to be built, and without tests and data: bytes of a package (code grows; crates.io
-# takes 10 MB), and the kinds of its files.
+# takes 10 MB), and the kinds of its files. The program contains the demo's photographs and what belongs to them.
 limit=1000000
 kinds='\.(rs|toml|md|html|py|lock)$|/LICENSE-(MIT|APACHE)$|/Cargo\.toml\.orig$|/\.cargo_vcs_info\.json$'
+kinds+='|^quadlift-cli-[^/]*/assets/demo/'
 
 rm -rf "$target/package"
 cargo fetch --locked

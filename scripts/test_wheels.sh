@@ -21,7 +21,7 @@ rm -rf "$dist"
 "$tools/bin/maturin" sdist --out "$dist"
 sdist=$(echo "$dist"/quadlift-*.tar.gz)
 names=$(tar -tzf "$sdist")
-for name in Cargo.lock LICENSE-MIT LICENSE-APACHE python/README.md python/quadlift/py.typed crates/quadlift-report/assets/viewer.html; do
+for name in Cargo.lock LICENSE-MIT LICENSE-APACHE python/README.md python/quadlift/py.typed python/quadlift/_rerun_log.py crates/quadlift-report/assets/viewer.html; do
     grep -q "/$name\$" <<<"$names" || { echo "error: the source distribution has no $name" >&2; exit 1; }
 done
 if grep -E '/(tests|docs|fuzz)/.*(json|png|jpg|txt)$' <<<"$names"; then

@@ -48,7 +48,7 @@ fn main() {
     assert_eq!(crops.len(), VIEWS);
     let spread = |views: usize| -> Vec<Crop> { crops.iter().step_by(VIEWS / views).cloned().collect() };
 
-    let mut group = criterion.benchmark_group("sca+cut_by_views");
+    let mut group = criterion.benchmark_group("graphcut_by_views");
     for views in [5, 10, 20, 40] {
         group.throughput(Throughput::Elements(views as u64));
         group.bench_with_input(BenchmarkId::from_parameter(views), &spread(views), |b, crops| {
@@ -59,7 +59,7 @@ fn main() {
 
     let mut group = criterion.benchmark_group("methods_20_views");
     group.throughput(Throughput::Elements(20));
-    for method in [SegmentMethod::Sca, SegmentMethod::ScaCut, SegmentMethod::GraphCut] {
+    for method in SegmentMethod::ALL {
         let options = SegmentOptions { method, ..Default::default() };
         group.bench_with_input(method.name(), &spread(20), |b, crops| {
             b.iter_custom(|times| time(crops, &options, times))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], object]
 Ids = Literal["trust", "evidence", "ignore"]
-Segmenter = Literal["sca+cut", "sca", "graphcut", "masks", "box"]
+Segmenter = Literal["graphcut", "sca", "masks"]
 
 
 class Result(Protocol):

@@ -137,7 +137,7 @@ class Scene(FromOtherPackages):
     def segment(
         self,
         *,
-        method: _options.Segmenter = "sca+cut",
+        method: _options.Segmenter = "graphcut",
         source: str | None = None,
         out_masks: Path | None = None,
         seed: int = 0,
@@ -151,9 +151,8 @@ class Scene(FromOtherPackages):
 
         Parameters
         ----------
-        method : {"sca+cut", "sca", "graphcut", "masks", "box"}
-            Stels refined by graph cuts, stels alone, graph cuts alone, the existing masks of the detections, or the
-            ellipse in each box (for comparison).
+        method : {"graphcut", "sca", "masks"}
+            Graph cuts, Stel Component Analysis (the paper's method), or the existing masks of the detections.
         source : str, optional
             Use only the detections of this source; required if the scene has several.
         out_masks : path-like, optional

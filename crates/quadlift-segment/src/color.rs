@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 /// CIELAB of white point D65 divided by 100, of an sRGB colour: lightness in [0, 1], the two colour axes about
 /// [-1, 1]. Distances follow the eye's ability to distinguish colours, and all axes have about the same scale.
-pub fn scaled_lab([r, g, b]: [u8; 3]) -> [f32; 3] {
+pub(crate) fn scaled_lab([r, g, b]: [u8; 3]) -> [f32; 3] {
     static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
         std::array::from_fn(|level| {
             let c = level as f32 / 255.0;

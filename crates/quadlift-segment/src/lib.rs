@@ -58,7 +58,6 @@ mod surface;
 mod surface_shots;
 mod vector_math;
 
-pub use color::scaled_lab;
 pub use confidence::Failure;
 pub use contacts::Contacts;
 pub use crop::{Crop, CropError, CropOptions};

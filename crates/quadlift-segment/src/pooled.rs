@@ -7,13 +7,15 @@ use crate::palette::{Colors, LogDensity, fit_palette, mixture_row, part};
 use crate::sca::EXCLUDED;
 use crate::smoothing::smooth_labels;
 
+/// Rounds of palettes and cuts.
+const ROUNDS: usize = 5;
 /// Gaussians in each of the two palettes.
 const GAUSSIANS: usize = 6;
 /// Exponent of the likelihood: neighbouring pixels are not independent.
 const TEMPERING: f32 = 0.5;
 /// Colours that a palette is made from.
 const COLORS: usize = 6000;
-/// Probability of the object above which a pixel is one at first, where only the box is known.
+/// Probability of the object by its box above which a pixel is one at first.
 const FIRST_OBJECT: f32 = 0.4;
 
 /// The pixels of a frame, row by row.
@@ -25,37 +27,17 @@ pub(crate) struct Labelled {
     pub inside: Vec<bool>,
 }
 
-/// What [`pooled_cuts`] knows about the pixels of a frame at first, row by row.
-#[derive(Debug, Clone)]
-pub(crate) struct Start {
-    /// Log-odds of the object by place.
-    pub prior: Vec<f32>,
-    /// First labels.
-    pub inside: Vec<bool>,
-}
-
-/// A start that knows the box only.
-pub(crate) fn start_from_box(frames: &Frames) -> Vec<Start> {
-    let object = &frames.prior.object;
-    let prior = object.iter().map(|p| (p / (1.0 - p)).ln()).collect();
-    let inside = object.iter().map(|&p| p > FIRST_OBJECT).collect();
-    vec![Start { prior, inside }; frames.frames.len()]
-}
-
-/// Rounds of GrabCut (Rother, Kolmogorov, Blake, 2004) on all frames together: one palette of the object and one of the
-/// background are fitted to the labels of all frames, then each frame is cut again by place, colours and edges.
+/// Rounds of GrabCut (Rother, Kolmogorov, Blake, 2004) on all frames together, from the box on: one palette of the object
+/// and one of the background are fitted to the labels of all frames, then each frame is cut again by place, colours and
+/// edges.
 ///
-/// There must be at least one frame with a visible pixel, a start for each, and at least one round.
-pub(crate) fn pooled_cuts(
-    frames: &Frames,
-    starts: Vec<Start>,
-    rounds: usize,
-    strength: f32,
-    rng: &mut ChaCha8Rng,
-) -> Vec<Labelled> {
-    let (priors, mut labelled): (Vec<_>, Vec<_>) =
-        starts.into_iter().map(|s| (s.prior, Labelled { log_odds: Vec::new(), inside: s.inside })).unzip();
-    for _ in 0..rounds {
+/// There must be at least one frame with a visible pixel.
+pub(crate) fn pooled_cuts(frames: &Frames, strength: f32, rng: &mut ChaCha8Rng) -> Vec<Labelled> {
+    let object = &frames.prior.object;
+    let prior: Vec<f32> = object.iter().map(|p| (p / (1.0 - p)).ln()).collect();
+    let inside = object.iter().map(|&p| p > FIRST_OBJECT).collect();
+    let mut labelled = vec![Labelled { log_odds: Vec::new(), inside }; frames.frames.len()];
+    for _ in 0..ROUNDS {
         let mut palette_of = |object: bool| {
             // The trace: a palette for a label that no pixel has.
             let weight = |t: usize, i: usize| if labelled[t].inside[i] == object { 1.0 } else { 1e-6 };
@@ -63,7 +45,7 @@ pub(crate) fn pooled_cuts(
             fit_palette(&colors, GAUSSIANS, rng).iter().map(LogDensity::new).collect::<Vec<_>>()
         };
         let palettes = [palette_of(true), palette_of(false)];
-        for ((frame, prior), labelled) in frames.frames.iter().zip(&priors).zip(&mut labelled) {
+        for (frame, labelled) in frames.frames.iter().zip(&mut labelled) {
             let [object, background] = palettes.each_ref().map(|palette| log_likelihood(palette, &frame.colors));
             let evidence = object.iter().zip(&background).zip(&frame.seen);
             labelled.log_odds = evidence

@@ -13,38 +13,28 @@ use crate::frames::Frames;
 use crate::mask::Mask;
 use crate::moments::{Moments, PixelTerm};
 use crate::parallel::map_indices;
-use crate::pooled::{Labelled, Start, pooled_cuts, start_from_box};
-use crate::sca::{self, PixelOdds, ScaOptions};
+use crate::pooled::{Labelled, pooled_cuts};
+use crate::sca::{self, ScaOptions};
 
 /// How object and background are separated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SegmentMethod {
-    /// Stel Component Analysis: a pixel is the object's when its posterior is above 1/2.
-    Sca,
-    /// Stel Component Analysis, refined by graph cuts: the stels locate the object, the colours of all frames and edges
-    /// determine its outline.
+    /// Graph cuts with colours of all frames together and the prior of the box.
     #[default]
-    ScaCut,
-    /// Graph cuts with colours of all frames together and the prior of the box; no stels.
     GraphCut,
-    /// Mixtures of colours without places: a baseline that shows what the stels are good for.
-    PlainMixture,
-    /// The ellipse in the box; pixels are not used.
-    Box,
+    /// Stel Component Analysis, as in the paper: a pixel is the object's when its posterior is above 1/2.
+    Sca,
 }
 
 impl SegmentMethod {
     /// All of them, in the order of the documentation.
-    pub const ALL: [Self; 5] = [Self::Sca, Self::ScaCut, Self::GraphCut, Self::PlainMixture, Self::Box];
+    pub const ALL: [Self; 2] = [Self::GraphCut, Self::Sca];
 
     /// The name on the command line and in tables.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Sca => "sca",
-            Self::ScaCut => "sca+cut",
             Self::GraphCut => "graphcut",
-            Self::PlainMixture => "gmm",
-            Self::Box => "box",
+            Self::Sca => "sca",
         }
     }
 }
@@ -54,9 +44,9 @@ impl SegmentMethod {
 pub struct SegmentOptions {
     /// The method.
     pub method: SegmentMethod,
-    /// Settings of the methods `sca`, `sca+cut` and `gmm`.
+    /// Settings of the method `sca`.
     pub sca: ScaOptions,
-    /// Cost of a label that changes between neighbours of the same colour, where labels are smoothed; 0 to 100.
+    /// Cost of a label that changes between neighbours of the same colour, for `graphcut`; 0 to 100.
     pub smoothing: f64,
     /// Whether an unreliable mask is replaced by the ellipse in the box.
     pub fall_back: bool,
@@ -94,8 +84,6 @@ pub enum SegmentStatus {
     Ok,
     /// No mask could be trusted: mask and ellipse are those of the box.
     FellBack(Failure),
-    /// The method was [`SegmentMethod::Box`].
-    BoxOnly,
 }
 
 /// The object in one view.
@@ -107,7 +95,7 @@ pub struct ViewSegmentation {
     pub ellipse: Ellipse,
     /// From 0 (nothing is known beyond the box) to 1 (every pixel is certain).
     pub confidence: f64,
-    /// Whether there is more than the box.
+    /// Whether a mask was found.
     pub status: SegmentStatus,
 }
 
@@ -122,44 +110,22 @@ pub struct ViewSegmentation {
 pub fn segment_object(crops: &[Crop], options: &SegmentOptions) -> Result<Vec<ViewSegmentation>, SegmentError> {
     check(crops, options)?;
     let Some(first) = crops.first() else { return Ok(Vec::new()) };
-    if options.method == SegmentMethod::Box {
-        return Ok(crops.iter().map(|crop| of_box(crop, SegmentStatus::BoxOnly)).collect());
-    }
     let CropOptions { grid, margin } = *first.options();
     let frames = Frames::new(crops, grid, margin);
     let labelled = labelled(&frames, options);
     Ok(crops.iter().zip(labelled).map(|(crop, labelled)| view(crop, labelled, options.fall_back)).collect())
 }
 
-/// Rounds of graph cuts that start from the box, and from what SCA has found.
-const CUTS_FROM_BOX: usize = 5;
-const CUTS_FROM_SCA: usize = 2;
-
 fn labelled(frames: &Frames, options: &SegmentOptions) -> Vec<Labelled> {
-    let strength = options.smoothing as f32;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     match options.method {
-        SegmentMethod::Sca => threshold(sca::fit(frames, &options.sca, &mut rng)),
-        SegmentMethod::PlainMixture => threshold(sca::fit_plain_mixture(frames, &options.sca, &mut rng)),
-        SegmentMethod::ScaCut => {
-            // The stels locate the object, the cuts follow its edges; colours are then learnt again.
-            let odds = sca::fit(frames, &options.sca, &mut rng);
-            let starts = odds
-                .into_iter()
-                .map(|odds| Start { prior: odds.prior, inside: odds.posterior.iter().map(|&x| x > 0.0).collect() });
-            pooled_cuts(frames, starts.collect(), CUTS_FROM_SCA, strength, &mut rng)
+        SegmentMethod::GraphCut => pooled_cuts(frames, options.smoothing as f32, &mut rng),
+        SegmentMethod::Sca => {
+            let labels =
+                |log_odds: Vec<f32>| Labelled { inside: log_odds.iter().map(|&x| x > 0.0).collect(), log_odds };
+            sca::fit(frames, &options.sca, &mut rng).into_iter().map(labels).collect()
         }
-        SegmentMethod::GraphCut => pooled_cuts(frames, start_from_box(frames), CUTS_FROM_BOX, strength, &mut rng),
-        SegmentMethod::Box => Vec::new(),
     }
-}
-
-fn threshold(odds: Vec<PixelOdds>) -> Vec<Labelled> {
-    let labels = |odds: PixelOdds| Labelled {
-        inside: odds.posterior.iter().map(|&x| x > 0.0).collect(),
-        log_odds: odds.posterior,
-    };
-    odds.into_iter().map(labels).collect()
 }
 
 /// Segments many objects, each by its crops, in parallel; see [`segment_object`]. Where the observer cancels, the
@@ -205,7 +171,7 @@ fn view(crop: &Crop, labelled: Labelled, fall_back: bool) -> ViewSegmentation {
     let confidence = decidedness(&log_odds, &box_in_image);
     let failure = failure(&inside, &box_in_image, confidence, grid);
     if let (Some(failure), true) = (failure, fall_back) {
-        return of_box(crop, SegmentStatus::FellBack(failure));
+        return of_box(crop, failure);
     }
     // Moments of the grid's pixels: finer than the image's where the object is small.
     let on_grid = Mask { origin: [0, 0], width: grid as u32, height: grid as u32, inside };
@@ -219,17 +185,42 @@ fn view(crop: &Crop, labelled: Labelled, fall_back: bool) -> ViewSegmentation {
             confidence,
             status: SegmentStatus::Ok,
         },
-        None => of_box(crop, SegmentStatus::FellBack(Failure::TooSmall)),
+        None => of_box(crop, Failure::TooSmall),
     }
 }
 
 /// Mask and ellipse of the box.
-fn of_box(crop: &Crop, status: SegmentStatus) -> ViewSegmentation {
+fn of_box(crop: &Crop, failure: Failure) -> ViewSegmentation {
     let ellipse = Ellipse::inscribed_in(crop.bounding_box());
     let grid = crop.grid();
     let inside: Vec<bool> = (0..grid * grid)
         .map(|i| crop.to_image(&Vector2::new((i % grid) as f64 + 0.5, (i / grid) as f64 + 0.5)))
         .map(|place| (place - ellipse.center()).component_div(&(crop.bounding_box().size() * 0.5)).norm() <= 1.0)
         .collect();
-    ViewSegmentation { mask: crop.mask_in_image(&inside), ellipse, confidence: 0.0, status }
+    let (mask, status) = (crop.mask_in_image(&inside), SegmentStatus::FellBack(failure));
+    ViewSegmentation { mask, ellipse, confidence: 0.0, status }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgb, RgbImage};
+    use quadlift::geometry::BoundingBox;
+
+    use super::*;
+
+    #[test]
+    fn the_mask_of_a_box_holds_the_pixels_of_its_ellipse() {
+        let image = RgbImage::from_pixel(320, 240, Rgb([90, 90, 90]));
+        let bounding_box = BoundingBox::new([100.0, 60.0, 220.0, 110.0]).unwrap();
+        let crop = Crop::cut(&image, &bounding_box, &CropOptions::default()).unwrap();
+        let view = of_box(&crop, Failure::TooSmall);
+        assert_eq!(view.ellipse, Ellipse::inscribed_in(&bounding_box));
+        for (x, y) in (0..320).flat_map(|x| (0..240).map(move |y| (x, y))) {
+            let radius = ((f64::from(x) + 0.5 - 160.0) / 60.0).hypot((f64::from(y) + 0.5 - 85.0) / 25.0);
+            // At the border the grid of the crop decides.
+            if (radius - 1.0).abs() > 0.06 {
+                assert_eq!(view.mask.contains(x, y), radius < 1.0, "{x} {y}");
+            }
+        }
+    }
 }

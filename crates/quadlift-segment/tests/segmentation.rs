@@ -13,8 +13,6 @@ use quadlift_segment::{
     segment_object, segment_objects,
 };
 
-const PIXEL_METHODS: [SegmentMethod; 3] = [SegmentMethod::Sca, SegmentMethod::ScaCut, SegmentMethod::GraphCut];
-
 /// A number in [0, 1) that depends on a place: noise without a generator.
 fn noise(x: u32, y: u32, salt: u32) -> f64 {
     let mut h = x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ salt.wrapping_mul(0xc2b2_ae35);
@@ -71,7 +69,7 @@ fn is_finite(view: &ViewSegmentation) -> bool {
 fn an_object_of_two_colours_is_found() {
     let truth = ellipses(6);
     let crops = crops(&truth);
-    for method in PIXEL_METHODS {
+    for method in SegmentMethod::ALL {
         let views = segment_object(&crops, &with(method)).unwrap();
         for (view, truth) in views.iter().zip(&truth) {
             assert_eq!(view.status, SegmentStatus::Ok);
@@ -84,27 +82,6 @@ fn an_object_of_two_colours_is_found() {
             assert!(view.confidence > 0.6);
         }
     }
-    let views = segment_object(&crops, &with(SegmentMethod::Box)).unwrap();
-    assert!(
-        views.iter().zip(&truth).all(|(v, t)| (v.ellipse.bounding_box().iou(&t.bounding_box()) - 1.0).abs() < 1e-9)
-    );
-    assert!(views.iter().all(|v| v.status == SegmentStatus::BoxOnly && v.confidence == 0.0));
-}
-
-#[test]
-fn the_mask_of_a_box_holds_the_pixels_of_its_ellipse() {
-    let image = RgbImage::from_pixel(320, 240, Rgb([90, 90, 90]));
-    let bounding_box = BoundingBox::new([100.0, 60.0, 220.0, 110.0]).unwrap();
-    let crop = Crop::cut(&image, &bounding_box, &CropOptions::default()).unwrap();
-    let views = segment_object(&[crop], &with(SegmentMethod::Box)).unwrap();
-    assert_eq!(views[0].ellipse, Ellipse::inscribed_in(&bounding_box));
-    for (x, y) in (0..320).flat_map(|x| (0..240).map(move |y| (x, y))) {
-        let radius = ((f64::from(x) + 0.5 - 160.0) / 60.0).hypot((f64::from(y) + 0.5 - 85.0) / 25.0);
-        // At the border the grid of the crop decides.
-        if (radius - 1.0).abs() > 0.06 {
-            assert_eq!(views[0].mask.contains(x, y), radius < 1.0, "{x} {y}");
-        }
-    }
 }
 
 #[test]
@@ -115,7 +92,7 @@ fn one_frame_is_enough_and_none_is_nothing() {
         assert!(views.len() == 1 && is_finite(&views[0]), "{method:?}");
         assert_eq!(segment_object(&[], &with(method)), Ok(vec![]));
     }
-    let views = segment_object(&crops(&truth), &with(SegmentMethod::ScaCut)).unwrap();
+    let views = segment_object(&crops(&truth), &SegmentOptions::default()).unwrap();
     assert!(ellipse_iou(&views[0].ellipse, &truth[0]) > 0.9);
 }
 
@@ -162,11 +139,9 @@ fn awkward_boxes_do_not_disturb_the_other_views() {
             for view in &views {
                 assert!(view.mask.extent().is_none_or(|[_, _, x1, y1]| x1 <= 320 && y1 <= 240));
             }
-            if PIXEL_METHODS.contains(&method) {
-                for (view, truth) in views.iter().zip(&truth) {
-                    let iou = ellipse_iou(&view.ellipse, truth);
-                    assert!(iou > 0.85, "{method:?}: {iou}");
-                }
+            for (view, truth) in views.iter().zip(&truth) {
+                let iou = ellipse_iou(&view.ellipse, truth);
+                assert!(iou > 0.85, "{method:?}: {iou}");
             }
         }
     }

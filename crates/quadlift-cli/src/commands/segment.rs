@@ -37,11 +37,9 @@ use crate::words::{count, duration};
     verbatim_doc_comment,
     after_help = "\
 Methods:
-  sca+cut   stels (parts that move and change colour together over the frames), refined by graph cuts
-  sca       stels alone
-  graphcut  graph cuts with the colours of all frames together, without stels
+  graphcut  graph cuts with the colours of all frames together
+  sca       Stel Component Analysis, as in the paper
   masks     the masks given in the scene (from SAM, YOLO-seg, Mask R-CNN, ...)
-  box       the ellipse inscribed in each box, for comparison
 
 Contact sheets show each crop with the outline of the mask (yellow), the ellipse in the box (blue) and the fitted
 ellipse (pink). The frame is green; orange if the mask touches the image border or another object; red if there is no
@@ -66,8 +64,8 @@ pub struct Args {
     #[arg(short, long, value_name = "OUT.json")]
     output: PathBuf,
 
-    /// Segmentation method: sca+cut, sca, graphcut, masks or box (see below)
-    #[arg(long, value_name = "METHOD", default_value = "sca+cut", value_parser = method)]
+    /// Segmentation method: graphcut, sca or masks (see below)
+    #[arg(long, value_name = "METHOD", default_value = "graphcut", value_parser = method)]
     method: Method,
 
     /// Segment only the detections of this source; required if the scene has several
@@ -107,7 +105,7 @@ pub struct Args {
 
 fn method(text: &str) -> Result<Method, String> {
     let method = Method::ALL.into_iter().find(|method| method.name() == text);
-    method.ok_or_else(|| "expected sca+cut, sca, graphcut, masks or box".to_owned())
+    method.ok_or_else(|| "expected graphcut, sca or masks".to_owned())
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {

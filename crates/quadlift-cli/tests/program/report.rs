@@ -176,16 +176,16 @@ fn a_picture_has_the_detections_of_the_source_that_is_asked_for() {
 #[test]
 fn the_tutorial_with_photographs_is_true() {
     let folder = Folder::new();
-    folder.copy(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/data/tutorial-photos"));
-    folder.succeed("import colmap sparse/0 --images images -o scene.json");
-    folder.succeed("import-detections yolo labels scene.json -o detected.json");
-    let text = folder.succeed("localize detected.json -o objects.json --report objects.html");
-    assert!(text.contains("413 detections assigned to 13 objects; 37 unassigned"), "{text}");
+    folder.succeed("demo --out desk");
+    folder.succeed("import colmap desk/sparse/0 --images desk/images -o scene.json");
+    folder.succeed("import-detections yolo desk/labels scene.json -o detected.json");
+    let text = folder.succeed("localize detected.json -o objects.json --up z --report objects.html");
+    assert!(text.contains("183 detections assigned to 13 objects; 18 unassigned"), "{text}");
     let page = data(&folder.read("objects.html"));
     let frames = page["frames"].as_array().unwrap();
-    assert_eq!((frames.len(), page["categories"].as_array().unwrap().len()), (36, 9));
+    assert_eq!((frames.len(), page["categories"].as_array().unwrap().len()), (16, 9));
     assert!(frames.iter().all(|frame| frame["image"].is_string()), "images, no blank sheets");
-    let scores: Value = serde_json::from_str(&folder.succeed("evaluate objects.json truth.json --json")).unwrap();
+    let scores: Value = serde_json::from_str(&folder.succeed("evaluate objects.json desk/truth.json --json")).unwrap();
     assert_eq!((&scores["found"]["matched"], &scores["failures"]), (&13.into(), &0.into()), "{}", scores["found"]);
     let center = scores["mean"]["center_error"]["value"].as_f64().unwrap();
     assert!((0.004..0.0065).contains(&center), "{center}");

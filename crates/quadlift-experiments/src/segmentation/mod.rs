@@ -78,28 +78,23 @@ enum MaskSetting {
 }
 
 /// All settings of the tables of masks.
-const MASK_ROWS: [MaskRow; 8] = {
+const MASK_ROWS: [MaskRow; 4] = {
     use MaskSetting::{FallsBack, KeepsAll, ScoredViews};
-    use SegmentMethod::{Box, GraphCut, PlainMixture, Sca, ScaCut};
+    use SegmentMethod::{GraphCut, Sca};
     [
-        MaskRow { method: Box, setting: FallsBack },
-        MaskRow { method: PlainMixture, setting: KeepsAll },
         MaskRow { method: Sca, setting: KeepsAll },
-        MaskRow { method: ScaCut, setting: KeepsAll },
-        MaskRow { method: ScaCut, setting: FallsBack },
-        MaskRow { method: ScaCut, setting: ScoredViews },
         MaskRow { method: GraphCut, setting: KeepsAll },
         MaskRow { method: GraphCut, setting: FallsBack },
+        MaskRow { method: GraphCut, setting: ScoredViews },
     ]
 };
 
 impl MaskRow {
     fn setting(&self) -> &'static str {
-        match (self.method, self.setting) {
-            (SegmentMethod::Box, _) => "",
-            (_, MaskSetting::FallsBack) => "falls back",
-            (_, MaskSetting::KeepsAll) => "keeps every mask",
-            (_, MaskSetting::ScoredViews) => "falls back, scored views only",
+        match self.setting {
+            MaskSetting::FallsBack => "falls back",
+            MaskSetting::KeepsAll => "keeps every mask",
+            MaskSetting::ScoredViews => "falls back, scored views only",
         }
     }
 
@@ -146,8 +141,7 @@ pub fn run(data: Option<&Path>, extent: Extent, seed: u64, progress: Progress) -
     let mut report = Report::new("segmentation", "Segmentation: ellipses from images (section 4.2)");
     report.text(
         "Objects are segmented in the crops of their boxes, jointly over all frames of an object (`sca`: Stel \
-         Component Analysis; `sca+cut`: refined by graph cuts; `graphcut`: graph cuts with the colours of all frames, \
-         without stels; `gmm`: mixtures of colours without positions), and the masks are compared with the true ones. \
+         Component Analysis; `graphcut`: graph cuts with the colours of all frames), and the masks are compared with the true ones. \
          The ellipses have the second moments of the masks. Means over sequences (one object in one scene each); the \
          median of the ellipse IoU and the angle between the long axes are over all views (objects whose axes differ \
          by less than a fifth have no angle); centre is the distance of the centres over the mean semi-axis, log area \
@@ -329,7 +323,7 @@ fn table_3d(sets: &[ImageSet], scores: &[Vec<RowScores>]) -> Table {
         table.push([row.method.into(), row.setting.as_str().into()].into_iter().chain(figures).collect());
     }
     table.note(
-        "Means over the objects of all scenes, from all of their views. Ellipses and masks are those of `sca+cut`, \
+        "Means over the objects of all scenes, from all of their views. Ellipses and masks are those of `graphcut`, \
          together with the same boxes; without a reliable mask, the closed forms use the ellipse in the box, `map` \
          uses the box alone, and with masks the view is skipped. theta_err is over the objects with an ellipsoid: \
          with `pfd` they are few. `map` takes position and size from a box and the shape from the ellipse beside it; \
@@ -341,9 +335,9 @@ fn table_3d(sets: &[ImageSet], scores: &[Vec<RowScores>]) -> Table {
          non-convex object is not the projection of an ellipsoid, and the ellipses of several views are not \
          projections of the same one, even with true masks. They are also smaller than the outline that the boxes \
          touch, so ellipses alone underestimate the size. Supporting lines of a mask are not affected by its shape, \
-         but by single pixels: on the rendered scenes with clean masks they are the best measurement, on the real \
-         images those of the estimated masks are worse than the boxes. The gain of the rows with true masks is the \
-         error of the estimated masks.",
+         but by single pixels: they are the best measurement of position and size, those of the estimated masks too, \
+         but on the real images not of the axes. The gain of the rows with true masks is the error of the estimated \
+         masks.",
     );
     table
 }

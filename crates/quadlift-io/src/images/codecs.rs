@@ -3,7 +3,6 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::codecs::jpeg::JpegEncoder;
 use image::{EncodableLayout, ImageBuffer, ImageError, ImageFormat, ImageReader, Luma, PixelWithColorType, RgbImage};
 use quadlift_segment::{DepthImage, LabelImage};
 
@@ -174,17 +173,6 @@ where
 {
     let mut bytes = Vec::new();
     let encoded = image.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png);
-    encoded.map_err(|error| WriteError::new(path, error))?;
-    write_file(path, |out| out.write_all(&bytes))
-}
-
-/// Writes a JPEG file of this quality (1 to 100) as a whole or not at all.
-///
-/// # Errors
-/// As [`write_png`].
-pub fn write_jpeg(path: &Path, image: &RgbImage, quality: u8) -> Result<(), WriteError> {
-    let mut bytes = Vec::new();
-    let encoded = JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(image);
     encoded.map_err(|error| WriteError::new(path, error))?;
     write_file(path, |out| out.write_all(&bytes))
 }

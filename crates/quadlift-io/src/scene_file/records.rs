@@ -306,10 +306,10 @@ impl OrientedBoxRecord {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}")]
 pub struct SegmentationRecord {
-    /// `sca+cut`, `sca`, `graphcut`, `masks` or `box`.
+    /// `graphcut`, `sca` or `masks`.
     pub method: String,
-    /// `ok`; `fell_back`: no reliable mask, ellipse and mask are those of the box; `box`: only the box was used;
-    /// `failed`: the detection is unchanged.
+    /// `ok`; `fell_back`: no reliable mask, ellipse and mask are those of the box; `failed`: the detection is
+    /// unchanged.
     pub status: String,
     /// The reason for `fell_back` and `failed`.
     #[serde(default, skip_serializing_if = "Option::is_none")]

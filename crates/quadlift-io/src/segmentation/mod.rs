@@ -24,7 +24,7 @@ pub use result::add_to_scene;
 /// Where masks come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// From the images (or, with [`SegmentMethod::Box`], from the boxes).
+    /// From the images.
     Image(SegmentMethod),
     /// The masks of the scene.
     Masks,
@@ -32,13 +32,7 @@ pub enum Method {
 
 impl Method {
     /// The available ones, in the order of the documentation.
-    pub const ALL: [Self; 5] = [
-        Self::Image(SegmentMethod::ScaCut),
-        Self::Image(SegmentMethod::Sca),
-        Self::Image(SegmentMethod::GraphCut),
-        Self::Masks,
-        Self::Image(SegmentMethod::Box),
-    ];
+    pub const ALL: [Self; 3] = [Self::Image(SegmentMethod::GraphCut), Self::Image(SegmentMethod::Sca), Self::Masks];
 
     /// The name on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -238,11 +232,8 @@ pub fn segment_scene(
         let options = SegmentOptions { method, seed: settings.seed, ..Default::default() };
         segment_crops(&options, &mut segmentation, progress)?;
     }
-    // Boxes say nothing about outlines.
-    if settings.method != Method::Image(SegmentMethod::Box) {
-        for (&frame, detections) in &frames {
-            find_contacts(scene, frame, detections, &mut segmentation);
-        }
+    for (&frame, detections) in &frames {
+        find_contacts(scene, frame, detections, &mut segmentation);
     }
     Ok(segmentation)
 }
@@ -354,11 +345,10 @@ fn segment_crops(
 fn found(view: ViewSegmentation) -> Found {
     let fell_back = match view.status {
         SegmentStatus::FellBack(failure) => Some(failure),
-        SegmentStatus::Ok | SegmentStatus::BoxOnly => None,
+        SegmentStatus::Ok => None,
     };
     let (mask, ellipse, contacts) = (view.mask, view.ellipse, Contacts::default());
-    let confidence = (view.status != SegmentStatus::BoxOnly).then_some(view.confidence);
-    Found { mask, ellipse, confidence, fell_back, contacts }
+    Found { mask, ellipse, confidence: Some(view.confidence), fell_back, contacts }
 }
 
 /// Finds where the masks of a frame touch each other and the border of the image.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use quadlift::scene::Scene;
-use quadlift_segment::{LabelImage, Mask, Rle, RleError, SegmentMethod, reach};
+use quadlift_segment::{LabelImage, Mask, Rle, RleError, reach};
 
 use super::{Found, Method, Segmentation, image_size};
 use crate::error::WriteError;
@@ -78,11 +78,7 @@ pub fn add_to_scene(
 
 /// The ellipse of a detection and how it was found.
 fn describe(record: &mut DetectionRecord, found: &Found, method: Method) {
-    let status = match (found.fell_back, method) {
-        (Some(_), _) => "fell_back",
-        (None, Method::Image(SegmentMethod::Box)) => "box",
-        (None, _) => "ok",
-    };
+    let status = if found.fell_back.is_some() { "fell_back" } else { "ok" };
     record.ellipse = Some(Box::new(found.ellipse.into()));
     let share = |share: f64| (share > 0.0).then_some(share);
     record.segmentation = Some(Box::new(SegmentationRecord {

@@ -5,7 +5,6 @@
 //! segmentation was developed: colours of the objects overlap with those of the clutter and of the ground.
 
 mod camera;
-mod desk;
 mod envelope;
 mod frame;
 mod objects;
@@ -15,7 +14,6 @@ mod solid;
 mod texture;
 mod world;
 
-pub use desk::{DeskOptions, RenderedDesk, render_desk};
 pub use objects::ObjectKind;
 pub use options::RenderOptions;
 

@@ -4,9 +4,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::expectation::Row;
 use super::maximization::Learn;
-use super::model::{Model, normalized};
+use super::model::Model;
 use super::options::ScaOptions;
-use super::stels::Stels;
 use crate::frames::Frames;
 use crate::vector_math::{dot, exp, ln};
 
@@ -15,19 +14,10 @@ const PRIOR_ROUNDS: usize = 2;
 /// Rounds after which the change of F may end the fit.
 const FEWEST_ROUNDS: usize = 4;
 
-/// What SCA says about the pixels of a frame (row by row).
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct PixelOdds {
-    /// Log-odds of the object by its place alone: the components, mixed for this frame.
-    pub prior: Vec<f32>,
-    /// Log-odds by place and colours: the posterior.
-    pub posterior: Vec<f32>,
-}
-
-/// Log-odds of the object for each frame, by SCA.
+/// Log-odds of the object in the pixels of each frame (row by row), by SCA.
 ///
 /// There must be at least one frame with a visible pixel, and the options in their ranges.
-pub(crate) fn fit(frames: &Frames, options: &ScaOptions, rng: &mut ChaCha8Rng) -> Vec<PixelOdds> {
+pub(crate) fn fit(frames: &Frames, options: &ScaOptions, rng: &mut ChaCha8Rng) -> Vec<Vec<f32>> {
     let mut model = Model::new(frames, options, rng);
     for round in 0..options.warm_rounds {
         model.round(if round < PRIOR_ROUNDS { Learn::Palettes } else { Learn::Stels });
@@ -35,31 +25,16 @@ pub(crate) fn fit(frames: &Frames, options: &ScaOptions, rng: &mut ChaCha8Rng) -
     if options.components > 1 && frames.frames.len() > 1 {
         model.split_into_components(options.components, rng);
     }
-    model.run(Learn::Stels);
-    model.log_odds()
-}
-
-/// The same by colours alone: each stel has a share of the pixels but no place (a baseline).
-pub(crate) fn fit_plain_mixture(frames: &Frames, options: &ScaOptions, rng: &mut ChaCha8Rng) -> Vec<PixelOdds> {
-    let mut model = Model::new(frames, options, rng);
-    // The first palettes are those of the places that the prior names: no likelihood at first.
-    model.tempering = 0.0;
-    model.round(Learn::Palettes);
-    model.tempering = options.tempering as f32;
-    let prior = &model.stels;
-    let shares = (0..options.stels).map(|s| prior.map(0, s).iter().map(|&p| f64::from(p)).sum()).collect();
-    model.mixing = vec![normalized(shares); frames.frames.len()];
-    model.stels = Stels::without_places(options.stels, frames.pixels());
-    model.run(Learn::Shares);
+    model.run();
     model.log_odds()
 }
 
 impl Model<'_> {
     /// Rounds until F converges.
-    fn run(&mut self, learn: Learn) {
+    fn run(&mut self) {
         let mut earlier = f64::INFINITY;
         for round in 0..self.options.rounds {
-            let free_energy = self.round(learn);
+            let free_energy = self.round(Learn::Stels);
             if round >= FEWEST_ROUNDS && (earlier - free_energy).abs() < self.options.tolerance * free_energy.abs() {
                 break;
             }
@@ -95,20 +70,18 @@ impl Model<'_> {
         (0..count).map(|s| Some(s) == best).collect()
     }
 
-    /// Log-odds of the object: those of the blended prior, and with the tempered ratio of the likelihoods, in each of
-    /// which the stels have the proportions of the prior.
-    fn log_odds(&self) -> Vec<PixelOdds> {
+    /// Log-odds of the object: those of the blended prior with the tempered ratio of the likelihoods, in each of which the
+    /// stels have the proportions of the prior.
+    fn log_odds(&self) -> Vec<Vec<f32>> {
         let object_stels = self.object_stels();
         let mut row = self.row();
         (0..self.frames.frames.len())
             .map(|t| {
-                let unknown = vec![EXCLUDED; self.frames.pixels()];
-                let mut odds = PixelOdds { prior: unknown.clone(), posterior: unknown };
+                let mut odds = vec![EXCLUDED; self.frames.pixels()];
                 self.expect(t, &mut row, |row| {
                     for i in (0..row.length).filter(|i| self.allowed[row.start + i] > 0.0) {
                         let (prior, ratio) = pixel_odds(row, i, &object_stels);
-                        odds.prior[row.start + i] = prior;
-                        odds.posterior[row.start + i] = prior + self.tempering * ratio;
+                        odds[row.start + i] = prior + self.tempering * ratio;
                     }
                 });
                 odds

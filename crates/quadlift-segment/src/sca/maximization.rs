@@ -13,8 +13,6 @@ pub(super) enum Learn {
     Palettes,
     /// Components and mixing weights.
     Stels,
-    /// Mixing weights only, tied to their mean as the palettes are.
-    Shares,
 }
 
 /// Sums over the pixels of all frames.
@@ -38,7 +36,7 @@ impl Model<'_> {
             mixing: vec![vec![0.0; components]; frames],
             votes: match learn {
                 Learn::Stels => Stels::zeros(components, stels, self.frames.pixels()),
-                _ => Stels::zeros(0, stels, 0),
+                Learn::Palettes => Stels::zeros(0, stels, 0),
             },
         };
         let mut row = Row::new(self.frames.grid, stels, self.options.gaussians);
@@ -48,17 +46,14 @@ impl Model<'_> {
             free_energy += self.expect(t, &mut row, |row| {
                 self.add_colors(t, row, &mut products, &mut sums.colors[t]);
                 if learn != Learn::Palettes {
-                    self.add_votes(t, row, learn, &mut sums);
+                    self.add_votes(t, row, &mut sums);
                 }
             });
         }
-        if learn != Learn::Shares {
-            free_energy -= self.options.prior_frames * self.stels.log_prior(&self.frames.prior);
-        }
+        free_energy -= self.options.prior_frames * self.stels.log_prior(&self.frames.prior);
         self.set_palettes(&sums.colors);
         match learn {
             Learn::Palettes => {}
-            Learn::Shares => self.set_shares(&sums.mixing),
             Learn::Stels => {
                 for (mixing, votes) in self.mixing.iter_mut().zip(&sums.mixing) {
                     *mixing = normalized(mixing.iter().zip(votes).map(|(&y, v)| f64::from(y) * v).collect());
@@ -89,14 +84,13 @@ impl Model<'_> {
         }
     }
 
-    fn add_votes(&self, t: usize, row: &mut Row, learn: Learn, sums: &mut Sums) {
+    fn add_votes(&self, t: usize, row: &mut Row, sums: &mut Sums) {
         let range = row.start..row.start + row.length;
         let seen = &self.frames.frames[t].seen[range.clone()];
-        // Outside of the image a pixel votes with its prior: q / p = 1. (For shares it does not vote.)
-        let unseen = if learn == Learn::Shares { 0.0 } else { 1.0 };
+        // Outside of the image a pixel votes with its prior: q / p = 1.
         for (ratio, prior) in row.posterior.chunks_exact_mut(row.length).zip(row.prior.chunks_exact(row.length)) {
             for ((ratio, prior), seen) in ratio.iter_mut().zip(prior).zip(seen) {
-                *ratio = seen * (*ratio / prior - unseen) + unseen;
+                *ratio = seen * (*ratio / prior - 1.0) + 1.0;
             }
         }
         for (k, &y) in self.mixing[t].iter().enumerate() {
@@ -105,10 +99,8 @@ impl Model<'_> {
                 if self.stels.components > 1 {
                     sums.mixing[t][k] += f64::from(dot(ratio, &self.stels.map(k, s)[range.clone()]));
                 }
-                if learn == Learn::Stels {
-                    for (vote, ratio) in sums.votes.map_mut(k, s)[range.clone()].iter_mut().zip(ratio) {
-                        *vote += y * ratio;
-                    }
+                for (vote, ratio) in sums.votes.map_mut(k, s)[range.clone()].iter_mut().zip(ratio) {
+                    *vote += y * ratio;
                 }
             }
         }
@@ -134,21 +126,6 @@ impl Model<'_> {
             for (palette, sums) in palettes.iter_mut().zip(tied.chunks_exact(gaussians)) {
                 *palette = palette_of(sums, palette);
             }
-        }
-    }
-
-    /// Shares of the stels, without places: see [`Stels::without_places`].
-    fn set_shares(&mut self, votes: &[Vec<f64>]) {
-        // A trace, so that no share is zero.
-        let trace = 1e-6 * self.frames.pixels() as f64;
-        let counts: Vec<Vec<f64>> = (self.mixing.iter().zip(votes))
-            .map(|(mixing, votes)| mixing.iter().zip(votes).map(|(&y, v)| f64::from(y) * v + trace).collect())
-            .collect();
-        let mean = |k: usize| counts.iter().map(|c| c[k]).sum::<f64>() / counts.len() as f64;
-        let pooled: Vec<f64> = (0..self.options.stels).map(mean).collect();
-        for (mixing, own) in self.mixing.iter_mut().zip(&counts) {
-            *mixing =
-                normalized(own.iter().zip(&pooled).map(|(own, pooled)| own + self.options.tying * pooled).collect());
         }
     }
 }

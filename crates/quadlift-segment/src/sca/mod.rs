@@ -18,7 +18,7 @@ mod model;
 mod options;
 mod stels;
 
-pub(crate) use fit::{EXCLUDED, PixelOdds, fit, fit_plain_mixture};
+pub(crate) use fit::{EXCLUDED, fit};
 pub use options::ScaOptions;
 
 #[cfg(test)]

@@ -24,16 +24,6 @@ impl Stels {
         Self { components: 1, count, pixels, maps }
     }
 
-    /// A component for each stel in which all pixels are that stel: mixing weights are then plain shares of the stels,
-    /// without places.
-    pub(super) fn without_places(count: usize, pixels: usize) -> Self {
-        let mut stels = Self { components: count, count, pixels, maps: vec![0.0; count * count * pixels] };
-        for s in 0..count {
-            stels.map_mut(s, s).fill(1.0);
-        }
-        stels
-    }
-
     /// All zeros: to count votes in.
     pub(super) fn zeros(components: usize, count: usize, pixels: usize) -> Self {
         Self { components, count, pixels, maps: vec![0.0; components * count * pixels] }

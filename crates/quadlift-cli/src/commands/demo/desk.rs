@@ -1,52 +1,88 @@
-//! The scene of the demo: photographs of a desk and what a detector finds in them, as files; and a copy with wrong poses.
+//! The scene of the demo: rendered photographs of a desk and what a simulated detector finds in them, as files; and a copy
+//! with wrong poses. The files are in `assets/demo`.
 
 use std::path::Path;
 
-use anyhow::Context;
-use quadlift_io::{SceneFile, write_jpeg, write_scene_file};
-use quadlift_segment::render::{DeskOptions, RenderedDesk, render_desk};
+use quadlift::geometry::Body;
+use quadlift_io::scene_file::ObjectBodies;
+use quadlift_io::{SceneFile, read_scene_file, write_file, write_scene_file};
+use serde::Deserialize;
 
 use crate::files::make_folder;
-use crate::synthetic_file::scene_file;
-
-/// Quality of the images.
-const QUALITY: u8 = 90;
 
 /// Names of the files in the folder of the demo.
 pub const SCENE: &str = "scene.json";
 pub const TRUTH: &str = "truth.json";
 pub const WRONG: &str = "wrong-poses.json";
 
-/// Photographs the desk.
-pub fn photographs() -> anyhow::Result<RenderedDesk> {
-    render_desk(&DeskOptions { views: 16, ..DeskOptions::default() }).context("cannot render the desk")
+/// Files of `assets/demo`: their names and contents.
+macro_rules! files {
+    ($($name:expr),* $(,)?) => {
+        [$(($name, include_bytes!(concat!("../../../assets/demo/", $name)) as &[u8])),*]
+    };
 }
 
-/// Writes images, scene, truth and the scene with wrong poses; gives the scene.
-pub fn write(desk: &RenderedDesk, folder: &Path) -> anyhow::Result<SceneFile> {
-    make_folder(&folder.join("images"))?;
-    let mut file = SceneFile { name: Some("desk".to_owned()), ..scene_file(&desk.synthetic) };
-    for (frame, image) in file.frames.iter_mut().zip(&desk.images) {
-        let name = format!("images/{}.jpg", frame.id);
-        write_jpeg(&folder.join(&name), image, QUALITY)?;
-        frame.image = Some(name);
+/// For each frame its image and the boxes in it as YOLO's labels.
+macro_rules! frames {
+    ($($name:literal),* $(,)?) => {
+        [files![$(concat!("images/", $name, ".jpg")),*], files![$(concat!("labels/", $name, ".txt")),*]]
+    };
+}
+
+const FRAMES: [[(&str, &[u8]); 16]; 2] = frames![
+    "000000", "000001", "000002", "000003", "000004", "000005", "000006", "000007", "000008", "000009", "000010",
+    "000011", "000012", "000013", "000014", "000015",
+];
+
+/// The scene, the truth, and the cameras and classes as files of COLMAP and YOLO.
+const OTHERS: [(&str, &[u8]); 5] =
+    files!["scene.json", "truth.json", "sparse/0/cameras.txt", "sparse/0/images.txt", "data.yaml"];
+
+/// What each detection shows.
+const SHOWN: &[u8] = include_bytes!("../../../assets/demo/shown.json");
+
+/// The desk and the ground truth.
+pub struct Desk {
+    /// Cameras and detections.
+    pub scene: SceneFile,
+    /// Names and bodies of the true objects.
+    pub truth: Vec<(String, Option<Body>)>,
+    /// For each detection, the index of the true object that it shows.
+    pub true_objects: Vec<Option<usize>>,
+    /// For each detection, whether it is a false positive or far off.
+    pub outliers: Vec<bool>,
+}
+
+/// The content of `shown.json`.
+#[derive(Deserialize)]
+struct Shown {
+    true_objects: Vec<Option<usize>>,
+    outliers: Vec<usize>,
+}
+
+/// The names of all files that [`Desk::write`] writes.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    OTHERS.iter().chain(FRAMES.iter().flatten()).map(|(name, _)| *name).chain([WRONG])
+}
+
+impl Desk {
+    /// Writes images, scene, truth, the scene for other programs, and the scene with wrong poses.
+    pub fn write(folder: &Path) -> anyhow::Result<Self> {
+        for name in ["images", "labels", "sparse/0"] {
+            make_folder(&folder.join(name))?;
+        }
+        for (name, bytes) in FRAMES.iter().flatten().chain(&OTHERS) {
+            write_file(&folder.join(name), |out| out.write_all(bytes))?;
+        }
+        let [scene, truth] = [SCENE, TRUTH].map(|name| read_scene_file(&folder.join(name)));
+        let (scene, truth) = (scene?, truth?);
+        write_scene_file(&folder.join(WRONG), &with_opengl_axes(&scene))?;
+        let shown: Shown = serde_json::from_slice(SHOWN)?;
+        let ids = truth.objects.iter().map(|object| object.id.clone());
+        let bodies: Vec<_> = truth.to_objects()?.iter().map(ObjectBodies::body).collect();
+        let outliers = (0..scene.detections.len()).map(|index| shown.outliers.contains(&index)).collect();
+        Ok(Self { scene, truth: ids.zip(bodies).collect(), true_objects: shown.true_objects, outliers })
     }
-    let scene = &desk.synthetic.scene;
-    for (record, detection) in file.detections.iter_mut().zip(&scene.detections) {
-        let category = detection.category_index.map(|index| scene.categories[index as usize].as_str().into());
-        (record.category, record.score) = (category, detection.score.map(|score| (100.0 * score).round() / 100.0));
-        record.bounding_box = record.bounding_box.map(|edges| edges.map(|x| (10.0 * x).round() / 10.0));
-    }
-    for (object, category) in file.objects.iter_mut().zip(&desk.categories) {
-        object.category = Some((*category).to_owned());
-    }
-    let truth = SceneFile { detections: Vec::new(), ..file.clone() };
-    write_scene_file(&folder.join(TRUTH), &truth)?;
-    // The output of a detector contains no ground truth.
-    file.objects = Vec::new();
-    write_scene_file(&folder.join(SCENE), &file)?;
-    write_scene_file(&folder.join(WRONG), &with_opengl_axes(&file))?;
-    Ok(file)
 }
 
 /// The scene as a program would write it whose cameras look along -z with y upwards, as in OpenGL.

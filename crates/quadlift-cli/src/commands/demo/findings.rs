@@ -5,15 +5,15 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
-use quadlift_segment::render::RenderedDesk;
 use serde_json::{Value, json};
 
+use super::desk::Desk;
 use crate::output::DIM;
 use crate::table::{Cell, Table, number};
 
 /// The result of localising the desk.
 pub struct Findings<'a> {
-    desk: &'a RenderedDesk,
+    desk: &'a Desk,
     result: &'a SceneFile,
     /// For each object of the result, its body and the thing it shows.
     bodies: Vec<Option<Body>>,
@@ -34,9 +34,9 @@ pub struct Boxes {
 impl<'a> Findings<'a> {
     /// Compares a result, which has the detections of the scene, with the ground truth. An object is matched to the
     /// true object with which it shares the most detections.
-    pub fn new(desk: &'a RenderedDesk, result: &'a SceneFile) -> anyhow::Result<Self> {
+    pub fn new(desk: &'a Desk, result: &'a SceneFile) -> anyhow::Result<Self> {
         let mut shared: HashMap<&str, BTreeMap<usize, usize>> = HashMap::new();
-        for (record, thing) in result.detections.iter().zip(&desk.synthetic.true_objects) {
+        for (record, thing) in result.detections.iter().zip(&desk.true_objects) {
             if let (Some(object), Some(thing)) = (&record.object, thing) {
                 *shared.entry(object).or_default().entry(*thing).or_default() += 1;
             }
@@ -60,13 +60,13 @@ impl<'a> Findings<'a> {
     /// Numbers of found and of true objects.
     pub fn found(&self) -> [usize; 2] {
         let found: HashSet<usize> = self.localised().filter_map(|(.., thing)| thing).collect();
-        [found.len(), self.desk.synthetic.truth.len()]
+        [found.len(), self.desk.truth.len()]
     }
 
     /// Names of the things that were not found.
     pub fn missing(&self) -> Vec<String> {
         let found: HashSet<usize> = self.localised().filter_map(|(.., thing)| thing).collect();
-        let names = self.desk.synthetic.truth.iter().enumerate().filter(|(thing, _)| !found.contains(thing));
+        let names = self.desk.truth.iter().enumerate().filter(|(thing, _)| !found.contains(thing));
         names.map(|(_, (name, _))| name.clone()).collect()
     }
 
@@ -80,7 +80,7 @@ impl<'a> Findings<'a> {
             })
             .collect();
         let mut boxes = Boxes::default();
-        for (record, &wrong) in self.result.detections.iter().zip(&self.desk.synthetic.outliers) {
+        for (record, &wrong) in self.result.detections.iter().zip(&self.desk.outliers) {
             let is_used = record.object.as_deref().is_some_and(|object| used.contains(&(object, &*record.frame)));
             boxes.all += 1;
             boxes.wrong += usize::from(wrong);
@@ -92,7 +92,7 @@ impl<'a> Findings<'a> {
 
     /// Distance of an object's centre from that of its thing, metres.
     fn off(&self, object: &ObjectRecord, thing: Option<usize>) -> Option<f64> {
-        let truth = self.desk.synthetic.truth.get(thing?)?.1.center();
+        let truth = self.desk.truth.get(thing?)?.1.as_ref()?.center();
         let center = object.center?;
         Some((0..3).map(|axis| (center[axis] - truth[axis]).powi(2)).sum::<f64>().sqrt())
     }
@@ -136,7 +136,7 @@ impl<'a> Findings<'a> {
                 json!({
                     "id": object.id,
                     "category": object.category,
-                    "shows": thing.map(|thing| &self.desk.synthetic.truth[thing].0),
+                    "shows": thing.map(|thing| &self.desk.truth[thing].0),
                     "views": object.views_used,
                     "center_sd": object.center_sd,
                     "off": self.off(object, thing),

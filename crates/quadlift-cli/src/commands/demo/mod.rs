@@ -1,4 +1,4 @@
-//! `quadlift demo`: a rendered desk with simulated detections; needs no files. Localises the objects and runs the
+//! `quadlift demo`: photographs of a desk and the boxes in them, which the program contains. Localises the objects and runs the
 //! self-check on wrong poses.
 
 mod desk;
@@ -20,7 +20,7 @@ use crate::files::make_folder;
 use crate::next::Next;
 use crate::output::{HEADING, Output};
 use crate::report::check_report;
-use desk::{SCENE, TRUTH, WRONG};
+use desk::{Desk, SCENE, TRUTH, WRONG};
 use findings::Findings;
 
 /// Names of the found objects.
@@ -42,6 +42,8 @@ Files written to DIR:
   estimate.json        the estimated objects (localize)
   report.html          the report (localize --report)
   truth.json           the true objects
+  sparse/0, labels,    the same cameras and boxes as a COLMAP model and as YOLO files
+  data.yaml
   wrong-poses.json     the same scene with poses in OpenGL axes
   mended.json          the objects estimated from it after correction (localize --fix)
 
@@ -75,20 +77,19 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         bail!("cannot write to {}: it is a file; expected a folder", folder.display());
     }
     check_report(args.report.as_ref(), &[])?;
-    let files = [SCENE, ESTIMATE, TRUTH, PAGE, WRONG, MENDED];
-    if let Some(file) = files.iter().map(|name| folder.join(name)).find(|path| !args.overwrite && path.exists()) {
+    let mut files = desk::names().chain([ESTIMATE, PAGE, MENDED]).map(|name| folder.join(name));
+    if let Some(file) = files.find(|path| !args.overwrite && path.exists()) {
         bail!("{} exists already; --overwrite writes over the files of an earlier demo", file.display());
     }
     make_folder(folder)?;
     let page = args.report.clone().unwrap_or_else(|| folder.join(PAGE));
-    let desk = desk::photographs()?;
-    let file = desk::write(&desk, folder)?;
+    let desk = Desk::write(folder)?;
     let path = |name: &str| folder.join(name);
 
     localize(&path(SCENE), &path(ESTIMATE), Some(&page), false)?;
     let result = read_scene_file(&path(ESTIMATE))?;
     let found = Findings::new(&desk, &result)?;
-    out.report(&first_part(&file, &found, &path(SCENE), &page))?;
+    out.report(&first_part(&desk.scene, &found, &path(SCENE), &page))?;
 
     let wrong = FileInput::read(&path(WRONG), &[])?;
     let check = Check::of_diagnosis(diagnose_unnamed(wrong.scene(), None), &wrong, None);

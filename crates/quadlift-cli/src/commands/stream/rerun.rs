@@ -17,7 +17,7 @@ use serde_json::json;
 
 use crate::output::Output;
 
-/// A copy of python/quadlift/_rerun_log.py.
+/// Also a module of the Python package, which links to it.
 const SCRIPT: &str = include_str!("rerun_log.py");
 
 /// Runs the script, which stands before the records on the standard input. Modules of the current folder are not used, and a
@@ -233,16 +233,6 @@ fn write_all(mut input: ChildStdin, first: &str, records: &Receiver<String>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_script_is_that_of_the_python_package() {
-        let package = concat!(env!("CARGO_MANIFEST_DIR"), "/../../python/quadlift/_rerun_log.py");
-        let package = std::fs::read_to_string(package).unwrap();
-        assert!(
-            package == SCRIPT,
-            "cp python/quadlift/_rerun_log.py crates/quadlift-cli/src/commands/stream/rerun_log.py"
-        );
-    }
 
     #[test]
     fn targets() {

@@ -1,8 +1,7 @@
 """How the records of a recording (docs/formats/rerun.md) become entities of Rerun.
 
-Needs Rerun's SDK alone, no other part of this package: the program ``quadlift`` contains this file and runs it for
-``quadlift stream --rerun`` (``serve``). crates/quadlift-cli/src/commands/stream/rerun_log.py is a copy; a test
-compares them.
+Needs Rerun's SDK alone: the program ``quadlift`` contains this file and runs it for ``quadlift stream --rerun``
+(``serve``), and the Python package imports it as ``quadlift._rerun_log``, a link to this file.
 
 Entities, on the timelines "frame" and, if the frames have times, "time":
 
