@@ -51,7 +51,7 @@ SETTINGS = {
     "superellipsoid": ("--body superellipsoid:1.5", "superellipsoids"),
     "closed-forms": ("--method {planes,lfd,pfd,reg}", "noisy both"),
     "priors": ("--priors builtin --body cuboid", "kitti_S22_oxts kitti_S09_aligned"),
-    "learned-sizes": ("--priors scene", "street kitti_S09_oxts"),
+    "learned-sizes": ("--learn-sizes", "street kitti_S09_oxts"),
     "refined": ("--refine-poses", "wrong-poses points kitti_S05_oxts"),
     "ground": ("--ground-plane", "street mixed"),
     "cross-validated": ("--cross-validate --report page.html", "wrong-boxes tuw_demo"),

@@ -245,7 +245,7 @@ def split_of_map(options: Options, of_map: dict[str, Any]) -> tuple[dict[str, An
         priors = of_map.get("priors")
         text = priors["text"] if isinstance(priors, dict) else None
         keywords["priors"], keywords["priors_text"] = (priors, None) if text is None else (None, text)
-        keywords["pose_noise"] = of_map.get("pose-noise")
+        keywords["pose_noise"] = of_map.get("pose_noise")
     return keywords, threads, progress
 
 

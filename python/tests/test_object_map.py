@@ -423,7 +423,7 @@ def test_files_that_are_no_states(tmp_path: Path) -> None:
     damages: list[tuple[Any, str]] = [
         ({"format": "quadlift.scene"}, "this is no state of a stream"),
         ({"version": 99}, "the state has version 99"),
-        ({"options": {**document["options"], "max-views": "many"}}, 'the option "max-views" is "many"'),
+        ({"options": {**document["options"], "max_views": "many"}}, 'max_views is "many"'),
         ({"options": {**document["options"], "priors": "gone.toml"}}, "gone.toml: there is no such file"),
         ({"map": {**document["map"], "next_key": -1}}, "the state cannot be read"),
     ]

@@ -1,31 +1,15 @@
 //! Values of options that several commands share.
 
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
 
 use quadlift::UnknownName;
-use quadlift::solve::{BodyKind, PoseNoise, Sigmas};
+use quadlift::solve::BodyKind;
 use quadlift_io::scene_file::Detail;
 use quadlift_io::write::geodesy::Place;
 
 /// Reads a kind of body.
 pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
     text.parse()
-}
-
-/// The kind of body to fit; `None` if it is selected automatically.
-#[derive(Debug, Clone, Copy)]
-pub struct BodyChoice(pub Option<BodyKind>);
-
-/// Reads `auto` or what [`body`] reads.
-pub fn body_choice(text: &str) -> Result<BodyChoice, String> {
-    match text {
-        "auto" => Ok(BodyChoice(None)),
-        text => text
-            .parse()
-            .map(|body| BodyChoice(Some(body)))
-            .map_err(|error: UnknownName| format!("expected one of auto, {}", error.expected.join(", "))),
-    }
 }
 
 /// How much a result says of each object.
@@ -44,43 +28,6 @@ impl From<DetailName> for Detail {
             DetailName::Brief => Self::Brief,
         }
     }
-}
-
-/// Reads two positive numbers: standard deviations of turns (radians) and shifts (world units).
-pub fn pose_noise(text: &str) -> Result<PoseNoise, String> {
-    let expected = || "expected two numbers above 0: RAD,LENGTH".to_owned();
-    let (rotation, translation) = text.split_once(',').ok_or_else(expected)?;
-    match (positive(rotation), positive(translation)) {
-        (Ok(rotation_sd), Ok(translation_sd)) => Ok(PoseNoise { rotation_sd, translation_sd }),
-        _ => Err(expected()),
-    }
-}
-
-/// Where noise levels come from.
-#[derive(Debug, Clone)]
-pub enum SigmaSource {
-    /// They are given.
-    Given(Sigmas),
-    /// A result file that reports them.
-    Result(PathBuf),
-}
-
-/// Reads `NAME=X,...`, or takes a path.
-pub fn sigmas(text: &str) -> Result<SigmaSource, String> {
-    if !text.contains('=') {
-        let path = PathBuf::from(text);
-        return match path.exists() {
-            true => Ok(SigmaSource::Result(path)),
-            false => Err("neither a file nor NAME=X,...".to_owned()),
-        };
-    }
-    let level = |part: &str| {
-        let (name, value) = part.split_once('=').ok_or_else(|| format!("\"{part}\": expected NAME=X"))?;
-        Ok::<_, String>((name.trim().to_owned(), finite(value).map_err(|error| format!("\"{part}\": {error}"))?))
-    };
-    let levels = text.split(',').map(level).collect::<Result<Vec<_>, _>>()?;
-    let levels = levels.iter().map(|(name, value)| (name.as_str(), *value));
-    Sigmas::new(levels).map(SigmaSource::Given).map_err(|error| error.to_string())
 }
 
 /// Reads a number that is neither NaN nor infinite.
@@ -135,25 +82,6 @@ pub fn frame_range(text: &str) -> Result<RangeInclusive<usize>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bodies_are_read_as_they_are_written() {
-        for text in ["ellipsoid", "cuboid", "cylinder", "superellipsoid:1.5"] {
-            assert_eq!(body_choice(text).unwrap().0.unwrap().to_string(), text);
-        }
-        for text in ["", "ball", "superellipsoid", "superellipsoid:0.9", "superellipsoid:nan", "cuboid:1"] {
-            assert!(body_choice(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn pose_noise_is_two_positive_numbers() {
-        let noise = PoseNoise { rotation_sd: 0.003, translation_sd: 0.1 };
-        assert_eq!(pose_noise("0.003, 0.1"), Ok(noise));
-        for text in ["0.003", "0,1", "1,-1", "1,2,3", "a,b"] {
-            assert!(pose_noise(text).is_err(), "{text}");
-        }
-    }
 
     #[test]
     fn numbers_are_finite() {

@@ -1,57 +1,11 @@
 //! Association in words: what `associate` and `localize` share.
 
 use quadlift::association::{Association, IdUse};
-use quadlift::run::AssociateWhen;
 use quadlift_io::SceneFile;
 use quadlift_io::association::skipped_in_words;
 
 use crate::output::one_line;
 use crate::words::{count, some_of};
-
-/// How far to trust the ids of detections, as on the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum IdsName {
-    /// They are right; only detections without an id are associated.
-    Trust,
-    /// They may be wrong (tracks break and swap their objects).
-    Evidence,
-    /// Ignore the ids.
-    Ignore,
-}
-
-impl IdsName {
-    /// The library's word.
-    pub fn use_of_ids(self) -> IdUse {
-        match self {
-            Self::Trust => IdUse::Trust,
-            Self::Evidence => IdUse::Evidence,
-            Self::Ignore => IdUse::Ignore,
-        }
-    }
-}
-
-/// Whether `localize` associates detections first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
-pub enum When {
-    /// If detections of the source lack an object id; existing ids are trusted.
-    #[default]
-    Auto,
-    /// Never: detections without an object id are skipped.
-    Never,
-    /// In any case; ids are evidence.
-    Always,
-}
-
-impl When {
-    /// The library's word.
-    pub fn of_library(self) -> AssociateWhen {
-        match self {
-            Self::Auto => AssociateWhen::Auto,
-            Self::Never => AssociateWhen::Never,
-            Self::Always => AssociateWhen::Always,
-        }
-    }
-}
 
 /// The message of `localize` about an association of the detections of a file.
 pub fn localize_in_words(file: &SceneFile, source: Option<&str>, ids: IdUse, association: &Association) -> String {

@@ -77,18 +77,6 @@ pub struct SceneCorrections {
     frame_offset: Option<i64>,
 }
 
-/// How to handle an inconsistent scene.
-#[derive(clap::Args)]
-pub struct CheckArgs {
-    /// Apply the corrections that the self-check proposes until the scene is consistent (3 at most)
-    #[arg(long, help_heading = "Corrections of the scene")]
-    pub fix: bool,
-
-    /// Continue with an inconsistent scene
-    #[arg(long, help_heading = "Corrections of the scene")]
-    pub accept_inconsistent: bool,
-}
-
 /// A direction, as one value of an option.
 #[derive(Debug, Clone, Copy)]
 struct Up([f64; 3]);

@@ -30,20 +30,8 @@ Examples:
 
 quadlift localize --help explains all options and exit codes.";
 
-/// Groups of the other options of `localize`.
-const GROUPS: [(&str, &[&str]); 5] = [
-    (
-        "Selection of detections and measurements",
-        &["observations", "ids", "min_views", "max_occluded", "max_truncated"],
-    ),
-    (
-        "Knowledge about the scene",
-        &["no_upright", "ground_plane", "camera_height", "refine_poses", "fixed_extrinsics", "pose_noise", "sigmas"],
-    ),
-    ("Quality of the result", &["cross_validate", "calibration"]),
-    ("Running", &["detail", "seed", "threads"]),
-    ("For research (the defaults are better)", &["method", "lambda"]),
-];
+/// Groups of options of `localize` that are not declared in tables, which have groups of their own.
+const GROUPS: [(&str, &[&str]); 2] = [("Quality of the result", &["calibration"]), ("Running", &["detail", "threads"])];
 
 /// The command line with its help arranged.
 pub fn arrange(command: Command) -> Command {
@@ -257,7 +245,7 @@ mod tests {
             assert!(!short.contains(name) && long.contains(name), "{name}");
         }
         let research = long.find("For research").unwrap();
-        assert!(long.find("--method <").unwrap() > research && long.find("--lambda").unwrap() > research);
+        assert!(long.find("--method <").unwrap() > research && long.find("--reg-weight").unwrap() > research);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! A run in the program: its settings, what was measured, and why it failed, in words.
 
+use std::path::Path;
+
 use anyhow::anyhow;
 use quadlift::LocalizeError;
 use quadlift::association::{AssociateError, Outcome as AssociationOutcome};
@@ -22,6 +24,15 @@ pub fn file_options(run: quadlift::run::RunOptions, priors: PriorSource) -> anyh
         return usage(error.to_string());
     }
     Ok(FileOptions::new(run, priors)?)
+}
+
+/// Where the priors of `--priors` come from.
+pub fn prior_source(name: Option<&Path>) -> PriorSource {
+    match name {
+        None => PriorSource::None,
+        Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
+        Some(path) => PriorSource::File(path.to_owned()),
+    }
 }
 
 /// The settings in a few words, with the kind of body that was fitted.

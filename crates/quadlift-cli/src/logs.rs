@@ -74,8 +74,8 @@ impl LogArgs {
     pub fn lasting(&self) -> [(String, Value); 4] {
         let options = [
             ("topics", json!(Some(&self.topics).filter(|topics| !topics.is_empty()))),
-            ("world-frame", json!(self.world_frame)),
-            ("camera-frame", json!(self.camera_frame)),
+            ("world_frame", json!(self.world_frame)),
+            ("camera_frame", json!(self.camera_frame)),
             ("rectified", json!(self.rectified.then_some(true))),
         ];
         options.map(|(name, value)| (name.to_owned(), value))

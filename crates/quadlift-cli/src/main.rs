@@ -15,6 +15,7 @@ mod help;
 mod localization;
 mod logs;
 mod next;
+mod options;
 mod output;
 mod outputs;
 mod pose_check;

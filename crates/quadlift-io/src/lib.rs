@@ -28,6 +28,7 @@ pub mod locate;
 #[cfg(feature = "mcap")]
 pub mod mcap;
 mod numbers;
+pub mod options;
 pub mod priors;
 pub mod problems;
 pub mod read;

@@ -10,7 +10,7 @@ use quadlift::solve::{MapOptions, PoseNoise};
 use quadlift_io::mcap::LiveOptions;
 use quadlift_io::read::PixelCenters;
 use quadlift_io::run::{FileOptions, PriorSource};
-use quadlift_io::stream::{StoredPriors, id_use_name, lasting_options};
+use quadlift_io::stream::{StoredPriors, lasting_options};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::Arguments;
@@ -114,7 +114,7 @@ impl Options {
         let mut lasting = lasting_options(&map, stored_priors.as_ref(), pose_noise, None);
         // As `quadlift stream` names them for logs; what is usual is left out.
         lasting.insert("rectified".to_owned(), json!(live.rectified.then_some(true)));
-        lasting.insert("world-frame".to_owned(), json!(Some(&live.world_frame).filter(|frame| *frame != "map")));
+        lasting.insert("world_frame".to_owned(), json!(Some(&live.world_frame).filter(|frame| *frame != "map")));
         Ok(Self {
             reliable_detections: match parameters.text("detections_reliability") {
                 "reliable" => true,
@@ -170,9 +170,7 @@ fn live_options(parameters: &Parameters, detections: &[String], cameras: &[Strin
 }
 
 fn ids(name: &str) -> Result<IdUse, String> {
-    let all = [IdUse::Trust, IdUse::Evidence, IdUse::Ignore];
-    let found = all.into_iter().find(|known| id_use_name(*known) == name);
-    found.ok_or_else(|| format!("the parameter ids is \"{name}\"; expected trust, evidence or ignore"))
+    name.parse().map_err(|_| format!("the parameter ids is \"{name}\"; expected trust, evidence or ignore"))
 }
 
 #[cfg(test)]

@@ -68,6 +68,7 @@ mod names;
 mod observer;
 pub mod online;
 mod optimize;
+pub mod options;
 mod parallel;
 pub mod run;
 pub mod scene;

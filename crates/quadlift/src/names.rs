@@ -3,7 +3,9 @@
 use std::fmt::{Display, Formatter, Result as FmtResult};
 use std::str::FromStr;
 
+use crate::association::IdUse;
 use crate::localize::MeasurementKind;
+use crate::run::AssociateWhen;
 use crate::solve::{BodyKind, MapOptions, Method, PoseMotion, RegOptions};
 
 /// A name that stands for none of the choices.
@@ -113,6 +115,60 @@ impl FromStr for PoseMotion {
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let found = Self::ALL.into_iter().find(|motion| motion.name() == name);
         found.ok_or_else(|| unknown(name, "motion of pose errors", &Self::NAMES))
+    }
+}
+
+impl IdUse {
+    /// All values, in the order of their names.
+    pub const ALL: [Self; 3] = [Self::Trust, Self::Evidence, Self::Ignore];
+    /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
+    pub const NAMES: [&str; 3] = ["trust", "evidence", "ignore"];
+
+    /// The name of the value.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl Display for IdUse {
+    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for IdUse {
+    type Err = UnknownName;
+
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|value| value.name() == name);
+        found.ok_or_else(|| unknown(name, "use of ids", &Self::NAMES))
+    }
+}
+
+impl AssociateWhen {
+    /// All values, in the order of their names.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Never, Self::Always];
+    /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
+    pub const NAMES: [&str; 3] = ["auto", "never", "always"];
+
+    /// The name of the value.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl Display for AssociateWhen {
+    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for AssociateWhen {
+    type Err = UnknownName;
+
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|value| value.name() == name);
+        found.ok_or_else(|| unknown(name, "time to associate", &Self::NAMES))
     }
 }
 

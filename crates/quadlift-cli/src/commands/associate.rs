@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::builder::RangedU64ValueParser;
-use quadlift::association::AssociateOptions;
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
+use quadlift::association::{AssociateOptions, IdUse};
 use quadlift::run::identify;
 use quadlift_io::association::{association_record, write_objects};
 use quadlift_io::diagnosis::check_record;
@@ -14,13 +14,14 @@ use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use serde_json::json;
 
 use crate::args;
-use crate::association::{IdsName, in_words};
-use crate::corrections::{CheckArgs, SceneCorrections, corrected_in_words, read_input};
+use crate::association::in_words;
+use crate::corrections::{SceneCorrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, outputs};
 use crate::localization::run_error;
 use crate::next::Next;
+use crate::options::{Associate, Chosen};
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::progress::RunProgress;
 use crate::table::{Cell, Table};
@@ -62,8 +63,8 @@ pub struct Args {
     source: Option<String>,
 
     /// How far to trust existing ids: trust (keep them), evidence (they may be wrong) or ignore
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
-    ids: IdsName,
+    #[arg(long, value_name = "IDS", default_value = "evidence", value_parser = ids_by_name(), hide_possible_values = true)]
+    ids: IdUse,
 
     /// Search from several starts: takes about four times as long, better with few views
     #[arg(long)]
@@ -97,17 +98,23 @@ pub struct Args {
     corrections: SceneCorrections,
 
     #[command(flatten)]
-    check: CheckArgs,
+    chosen: Chosen<Associate>,
+}
+
+/// Reads a use of ids by its name.
+fn ids_by_name() -> impl TypedValueParser<Value = IdUse> {
+    PossibleValuesParser::new(IdUse::NAMES).try_map(|name| name.parse::<IdUse>())
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
+    let of_run = args.chosen.options()?;
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;
     let options = AssociateOptions {
         source: args.source.clone(),
-        ids: args.ids.use_of_ids(),
+        ids: args.ids,
         min_views: args.min_views,
         min_score: args.min_score,
         max_overlap: args.max_overlap,
@@ -130,7 +137,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let title = args.scene.display().to_string();
     let start = Instant::now();
-    let found = identify(&mut input, &options, args.check.fix, &RunProgress::new(&title, out));
+    let found = identify(&mut input, &options, of_run.fix, &RunProgress::new(&title, out));
     let (check, association) = found.map_err(|error| run_error(error, &title, &input))?;
     out.detail(&format!("associated in {}", duration(start.elapsed())));
     let scene = input.scene();
@@ -170,5 +177,5 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     document["output"] = args.output.display().to_string().into();
     document["diagnosis"] = check_record(&check, &input.context);
     out.document(&document)?;
-    Ok(tell(&check, &input.context, args.check.accept_inconsistent, &title, out))
+    Ok(tell(&check, &input.context, of_run.localize.accept_inconsistent, &title, out))
 }

@@ -46,7 +46,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let place = output.or(report);
         let input = || {
             let (file, frame_offset) =
-                args.direct.read([cameras, detections], place, args.source.as_deref(), log, out)?;
+                args.direct.read([cameras, detections], place, options.run.localize.source.as_deref(), log, out)?;
             // The size of the images and the numbers of the frames are dealt with where detections are added.
             let mut input =
                 FileInput::corrected(file, place.unwrap_or(Path::new("")), &args.corrections.list(None, None))

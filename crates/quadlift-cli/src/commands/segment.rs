@@ -16,11 +16,12 @@ use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
-use crate::corrections::{CheckArgs, SceneCorrections, corrected_in_words, read_input};
+use crate::corrections::{SceneCorrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
 use crate::next::Next;
+use crate::options::{Chosen, Segment};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
@@ -100,7 +101,7 @@ pub struct Args {
     corrections: SceneCorrections,
 
     #[command(flatten)]
-    check: CheckArgs,
+    chosen: Chosen<Segment>,
 }
 
 fn method(text: &str) -> Result<Method, String> {
@@ -110,6 +111,7 @@ fn method(text: &str) -> Result<Method, String> {
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
+    let of_run = args.chosen.options()?;
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;
@@ -117,7 +119,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let start = Instant::now();
     let mut input = read_input(&args.scene, &args.corrections.list())?;
     [Some(&args.output), args.report.as_ref()].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
-    let check = Check::with_identities(&mut input, args.source.as_deref(), args.check.fix)?;
+    let check = Check::with_identities(&mut input, args.source.as_deref(), of_run.fix)?;
     let (scene, notes) = (input.scene(), &input.notes);
     let mut file = (*input.file).clone();
     let mut of_video = None;
@@ -177,7 +179,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "corrections": notes,
         "diagnosis": check_record(&check, &input.context),
     }))?;
-    let outcome = tell(&check, &input.context, args.check.accept_inconsistent, &title, out);
+    let outcome = tell(&check, &input.context, of_run.localize.accept_inconsistent, &title, out);
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
 

@@ -8,25 +8,23 @@ mod source;
 use std::path::{Path, PathBuf};
 
 use clap::builder::RangedU64ValueParser;
-use quadlift::LocalizeOptions;
 use quadlift::online::OnlineOptions;
-use quadlift::run::RunOptions;
-use quadlift::solve::{MapOptions, PoseNoise};
+use quadlift::solve::PoseNoise;
 use quadlift_io::detect::is_mcap;
 use quadlift_io::guard::{allow_overwriting, check_not_read};
 use quadlift_io::mcap::McapOptions;
-use quadlift_io::run::{FileOptions, PriorSource};
+use quadlift_io::run::FileOptions;
 use quadlift_io::stream::{StoredPriors, lasting_options};
 use serde_json::{Map, Value};
 
-use crate::args::{self, BodyChoice, DetailName};
-use crate::association::IdsName;
+use crate::args::{self, DetailName};
 use crate::commands::import::formats::Pixels;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, check_result_name};
-use crate::localization::file_options;
+use crate::localization::{file_options, prior_source};
 use crate::logs::LogArgs;
 use crate::next::Next;
+use crate::options::{Chosen, Stream, StreamMap};
 use crate::output::Output;
 use crate::report::check_report;
 use crate::threads;
@@ -103,47 +101,15 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// How far to trust the ids of detections (of a tracker): trust, evidence or ignore
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = IdsName::Evidence, hide_possible_values = true)]
-    ids: IdsName,
-
-    /// Views that an object needs to be confirmed
-    #[arg(long, value_name = "N", default_value_t = OnlineOptions::default().min_views)]
-    min_views: usize,
-
-    /// Skip detections with a lower score
-    #[arg(long, value_name = "S", value_parser = args::finite)]
-    min_score: Option<f64>,
-
-    /// Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, selected as the
-    /// evidence grows]
-    #[arg(long, value_name = "PX", value_parser = args::positive)]
-    pixel_sd: Option<f64>,
-
     /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
     priors: Option<PathBuf>,
 
-    /// Views that an object keeps; the others are forgotten, those that add least first
-    #[arg(long, value_name = "N", default_value_t = OnlineOptions::default().max_views)]
-    max_views: usize,
+    #[command(flatten)]
+    of_map: Chosen<StreamMap>,
 
-    /// Objects that the map keeps
-    #[arg(long, value_name = "N", default_value_t = OnlineOptions::default().max_objects)]
-    max_objects: usize,
-
-    /// The poses may be wrong: standard deviations of each frame's turn, in radians, and shift, in world units; frames can
-    /// have their own
-    #[arg(long, value_name = "RAD,LENGTH", value_parser = args::pose_noise)]
-    pose_noise: Option<PoseNoise>,
-
-    /// Kind of body of the map file: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1 to 2), or auto
-    #[arg(long, value_name = "BODY", default_value = "auto", value_parser = args::body_choice)]
-    body: BodyChoice,
-
-    /// Do not find out which objects of the map file stand upright
-    #[arg(long)]
-    no_upright: bool,
+    #[command(flatten)]
+    chosen: Chosen<Stream>,
 
     /// Number of threads for the map file [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
@@ -177,18 +143,7 @@ impl Args {
 
     /// How the objects of the map file are estimated.
     fn options(&self) -> anyhow::Result<FileOptions> {
-        let priors = match &self.priors {
-            None => PriorSource::None,
-            Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
-            Some(path) => PriorSource::File(path.clone()),
-        };
-        let map = MapOptions {
-            body: self.body.0,
-            upright: !self.no_upright,
-            pose_noise: self.pose_noise,
-            ..MapOptions::default()
-        };
-        file_options(RunOptions { localize: LocalizeOptions::from(map), ..Default::default() }, priors)
+        file_options(self.chosen.options()?, prior_source(self.priors.as_deref()))
     }
 
     /// How a log is read. Refuses options of logs if the input is none.
@@ -206,16 +161,7 @@ impl Args {
 
     /// The options of the map.
     fn map_options(&self, options: &FileOptions) -> anyhow::Result<OnlineOptions> {
-        let options = OnlineOptions {
-            ids: self.ids.use_of_ids(),
-            min_views: self.min_views,
-            min_score: self.min_score,
-            pixel_sd: self.pixel_sd,
-            priors: options.category_priors(),
-            max_views: self.max_views,
-            max_objects: self.max_objects,
-            ..OnlineOptions::default()
-        };
+        let options = OnlineOptions { priors: options.category_priors(), ..self.of_map.options()? };
         match options.validate() {
             Ok(()) => Ok(options),
             Err(error) => usage(error.to_string()),
@@ -223,9 +169,9 @@ impl Args {
     }
 
     /// The options that the map depends on, by their names: a state goes on with the same.
-    fn lasting_options(&self, map_options: &OnlineOptions) -> Map<String, Value> {
+    fn lasting_options(&self, map_options: &OnlineOptions, pose_noise: Option<PoseNoise>) -> Map<String, Value> {
         let priors = self.priors.as_ref().map(|path| StoredPriors::Name(path.display().to_string()));
-        let mut options = lasting_options(map_options, priors.as_ref(), self.pose_noise, self.source.as_deref());
+        let mut options = lasting_options(map_options, priors.as_ref(), pose_noise, self.source.as_deref());
         options.extend(self.log.lasting());
         options
     }
@@ -259,8 +205,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     args.check_outputs()?;
     let options = args.options()?;
     let map_options = args.map_options(&options)?;
-    let lasting = args.lasting_options(&map_options);
-    let mut session = Session::new(map_options, args, &lasting, out)?;
+    let pose_noise = options.run.localize.method.map_options().and_then(|map| map.pose_noise);
+    let lasting = args.lasting_options(&map_options, pose_noise);
+    let mut session = Session::new(map_options, args, (&lasting, pose_noise), out)?;
     let mut source = Source::open(args.input(), args.source.as_deref(), args.log_options()?, out)?;
     // Reading the state does not keep it from being written.
     args.state.as_deref().map(allow_overwriting);

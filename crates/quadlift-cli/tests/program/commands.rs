@@ -232,7 +232,7 @@ fn sizes_are_learnt_from_the_scene() {
     }
     folder.write_json("scene.json", &scene);
     // Stones of any size: whether they teach anything is up to them.
-    let run = folder.run("localize scene.json --priors scene --body ellipsoid -o out.json -v");
+    let run = folder.run("localize scene.json --learn-sizes --body ellipsoid -o out.json -v");
     assert_eq!(run.code, 0, "{}", run.stderr);
     let result = folder.json("out.json");
     assert_eq!(result["localization"]["settings"]["learn_sizes"], true);
@@ -245,7 +245,7 @@ fn sizes_are_learnt_from_the_scene() {
     assert!(text.contains("lamp: no size is learnt from 1 object (ellipsoid)"), "{text}");
     // A size that is given is not learnt.
     folder.write("priors.toml", "[stone]\nsize = [5.0, 4.0, 3.0]\nsize_sd = [2.0, 2.0, 2.0]\n");
-    folder.succeed("localize scene.json --priors priors.toml --priors scene --body ellipsoid -o both.json");
+    folder.succeed("localize scene.json --priors priors.toml --learn-sizes --body ellipsoid -o both.json");
     let both = folder.json("both.json");
     let learnt = both["localization"]["learnt_sizes"].as_array().unwrap();
     assert_eq!(learnt.len(), 1, "{learnt:?}");
@@ -296,7 +296,12 @@ fn refined_poses_are_in_the_result_beside_the_given_ones() {
     assert!(folder.run("export tum out.json -o t.txt --camera other").stderr.contains("no frame has the camera"));
     folder.succeed("localize scene.json --refine-poses --fixed-extrinsics -o out.json");
     assert_eq!(folder.json("out.json")["localization"]["settings"]["fixed_extrinsics"], true);
-    assert_eq!(folder.run("localize scene.json --fixed-extrinsics").code, 2);
+    let refused = folder.run("localize scene.json --fixed-extrinsics");
+    assert!(
+        refused.code == 2 && refused.stderr.contains("--fixed-extrinsics needs --refine-poses"),
+        "{}",
+        refused.stderr
+    );
     assert_eq!(folder.run("localize scene.json --refine-poses=fast").code, 2);
     assert!(folder.run("localize scene.json --refine-poses --method lfd").stderr.contains("--method map only"));
 }

@@ -162,7 +162,7 @@ fn wrong_usage_is_refused_before_anything_is_read() {
         ("stream scene.json --every 10", "neither is given"),
         ("stream scene.json --resume", "--state"),
         ("stream scene.json --min-views 1", "views"),
-        ("stream scene.json --max-views 2", "maximum number of views"),
+        ("stream scene.json --max-views 2", "a whole number of at least 4"),
         ("stream scene.json --every 0 --map map.json", "invalid value '0'"),
     ] {
         let run = folder.run(arguments);

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use quadlift::run::RunOptions;
+use quadlift::run::{RUN, RunOptions};
 use quadlift::scene::Scene;
 use quadlift::solve::CategoryPriors;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::error::ReadError;
+use crate::options::value_record;
 use crate::priors::{builtin_priors, check_metres, parse_priors, plausible_sizes, read_priors};
-use crate::scene_file::settings_record;
 
 /// Where the priors on categories come from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -87,9 +87,17 @@ impl FileOptions {
         Ok(options)
     }
 
-    /// The settings as they are written to the result.
+    /// The settings as they are written to the result: all options of a run that its method takes, by their names, and the source
+    /// of the priors. The number of threads is not included, because it does not affect the result.
     pub fn settings(&self) -> Value {
-        settings_record(&self.run.localize, self.priors.name().as_deref())
+        let method = &self.run.localize.method;
+        let rows = RUN.iter().filter(|row| row.only.is_none_or(|(_, needed)| needed == method.name()));
+        let mut settings: Map<String, Value> =
+            rows.map(|row| (row.name.to_owned(), value_record((row.get)(&self.run)))).collect();
+        if method.map_options().is_some() {
+            settings.insert("priors".to_owned(), self.priors.name().into());
+        }
+        settings.into()
     }
 
     /// The priors on categories; none for methods that take none.

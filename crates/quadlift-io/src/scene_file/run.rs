@@ -1,13 +1,13 @@
 //! The run of a result: settings, counts and noise levels (`localization` in the file).
 
+use quadlift::Localization;
 use quadlift::cross_validation::Extent;
 use quadlift::geometry::{CamFromWorld, Projection};
 use quadlift::nalgebra::Matrix3x4;
 use quadlift::scene::Scene;
 use quadlift::solve::{
-    BodyKind, CueScale, Estimate, LearntCategorySize, Method, PosePointsProblem, ScaledQuantity, Sigmas, Status,
+    BodyKind, CueScale, Estimate, LearntCategorySize, PosePointsProblem, ScaledQuantity, Sigmas, Status,
 };
-use quadlift::{Localization, LocalizeOptions};
 use serde_json::{Map, Value, json};
 
 use super::records::SceneFile;
@@ -18,43 +18,6 @@ use crate::error::EntryError;
 /// The name of the kind of body that was fitted: `mixed` where objects differ.
 pub fn fitted_body_name(body: Option<BodyKind>) -> String {
     body.map_or_else(|| "mixed".to_owned(), |body| body.to_string())
-}
-
-/// The settings as they are written to the result; `priors` is the source of those in the options. The number of
-/// threads is not included, because it does not affect the result.
-pub fn settings_record(options: &LocalizeOptions, priors: Option<&str>) -> Value {
-    let mut json = json!({
-        "method": options.method.name(),
-        "source": options.source,
-        "observations": options.measurements.name(),
-        "min_views": options.min_views.max(options.method.fewest_views()),
-        "max_occluded": options.max_occluded,
-        "max_truncated": options.max_truncated,
-        "seed": options.seed,
-    });
-    if let Some(map) = options.method.map_options() {
-        json["body"] = map.body.map_or_else(|| "auto".to_owned(), |body| body.to_string()).into();
-        json["upright"] = map.upright.into();
-        json["ground_plane"] = map.ground_plane.into();
-        json["camera_height"] = map.camera_height.into();
-        json["pose_noise"] = map.pose_noise.map(|p| [p.rotation_sd, p.translation_sd].to_vec()).into();
-        if let Some(motion) = map.refine_poses {
-            json["refine_poses"] = motion.name().into();
-            if !map.refine_extrinsics {
-                json["fixed_extrinsics"] = true.into();
-            }
-        }
-        json["priors"] = priors.into();
-        if map.learn_sizes {
-            json["learn_sizes"] = true.into();
-        }
-        let levels = |sigmas: &Sigmas| sigmas.levels().map(|(name, x)| (name.to_owned(), x.into())).collect();
-        json["sigmas"] = map.sigmas.as_ref().map_or(Value::Null, |sigmas| Value::Object(levels(sigmas)));
-    }
-    if let Method::Reg(options) = &options.method {
-        json["lambda"] = options.lambda.into();
-    }
-    json
 }
 
 /// Number of localised objects: those with the status `ok`.
@@ -217,7 +180,7 @@ impl SceneFile {
         self
     }
 
-    /// The result of a localisation of this file's scene, with what [`settings_record`] gives.
+    /// The result of a localisation of this file's scene, with its [settings](crate::run::FileOptions::settings).
     #[must_use]
     pub fn localized(&self, scene: &Scene, localization: &Localization, settings: Value) -> Self {
         let objects = estimates_to_objects(scene, localization).collect();

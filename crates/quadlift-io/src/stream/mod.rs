@@ -17,7 +17,7 @@ pub use event::{DetectionRecord, EventRecord, OutputLine};
 pub use input::{Input, LineReader, MAX_LINE, NextLine, open};
 pub use line::{AboutRecord, CameraOfFrame, FrameLine, Line, LineError, PoseRecord, parse_line, scene_to_frames};
 pub use map_file::{MapMemory, presence_name};
-pub use options::{StoredPriors, id_use_name, lasting_options, options_of};
+pub use options::{StoredPriors, lasting_options, options_of};
 pub use scene::{CheckedFrame, StreamedScene};
 pub use state::{
     STATE_FORMAT, STATE_VERSION, StoredStream, StreamState, parse_state_file, parse_stored_stream, read_state_file,

@@ -1,10 +1,12 @@
-//! Options that a map depends on, as they stand in a state: by the names of the command line.
+//! Options that a map depends on, as they stand in a state: by their names.
 
-use quadlift::association::IdUse;
-use quadlift::online::OnlineOptions;
-use quadlift::solve::{CategoryPriors, PoseNoise};
+use quadlift::online::{ONLINE, OnlineOptions};
+use quadlift::options::{Spelling, set_options};
+use quadlift::solve::PoseNoise;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
+
+use crate::options::{option_value, value_record};
 
 /// Where the priors of a map come from.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
@@ -26,24 +28,16 @@ pub fn lasting_options(
     pose_noise: Option<PoseNoise>,
     source: Option<&str>,
 ) -> Map<String, Value> {
-    let options = json!({
-        "ids": id_use_name(map.ids),
-        "min-views": map.min_views,
-        "min-score": map.min_score,
-        "pixel-sd": map.pixel_sd,
-        "priors": priors.map(|priors| match priors {
-            StoredPriors::Name(name) => json!(name),
-            StoredPriors::Text { text } => json!({ "text": text }),
-        }),
-        "max-views": map.max_views,
-        "max-objects": map.max_objects,
-        "pose-noise": pose_noise.map(|noise| [noise.rotation_sd, noise.translation_sd]),
-        "source": source,
+    let mut options: Map<String, Value> =
+        ONLINE.iter().map(|row| (row.name.to_owned(), value_record((row.get)(map)))).collect();
+    let priors = priors.map(|priors| match priors {
+        StoredPriors::Name(name) => json!(name),
+        StoredPriors::Text { text } => json!({ "text": text }),
     });
-    match options {
-        Value::Object(options) => options,
-        _ => Map::new(),
-    }
+    options.insert("priors".to_owned(), json!(priors));
+    options.insert("pose_noise".to_owned(), json!(pose_noise.map(|noise| [noise.rotation_sd, noise.translation_sd])));
+    options.insert("source".to_owned(), json!(source));
+    options
 }
 
 /// The options that [`lasting_options`] has written, without the priors themselves.
@@ -57,35 +51,21 @@ pub fn options_of(
         let value = record.get(name).unwrap_or(&Value::Null);
         T::deserialize(value).map_err(|_| format!("the state is damaged: the option \"{name}\" is {value}"))
     }
-    let ids: String = read(record, "ids")?;
-    let ids = [IdUse::Trust, IdUse::Evidence, IdUse::Ignore].into_iter().find(|known| id_use_name(*known) == ids);
-    let pose_noise: Option<[f64; 2]> = read(record, "pose-noise")?;
-    let options = OnlineOptions {
-        ids: ids.ok_or("the state is damaged: the option \"ids\" has an unknown value")?,
-        min_views: read(record, "min-views")?,
-        min_score: read(record, "min-score")?,
-        pixel_sd: read(record, "pixel-sd")?,
-        priors: CategoryPriors::default(),
-        max_views: read(record, "max-views")?,
-        max_objects: read(record, "max-objects")?,
-        ..OnlineOptions::default()
-    };
+    let mut options = OnlineOptions::default();
+    for row in ONLINE {
+        let value = option_value(&read(record, row.name)?).unwrap_or_default();
+        set_options(ONLINE, &[(row.name, value)], &mut options, Spelling::Keyword)
+            .map_err(|problem| format!("the state is damaged: {problem}"))?;
+    }
+    let pose_noise: Option<[f64; 2]> = read(record, "pose_noise")?;
     let noise = |[rotation_sd, translation_sd]: [f64; 2]| PoseNoise { rotation_sd, translation_sd };
     Ok((options, read(record, "priors")?, pose_noise.map(noise)))
-}
-
-/// The name of a use of ids on the command line.
-pub fn id_use_name(ids: IdUse) -> &'static str {
-    match ids {
-        IdUse::Trust => "trust",
-        IdUse::Evidence => "evidence",
-        IdUse::Ignore => "ignore",
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use quadlift::association::IdUse;
 
     #[test]
     fn options_are_read_as_they_were_written() {
@@ -101,7 +81,10 @@ mod tests {
     #[test]
     fn a_wrong_option_is_named() {
         let mut record = lasting_options(&OnlineOptions::default(), None, None, None);
-        record["max-views"] = json!("many");
-        assert_eq!(options_of(&record).unwrap_err(), "the state is damaged: the option \"max-views\" is \"many\"");
+        record["max_views"] = json!("many");
+        assert_eq!(
+            options_of(&record).unwrap_err(),
+            "the state is damaged: max_views is \"many\"; expected a whole number of at least 4"
+        );
     }
 }

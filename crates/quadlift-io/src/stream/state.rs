@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use quadlift::online::{MapState, ObjectMap, OnlineOptions};
+use quadlift::options::Spelling;
 use quadlift::solve::{CategoryPriors, PoseNoise};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -113,7 +114,8 @@ pub fn parse_state_file(
         let before = record.options.get(name).unwrap_or(&Value::Null);
         if before != now {
             return Err(error(format!(
-                "the state was made with --{name} {before}, and now it is {now}; go on with the same options"
+                "the state was made with {} {before}, and now it is {now}; go on with the same options",
+                Spelling::Flag.option(name)
             )));
         }
     }

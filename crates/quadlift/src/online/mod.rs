@@ -53,7 +53,7 @@ pub use input::{Detection, Frame, ObserveError};
 pub use kept_shape::MapShape;
 pub use locate::LocatedInMap;
 pub use map::{MapObject, ObjectMap};
-pub use options::OnlineOptions;
+pub use options::{ONLINE, OnlineOptions};
 pub use poses::PoseUpdate;
 pub use state::{MapState, StateError};
 pub use tracked::Presence;

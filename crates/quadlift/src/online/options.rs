@@ -1,6 +1,8 @@
 //! Options of the object map.
 
 use crate::association::{AssociateError, AssociateOptions, IdUse};
+use crate::options::Command::{Node, Python, Stream};
+use crate::options::{Kind, Range, Spec, Value};
 use crate::solve::CategoryPriors;
 
 /// Options of an [`super::ObjectMap`].
@@ -64,5 +66,128 @@ impl OnlineOptions {
             return refuse("maximum number of objects", 0.0, "at least 1");
         }
         Ok(())
+    }
+}
+
+/// A row with what all have.
+const ROW: Spec<OnlineOptions> = Spec {
+    name: "",
+    kind: Kind::Flag,
+    help: "",
+    group: "",
+    of: &[Stream, Python, Node],
+    only: None,
+    needs: None,
+    whole_scene: true,
+    get: |_| Value::Unset,
+    set: |_, _| Ok(()),
+};
+
+/// The options of an object map that a user can choose; priors are read from files.
+pub const ONLINE: &[Spec<OnlineOptions>] = &[
+    Spec {
+        name: "ids",
+        kind: Kind::Choice(&IdUse::NAMES),
+        help: "How far to trust the ids of detections (of a tracker): trust, evidence or ignore",
+        get: |o| o.ids.name().into(),
+        set: |o, value| {
+            o.ids = value.text().and_then(|name| name.parse().ok()).ok_or("expected trust, evidence or ignore")?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "min_views",
+        kind: Kind::Whole(2),
+        help: "Views that an object needs to be confirmed",
+        get: |o| o.min_views.into(),
+        set: |o, value| {
+            o.min_views = size(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "min_score",
+        kind: Kind::Number(Range::Finite),
+        help: "Skip detections with a lower score",
+        get: |o| o.min_score.into(),
+        set: |o, value| {
+            o.min_score = value.number();
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "pixel_sd",
+        kind: Kind::Number(Range::Positive),
+        help: "Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, selected as the evidence \
+               grows]",
+        get: |o| o.pixel_sd.into(),
+        set: |o, value| {
+            o.pixel_sd = value.number();
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "max_views",
+        kind: Kind::Whole(4),
+        help: "Views that an object keeps; the others are forgotten, those that add least first",
+        get: |o| o.max_views.into(),
+        set: |o, value| {
+            o.max_views = size(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "max_objects",
+        kind: Kind::Whole(1),
+        help: "Objects that the map keeps",
+        get: |o| o.max_objects.into(),
+        set: |o, value| {
+            o.max_objects = size(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+];
+
+fn size(value: &Value) -> Result<usize, String> {
+    let size = value.whole().and_then(|n| usize::try_from(n).ok());
+    size.ok_or_else(|| format!("expected {}", Kind::Whole(1).expected()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::{Spelling, set_options};
+
+    #[test]
+    fn every_row_is_set_and_read_back() {
+        let given: [(&str, Value); 6] = [
+            ("ids", "trust".into()),
+            ("min_views", 5_usize.into()),
+            ("min_score", 0.5.into()),
+            ("pixel_sd", 3.0.into()),
+            ("max_views", 8_usize.into()),
+            ("max_objects", 9_usize.into()),
+        ];
+        let mut options = OnlineOptions::default();
+        set_options(ONLINE, &given, &mut options, Spelling::Flag).unwrap();
+        let found: Vec<(&str, Value)> = ONLINE.iter().map(|row| (row.name, (row.get)(&options))).collect();
+        assert_eq!(found, given);
+        // All fields: one for experiments, and the priors.
+        let OnlineOptions {
+            ids: _,
+            wrong_id_share: _,
+            min_views: _,
+            min_score: _,
+            pixel_sd: _,
+            priors: _,
+            max_views: _,
+            max_objects: _,
+        } = options;
     }
 }

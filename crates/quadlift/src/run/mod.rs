@@ -6,10 +6,12 @@ mod check;
 mod input;
 mod options;
 mod pairs;
+mod rows;
 
 pub use check::{Check, MAX_CORRECTIONS, diagnose_source, diagnose_unnamed};
 pub use input::Input;
 pub use options::{AssociateWhen, RunOptions};
+pub use rows::RUN;
 
 use crate::association::{AssociateError, AssociateOptions, Association, IdUse, Outcome, associate_observed};
 use crate::localize::{Localization, LocalizeError, LocalizeOptions, solve_objects};

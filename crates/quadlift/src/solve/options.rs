@@ -153,18 +153,24 @@ pub struct MapOptions {
     pub learn_sizes: bool,
     /// Shape prior: standard deviation of the log semi-axes about their mean. Tuned: with 0.5 the covariance of narrow
     /// baselines is too wide (median NEES 7.0 of 8.3; with 0.4 it is 7.2), and real boxes gain nothing.
+    #[doc(hidden)]
     pub shape_sd: f64,
     /// Whether to search for gross outliers among the views if the residuals of a plain fit suggest some.
+    #[doc(hidden)]
     pub robust: bool,
     /// Distance from the image border, as a share of the image's larger side, within which a box edge counts as cut off: it
     /// then bounds the object on one side only. Tuned on 27 cars of KITTI.
+    #[doc(hidden)]
     pub border_margin: f64,
     /// Mean half size of a box, in pixels, at which the constant part of the edge noise equals the part that is proportional
     /// to the size. 0 makes the noise proportional to the size. Tuned on 27 cars of KITTI.
+    #[doc(hidden)]
     pub pixel_noise_size: f64,
     /// Whether each edge has a heavy-tailed loss, which down-weights single wrong edges.
+    #[doc(hidden)]
     pub heavy_tails: bool,
     /// Whether to estimate the correlation of an edge's errors between neighbouring views, which lowers their weight.
+    #[doc(hidden)]
     pub correlated_views: bool,
     /// Whether to detect objects that stand upright, with one axis along the scene's `up` (docs/method.md, section 10). Has no
     /// effect without `up`, and on categories with an `upright_sd` or a size.
@@ -175,6 +181,7 @@ pub struct MapOptions {
     /// Height of the cameras above the ground plane in world units, if known.
     pub camera_height: Option<f64>,
     /// Whether edges that another box probably hides have their own noise level.
+    #[doc(hidden)]
     pub hidden_edges: bool,
     /// Prior of pose corrections, one per frame, which are then estimated. `None` takes the poses as exact. It helps only if
     /// each frame shows several objects.
@@ -187,6 +194,7 @@ pub struct MapOptions {
     pub refine_extrinsics: bool,
     /// Whether covariances include errors that the views of an object share, and differences between objects. Estimates do not
     /// depend on it.
+    #[doc(hidden)]
     pub common_errors: bool,
     /// Noise levels. `None` estimates them from the residuals of all objects together.
     pub sigmas: Option<Sigmas>,

@@ -50,7 +50,7 @@ impl<'a> Session<'a> {
     pub fn new(
         map_options: OnlineOptions,
         args: &Args,
-        lasting: &Map<String, Value>,
+        (lasting, pose_noise): (&Map<String, Value>, Option<PoseNoise>),
         out: &'a Output,
     ) -> anyhow::Result<Self> {
         let stored = args.state.as_deref().filter(|path| args.resume && path.exists());
@@ -70,7 +70,7 @@ impl<'a> Session<'a> {
             stream,
             every: args.every,
             strict: args.strict,
-            pose_noise: args.pose_noise,
+            pose_noise,
             out,
             is_read: true,
             live: None,

@@ -1,0 +1,512 @@
+//! The options of a run that a user can choose.
+
+use super::options::{AssociateWhen, RunOptions};
+use crate::association::IdUse;
+use crate::cross_validation::Extent;
+use crate::localize::MeasurementKind;
+use crate::options::Command::{Associate, Localize, Node, Python, Segment, Stream};
+use crate::options::{Command, Kind, Range, Spec, Value};
+use crate::solve::{MapOptions, Method, PoseMotion, PoseNoise, Sigmas};
+
+const SELECTION: &str = "Selection of detections and measurements";
+const KNOWLEDGE: &str = "Knowledge about the scene";
+const CORRECTIONS: &str = "Corrections of the scene";
+
+const LOCALIZE: &[Command] = &[Localize, Python];
+const MAPS: &[Command] = &[Localize, Python, Stream, Node];
+const OF_MAP: Option<(&str, &str)> = Some(("method", "map"));
+
+/// A row with what most have.
+const ROW: Spec<RunOptions> = Spec {
+    name: "",
+    kind: Kind::Flag,
+    help: "",
+    group: "",
+    of: LOCALIZE,
+    only: None,
+    needs: None,
+    whole_scene: true,
+    get: |_| Value::Unset,
+    set: |_, _| Ok(()),
+};
+
+/// The options of a run, in the order in which they are set and shown: the method comes before its options.
+pub const RUN: &[Spec<RunOptions>] = &[
+    Spec {
+        name: "method",
+        kind: Kind::Choice(&Method::NAMES),
+        help: "Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularized one)",
+        group: "For research (the defaults are better)",
+        whole_scene: false,
+        get: |o| o.localize.method.name().into(),
+        set: |o, value| {
+            o.localize.method = named(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "reg_weight",
+        kind: Kind::Number(Range::NotNegative),
+        help: "Weight of the regularizer [default: 1e16]",
+        group: "For research (the defaults are better)",
+        only: Some(("method", "reg")),
+        whole_scene: false,
+        get: |o| if let Method::Reg(reg) = &o.localize.method { reg.lambda.into() } else { Value::Unset },
+        set: |o, value| {
+            if let (Method::Reg(reg), Some(weight)) = (&mut o.localize.method, value.number()) {
+                reg.lambda = weight;
+            }
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "body",
+        kind: Kind::Text,
+        help: "Kind of body to fit: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto: \
+               selected for each object, an ellipsoid without evidence for another kind",
+        of: MAPS,
+        only: OF_MAP,
+        whole_scene: false,
+        get: |o| of_map(o, |map| map.body.map_or_else(|| "auto".to_owned(), |body| body.to_string())),
+        set: |o, value| {
+            let body = match value.text() {
+                Some("auto") => None,
+                Some(name) => Some(
+                    name.parse()
+                        .map_err(|e: crate::UnknownName| format!("expected one of auto, {}", e.expected.join(", ")))?,
+                ),
+                None => return Err("expected a kind of body".to_owned()),
+            };
+            set_map(o, |map| map.body = body)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "source",
+        kind: Kind::Text,
+        help: "Use only the detections of this source; required if the scene has several",
+        get: |o| o.localize.source.as_deref().into(),
+        set: |o, value| {
+            o.localize.source = value.text().map(str::to_owned);
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "observations",
+        kind: Kind::Choice(&MeasurementKind::NAMES),
+        help: "Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for shape), \
+               box, ellipse, box+ellipse, or mask (its outline, with map and planes; also outlines and turned boxes). Detections \
+               without the selected measurement are skipped",
+        group: SELECTION,
+        get: |o| o.localize.measurements.name().into(),
+        set: |o, value| {
+            o.localize.measurements = named(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "associate",
+        kind: Kind::Choice(&AssociateWhen::NAMES),
+        help: "Associate detections that show the same object first: auto (if any lack an id), never or always",
+        get: |o| o.associate.name().into(),
+        set: |o, value| {
+            o.associate = named(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "ids",
+        kind: Kind::Choice(&IdUse::NAMES),
+        help: "How far to trust existing ids: trust, evidence or ignore [default: trust; with --associate always: evidence]",
+        group: SELECTION,
+        get: |o| o.ids.map(IdUse::name).into(),
+        set: |o, value| {
+            o.ids = value.text().map(|_| named(&value)).transpose()?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "min_views",
+        kind: Kind::Whole(0),
+        help: "Skip objects with fewer views; planes, lfd and pfd need three",
+        group: SELECTION,
+        whole_scene: false,
+        get: |o| o.localize.min_views.max(o.localize.method.fewest_views()).into(),
+        set: |o, value| {
+            o.localize.min_views = whole(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "max_occluded",
+        kind: Kind::Number(Range::Finite),
+        help: "Skip detections that are more occluded (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown)",
+        group: SELECTION,
+        get: |o| o.localize.max_occluded.into(),
+        set: |o, value| {
+            o.localize.max_occluded = value.number();
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "max_truncated",
+        kind: Kind::Number(Range::Finite),
+        help: "Skip detections that are more truncated (KITTI: 0 entirely inside the image)",
+        group: SELECTION,
+        get: |o| o.localize.max_truncated.into(),
+        set: |o, value| {
+            o.localize.max_truncated = value.number();
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "learn_sizes",
+        help: "Learn the size of each category from its other objects; sizes of priors win",
+        only: OF_MAP,
+        get: |o| of_map(o, |map| map.learn_sizes),
+        set: |o, value| {
+            let flag = flag(&value)?;
+            set_map(o, |map| map.learn_sizes = flag)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "upright",
+        help: "Detect which objects stand upright (with an axis along the scene's `up`)",
+        group: KNOWLEDGE,
+        of: MAPS,
+        only: OF_MAP,
+        get: |o| of_map(o, |map| map.upright),
+        set: |o, value| {
+            let flag = flag(&value)?;
+            set_map(o, |map| map.upright = flag)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "ground_plane",
+        help: "All objects stand on a common ground plane, which is estimated (the scene needs `up`)",
+        group: KNOWLEDGE,
+        only: OF_MAP,
+        get: |o| of_map(o, |map| map.ground_plane),
+        set: |o, value| {
+            let flag = flag(&value)?;
+            set_map(o, |map| map.ground_plane = flag)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "camera_height",
+        kind: Kind::Number(Range::Positive),
+        help: "Height of the cameras above the ground plane in world units, if known",
+        group: KNOWLEDGE,
+        only: OF_MAP,
+        get: |o| of_map(o, |map| map.camera_height),
+        set: |o, value| set_map(o, |map| map.camera_height = value.number()),
+        ..ROW
+    },
+    Spec {
+        name: "refine_poses",
+        kind: Kind::ChoiceOr("auto", &PoseMotion::NAMES),
+        help: "Correct the poses together with the objects. Errors of frames are independent, or slow (GPS, drifting odometry); \
+               auto decides by the boxes. Results have the corrected poses",
+        group: KNOWLEDGE,
+        only: OF_MAP,
+        get: |o| of_map(o, |map| map.refine_poses.map(PoseMotion::name)),
+        set: |o, value| {
+            let motion = value.text().map(|_| named(&value)).transpose()?;
+            set_map(o, |map| map.refine_poses = motion)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "fixed_extrinsics",
+        help: "Take the places of cameras in their rig as exact: refined poses are those of the rig alone (frames with the same \
+               `rig_frame` are taken by one rig)",
+        group: KNOWLEDGE,
+        only: OF_MAP,
+        needs: Some("refine_poses"),
+        get: |o| of_map(o, |map| !map.refine_extrinsics),
+        set: |o, value| {
+            let flag = flag(&value)?;
+            set_map(o, |map| map.refine_extrinsics = !flag)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "pose_noise",
+        kind: Kind::Numbers(&["RAD", "LENGTH"]),
+        help: "Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame",
+        group: KNOWLEDGE,
+        of: MAPS,
+        only: OF_MAP,
+        get: |o| {
+            of_map(o, |map| {
+                map.pose_noise.map_or(Value::Unset, |p| Value::Numbers(vec![p.rotation_sd, p.translation_sd]))
+            })
+        },
+        set: |o, value| {
+            let noise = value.pair().map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
+            set_map(o, |map| map.pose_noise = noise)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "sigmas",
+        kind: Kind::Levels,
+        help: "Use given noise levels instead of estimating them, by name (edge_relative=0.03,edge_px=2), or those of an earlier \
+               result. Objects are then estimated independently of each other",
+        group: KNOWLEDGE,
+        only: OF_MAP,
+        whole_scene: false,
+        get: |o| of_map(o, |map| map.sigmas.as_ref().map_or(Value::Unset, levels)),
+        set: |o, value| {
+            let sigmas = match &value {
+                Value::Levels(levels) => {
+                    let levels = levels.iter().map(|(name, x)| (name.as_str(), *x));
+                    Some(Sigmas::new(levels).map_err(|error| error.to_string())?)
+                }
+                _ => None,
+            };
+            set_map(o, |map| map.sigmas = sigmas)
+        },
+        ..ROW
+    },
+    Spec {
+        name: "cross_validate",
+        help: "Leave out each view of each object, predict its box from the others, and report the agreement: a measure of quality \
+               without ground truth. Takes several times as long; the summary always checks a sample of views",
+        group: "Quality of the result",
+        get: |o| match o.localize.cross_validation.extent {
+            Extent::All => true.into(),
+            Extent::Sample => false.into(),
+            Extent::Nothing => Value::Unset,
+        },
+        set: |o, value| {
+            o.localize.cross_validation.extent = match value.flag() {
+                Some(true) => Extent::All,
+                Some(false) => Extent::Sample,
+                None => Extent::Nothing,
+            };
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "seed",
+        kind: Kind::Whole(0),
+        help: "Seed of the random numbers",
+        group: "Running",
+        whole_scene: false,
+        get: |o| Value::Whole(o.localize.seed),
+        set: |o, value| {
+            o.localize.seed = value.whole().ok_or("expected a whole number")?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "fix",
+        help: "Apply the corrections that the self-check proposes until the scene is consistent (3 at most)",
+        group: CORRECTIONS,
+        of: &[Localize, Associate, Segment],
+        get: |o| o.fix.into(),
+        set: |o, value| {
+            o.fix = flag(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
+        name: "accept_inconsistent",
+        help: "Continue with an inconsistent scene",
+        group: CORRECTIONS,
+        of: &[Localize, Associate, Segment, Python],
+        get: |o| o.localize.accept_inconsistent.into(),
+        set: |o, value| {
+            o.localize.accept_inconsistent = flag(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+];
+
+/// A value of [`MapOptions`], if the method is `map`.
+fn of_map<T: Into<Value>>(options: &RunOptions, get: impl FnOnce(&MapOptions) -> T) -> Value {
+    options.localize.method.map_options().map_or(Value::Unset, |map| get(map).into())
+}
+
+/// Changes [`MapOptions`]; other methods have none.
+fn set_map(options: &mut RunOptions, set: impl FnOnce(&mut MapOptions)) -> Result<(), String> {
+    options.localize.method.map_options_mut().map(set);
+    Ok(())
+}
+
+fn levels(sigmas: &Sigmas) -> Value {
+    Value::Levels(sigmas.levels().map(|(name, x)| (name.to_owned(), x)).collect())
+}
+
+fn flag(value: &Value) -> Result<bool, String> {
+    value.flag().ok_or_else(|| format!("expected {}", Kind::Flag.expected()))
+}
+
+fn whole(value: &Value) -> Result<usize, String> {
+    value.whole().and_then(|n| usize::try_from(n).ok()).ok_or_else(|| format!("expected {}", Kind::Whole(0).expected()))
+}
+
+fn named<T: std::str::FromStr<Err = crate::UnknownName>>(value: &Value) -> Result<T, String> {
+    let name = value.text().unwrap_or("none");
+    name.parse().map_err(|error: crate::UnknownName| format!("expected one of {}", error.expected.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::{Spelling, set_options};
+
+    /// A value other than the default.
+    fn other(row: &Spec<RunOptions>) -> Value {
+        match row.kind {
+            Kind::Flag => Value::Flag(row.default() != Value::Flag(true)),
+            Kind::Number(_) => 1.5.into(),
+            Kind::Whole(_) => Value::Whole(7),
+            Kind::Choice(names) | Kind::ChoiceOr(_, names) => {
+                let name = names.iter().find(|name| row.default().text() != Some(**name)).unwrap();
+                (*name).into()
+            }
+            Kind::Numbers(names) => Value::Numbers((1..=names.len()).map(|k| 0.1 * k as f64).collect()),
+            Kind::Text => "cylinder".into(),
+            Kind::Levels => Value::Levels(vec![("edge_relative".to_owned(), 0.03)]),
+        }
+    }
+
+    #[test]
+    fn every_row_is_set_and_read_back() {
+        for row in RUN {
+            let value = other(row);
+            assert_ne!(value, row.default(), "{}", row.name);
+            let needed = row.needs.map(|name| (name, other(RUN.iter().find(|row| row.name == name).unwrap())));
+            let method = row.only.filter(|(_, method)| *method != "map").map(|(name, method)| (name, method.into()));
+            let given: Vec<(&str, Value)> =
+                method.into_iter().chain(needed).chain([(row.name, value.clone())]).collect();
+            let mut options = RunOptions::default();
+            set_options(RUN, &given, &mut options, Spelling::Flag).unwrap();
+            assert_eq!((row.get)(&options), value, "{}", row.name);
+            assert!(row.help.len() > 20 && !row.help.ends_with('.'), "{}", row.help);
+        }
+    }
+
+    #[test]
+    fn every_option_has_a_row() {
+        // All fields of the structs, so that a new one does not compile before it is here.
+        let RunOptions { localize, associate: _, ids: _, fix: _ } = RunOptions::default();
+        let crate::LocalizeOptions {
+            method,
+            source: _,
+            min_views: _,
+            max_occluded: _,
+            max_truncated: _,
+            measurements: _,
+            enclosing_quantile: _,
+            accept_inconsistent: _,
+            plausible_sizes: _,
+            seed: _,
+            cross_validation: _,
+        } = localize;
+        let MapOptions {
+            body: _,
+            priors: _,
+            learn_sizes: _,
+            shape_sd: _,
+            robust: _,
+            border_margin: _,
+            pixel_noise_size: _,
+            heavy_tails: _,
+            correlated_views: _,
+            upright: _,
+            ground_plane: _,
+            camera_height: _,
+            hidden_edges: _,
+            pose_noise: _,
+            refine_poses: _,
+            refine_extrinsics: _,
+            common_errors: _,
+            sigmas: _,
+        } = method.map_options().unwrap().clone();
+        // Without the priors, which are read from files, and the fields for experiments.
+        let names: Vec<&str> = RUN.iter().map(|row| row.name).collect();
+        let of_run = ["associate", "ids", "fix"];
+        let of_localization = [
+            "method",
+            "source",
+            "min_views",
+            "max_occluded",
+            "max_truncated",
+            "observations",
+            "accept_inconsistent",
+            "seed",
+            "cross_validate",
+        ];
+        let of_method = [
+            "body",
+            "learn_sizes",
+            "upright",
+            "ground_plane",
+            "camera_height",
+            "pose_noise",
+            "refine_poses",
+            "fixed_extrinsics",
+            "sigmas",
+            "reg_weight",
+        ];
+        let expected: Vec<&str> = of_run.into_iter().chain(of_localization).chain(of_method).collect();
+        assert!(expected.iter().all(|name| names.contains(name)), "{names:?}");
+        assert_eq!(names.len(), expected.len());
+    }
+
+    #[test]
+    fn options_that_do_not_fit_are_named_as_they_are_written() {
+        let error = |given: &[(&str, Value)], spelling| {
+            set_options(RUN, given, &mut RunOptions::default(), spelling).unwrap_err()
+        };
+        let lfd = ("method", Value::from("lfd"));
+        assert_eq!(
+            error(&[("camera_height", 1.0.into()), lfd.clone()], Spelling::Flag),
+            "--camera-height is an option of --method map only"
+        );
+        assert_eq!(
+            error(&[lfd.clone(), ("upright", false.into())], Spelling::Keyword),
+            "upright is an option of method=\"map\" only"
+        );
+        assert_eq!(
+            error(&[("fixed_extrinsics", true.into())], Spelling::Flag),
+            "--fixed-extrinsics needs --refine-poses"
+        );
+        assert_eq!(
+            error(&[("min_views", 0.5.into())], Spelling::Keyword),
+            "min_views is 0.5; expected a whole number that is not negative"
+        );
+        assert_eq!(
+            error(&[("body", "ball".into())], Spelling::Parameter).split(", ellipsoid").next(),
+            Some("the parameter body is \"ball\"; expected one of auto")
+        );
+        assert!(
+            error(&[("view", 1.0.into())], Spelling::Keyword)
+                .starts_with("there is no option view; expected one of method")
+        );
+        // Defaults are options of every method.
+        let mut options = RunOptions::default();
+        set_options(RUN, &[lfd, ("upright", true.into()), ("sigmas", Value::Unset)], &mut options, Spelling::Flag)
+            .unwrap();
+        assert_eq!(options.localize.method.name(), "lfd");
+    }
+}
