@@ -8,3 +8,6 @@ target="${CARGO_TARGET_DIR:-$PWD/target}"
 # Both in one build: alone, each would give shared dependencies other features.
 packages=(--release --locked -p quadlift-bench -p quadlift-cli)
 cargo test "${packages[@]}" --lib --test figures --test commands "$@"
+cargo build "${packages[@]}" --bins
+quadlift="$target/release/quadlift"
+"$target/release/quadlift-bench" compare "$quadlift" "$quadlift" --seeds 1

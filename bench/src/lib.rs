@@ -8,6 +8,7 @@
 mod accv;
 mod association;
 mod cameras;
+pub mod compare;
 mod cross_validation;
 mod cues;
 pub mod data;

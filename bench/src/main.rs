@@ -9,7 +9,7 @@ use anyhow::bail;
 use clap::{Parser, Subcommand};
 use indicatif::ProgressBar;
 use quadlift_bench::data::data_folder;
-use quadlift_bench::{CONVENTIONS, Experiment, Report, Run, html_page, page, run, summary};
+use quadlift_bench::{CONVENTIONS, Experiment, Report, Run, compare, html_page, page, run, summary};
 use quadlift_io::write_file;
 use serde_json::{Value, json};
 
@@ -26,6 +26,7 @@ Examples:
   cargo run --release -p quadlift-bench -- synthetic
   cargo run --release -p quadlift-bench -- kitti --data ../shared/data --json
   cargo run --release -p quadlift-bench -- all --out docs
+  cargo run --release -p quadlift-bench -- compare old/quadlift target/release/quadlift
 
 Exit codes: 0 done; 1 there is no data, or a file cannot be read or written; 2 wrong usage."
 )]
@@ -36,6 +37,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Compare two programs, or two settings of one, on real and synthetic scenes
+    Compare(compare::Args),
     /// Noise of ellipses and of boxes, outliers (needs no data)
     Synthetic(Options),
     /// One object on a table, 100 views
@@ -112,6 +115,7 @@ impl Command {
     /// The experiments, the name of their files and their options; none for the comparison.
     fn experiments(&self) -> Option<(Vec<Experiment>, &Options)> {
         let (experiment, options) = match self {
+            Self::Compare(_) => return None,
             Self::Synthetic(options) => (Experiment::Synthetic, options),
             Self::Accv(options) => (Experiment::Accv, options),
             Self::Tuw(options) => (Experiment::Tuw, options),
@@ -138,6 +142,7 @@ impl Command {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match (&cli.command, cli.command.experiments()) {
+        (Command::Compare(args), _) => compare::run(args).and_then(|text| print(&text)),
         (_, Some((experiments, options))) => run_all(&experiments, options),
         (_, None) => Ok(()),
     };

@@ -64,3 +64,16 @@ fn a_file_in_place_of_the_folder_is_an_error() {
     assert_eq!(run.status.code(), Some(1));
     assert_eq!(text(&run.stderr), "error: cannot write to taken: it is a file; expected a folder\n");
 }
+
+#[test]
+fn programs_that_cannot_be_compared_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = bench(folder.path(), &["compare", "nowhere/quadlift", "nowhere/quadlift"]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(text(&run.stderr).starts_with("error: nowhere/quadlift: there is no such program"), "{run:?}");
+    // This program knows no `localize`.
+    let other = env!("CARGO_BIN_EXE_quadlift-bench");
+    let run = bench(folder.path(), &["compare", other, other, "--seeds", "1"]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(text(&run.stderr).contains("localize"), "{run:?}");
+}
