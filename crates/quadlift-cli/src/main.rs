@@ -34,7 +34,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     align, associate, calibrate, completions, demo, evaluate, export, import, import_detections, info, localize,
-    locate, render, reproduce, segment, stream, synth, view,
+    locate, render, segment, stream, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -99,7 +99,6 @@ enum Command {
     ImportDetections(import_detections::Args),
     Export(export::Args),
     Info(info::Args),
-    Reproduce(reproduce::Args),
     Completions(completions::Args),
 }
 
@@ -153,7 +152,6 @@ fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {
         Command::ImportDetections(args) => import_detections::run(&args, out),
         Command::Export(args) => export::run(&args, out),
         Command::Info(args) => info::run(&args, out),
-        Command::Reproduce(args) => reproduce::run(&args, out),
         Command::Completions(args) => completions::run(&args, out),
     }
 }
