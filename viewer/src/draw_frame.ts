@@ -6,7 +6,7 @@ import { drawTags, type Tag } from "./draw_tags.ts";
 import type { Region } from "./frame_region.ts";
 import { detectionExtent } from "./object_views.ts";
 import { outline, type Outline } from "./outline.ts";
-import { objectName } from "./words.ts";
+import { isUnreliable, objectName } from "./words.ts";
 
 export interface FrameStyle {
   /** The part that is shown. */
@@ -25,9 +25,9 @@ export interface FrameStyle {
   shows: (object: number) => boolean;
   /** Index of the selected object, -1 for none: the others step back. */
   selected: number;
-  /** Colour of the sheet where there is no image. */
+  /** Color of the sheet where there is no image. */
   blank: string;
-  /** Colour of its edge. */
+  /** Color of its edge. */
   edge: string;
 }
 
@@ -98,7 +98,7 @@ export function drawFrame(
     const shape = body == null ? null : outline(frame.projection, body);
     if (!style.outlines || shape === null) continue;
     shapes.set(row, shape);
-    pen.body(shape, colors.ofObject(k), strength(k), k === style.selected);
+    pen.body(shape, colors.ofObject(k), strength(k), k === style.selected, isUnreliable(report.objects[k]));
   }
   for (const row of rows) {
     const k = object[row] ?? -1;
@@ -161,6 +161,9 @@ function drawDetections(
   }
 }
 
+/** Distance of the lines of a hatching, pixels. */
+const HATCH = 7;
+
 /** Draws in pixels of the frame with lines whose width is in pixels of the screen. */
 class Pen {
   constructor(
@@ -169,12 +172,19 @@ class Pen {
     private readonly line: number,
   ) {}
 
-  body(shape: Outline, color: string, strength: number, strong: boolean): void {
+  /** An estimated body: filled; hatched and dashed where its views do not agree with it. */
+  body(shape: Outline, color: string, strength: number, strong: boolean, unreliable: boolean): void {
+    if (unreliable) {
+      this.hatch(shape.border, color, strength);
+    } else {
+      this.path(shape.border);
+      this.context.globalAlpha = (strong ? 0.45 : 0.3) * strength;
+      this.context.fillStyle = color;
+      this.context.fill();
+    }
     this.path(shape.border);
-    this.context.globalAlpha = (strong ? 0.45 : 0.3) * strength;
-    this.context.fillStyle = color;
-    this.context.fill();
-    this.stroke(color, strength, strong ? 2.2 : 1, []);
+    this.stroke(color, strength, strong ? 2.2 : 1.2, unreliable ? [7, 4] : []);
+    if (unreliable) return;
     if (shape.lines.length > 0) {
       this.context.beginPath();
       for (const [a, b] of shape.lines) {
@@ -183,6 +193,25 @@ class Pen {
       }
       this.stroke(color, strength, strong ? 1.4 : 0.7, []);
     }
+  }
+
+  /** Slanting lines inside of a border. */
+  private hatch(border: [number, number][], color: string, strength: number): void {
+    const { context, scale } = this;
+    const [xs, ys] = [border.map(([x]) => x * scale), border.map(([, y]) => y * scale)];
+    const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    // A body that reaches far beyond the image needs no thousands of lines.
+    const step = Math.max(HATCH, (x1 - x0 + y1 - y0) / 400);
+    context.save();
+    this.path(border);
+    context.clip();
+    context.beginPath();
+    for (let x = x0 - (y1 - y0); x < x1; x += step) {
+      context.moveTo(x, y1);
+      context.lineTo(x + y1 - y0, y0);
+    }
+    this.stroke(color, 0.7 * strength, 0.8, []);
+    context.restore();
   }
 
   /** The edges of a measured 3D box, dashed: those of estimated bodies are solid. */
@@ -247,7 +276,7 @@ class Pen {
     this.stroke("#ffffff", strength, 1.2, []);
   }
 
-  /** A dark line under the coloured one, so that it can be seen on any image; rejected ones are dashed. */
+  /** A dark line under the colored one, so that it can be seen on any image; rejected ones are dashed. */
   private measurement(color: string, strength: number, rejected: boolean): void {
     if (this.line > 1) this.stroke("#000000", 0.5 * strength, 2.2, []);
     if (rejected) this.stroke("#ffffff", 0.8 * strength, 1.2, []);
