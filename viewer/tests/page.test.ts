@@ -87,10 +87,11 @@ test("the best frame was used, shows the whole object, and shows it large", () =
   });
 });
 
-test("the image is as large as the view of space, and its pixels are fine enough", async () => {
+test("the 3D view has two thirds of the width, the image fills the rest, and its pixels are fine enough", async () => {
   const { page } = await open(browser, "rendered.html");
   const [stage, sheet] = await Promise.all([".stage", ".sheet canvas"].map((at) => page.locator(at).boundingBox()));
-  assert.ok(sheet!.width > 0.85 * stage!.width && sheet!.width > 450, `${sheet!.width} of ${stage!.width}`);
+  assert.ok(Math.abs(stage!.width / 1600 - 2 / 3) < 0.01, `${stage!.width}`);
+  assert.ok(sheet!.width > 0.92 * (1600 - stage!.width), `${sheet!.width} beside ${stage!.width}`);
   await page.close();
   // A scene whose images are larger than what a report of hundreds of them would keep.
   const width = await imageWidth();
