@@ -7,8 +7,8 @@ import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.t
 import { downloadButton, png } from "./download.ts";
 import type { Filter } from "./filter.ts";
 import { detectedRegion, objectRegion, wholeFrame, type Region } from "./frame_region.ts";
-import type { Selection } from "./selection.ts";
 import { FrameZoom } from "./frame_zoom.ts";
+import type { Selection } from "./selection.ts";
 import { count, isUnreliable, movedInWords, objectName, short, viewState } from "./words.ts";
 
 /** Milliseconds that a frame is shown while they are played. */

@@ -84,7 +84,7 @@ export class FrameZoom {
 
   private onKey(event: KeyboardEvent): void {
     const [region, all] = [this.shown(), this.whole()];
-    if (region === null || all === null) return;
+    if (region === null || all === null || event.ctrlKey || event.metaKey) return;
     const [x, y] = [region.x + region.width / 2, region.y + region.height / 2];
     const [dx, dy] = [0.15 * region.width, 0.15 * region.height];
     switch (event.key) {

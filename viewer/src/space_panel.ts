@@ -6,11 +6,11 @@ import type { Colors } from "./colors.ts";
 import { downloadButton, png } from "./download.ts";
 import { element } from "./dom.ts";
 import type { Filter } from "./filter.ts";
+import { bodiesGlb } from "./glb.ts";
 import type { Measure } from "./measure.ts";
 import type { Selection } from "./selection.ts";
 import { makeSpace } from "./space.ts";
 import { View3d, type Layer } from "./view3d.ts";
-import { bodiesGlb } from "./glb.ts";
 import { count, isUnreliable } from "./words.ts";
 
 /** Layer, name, sign, what it is. */
@@ -67,7 +67,7 @@ export function spacePanel(
     const box = element("input", { type: "checkbox" });
     box.checked = view.isShown(layer);
     box.addEventListener("change", () => view.show(layer, box.checked));
-    const text = layer === "grid" ? `grid of ${view.gridStep} ${report.lengthUnit ?? "units"}` : name;
+    const text = layer === "grid" ? `grid of ${view.gridStep} ${report.lengthUnit ?? (view.gridStep === 1 ? "unit" : "units")}` : name;
     const title = layer === "centerShell" && report.region !== null ? report.region : hint;
     legend.append(element("label", { title }, box, element("span", { class: `sign ${sign}` }), text));
   }

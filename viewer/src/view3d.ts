@@ -11,16 +11,16 @@ import type { Filter } from "./filter.ts";
 import { Flight, type Pose } from "./flight.ts";
 import { highlight } from "./highlight3d.ts";
 import { moveByKey } from "./keys3d.ts";
-import { Labels3d, type Label3d } from "./labels3d.ts";
-import { add, scale } from "./linear.ts";
+import { Labels3d } from "./labels3d.ts";
 import { FOV, Looks, type Side } from "./looks3d.ts";
 import type { Measure } from "./measure.ts";
+import { objectLabels } from "./object_labels.ts";
+import { pick } from "./pick3d.ts";
 import { Points3d } from "./points3d.ts";
 import type { Selection } from "./selection.ts";
 import { ScreenBoxes } from "./screen_boxes.ts";
 import type { Space } from "./space.ts";
 import { Surroundings3d } from "./surroundings3d.ts";
-import { objectName } from "./words.ts";
 
 /** What can be switched on and off. */
 export type Layer = Which | "cameras" | "given" | "path" | "points" | "grid" | "names";
@@ -53,10 +53,12 @@ export class View3d {
   private size: [number, number] = [0, 0];
   /** Whether the view is still where it opened: then it is fitted again when its size changes. */
   private isFirst = true;
-  /** Whether one looks, or last looked, through the camera of the selected frame. */
+  /** Whether the image of the selected frame stands behind the objects, as its camera sees it. */
   private isCameraView = false;
-  /** The object that was under the pointer at the first click of two. */
-  private clicked = -1;
+  /** Whether one looks through that camera, and has not turned away. */
+  private isThrough = false;
+  /** The object and the camera, -1 for none, that were under the pointer at the first click of two. */
+  private clicked = { object: -1, frame: -1 };
   private readonly redraw = oncePerPicture(() => this.draw());
 
   /** @throws when the browser has no WebGL 2 */
@@ -118,8 +120,8 @@ export class View3d {
     onTheme(() => this.paint());
     selection.onChange((now, before) => {
       if (now.frame !== before.frame) {
-        if (this.isCameraView) this.lookFromCamera();
-        else this.cameras.select(now.frame, false);
+        if (this.isThrough) this.lookFromCamera();
+        else this.cameras.select(now.frame, this.isCameraView);
       }
       if (now.object !== before.object) this.paint();
       this.redraw();
@@ -175,10 +177,11 @@ export class View3d {
   }
 
   /** Looks through the camera of the selected frame, whose image then stands behind the objects. */
-  lookFromCamera(): void {
+  lookFromCamera(atOnce = false): void {
     const pose = this.looks.frame(this.selection.frame, this.camera.aspect);
     if (pose === null) return;
-    this.look(pose);
+    this.look(pose, atOnce);
+    this.isThrough = true;
     this.setCameraView(true);
   }
 
@@ -197,10 +200,16 @@ export class View3d {
   }
 
   private look(pose: Pose, atOnce = false): void {
-    this.isFirst = false;
+    this.leave();
     this.setCameraView(false);
     if (atOnce) this.flight.jump(pose);
     else this.flight.to(pose);
+  }
+
+  /** Where one looks from is no longer a place that follows the size of the view and the selection. */
+  private leave(): void {
+    [this.isFirst, this.isThrough] = [false, false];
+    this.flight.stop();
   }
 
   private setCameraView(isCameraView: boolean): void {
@@ -221,8 +230,7 @@ export class View3d {
     controls.maxDistance = 40 * this.space.radius;
     controls.addEventListener("change", this.redraw);
     controls.addEventListener("start", () => {
-      this.isFirst = false;
-      this.flight.stop();
+      this.leave();
       // Who turns the view keeps the horizon level.
       this.camera.up.set(...this.space.up);
     });
@@ -230,10 +238,10 @@ export class View3d {
   }
 
   private onKey(event: KeyboardEvent): void {
-    this.flight.stop();
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "Home") this.home();
-    else if (event.key === "f" && this.selection.object >= 0) this.focus(this.selection.object);
-    else if (moveByKey(event, this.camera, this.controls.target, new THREE.Vector3(...this.space.up))) this.isFirst = false;
+    else if (event.key.toLowerCase() === "f" && this.selection.object >= 0) this.focus(this.selection.object);
+    else if (moveByKey(event, this.camera, this.controls.target, new THREE.Vector3(...this.space.up))) this.leave();
     else return;
     event.preventDefault();
     this.controls.update();
@@ -249,26 +257,18 @@ export class View3d {
       if (isClick && event.detail < 2) this.pick(event);
     });
     this.canvas.addEventListener("dblclick", () => {
-      if (this.clicked >= 0) this.focus(this.clicked);
+      if (this.clicked.object >= 0) this.focus(this.clicked.object);
+      else if (this.clicked.frame >= 0) this.lookFromCamera();
     });
   }
 
   private pick(event: MouseEvent): void {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    const place = new THREE.Vector2(
-      (2 * (event.clientX - left)) / width - 1,
-      1 - (2 * (event.clientY - top)) / height,
-    );
-    const ray = new THREE.Raycaster();
-    ray.setFromCamera(place, this.camera);
-    const object = this.layers.body.visible ? this.bodies.body.pick(ray) : -1;
-    this.clicked = object;
-    if (event.shiftKey && this.selection.object >= 0) {
-      this.measure.choose(object);
-      return;
-    }
-    const frame = this.layers.cameras.visible ? this.cameras.pick(place, this.camera, width, height, 8) : -1;
-    if (object < 0 && frame >= 0) this.selection.selectFrame(frame);
+    const bodies = this.layers.body.visible ? this.bodies.body : null;
+    const cameras = this.layers.cameras.visible ? this.cameras : null;
+    this.clicked = pick(event, this.canvas, this.camera, bodies, cameras);
+    const { object, frame } = this.clicked;
+    if (event.shiftKey && this.selection.object >= 0) this.measure.choose(object);
+    else if (object < 0 && frame >= 0) this.selection.selectFrame(frame);
     else this.selection.selectObject(object);
   }
 
@@ -307,29 +307,12 @@ export class View3d {
     const shown = this.filter.shows(object) ? object : -1;
     const lengths = highlight(this.chosen, this.report, shown, this.measure, this.space.origin, style);
     const axes = this.layers.grid.visible ? this.surroundings.names.map((name) => ({ ...name, must: false })) : [];
-    const names = this.showsNames ? this.names() : [];
+    const names = this.showsNames ? objectLabels(this.report, object, this.filter, this.colors, this.space.up) : [];
     // The selected object's name and lengths have the first choice of places.
     const own = names.findIndex(({ must }) => !must);
     const first = own < 0 ? names.length : own;
     this.labels.set([...names.slice(0, first), ...lengths, ...names.slice(first), ...axes]);
     this.redraw();
-  }
-
-  /** Names of the objects, the selected one first; of many only that one's. */
-  private names(): Label3d[] {
-    const { object: selected } = this.selection;
-    const all = this.report.objects.map((_, index) => index);
-    const wanted = all.filter((index) => index !== selected && this.filter.shows(index));
-    const named = [...(selected < 0 ? [] : [selected]), ...(all.length > MANY ? [] : wanted)];
-    return named.flatMap((index) => {
-      const object = this.report.objects[index];
-      const body = object?.body ?? object?.truth;
-      const center = body?.center ?? object?.center;
-      if (center == null) return [];
-      const at = body == null ? center : add(center, scale(this.space.up, Math.min(...body.half)));
-      const [text, color] = [objectName(this.report, index), this.colors.ofObject(index)];
-      return [{ text, at, color, must: index === selected, object: index }];
-    });
   }
 
   /** Fits the picture to its place. */
@@ -351,7 +334,10 @@ export class View3d {
 
   private draw(): void {
     // With the picture that follows, or the canvas would be seen empty.
-    if (this.resize() && this.isFirst) this.home(true);
+    if (this.resize()) {
+      if (this.isFirst) this.home(true);
+      else if (this.isThrough) this.lookFromCamera(true);
+    }
     // From the upper left behind the viewer: from the viewer's place itself, bodies would look flat.
     this.light.position.set(-0.7, 0.9, 1).applyQuaternion(this.camera.quaternion);
     this.renderer.render(this.world, this.camera);
