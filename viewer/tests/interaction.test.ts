@@ -222,6 +222,29 @@ test("through a camera its image stands behind the objects, and other frames fol
   await page.close();
 });
 
+test("a double click on a camera looks through it", async () => {
+  const { page } = await open(browser, "demo.html");
+  await page.getByRole("button", { name: "Everything", exact: true }).click();
+  // Without the bodies a click is on a camera, or on nothing.
+  await page.locator(".space").getByRole("checkbox", { name: "bodies", exact: true }).uncheck();
+  const stage = page.locator(".stage");
+  const box = (await stage.boundingBox())!;
+  const strip = page.locator(".strip");
+  const start = await strip.getAttribute("aria-activedescendant");
+  let found: [number, number] | null = null;
+  for (let y = 20; y < box.height && found === null; y += 14) {
+    for (let x = 20; x < box.width && found === null; x += 14) {
+      await page.mouse.click(box.x + x, box.y + y);
+      if ((await strip.getAttribute("aria-activedescendant")) !== start) found = [box.x + x, box.y + y];
+    }
+  }
+  assert.ok(found !== null, "a click has selected a camera");
+  const before = await pixels(page, stage);
+  await page.mouse.dblclick(...found);
+  assert.ok(difference(before, await pixels(page, stage)) > 0.3 * before.width * before.height);
+  await page.close();
+});
+
 test("pictures, bodies and the table are saved as files", async () => {
   const { page, problems } = await open(browser, "demo.html");
   const report = data("demo.html");
