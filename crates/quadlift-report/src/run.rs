@@ -44,7 +44,7 @@ pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
         Some(false) => say("self-check", "failed: see the top of the page".to_owned()),
         Some(true) => {
             let miss = number("/diagnosis/score").map_or(String::new(), |score| {
-                format!("; the centre of a box is typically off by {} of its half size", percent(score))
+                format!("; the center of a box is typically off by {} of its half size", percent(score))
             });
             say("self-check", format!("passed: boxes and camera poses agree{miss}"));
         }
@@ -65,7 +65,7 @@ pub fn run_overview(file: &SceneFile) -> Vec<(String, String)> {
         );
     }
     if let (Some(iou), Some(views)) = (number("/cross_validation/iou"), number("/cross_validation/views")) {
-        say("left-out views", format!("{views:.0} boxes predicted from the other views: mean IoU {iou:.2}"));
+        say("held-out views", format!("{views:.0} boxes predicted from the other views: mean IoU {iou:.2}"));
     }
     overview
 }
@@ -120,7 +120,7 @@ pub fn run_region(file: &SceneFile) -> String {
     let limit = calibrated_limit(file);
     match (objects, limit) {
         (Some(objects), Some(limit)) => format!(
-            "Region of 95 %, calibrated on {objects} objects of {results}: the centre of the tangent body of a \
+            "Region of 95 %, calibrated on {objects} objects of {results}: the center of the tangent body of a \
              similar object lies inside with a probability of at least 95 % (squared distance {limit:.2}, without \
              calibration {CHI2_95:.2})."
         ),
@@ -132,7 +132,7 @@ pub fn run_region(file: &SceneFile) -> String {
                 None => "not calibrated against ground truth".to_owned(),
             };
             format!(
-                "Region of 95 %, {why}: the centre of the tangent body lies inside for 95 % of the objects, if the \
+                "Region of 95 %, {why}: the center of the tangent body lies inside for 95 % of the objects, if the \
                  errors follow the scene's residuals. Errors common to all views of all objects, such as a wrong \
                  scale, are not included."
             )
@@ -210,7 +210,7 @@ mod tests {
             [
                 line(
                     "self-check",
-                    "passed: boxes and camera poses agree; the centre of a box is typically off by 2.9 % of its half \
+                    "passed: boxes and camera poses agree; the center of a box is typically off by 2.9 % of its half \
                      size"
                 ),
                 line("noise of box edges", "12 % of the box's half size, or 3.46 px"),
@@ -218,7 +218,7 @@ mod tests {
                 line("depths of near", "1.100 ± 0.011 of the true ones, shifted by -0.980 ± 0.050"),
                 line("lengths of the 3D boxes (car)", "1.080 ± 0.011 of the true ones"),
                 line("association", "153 of 160 detections assigned to 2 objects; 7 unassigned"),
-                line("left-out views", "26 boxes predicted from the other views: mean IoU 0.91"),
+                line("held-out views", "26 boxes predicted from the other views: mean IoU 0.91"),
             ]
         );
         let told = of(json!({"diagnosis": {"consistent": false, "score": 0.9, "causes": []}}));
