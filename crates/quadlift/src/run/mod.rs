@@ -6,6 +6,8 @@ mod check;
 mod input;
 mod options;
 mod pairs;
+#[cfg(test)]
+mod tests;
 
 pub use check::{Check, MAX_CORRECTIONS, diagnose_source, diagnose_unnamed};
 pub use input::Input;
