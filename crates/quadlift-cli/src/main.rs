@@ -126,7 +126,7 @@ fn main() -> ExitCode {
             // Best effort: the error has already been reported.
             let mut document = serde_json::json!({ "error": error::in_words(&error) });
             if let Some(error::InconsistentError { diagnosis, .. }) = error.downcast_ref() {
-                document["diagnosis"] = diagnosis.clone();
+                document["diagnosis"] = serde_json::json!(diagnosis);
             }
             let _ = out.document(&document);
             ExitCode::from(error::exit_code(&error))
