@@ -4,9 +4,10 @@
 
 use std::path::Path;
 
-use quadlift::LocalizeOptions;
 use quadlift::online::{ObjectMap, OnlineOptions};
+use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::{BodyKind, Method, Status};
+use quadlift::{LocalizeOptions, Unobserved};
 use quadlift_io::mcap::{LiveFrames, LiveOptions, McapOptions, Next, parse_mcap};
 use quadlift_io::read::arkit::{ArkitOptions, CaptureImages, FrameFile, parse_polycam, parse_record3d, parse_scanner};
 use quadlift_io::read::bop::{BopFiles, parse_bop};
@@ -31,6 +32,7 @@ use quadlift_io::read::opensfm::parse_opensfm;
 use quadlift_io::read::projections::parse_projections;
 use quadlift_io::read::tum::{TumOptions, parse_tum};
 use quadlift_io::read::{Import, PixelCenters, colmap};
+use quadlift_io::run::{FileInput, FileOptions, FileRun, run_file};
 use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
 use quadlift_io::stream::{FrameLine, StreamedScene, parse_line};
 use quadlift_io::{EntryError, ReadError};
@@ -340,9 +342,7 @@ fn localized_scene() -> SceneFile {
             ..DetectionRecord::default()
         });
     }
-    let scene = file.to_scene().unwrap();
-    let found = quadlift::localize(&scene, &LocalizeOptions::default()).unwrap();
-    SceneFile { detections: file.detections.clone(), ..file.localized(&scene, &found, serde_json::Value::Null) }
+    SceneFile { detections: file.detections.clone(), ..localized(file, LocalizeOptions::default()).unwrap().result() }
 }
 
 /// COCO's compressed runs: the mask has the pixels of the runs, and encoding gives the runs back.
@@ -484,24 +484,29 @@ pub fn localize(data: &[u8]) -> bool {
             ..DetectionRecord::default()
         });
     }
-    let Ok(scene) = file.to_scene() else { return false };
     let named: Method = Method::NAMES[usize::from(*method) % Method::NAMES.len()].parse().unwrap();
     let mut options = LocalizeOptions { accept_inconsistent: method & 64 != 0, ..LocalizeOptions::from(named) };
     let kinds = [None, Some(BodyKind::Ellipsoid), Some(BodyKind::Cuboid), Some(BodyKind::Cylinder)];
     if let Some(map) = options.method.map_options_mut() {
         map.body = kinds[usize::from(*body) % kinds.len()];
     }
-    let Ok(found) = quadlift::localize(&scene, &options) else { return false };
-    for estimate in &found.estimates {
+    let Some(found) = localized(file, options) else { return false };
+    for estimate in &found.localization().estimates {
         let center = estimate.center.iter().flat_map(|center| center.iter()).all(|x| x.is_finite());
         assert!(center, "{estimate:?}");
         assert!(estimate.status != Status::Ok || estimate.body.is_some(), "{estimate:?}");
     }
-    let result = file.localized(&scene, &found, serde_json::Value::Null);
     let mut bytes = Vec::new();
-    write_scene(&result, &mut bytes).unwrap();
+    write_scene(&found.result(), &mut bytes).unwrap();
     parse_scene_file(Path::new("result.json"), &bytes).unwrap().to_objects().unwrap();
     true
+}
+
+/// A run on a file, if it has a result.
+fn localized(file: SceneFile, localize: LocalizeOptions) -> Option<FileRun> {
+    let run = RunOptions { localize, associate: AssociateWhen::Never, ..RunOptions::default() };
+    let input = FileInput::corrected(file, Path::new("scene.json"), &[]).ok()?;
+    run_file(input, &FileOptions { run, ..FileOptions::default() }, &Unobserved).ok()
 }
 
 /// A camera at a distance of 10 that looks at the origin.

@@ -12,17 +12,15 @@ if ! command -v cargo >/dev/null; then
 fi
 # A changed snapshot is a failure here, never a file to be reviewed later.
 export INSTA_UPDATE=no
-# `quadlift reproduce` is a feature that is off by default. All scripts build the program with --workspace and this feature, so
-# that nothing is compiled twice (-p quadlift-cli alone gives its dependencies other features).
-features=(--features quadlift-cli/reproduce)
-cargo test --workspace "${features[@]}" --locked --no-run "$@"
-# A test that hangs is a failure: cargo names those that have been running for more than a minute. All of them take about
-# ten minutes of two cores.
+# Without -p: all scripts build the default members of the workspace, so that nothing is compiled twice (-p quadlift-cli alone
+# gives its dependencies other features). `bench` is not one of them: scripts/test_bench.sh.
+cargo test --locked --no-run "$@"
+# A test that hangs is a failure: cargo names those that have been running for more than a minute.
 limit=()
 if command -v timeout >/dev/null; then
     limit=(timeout --verbose --kill-after=30 "${QUADLIFT_TEST_MINUTES:-90}m")
 fi
-"${limit[@]}" cargo test --workspace "${features[@]}" --locked --no-fail-fast "$@"
+"${limit[@]}" cargo test --locked --no-fail-fast "$@"
 if [ $# -eq 0 ]; then
     scripts/test_examples.sh
 fi

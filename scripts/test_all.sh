@@ -8,6 +8,7 @@ cd "$(dirname "$0")/.."
 source scripts/sections.sh
 
 section "Rust tests" scripts/test.sh
+section "experiments" scripts/test_bench.sh
 section "Parquet" scripts/test_parquet.sh
 section "exports" scripts/test_exports.sh
 section "ROS 2" scripts/test_ros2.sh

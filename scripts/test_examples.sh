@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
-cargo build --workspace --examples --features quadlift-cli/reproduce --locked
+cargo build --examples --locked
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 

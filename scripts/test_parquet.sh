@@ -7,5 +7,4 @@ cd "$(dirname "$0")/.."
 feature=(-p quadlift-io -p quadlift-cli --features quadlift-cli/parquet --locked)
 cargo clippy "${feature[@]}" --all-targets -- -D warnings
 cargo test "${feature[@]}" --lib --test fuzz_seeds
-# The program without `reproduce`: the other tests have it.
-cargo test "${feature[@]}" --test program -- export reproduce
+cargo test "${feature[@]}" --test program -- export

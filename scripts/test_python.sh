@@ -15,7 +15,7 @@ rm -rf "$target/python-wheels"
 "$environment/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$target/python-wheels"
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps "$target/python-wheels"/quadlift-*.whl
 if [ -z "${QUADLIFT:-}" ]; then
-    cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked
+    cargo build --bin quadlift --locked
     export QUADLIFT="$target/debug/quadlift"
 fi
 "$environment/bin/ruff" format --check

@@ -23,7 +23,7 @@ rm -rf "$target/rerun-wheels"
 "$target/rerun-venv/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$target/rerun-wheels"
 "$python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$target/rerun-wheels"/quadlift-*.whl
 if [ -z "${QUADLIFT:-}" ]; then
-    cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked
+    cargo build --bin quadlift --locked
     QUADLIFT="$target/debug/quadlift"
 fi
 export QUADLIFT

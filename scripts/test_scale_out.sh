@@ -19,7 +19,7 @@ rm -rf "$wheels"
 "$environment/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$wheels"
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$wheels"/quadlift-*.whl
 if [ -z "${QUADLIFT:-}" ]; then
-    cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked
+    cargo build --bin quadlift --locked
     export QUADLIFT="$target/debug/quadlift"
 fi
 # Everything stays on this machine, and nobody is told.

@@ -16,7 +16,7 @@ if [ -z "${CHROMIUM:-}" ] && [ ! -x /usr/bin/chromium ]; then
 fi
 scripts/build_viewer.sh --check
 if [ -z "${QUADLIFT:-}" ]; then
-    cargo build --workspace --features quadlift-cli/reproduce --bin quadlift --locked
+    cargo build --bin quadlift --locked
 fi
 cd viewer
 rm -rf .tests

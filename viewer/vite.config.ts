@@ -1,4 +1,4 @@
-// One HTML file with everything in it; the licence of three.js, which is in it too, stands at its top. The content
+// One HTML file with everything in it; the license of three.js, which is in it too, stands at its top. The content
 // security policy names the one script by its hash: no other is ever run, whatever the data hold.
 
 import { createHash } from "node:crypto";

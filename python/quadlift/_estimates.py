@@ -140,9 +140,7 @@ class EstimateArrays:
             values: list[Any] = found[name]
             return values if in_order else [values[k] for k in order]
 
-        association, calibration = localized.association_json, localized.calibration_json
-        reasons = ("without_object", "occluded_or_truncated", "beyond_lens", "without_measurement")
-        skipped = zip(reasons, localized.skipped, strict=True)
+        record: dict[str, Any] = json.loads(localized.record_json)
         return cls(
             object_ids=object_ids[order],
             categories=items("categories"),
@@ -173,14 +171,14 @@ class EstimateArrays:
             inliers=found["inliers"],
             residuals=found["detection_residuals_px"],
             rejected_because=found["rejected_because"],
-            body=localized.body,
-            noise=json.loads(localized.noise_json),
-            cue_scales=json.loads(localized.cue_scales_json),
-            cross_validation=json.loads(localized.cross_validation_json),
-            calibration=None if calibration is None else json.loads(calibration),
-            skipped=dict(skipped),
-            diagnosis=json.loads(localized.diagnosis[0]),
-            association=None if association is None else json.loads(association),
+            body=record["body"],
+            noise=record["noise"],
+            cue_scales=record.get("cue_scales", []),
+            cross_validation=record["cross_validation"],
+            calibration=record.get("calibration"),
+            skipped=record["skipped"],
+            diagnosis=record["diagnosis"],
+            association=record.get("association"),
             problems=localized.problems,
             seconds=localized.seconds,
             _localized=localized,
@@ -195,7 +193,7 @@ class EstimateArrays:
 
     def _warned(self, stacklevel: int) -> Self:
         """The estimates, after a warning if the scene is inconsistent."""
-        warn_if_inconsistent(self.diagnosis, self._localized.diagnosis[1], stacklevel + 1)
+        warn_if_inconsistent(self.diagnosis, self._localized.problem, stacklevel + 1)
         return self
 
     def __len__(self) -> int:

@@ -4,6 +4,7 @@ import * as THREE from "three";
 import type { Body, Report, Vec3 } from "./data.ts";
 import { unitPoint, wireframe } from "./body_shape.ts";
 import { subtract } from "./linear.ts";
+import { isUnreliable } from "./words.ts";
 
 /** With more objects than this the view is drawn more simply. */
 export const MANY = 200;
@@ -38,10 +39,22 @@ export function unitGeometry(body: Body, bodies: number): THREE.BufferGeometry {
   return geometry;
 }
 
+/** Opacity of a body that its views do not agree with, between its dashed lines. */
+const UNRELIABLE_OPACITY = 0.16;
+
+/** The dashed wires of a body that its views do not agree with. */
+export function dashedWires(body: Body, origin: Vec3, color: string): THREE.LineSegments {
+  const size = Math.max(...body.half);
+  const material = new THREE.LineDashedMaterial({ color, dashSize: 0.12 * size, gapSize: 0.09 * size });
+  return lines(wireframe(body), origin, material).computeLineDistances();
+}
+
 /** How the bodies of a layer look. */
 export interface BodyStyle {
   opacity: number;
-  /** Colour of an object's body. */
+  /** Whether bodies that their views do not agree with are dashed. */
+  dashed?: boolean;
+  /** Color of an object's body. */
   color: (object: number) => string;
   /** Whether an object's body is shown. */
   shows: (object: number) => boolean;
@@ -68,11 +81,12 @@ export class BodyLayer {
     this.rebuild();
   }
 
-  /** Makes the bodies again, after what is shown or its colours have changed. */
+  /** Makes the bodies again, after what is shown or its colors have changed. */
   rebuild(): void {
     for (const child of this.group.children) {
       if (child instanceof THREE.InstancedMesh) child.dispose();
-      if (child instanceof THREE.Mesh) (child.material as THREE.Material).dispose();
+      if (child instanceof THREE.LineSegments) child.geometry.dispose();
+      if (child instanceof THREE.Mesh || child instanceof THREE.LineSegments) (child.material as THREE.Material).dispose();
     }
     this.group.clear();
     const shapes = new Map<string, { body: Body; object: number }[]>();
@@ -87,14 +101,28 @@ export class BodyLayer {
     for (const [shape, bodies] of shapes) {
       const geometry = this.geometry(shape, bodies[0]?.body);
       if (geometry === null) continue;
-      if (this.isMany) this.group.add(this.instances(geometry, bodies));
-      else for (const { body, object } of bodies) this.group.add(this.single(geometry, body, object));
+      const dashed = this.style.dashed ? bodies.filter(({ object }) => isUnreliable(this.report.objects[object])) : [];
+      const sound = bodies.filter((body) => !dashed.includes(body));
+      if (this.isMany && sound.length > 0) this.group.add(this.instances(geometry, sound));
+      if (!this.isMany) for (const { body, object } of sound) this.group.add(this.single(geometry, body, object));
+      for (const { body, object } of dashed) {
+        this.group.add(this.single(geometry, body, object, UNRELIABLE_OPACITY));
+        this.group.add(dashedWires(body, this.origin, this.style.color(object)));
+      }
     }
+  }
+
+  /** Makes the bodies more or less translucent. */
+  setOpacity(opacity: number): void {
+    if (opacity === this.style.opacity) return;
+    this.style.opacity = opacity;
+    this.rebuild();
   }
 
   /** The object whose body a ray meets first, or -1. */
   pick(ray: THREE.Raycaster): number {
-    const hit = ray.intersectObjects(this.group.children)[0];
+    const meshes = this.group.children.filter((child) => child instanceof THREE.Mesh);
+    const hit = ray.intersectObjects(meshes)[0];
     const objects = hit?.object.userData["objects"] as number[] | undefined;
     return objects?.[hit?.instanceId ?? 0] ?? -1;
   }
@@ -106,10 +134,15 @@ export class BodyLayer {
     return known;
   }
 
-  private single(geometry: THREE.BufferGeometry, body: Body, object: number): THREE.Mesh {
+  private single(
+    geometry: THREE.BufferGeometry,
+    body: Body,
+    object: number,
+    opacity: number = this.style.opacity,
+  ): THREE.Mesh {
     const color = this.style.color(object);
     const material = new THREE.MeshLambertMaterial({
-      color, transparent: true, opacity: this.style.opacity, depthWrite: false, depthTest: this.style.over !== true,
+      color, transparent: true, opacity, depthWrite: opacity > 0.8, depthTest: this.style.over !== true,
     });
     const mesh = new THREE.Mesh(geometry, material);
     // Sets position, rotation and scale: three.js sorts by the position.

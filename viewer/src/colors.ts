@@ -1,11 +1,11 @@
-// Colours of objects: by category (or by object where there are fewer than two categories), residual, uncertainty or
+// Colors of objects: by category (or by object where there are fewer than two categories), residual, uncertainty or
 // status. Who draws with them listens to changes.
 
 import type { Report, ReportObject } from "./data.ts";
 import { remarks, short } from "./words.ts";
 
-/** Paul Tol's bright scheme with four more (grey is for what belongs to no object): can be told apart on light and on
- * dark, the first eight with any colour vision. */
+/** Paul Tol's bright scheme with four more (gray is for what belongs to no object): can be told apart on light and on
+ * dark, the first eight with any color vision. */
 const PALETTE = [
   "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#ee8866",
   "#44bb99", "#9467bd", "#8c613c",
@@ -17,7 +17,7 @@ const STATUS = { ok: "#4477aa", weak: "#ccbb44", failed: "#aa3377", none: NONE }
 
 export type ColorMode = "category" | "object" | "residual" | "uncertainty" | "status";
 
-/** What the colours of a scale mean. */
+/** What the colors of a scale mean. */
 export interface ColorScale {
   low: string;
   high: string;
@@ -60,21 +60,21 @@ export class Colors {
     this.listeners.push(listener);
   }
 
-  /** The colour of an object; grey for -1, which is none. */
+  /** The color of an object; gray for -1, which is none. */
   ofObject(index: number): string {
     return this.ofObjects[index] ?? NONE;
   }
 
-  /** The colour of a category, whatever the mode. */
+  /** The color of a category, whatever the mode. */
   static ofCategory(category: number): string {
     return category < 0 ? NONE : (PALETTE[category % PALETTE.length] ?? NONE);
   }
 
-  /** Names and colours of the statuses. */
+  /** Names and colors of the statuses. */
   static readonly statuses: [string, string][] = [
     ["ok", STATUS.ok],
     ["ok, weak", STATUS.weak],
-    ["not localised", STATUS.failed],
+    ["not localized", STATUS.failed],
     ["no estimate", STATUS.none],
   ];
 
@@ -120,7 +120,7 @@ function statusColor(object: ReportObject): string {
   return remarks(object).length > 0 ? STATUS.weak : STATUS.ok;
 }
 
-/** The colour at a share of the scale, between its stops. */
+/** The color at a share of the scale, between its stops. */
 function onScale(share: number): string {
   const at = Math.min(Math.max(share, 0), 1) * (SCALE.length - 1);
   const k = Math.min(Math.floor(at), SCALE.length - 2);

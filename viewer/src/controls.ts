@@ -1,4 +1,4 @@
-// The bar above all: search, what colours mean, and the categories, which can be switched off.
+// The bar above all: search, what colors mean, and the categories, which can be switched off.
 
 import { Colors, type ColorMode } from "./colors.ts";
 import type { Report } from "./data.ts";
@@ -10,8 +10,8 @@ export function controls(report: Report, colors: Colors, filter: Filter): HTMLEl
   const shown = element("span", { class: "dim", role: "status" });
   const search = element("input", { type: "search", placeholder: "search objects", "aria-label": "Search objects" });
   search.addEventListener("input", () => filter.search(search.value));
-  const mode = element("select", { "aria-label": "Colours by" });
-  for (const [value, name] of colors.modes) mode.append(element("option", { value }, `colour by ${name}`));
+  const mode = element("select", { "aria-label": "Colors by" });
+  for (const [value, name] of colors.modes) mode.append(element("option", { value }, `color by ${name}`));
   mode.value = colors.mode;
   mode.addEventListener("change", () => colors.setMode(mode.value as ColorMode));
   const legend = element("span", { class: "scale" });
@@ -26,7 +26,7 @@ export function controls(report: Report, colors: Colors, filter: Filter): HTMLEl
   return [element("div", { class: "controls", role: "group", "aria-label": "What is shown" }, search, mode, legend, ...chips, shown)];
 }
 
-/** What the colours of a mode mean; those of categories stand in their chips. */
+/** What the colors of a mode mean; those of categories stand in their chips. */
 function legendOf(colors: Colors): Node[] {
   if (colors.mode === "status") {
     return Colors.statuses.map(([name, color]) => element("span", {}, swatch(color), name));

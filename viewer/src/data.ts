@@ -26,7 +26,7 @@ export interface Report {
   notes: string[];
   /** What is wrong with the scene as a whole, shown above all else. */
   banner: string | null;
-  /** What the drawn regions of the centres promise; null where no object has one. */
+  /** What the drawn regions of the centers promise; null where no object has one. */
   region: string | null;
 }
 
@@ -47,7 +47,7 @@ export interface Frame {
 export interface GivenPose {
   /** World to pixels, 3x4 by rows. */
   projection: number[];
-  /** Distance between the given and the refined centre of the camera. */
+  /** Distance between the given and the refined center of the camera. */
   shift: number;
   /** Angle between the given and the refined axes of the camera in radians. */
   angle: number;
@@ -64,7 +64,7 @@ export interface Detections {
   rejections: [number, string][];
   /** x0, y0, x1, y1 of each; four nulls where there is no box. */
   box: (number | null)[];
-  /** Of those that have an ellipse: row, centre x, y, semi-axes, angle (radians). */
+  /** Of those that have an ellipse: row, center x, y, semi-axes, angle (radians). */
   ellipses: [number, number, number, number, number, number][];
   /** Of those that have a mask: row, height of its strips, and y (upper edge), x0, x1 of each run of pixels in them. */
   masks: [number, number, number[]][];
@@ -88,9 +88,9 @@ export interface ReportObject {
   /** How the estimation ended; null where none was made. */
   status: string | null;
   center: Vec3 | null;
-  /** Standard deviation of the centre per coordinate. */
+  /** Standard deviation of the center per coordinate. */
   centerSd: number | null;
-  /** The region of 95 % of the centre, see `Report.region`. */
+  /** The region of 95 % of the center, see `Report.region`. */
   centerShell: Body | null;
   body: Body | null;
   /** The larger body that holds the real object. */

@@ -42,7 +42,7 @@ export function onTheme(change: () => void): void {
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", change);
 }
 
-/** A colour of the style sheet. */
+/** A color of the style sheet. */
 export function themeColor(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }

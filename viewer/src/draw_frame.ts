@@ -6,7 +6,8 @@ import { drawTags, type Tag } from "./draw_tags.ts";
 import type { Region } from "./frame_region.ts";
 import { detectionExtent } from "./object_views.ts";
 import { outline, type Outline } from "./outline.ts";
-import { objectName } from "./words.ts";
+import { Pen } from "./pen.ts";
+import { isUnreliable, objectName } from "./words.ts";
 
 export interface FrameStyle {
   /** The part that is shown. */
@@ -25,9 +26,9 @@ export interface FrameStyle {
   shows: (object: number) => boolean;
   /** Index of the selected object, -1 for none: the others step back. */
   selected: number;
-  /** Colour of the sheet where there is no image. */
+  /** Color of the sheet where there is no image. */
   blank: string;
-  /** Colour of its edge. */
+  /** Color of its edge. */
   edge: string;
 }
 
@@ -98,7 +99,7 @@ export function drawFrame(
     const shape = body == null ? null : outline(frame.projection, body);
     if (!style.outlines || shape === null) continue;
     shapes.set(row, shape);
-    pen.body(shape, colors.ofObject(k), strength(k), k === style.selected);
+    pen.body(shape, colors.ofObject(k), strength(k), k === style.selected, isUnreliable(report.objects[k]));
   }
   for (const row of rows) {
     const k = object[row] ?? -1;
@@ -158,116 +159,6 @@ function drawDetections(
     if (ellipse !== undefined) pen.ellipse(ellipse, colors.ofObject(k), strength(k), rejected);
     const [, y0, x1] = detectionExtent(frame, row);
     if (rejected) pen.cross(x1, y0, strength(k));
-  }
-}
-
-/** Draws in pixels of the frame with lines whose width is in pixels of the screen. */
-class Pen {
-  constructor(
-    private readonly context: CanvasRenderingContext2D,
-    private readonly scale: number,
-    private readonly line: number,
-  ) {}
-
-  body(shape: Outline, color: string, strength: number, strong: boolean): void {
-    this.path(shape.border);
-    this.context.globalAlpha = (strong ? 0.45 : 0.3) * strength;
-    this.context.fillStyle = color;
-    this.context.fill();
-    this.stroke(color, strength, strong ? 2.2 : 1, []);
-    if (shape.lines.length > 0) {
-      this.context.beginPath();
-      for (const [a, b] of shape.lines) {
-        this.context.moveTo(a[0] * this.scale, a[1] * this.scale);
-        this.context.lineTo(b[0] * this.scale, b[1] * this.scale);
-      }
-      this.stroke(color, strength, strong ? 1.4 : 0.7, []);
-    }
-  }
-
-  /** The edges of a measured 3D box, dashed: those of estimated bodies are solid. */
-  box3d(shape: Outline, color: string, strength: number): void {
-    this.context.beginPath();
-    for (const [a, b] of shape.lines) {
-      this.context.moveTo(a[0] * this.scale, a[1] * this.scale);
-      this.context.lineTo(b[0] * this.scale, b[1] * this.scale);
-    }
-    if (this.line > 1) this.stroke("#000000", 0.4 * strength, 1.8, [6, 3]);
-    this.stroke(color, strength, 1, [6, 3]);
-  }
-
-  mask(runs: number[], height: number, color: string, strength: number): void {
-    const s = this.scale;
-    this.context.globalAlpha = 0.5 * strength;
-    this.context.fillStyle = color;
-    this.context.beginPath();
-    for (let k = 0; k + 2 < runs.length; k += 3) {
-      const [y, x0, x1] = [runs[k] ?? 0, runs[k + 1] ?? 0, runs[k + 2] ?? 0];
-      this.context.rect(x0 * s, y * s, (x1 - x0) * s, height * s);
-    }
-    this.context.fill();
-    this.context.globalAlpha = 1;
-  }
-
-  truth(shape: Outline, strength: number): void {
-    this.path(shape.border);
-    this.stroke("#ffffff", 0.7 * strength, 1.6, []);
-    this.path(shape.border);
-    this.stroke("#000000", strength, 0.8, [2, 3]);
-  }
-
-  box([x0, y0, x1, y1]: number[], color: string, strength: number, rejected: boolean): void {
-    const s = this.scale;
-    this.context.beginPath();
-    this.context.rect((x0 ?? 0) * s, (y0 ?? 0) * s, ((x1 ?? 0) - (x0 ?? 0)) * s, ((y1 ?? 0) - (y0 ?? 0)) * s);
-    this.measurement(color, strength, rejected);
-  }
-
-  ellipse([x, y, a, b, angle]: number[], color: string, strength: number, rejected: boolean): void {
-    const s = this.scale;
-    this.context.beginPath();
-    this.context.ellipse((x ?? 0) * s, (y ?? 0) * s, (a ?? 0) * s, (b ?? 0) * s, angle ?? 0, 0, 2 * Math.PI);
-    this.measurement(color, strength, rejected);
-  }
-
-  /** The sign of a rejected detection: a white cross on a dark disc. */
-  cross(x: number, y: number, strength: number): void {
-    const [cx, cy, r] = [x * this.scale, y * this.scale, this.line > 1 ? 7 : 4];
-    this.context.beginPath();
-    this.context.arc(cx, cy, r, 0, 2 * Math.PI);
-    this.context.globalAlpha = strength;
-    this.context.fillStyle = "#8c0010";
-    this.context.fill();
-    this.context.beginPath();
-    const d = 0.45 * r;
-    for (const s of [-1, 1]) {
-      this.context.moveTo(cx - d, cy - s * d);
-      this.context.lineTo(cx + d, cy + s * d);
-    }
-    this.stroke("#ffffff", strength, 1.2, []);
-  }
-
-  /** A dark line under the coloured one, so that it can be seen on any image; rejected ones are dashed. */
-  private measurement(color: string, strength: number, rejected: boolean): void {
-    if (this.line > 1) this.stroke("#000000", 0.5 * strength, 2.2, []);
-    if (rejected) this.stroke("#ffffff", 0.8 * strength, 1.2, []);
-    this.stroke(color, strength, 1.2, rejected ? [5, 5] : []);
-  }
-
-  private path(points: [number, number][]): void {
-    this.context.beginPath();
-    for (const [x, y] of points) this.context.lineTo(x * this.scale, y * this.scale);
-    this.context.closePath();
-  }
-
-  private stroke(color: string, alpha: number, width: number, dash: number[]): void {
-    this.context.globalAlpha = alpha;
-    this.context.strokeStyle = color;
-    this.context.lineWidth = width * this.line;
-    this.context.setLineDash(dash);
-    this.context.stroke();
-    this.context.setLineDash([]);
-    this.context.globalAlpha = 1;
   }
 }
 

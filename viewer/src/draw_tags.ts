@@ -1,13 +1,13 @@
-// Names beside the detections of a frame, placed so that they do not cover each other.
+// Names beside the detections of a frame, placed so that they cover neither each other nor objects.
 
 import type { Region } from "./frame_region.ts";
-import { placeLabels } from "./place_labels.ts";
+import { placeLabels, type Box } from "./place_labels.ts";
 
 /** A name and the box it belongs to, in pixels of the frame. */
 export interface Tag {
   text: string;
   color: string;
-  box: [number, number, number, number];
+  box: Box;
   /** Whether it is drawn even where it covers another one. */
   must: boolean;
   strength: number;
@@ -16,6 +16,9 @@ export interface Tag {
 /** Beyond this many a picture is covered by names. */
 const MOST_TAGS = 80;
 const [SIZE, HEIGHT, PAD] = [12, 17, 4];
+
+/** Share of a tag that may lie over objects: their boxes are larger than they are. */
+const MAY_COVER = 0.2;
 
 /** Draws the tags into a picture of `region`; those that come first have the first choice of places. */
 export function drawTags(
@@ -34,14 +37,15 @@ export function drawTags(
     const isOutside = !(x1 > 0 && x0 < width && y1 > 0 && y0 < height);
     return isOutside ? [] : [{ tag, x0, x1, y0, y1, width: context.measureText(tag.text).width + 2 * PAD }];
   });
+  const objects = shown.map(({ x0, y0, x1, y1 }): Box => [x0, y0, x1, y1]);
   const wishes = shown.map(({ tag, x0, x1, y0, y1, width: own }) => {
     const places: [number, number][] = [
       [x0 - 1, y0 - HEIGHT - 1], [x0 - 1, y1 + 1], [x1 - own + 1, y0 - HEIGHT - 1], [x1 - own + 1, y1 + 1],
-      [x1 + 2, y0], [x0 - own - 2, y0], [x0 + 1, y0 + 1], [x1 + 2, y1 - HEIGHT], [x0 - own - 2, y1 - HEIGHT],
+      [x1 + 2, y0], [x0 - own - 2, y0], [x1 + 2, y1 - HEIGHT], [x0 - own - 2, y1 - HEIGHT],
     ];
-    return { width: own, height: HEIGHT, places, must: tag.must };
+    return { width: own, height: HEIGHT, places, must: tag.must, mayCover: MAY_COVER };
   });
-  placeLabels(wishes, width, height).forEach((place, k) => {
+  placeLabels(wishes, width, height, objects).forEach((place, k) => {
     const tag = shown[k]?.tag;
     if (place === null || tag === undefined) return;
     const own = wishes[k]?.width ?? 0;

@@ -25,7 +25,7 @@ export function frameTable(report: Report, selection: Selection, colors: Colors,
   const { objects, frames } = report;
   // Largest residual of the frame, for bars.
   let largest = 1;
-  const state = (row: Measured): string => (row.object < 0 ? "of no object" : viewState(row.state, row.reason));
+  const state = (row: Measured): string => (row.object < 0 ? "unassigned" : viewState(row.state, row.reason));
   const unit = report.lengthUnit === null ? "" : ` [${report.lengthUnit}]`;
   // Most scenes have no depths.
   const depths: Column<Measured>[] = frames.some((frame) => frame.detections.depths.length > 0)

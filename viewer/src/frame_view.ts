@@ -4,10 +4,12 @@ import { REJECTED, type Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
 import { detectionAt, drawFrame, type FrameImages } from "./draw_frame.ts";
 import { element, fitCanvas, oncePerPicture, onTheme, themeColor } from "./dom.ts";
+import { downloadButton, png } from "./download.ts";
 import type { Filter } from "./filter.ts";
 import { detectedRegion, objectRegion, wholeFrame, type Region } from "./frame_region.ts";
+import { FrameZoom } from "./frame_zoom.ts";
 import type { Selection } from "./selection.ts";
-import { count, movedInWords, objectName, short, viewState } from "./words.ts";
+import { count, isUnreliable, movedInWords, objectName, short, viewState } from "./words.ts";
 
 /** Milliseconds that a frame is shown while they are played. */
 const STEP = 250;
@@ -24,7 +26,11 @@ export class FrameView {
   private readonly play = element("button", { type: "button" }, "▶ Play");
   private timer = 0;
   private readonly redraw = oncePerPicture(() => this.draw());
-  private readonly zoom = element("input", { type: "checkbox" });
+  private readonly focus = element("input", { type: "checkbox" });
+  private readonly reset = element("button", { type: "button", title: "show the whole image (Home)" }, "Reset");
+  private readonly zoom: FrameZoom;
+  /** The part that was chosen by wheel, drag or keys. */
+  private part: Region | null = null;
   private readonly switches = new Map<string, HTMLInputElement>();
 
   constructor(
@@ -37,24 +43,31 @@ export class FrameView {
     this.canvas.setAttribute("role", "img");
     this.play.addEventListener("click", () => this.togglePlay());
     this.play.hidden = report.frames.length < 2;
-    const zoom = element("label", { title: "show the selected object large" }, this.zoom, " zoom in");
-    this.zoom.addEventListener("change", this.redraw);
+    const focus = element("label", { title: "show the selected object large (also: double click)" }, this.focus, " Focus");
+    this.focus.addEventListener("change", () => this.showPart(null, this.focus.checked));
+    this.reset.addEventListener("click", () => this.showPart(null));
+    this.zoom = new FrameZoom(this.canvas, () => this.whole(), () => this.region(), (part) => this.showPart(part));
+    const save = downloadButton(report, "PNG", "download the image as PNG", "image.png", () => png(this.canvas));
     this.element = element(
       "section",
       { class: "picture", "aria-label": "Frame" },
-      element("header", {}, this.title, this.moved, element("span", {}, zoom, " ", this.play)),
+      element("header", {}, this.title, this.moved, element("span", { class: "looks" }, focus, this.reset, this.play, save)),
       this.sheet,
       this.legend(),
     );
     this.canvas.addEventListener("click", (event) => {
-      const row = this.rowAt(event);
-      this.selection.selectInFrame(this.frame()?.detections.object[row] ?? -1);
+      if (this.zoom.wasDragged || event.detail > 1) return;
+      this.selection.selectInFrame(this.frame()?.detections.object[this.rowAt(event)] ?? -1);
     });
+    // The first of both clicks has selected what is there.
+    this.canvas.addEventListener("dblclick", () => this.showPart(null, this.selection.object >= 0));
     this.canvas.addEventListener("pointermove", (event) => this.showTip(event));
     this.canvas.addEventListener("pointerleave", () => (this.tip.hidden = true));
     new ResizeObserver(this.redraw).observe(this.sheet);
     selection.onChange((now, before) => {
       if (now.frame !== before.frame) this.fill();
+      const [size, last] = [now, before].map(({ frame }) => this.report.frames[frame]?.size.join());
+      if (size !== last) this.part = null;
       this.tip.hidden = true;
       this.fillZoom();
       this.redraw();
@@ -100,8 +113,11 @@ export class FrameView {
     if (some(({ state }) => state.includes(REJECTED))) {
       say("rejected", "rejected", "outliers: detections that the estimator rejected because they contradict the others");
     }
+    if (objects.some(isUnreliable)) {
+      say("unreliable", "inconsistent", "bodies that do not agree with their views; do not rely on them");
+    }
     if (some(({ object }) => object.includes(-1))) {
-      say("nobody", "of no object", "detections without an object: false positives, or objects with too few views");
+      say("nobody", "unassigned", "detections without an object: false positives, or objects with too few views");
     }
     return list;
   }
@@ -125,10 +141,23 @@ export class FrameView {
     this.canvas.setAttribute("aria-label", `Frame ${frame.id}: ${count(number, "detection")} and outlines of the bodies`);
   }
 
-  /** Zooming in needs an object. */
+  /** Shows a part of the image: what the selected object takes of it, this one, or all. */
+  private showPart(part: Region | null, isFocus = false): void {
+    this.focus.checked = isFocus;
+    this.part = part;
+    this.tip.hidden = true;
+    this.fillZoom();
+    this.redraw();
+  }
+
+  /** Focusing needs an object, and resetting a part that is shown. */
   private fillZoom(): void {
-    this.zoom.disabled = this.selection.object < 0;
-    this.zoom.parentElement?.classList.toggle("dim", this.zoom.disabled);
+    this.focus.disabled = this.selection.object < 0;
+    this.focus.parentElement?.classList.toggle("dim", this.focus.disabled);
+    const isPart = this.part !== null || (this.focus.checked && !this.focus.disabled);
+    this.reset.disabled = !isPart;
+    // A finger on the whole image scrolls the page.
+    this.canvas.classList.toggle("part", isPart);
   }
 
   private togglePlay(): void {
@@ -173,12 +202,19 @@ export class FrameView {
     });
   }
 
-  /** The part of the frame that is shown; of a blank sheet that with the detections. */
+  /** The part of the frame that is shown. */
   private region(): Region | null {
     const frame = this.frame();
     if (frame === undefined) return null;
-    const zoomed = this.zoom.checked ? objectRegion(frame, this.report, this.selection.object) : null;
-    return zoomed ?? (frame.image === null ? detectedRegion(frame) : wholeFrame(frame));
+    const focused = this.focus.checked ? objectRegion(frame, this.report, this.selection.object) : null;
+    return focused ?? this.part ?? this.whole();
+  }
+
+  /** All that there is to see of the frame; of a blank sheet the part with the detections. */
+  private whole(): Region | null {
+    const frame = this.frame();
+    if (frame === undefined) return null;
+    return frame.image === null ? detectedRegion(frame) : wholeFrame(frame);
   }
 
   /** The row of the detection under the pointer, or -1. */
@@ -192,6 +228,10 @@ export class FrameView {
 
   /** Says what the pointer is over, and why that was rejected. */
   private showTip(event: PointerEvent): void {
+    if (event.buttons !== 0) {
+      this.tip.hidden = true;
+      return;
+    }
     const frame = this.frame();
     const row = this.rowAt(event);
     this.tip.hidden = frame === undefined || row < 0;

@@ -3,12 +3,12 @@
 
 import * as THREE from "three";
 import type { Report, Vec3 } from "./data.ts";
-import { lines, placement, unitGeometry } from "./bodies3d.ts";
+import { dashedWires, lines, placement, unitGeometry } from "./bodies3d.ts";
 import { wireframe, worldFromUnit } from "./body_shape.ts";
 import type { Label3d } from "./labels3d.ts";
 import { add, scale } from "./linear.ts";
 import type { Measure } from "./measure.ts";
-import { withUnit } from "./words.ts";
+import { isUnreliable, withUnit } from "./words.ts";
 
 /** How the highlight is drawn. */
 export interface HighlightStyle {
@@ -42,19 +42,23 @@ export function highlight(
   };
   const { body } = object;
   if (body !== null) {
-    const material = new THREE.MeshLambertMaterial({ color: style.color, transparent: true, opacity: 0.55, depthWrite: false });
+    const unreliable = isUnreliable(object);
+    const material = new THREE.MeshLambertMaterial({
+      color: style.color, transparent: true, opacity: unreliable ? 0.25 : 0.55, depthWrite: false,
+    });
     const mesh = new THREE.Mesh(unitGeometry(body, 1), material);
     mesh.applyMatrix4(placement(body, origin));
     mesh.renderOrder = 1;
     group.add(mesh);
-    draw(wireframe(body), style.accent);
+    if (unreliable) group.add(dashedWires(body, origin, style.accent));
+    else draw(wireframe(body), style.accent);
     // Its axes, from one end to the other.
     const place = worldFromUnit(body);
     const ends = [0, 1, 2].map((k) => [-1, 1].map((s) => place([0, 1, 2].map((j) => (j === k ? s : 0)) as Vec3)));
     draw(ends as [Vec3, Vec3][], style.ink);
     ends.forEach(([, end], k) => {
       const text = withUnit(2 * (body.half[k] ?? 0), report.lengthUnit);
-      if (end !== undefined) labels.push({ text, at: end, must: false });
+      if (end !== undefined) labels.push({ text, at: end, must: false, mayStandApart: true });
     });
   }
   for (const other of object.alternatives) draw(wireframe(other.body), style.ink);

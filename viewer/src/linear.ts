@@ -49,6 +49,8 @@ export function column(m: Matrix3, j: number): Vec3 {
 /** Where a camera is and which way its pixels look. */
 export interface Viewpoint {
   center: Vec3;
+  /** Unit axes in the world: to the right, down and forward. */
+  axes: [Vec3, Vec3, Vec3];
   /** The direction of a pixel's ray, with length one. */
   direction(x: number, y: number): Vec3;
 }
@@ -63,5 +65,7 @@ export function viewpoint(projection: number[]): Viewpoint | null {
   const last = (i: number): number => projection[4 * i + 3] ?? NaN;
   const center = solve([-last(0), -last(1), -last(2)]);
   if (!center.every(Number.isFinite)) return null;
-  return { center, direction: (x, y) => unit(solve([x, y, 1]), [0, 0, 1]) };
+  const forward = unit(c, [0, 0, 1]);
+  const down = unit(subtract(b, scale(forward, dot(b, forward))), [0, 1, 0]);
+  return { center, axes: [cross(down, forward), down, forward], direction: (x, y) => unit(solve([x, y, 1]), [0, 0, 1]) };
 }

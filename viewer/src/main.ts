@@ -3,16 +3,20 @@
 import "./style.css";
 import { Colors } from "./colors.ts";
 import { controls } from "./controls.ts";
+import { objectsCsv } from "./csv.ts";
 import { readReport, REJECTED, type Report } from "./data.ts";
 import { element } from "./dom.ts";
+import { downloadButton } from "./download.ts";
 import { FrameImages } from "./draw_frame.ts";
 import { Filter } from "./filter.ts";
 import { frameTable } from "./frame_table.ts";
 import { FrameView } from "./frame_view.ts";
+import { followLinks, selectedBy } from "./links.ts";
 import { Measure } from "./measure.ts";
 import { objectDetails } from "./object_details.ts";
 import { objectTable } from "./object_table.ts";
 import { bestFrame } from "./object_views.ts";
+import { separators } from "./panes.ts";
 import { scores, settings, warnings } from "./panels.ts";
 import { Selection } from "./selection.ts";
 import { spacePanel } from "./space_panel.ts";
@@ -26,7 +30,7 @@ function summary(report: Report): string {
   const parts = [count(report.frames.length, "frame")];
   parts.unshift(
     estimated.length > 0
-      ? `${ok} of ${count(estimated.length, "object")} localised`
+      ? `${ok} of ${count(estimated.length, "object")} localized`
       : count(report.objects.length, "object"),
   );
   const rejected = report.frames.reduce(
@@ -46,7 +50,10 @@ function show(page: HTMLElement, report: Report): void {
   document.title = `${report.title} – quadlift`;
   const withObjects = report.frames.findIndex(({ detections }) => detections.object.length > 0);
   const frame = report.frames.length === 0 ? -1 : Math.max(0, withObjects);
-  const selection = new Selection({ object: -1, frame }, (object) => bestFrame(report, object));
+  const start = { object: -1, frame };
+  const best = (object: number): number => bestFrame(report, object);
+  const selection = new Selection(selectedBy(location.hash, report, start, best), best);
+  followLinks(report, selection, start, best);
   const colors = new Colors(report);
   const filter = new Filter(report);
   const measure = new Measure(report, selection);
@@ -59,13 +66,15 @@ function show(page: HTMLElement, report: Report): void {
     const table = frameTable(report, selection, colors, filter);
     parts.push(element("div", { class: "frames" }, picture, table), strip);
   }
-  const look = view === null ? null : (index: number): void => view.lookAt(index);
+  const look = view === null ? null : (index: number): void => view.focus(index);
   const details = objectDetails(report, selection, colors, measure, look);
+  const csv = (): Blob => new Blob([objectsCsv(report, (k) => filter.shows(k))], { type: "text/csv" });
+  const save = downloadButton(report, "CSV", "download the table of objects as CSV", "objects.csv", csv);
   const objects = report.objects.length === 0 ? element("p", { class: "dim" }, "There are no objects.") : element(
     "section",
     { "aria-label": "Objects" },
-    element("h2", {}, "Objects"),
-    objectTable(report, selection, colors, filter),
+    element("header", {}, element("h2", {}, "Objects"), save),
+    objectTable(report, selection, colors, filter, look),
   );
   const banner = report.banner === null ? [] : [element("p", { class: "banner", role: "alert" }, report.banner)];
   const [w, h] = report.frames[0]?.size ?? [4, 3];
@@ -74,6 +83,8 @@ function show(page: HTMLElement, report: Report): void {
   page.classList.toggle("columns", report.frames.length > 0 && !isWide);
   const views = element("div", { class: isWide ? "views wide" : "views" }, ...parts);
   views.style.setProperty("--aspect", `${w / h}`);
+  const [middle, below] = separators(page, views, isWide);
+  panel.after(...[middle, ...(report.frames.length > 0 ? [below] : [])].flatMap((line) => line ?? []));
   page.replaceChildren(
     element(
       "header",

@@ -31,7 +31,7 @@ export class Measure {
     this.chosen = other === this.selection.object ? -1 : other;
     this.list.value = `${this.chosen}`;
     const line = this.line();
-    this.result.textContent = line === null ? "" : `${line.text} between the centres`;
+    this.result.textContent = line === null ? "" : `${line.text} between the centers`;
     for (const listener of this.listeners) listener();
   }
 

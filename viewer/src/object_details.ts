@@ -9,7 +9,7 @@ import { viewsOf, type ViewOf } from "./object_views.ts";
 import { overview } from "./overview.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
-import { alternativeInWords, extents, objectName, remarks, short, statusName, viewState, withUnit } from "./words.ts";
+import { alternativeInWords, extents, objectName, remarks, short, statusName, viewState, withLabels, withUnit } from "./words.ts";
 
 /** `look` turns the 3D view to an object. */
 export function objectDetails(
@@ -35,7 +35,7 @@ export function objectDetails(
     clear.addEventListener("click", () => selection.selectObject(-1));
     const buttons = [clear];
     if (look !== null) {
-      const near = element("button", { type: "button" }, "Look at it");
+      const near = element("button", { type: "button", title: "look at it from near (also: double click)" }, "Focus");
       near.addEventListener("click", () => look(selection.object));
       buttons.unshift(near);
     }
@@ -45,7 +45,9 @@ export function objectDetails(
       const text = "Other bodies fit the views about as well; they are drawn as wireframes while the object is selected.";
       place.append(element("p", { class: "dim" }, text));
     }
-    for (const remark of remarks(object)) place.append(element("p", { class: "remark" }, remark));
+    for (const remark of remarks(object)) {
+      place.append(element("p", { class: "remark" }, withLabels(report, remark)));
+    }
     if (object.center !== null && report.objects.some((other) => other !== object && other.center !== null)) {
       place.append(measure.element);
     }
@@ -79,10 +81,10 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
     ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),
     ["body", object.body === null ? "none" : object.body.kind],
     ["size", object.body === null ? "–" : `${extents(object.body)} ${unit}`],
-    ["centre", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${unit}`],
+    ["center", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${unit}`],
     ...(object.centerSd === null
       ? []
-      : [["centre uncertainty", `± ${withUnit(object.centerSd, lengthUnit)} along each axis`] as [string, string]]),
+      : [["center uncertainty", `± ${withUnit(object.centerSd, lengthUnit)} along each axis`] as [string, string]]),
     ["residual", object.residual === null ? "–" : `${short(object.residual)} px over ${object.viewsUsed} views`],
     ...(object.misfit === null
       ? []
@@ -92,7 +94,7 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
       : [["other bodies", object.alternatives.map(alternativeInWords).join("; ")] as [string, string]]),
     ...(object.predictedIou === null
       ? []
-      : [["left-out views", `predicted by the others with IoU ${object.predictedIou.toFixed(2)}`] as [string, string]]),
+      : [["held-out views", `predicted by the others with IoU ${object.predictedIou.toFixed(2)}`] as [string, string]]),
   ];
 }
 

@@ -7,7 +7,14 @@ import type { Selection } from "./selection.ts";
 import { Table, type Column } from "./table.ts";
 import { extents, objectName, remarks, score, short, statusName } from "./words.ts";
 
-export function objectTable(report: Report, selection: Selection, colors: Colors, filter: Filter): HTMLElement {
+/** `look` turns the 3D view to an object. */
+export function objectTable(
+  report: Report,
+  selection: Selection,
+  colors: Colors,
+  filter: Filter,
+  look: ((object: number) => void) | null,
+): HTMLElement {
   const { objects, categories, lengthUnit, scores } = report;
   const unit = ` [${lengthUnit ?? "units"}]`;
   const largest = Math.max(...objects.map((object) => object.residual ?? 0), 1e-9);
@@ -37,19 +44,19 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
     },
     {
       title: `size${unit}`,
-      hint: "full extents along the axes; sorted by volume",
+      hint: "full extents along the axes, the largest first; sorted by volume",
       value: (k) => (objects[k] ? size(objects[k]) : null),
       text: (k) => extents(objects[k]?.body ?? null),
       number: true,
       secondary: true,
     },
     {
-      title: `centre\u00a0±${unit}`,
-      hint: "uncertainty of the centre: standard deviation along each axis",
+      title: `center\u00a0±${unit}`,
+      hint: "uncertainty of the center: standard deviation along each axis",
       value: (k) => objects[k]?.centerSd ?? null,
       text: (k) => short(objects[k]?.centerSd ?? null),
       number: true,
-      secondary: true,
+      minor: true,
     },
     {
       title: "residual [px]",
@@ -72,12 +79,12 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
   ];
   if (objects.some((object) => object.predictedIou !== null)) {
     columns.push({
-      title: "left-out IoU",
+      title: "held-out IoU",
       hint: "how well the other views predict the box of each view: mean intersection over union with the measured box",
       value: (k) => objects[k]?.predictedIou ?? null,
       text: (k) => objects[k]?.predictedIou?.toFixed(2) ?? "–",
       number: true,
-      secondary: true,
+      minor: true,
     });
   }
   // Objects whose names tell their category need it only once.
@@ -92,7 +99,7 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
     const value = (k: number): number | null => values.get(k) ?? null;
     columns.push({ title: first.title, value, text: (k) => score(value(k), first), number: true });
   }
-  const table = new Table<number>("Objects", columns, (k) => selection.selectObject(k));
+  const table = new Table<number>("Objects", columns, (k) => selection.selectObject(k), look);
   const keys = objects.map((_, k) => k);
   table.show(keys, keys);
   filter.onChange(() => table.filter((k) => filter.shows(k)));
@@ -100,5 +107,7 @@ export function objectTable(report: Report, selection: Selection, colors: Colors
   selection.onChange((now, before) => {
     if (now.object !== before.object) table.mark(now.object);
   });
+  // A link may have selected one before the table is in its place.
+  requestAnimationFrame(() => table.mark(selection.object));
   return table.element;
 }

@@ -36,7 +36,7 @@ export function outline(projection: number[], body: Body): Outline | null {
 }
 
 /**
- * The ellipse of an ellipsoid: the dual conic `M A M^T - h h^T` with `A` the shape matrix and `h` the projected centre
+ * The ellipse of an ellipsoid: the dual conic `M A M^T - h h^T` with `A` the shape matrix and `h` the projected center
  * (PfD equation 3); as points on it.
  */
 function ellipsoidOutline(projection: number[], body: Body): Point[] | null {

@@ -3,22 +3,33 @@
 
 import { REJECTED, USED, type Report } from "./data.ts";
 import { element, factList } from "./dom.ts";
-import { count, statusName } from "./words.ts";
+import { count, isUnreliable, statusName, withLabels } from "./words.ts";
 
 export function overview(report: Report): HTMLElement {
   const guide = [
     "Select an object in the table, the 3D view or the image to open the frame that shows it best.",
     "The closer the filled outline lies to the box, the better the body explains that view (residual, in pixels).",
     ...(report.objects.some((object) => object.centerShell !== null)
-      ? ["The orange shell around a centre is its 95 % confidence region, which is often tiny."]
+      ? ["The orange shell around a center is its 95 % confidence region, which is often tiny."]
       : []),
-    "Drag to rotate, right button or two fingers to pan, wheel to zoom. Everything also works with the keyboard: Tab, arrows, Enter.",
+    ...(report.objects.some(isUnreliable)
+      ? ["Dashed and hatched bodies are inconsistent: they do not agree with their views. Do not rely on them."]
+      : []),
+    "3D view: drag to rotate, right button or two fingers to pan, wheel to zoom. Image: wheel to zoom, drag to pan.",
+    "Double-click an object, or press Focus, to see it from near. The address of the page follows the selection.",
+    "Everything also works with the keyboard: Tab, arrows, plus, minus, Enter.",
+  ];
+  const facts: [string, string][] = [
+    ...objectCounts(report),
+    ...viewCounts(report),
+    ["unit of length", report.lengthUnit ?? "not given by the scene"],
+    ...report.overview.map(([name, text]): [string, string] => [name, withLabels(report, text)]),
   ];
   return element(
     "div",
     { class: "overview" },
     element("h2", {}, "Overview"),
-    factList([...objectCounts(report), ...viewCounts(report), ...report.overview]),
+    factList(facts),
     element("h2", {}, "How to read this page"),
     element("ul", {}, ...guide.map((text) => element("li", {}, text))),
   );
@@ -48,7 +59,7 @@ function viewCounts(report: Report): [string, string][] {
   const parts = [
     ...(used > 0 ? [`${used} used`] : []),
     ...(rejected > 0 ? [`${rejected} rejected (✕)`] : []),
-    ...(nobody > 0 ? [`${nobody} of no object (grey)`] : []),
+    ...(nobody > 0 ? [`${nobody} unassigned (gray)`] : []),
     ...(other > 0 ? [`${other} without an estimate`] : []),
   ];
   const frames = report.frames.length === 0 ? "" : ` in ${count(report.frames.length, "frame")}`;

@@ -5,7 +5,7 @@ import type { Colors } from "./colors.ts";
 import { element, factList } from "./dom.ts";
 import type { Selection } from "./selection.ts";
 import { Table, type Column } from "./table.ts";
-import { count, objectName, remarks, score, statusName } from "./words.ts";
+import { count, objectName, remarks, score, statusName, withLabels } from "./words.ts";
 
 /** Objects whose warnings are listed at once; the rest is in the table. */
 const MOST_LISTED = 100;
@@ -19,7 +19,7 @@ function panel(title: string, open: boolean, ...content: Node[]): HTMLElement {
 
 export function warnings(report: Report, selection: Selection): HTMLElement[] {
   const list = element("ul", { class: "warnings" });
-  for (const note of report.notes) list.append(element("li", {}, note));
+  for (const note of report.notes) list.append(element("li", {}, withLabels(report, note)));
   const remarked = report.objects.flatMap((object, index) => {
     const texts = object.status === null ? [] : remarks(object);
     return texts.length > 0 ? [{ index, texts }] : [];
@@ -27,7 +27,7 @@ export function warnings(report: Report, selection: Selection): HTMLElement[] {
   for (const { index, texts } of remarked.slice(0, MOST_LISTED)) {
     const name = element("button", { type: "button", class: "link" }, objectName(report, index));
     name.addEventListener("click", () => selection.selectObject(index));
-    list.append(element("li", {}, name, `: ${texts.join("; ")}`));
+    list.append(element("li", {}, name, `: ${withLabels(report, texts.join("; "))}`));
   }
   if (remarked.length > MOST_LISTED) {
     list.append(element("li", {}, `and ${count(remarked.length - MOST_LISTED, "more object")}: see the table`));
@@ -77,6 +77,7 @@ export function scores(report: Report, selection: Selection, colors: Colors): HT
   ];
   const table = new Table<number>("Scores against the truth", columns, (object) => selection.selectObject(object));
   table.show(scores.rows.map((_, k) => k), scores.rows.map((row) => row.object));
+  table.mark(selection.object);
   colors.onChange(() => table.recolor());
   selection.onChange((now, before) => {
     if (now.object !== before.object) table.mark(now.object);

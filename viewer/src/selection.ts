@@ -35,6 +35,11 @@ export class Selection {
     this.change({ ...this.selected, object });
   }
 
+  /** Selects both, as a link names them. */
+  select(selected: Selected): void {
+    this.change(selected);
+  }
+
   selectFrame(frame: number): void {
     this.change({ ...this.selected, frame });
   }

@@ -57,7 +57,7 @@ function corners(body: Body): Vec3[] {
   return [0, 1, 2, 3, 4, 5, 6, 7].map((k) => place([k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1]));
 }
 
-/** How far a body reaches from its centre along a direction, as an ellipsoid. */
+/** How far a body reaches from its center along a direction, as an ellipsoid. */
 function reachAlong(body: Body, direction: Vec3): number {
   const rotation = rotationMatrix(body.rotation);
   return Math.hypot(...[0, 1, 2].map((k) => (body.half[k] ?? 0) * dot(column(rotation, k), direction)));

@@ -3,20 +3,22 @@
 
 import type { Report } from "./data.ts";
 import type { Colors } from "./colors.ts";
+import { downloadButton, png } from "./download.ts";
 import { element } from "./dom.ts";
 import type { Filter } from "./filter.ts";
+import { bodiesGlb } from "./glb.ts";
 import type { Measure } from "./measure.ts";
 import type { Selection } from "./selection.ts";
 import { makeSpace } from "./space.ts";
 import { View3d, type Layer } from "./view3d.ts";
-import { count } from "./words.ts";
+import { count, isUnreliable } from "./words.ts";
 
 /** Layer, name, sign, what it is. */
 const LAYERS: [Layer, string, string, string][] = [
   ["body", "bodies", "outline", "the estimated bodies"],
   ["truth", "truth", "wires", "the true bodies, as wires"],
   ["enclosing", "enclosing bodies", "enclosing", "larger bodies that contain the whole real object"],
-  ["centerShell", "uncertainty", "shell", "95 % confidence region of the centre"],
+  ["centerShell", "uncertainty", "shell", "95 % confidence region of the center"],
   ["names", "names", "name", "names of the objects"],
   ["cameras", "cameras", "camera", "the cameras; the camera of the current frame shows its image"],
   ["given", "given poses", "given", "the cameras before their poses were refined, with lines to the refined ones"],
@@ -47,18 +49,31 @@ export function spacePanel(
   view.canvas.setAttribute(
     "aria-label",
     `${count(report.objects.length, "object")} and ${count(report.frames.length, "camera")} in space. Arrow keys rotate, ` +
-      "with shift they pan, plus and minus zoom, Home resets the view.",
+      "with shift they pan, plus and minus zoom, F focuses the selected object, Home resets the view.",
   );
-  panel.prepend(element("header", {}, element("h2", {}, "In space"), lookButtons(report, view)));
+  const buttons = lookButtons(report, view);
+  const save = downloadButton(report, "PNG", "download the 3D view as PNG", "3d.png", () => png(view.picture()));
+  buttons.append(save);
+  if (report.objects.some((object) => object.body !== null)) {
+    buttons.append(downloadButton(report, "GLB", "download the bodies as GLB (binary glTF)", "bodies.glb", () => {
+      const file = bodiesGlb(report, (object) => filter.shows(object), (object) => colors.ofObject(object));
+      return new Blob([file], { type: "model/gltf-binary" });
+    }));
+  }
+  panel.prepend(element("header", {}, element("h2", {}, "3D view"), buttons));
   const legend = element("p", { class: "legend" });
   for (const [layer, name, sign, hint] of LAYERS) {
     if (!view.has(layer)) continue;
     const box = element("input", { type: "checkbox" });
     box.checked = view.isShown(layer);
     box.addEventListener("change", () => view.show(layer, box.checked));
-    const text = layer === "grid" ? `grid of ${view.gridStep} ${report.lengthUnit ?? "units"}` : name;
+    const text = layer === "grid" ? `grid of ${view.gridStep} ${report.lengthUnit ?? (view.gridStep === 1 ? "unit" : "units")}` : name;
     const title = layer === "centerShell" && report.region !== null ? report.region : hint;
     legend.append(element("label", { title }, box, element("span", { class: `sign ${sign}` }), text));
+  }
+  if (report.objects.some(isUnreliable)) {
+    const title = "bodies that do not agree with their views; do not rely on them";
+    legend.append(element("span", { title }, element("span", { class: "sign unreliable" }), "inconsistent"));
   }
   if (!space.upIsKnown) {
     const title = "the scene has no up direction; it is estimated from the orientation of the cameras";
@@ -78,7 +93,7 @@ function lookButtons(report: Report, view: View3d): HTMLElement {
     ["Top", "look from above", () => view.lookFrom("top")],
     ["Front", "look from the front, along the ground", () => view.lookFrom("front")],
     ...(report.frames.length > 0
-      ? [["Camera", "look from the camera of the current frame", () => view.lookFromCamera()] as [string, string, () => void]]
+      ? [["Camera", "look through the camera of the current frame, with its image behind the objects", () => view.lookFromCamera()] as [string, string, () => void]]
       : []),
   ];
   const buttons = looks.map(([name, title, look]) => {

@@ -38,6 +38,8 @@ export class Strip {
       if (item !== null) selection.selectFrame(Number(item.dataset["frame"]));
     });
     new ResizeObserver(this.redraw).observe(this.element);
+    // A link may have selected another frame than the first one.
+    requestAnimationFrame(() => this.reveal());
     selection.onChange((now, before) => {
       if (now.object !== before.object) this.forget();
       if (now.frame !== before.frame) this.reveal();

@@ -12,9 +12,9 @@ export interface Column<Row> {
   text: (row: Row) => string;
   /** Whether the cells hold numbers, which stand to the right. */
   number?: boolean;
-  /** Class of a cell, for colours. */
+  /** Class of a cell, for colors. */
   style?: (row: Row) => string;
-  /** Colour of a mark before the text. */
+  /** Color of a mark before the text. */
   mark?: (row: Row) => string;
   /** Whether the column is left out in narrow windows; the selected object's text has it too. */
   secondary?: boolean;
@@ -34,11 +34,12 @@ export class Table<Row> {
   private sorted: { column: number; down: boolean } | null = null;
   private selected = -1;
 
-  /** `select` is called with the key of the row that is clicked or entered. */
+  /** `select` is called with the key of the row that is clicked or entered, `focus` where it is clicked twice. */
   constructor(
     label: string,
     private readonly columns: Column<Row>[],
     private readonly select: (key: number) => void,
+    focus: ((key: number) => void) | null = null,
   ) {
     const line = element("tr", { role: "row" });
     columns.forEach((column, index) => {
@@ -57,6 +58,10 @@ export class Table<Row> {
       const key = this.keyOf(event.target);
       if (key !== null) this.select(key);
     });
+    this.body.addEventListener("dblclick", (event) => {
+      const key = this.keyOf(event.target);
+      if (key !== null) focus?.(key);
+    });
     this.body.addEventListener("keydown", (event) => this.onKey(event));
   }
 
@@ -66,7 +71,7 @@ export class Table<Row> {
     this.arrange();
   }
 
-  /** Gives the marks their colours again. */
+  /** Gives the marks their colors again. */
   recolor(): void {
     this.columns.forEach((column, index) => {
       if (column.mark === undefined) return;

@@ -2,38 +2,43 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import type { Report, Vec3 } from "./data.ts";
+import type { Report } from "./data.ts";
 import { BodyLayer, MANY, bodyWires, type Which } from "./bodies3d.ts";
 import { Cameras3d } from "./cameras3d.ts";
 import type { Colors } from "./colors.ts";
 import { oncePerPicture, onTheme, themeColor } from "./dom.ts";
 import type { Filter } from "./filter.ts";
-import { fitView } from "./fit_view.ts";
+import { Flight, type Pose } from "./flight.ts";
 import { highlight } from "./highlight3d.ts";
 import { moveByKey } from "./keys3d.ts";
-import { Labels3d, type Label3d } from "./labels3d.ts";
-import { add, dot, scale, subtract, unit } from "./linear.ts";
+import { Labels3d } from "./labels3d.ts";
+import { FOV, Looks, type Side } from "./looks3d.ts";
 import type { Measure } from "./measure.ts";
+import { objectLabels } from "./object_labels.ts";
+import { pick } from "./pick3d.ts";
 import { Points3d } from "./points3d.ts";
 import type { Selection } from "./selection.ts";
-import { firstLook, planeAxes, type Space } from "./space.ts";
+import { ScreenBoxes } from "./screen_boxes.ts";
+import type { Space } from "./space.ts";
 import { Surroundings3d } from "./surroundings3d.ts";
-import { objectName } from "./words.ts";
 
 /** What can be switched on and off. */
 export type Layer = Which | "cameras" | "given" | "path" | "points" | "grid" | "names";
 
-/** From where one looks. */
-export type Side = "free" | "top" | "front";
+/** Opacity of the bodies, and when one looks through a camera, so that its image is seen behind them. */
+const [SOLID, SHEER] = [0.9, 0.45];
 
 export class View3d {
   readonly canvas: HTMLCanvasElement;
   readonly gridStep: number;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly world = new THREE.Scene();
-  private readonly camera = new THREE.PerspectiveCamera(40, 1, 0.01, 1000);
+  private readonly camera = new THREE.PerspectiveCamera(FOV, 1, 0.01, 1000);
   private readonly controls: OrbitControls;
-  private readonly light = new THREE.DirectionalLight("#ffffff", 1.8);
+  private readonly flight: Flight;
+  private readonly looks: Looks;
+  private readonly boxes: ScreenBoxes | null;
+  private readonly light = new THREE.DirectionalLight("#ffffff", 2.2);
   private readonly bodies: Record<"body" | "enclosing" | "centerShell", BodyLayer>;
   private readonly truth = new THREE.Group();
   private readonly cameras: Cameras3d;
@@ -48,6 +53,12 @@ export class View3d {
   private size: [number, number] = [0, 0];
   /** Whether the view is still where it opened: then it is fitted again when its size changes. */
   private isFirst = true;
+  /** Whether the image of the selected frame stands behind the objects, as its camera sees it. */
+  private isCameraView = false;
+  /** Whether one looks through that camera, and has not turned away. */
+  private isThrough = false;
+  /** The object and the camera, -1 for none, that were under the pointer at the first click of two. */
+  private clicked = { object: -1, frame: -1 };
   private readonly redraw = oncePerPicture(() => this.draw());
 
   /** @throws when the browser has no WebGL 2 */
@@ -70,9 +81,9 @@ export class View3d {
     place.append(this.canvas, this.labels.element);
     const shows = (object: number): boolean => filter.shows(object);
     const layer = (which: Which, opacity: number, color: (object: number) => string, over = false): BodyLayer =>
-      new BodyLayer(report, which, origin, { opacity, color, shows, over });
+      new BodyLayer(report, which, origin, { opacity, color, shows, over, dashed: which === "body" });
     this.bodies = {
-      body: layer("body", 0.62, (object) => this.colorOf(object)),
+      body: layer("body", SOLID, (object) => this.colorOf(object)),
       enclosing: layer("enclosing", 0.16, () => "#8a8a8a"),
       centerShell: layer("centerShell", 0.5, () => "#ff9a00", true),
     };
@@ -95,24 +106,32 @@ export class View3d {
     this.layers.path.visible = this.cameras.isTrack;
     // Hundreds of shells are hard to see and cost as much time as the bodies.
     this.layers.centerShell.visible = report.objects.length <= MANY;
-    this.world.add(new THREE.HemisphereLight("#ffffff", "#8d8d99", 1.6), this.light, this.chosen);
+    // Boxes of hundreds of objects would leave no place for a label.
+    this.boxes = report.objects.length <= MANY ? new ScreenBoxes(report, origin) : null;
+    this.world.add(new THREE.HemisphereLight("#ffffff", "#70707c", 1.2), this.light, this.chosen);
     this.world.add(...Object.values(this.layers));
     this.controls = this.makeControls();
+    this.flight = new Flight(this.camera, this.controls, this.redraw);
+    this.looks = new Looks(report, space, () => this.cameras.points(), this.controls.minDistance);
     this.canvas.addEventListener("keydown", (event) => this.onKey(event));
     this.listenToClicks();
     new ResizeObserver(this.redraw).observe(place);
     this.refilter();
     onTheme(() => this.paint());
     selection.onChange((now, before) => {
-      if (now.frame !== before.frame) this.cameras.select(now.frame);
+      if (now.frame !== before.frame) {
+        if (this.isThrough) this.lookFromCamera();
+        else this.cameras.select(now.frame, this.isCameraView);
+      }
       if (now.object !== before.object) this.paint();
       this.redraw();
     });
     colors.onChange(() => this.paint());
     filter.onChange(() => this.refilter());
     measure.onChange(() => this.paintChosen());
-    this.cameras.select(selection.frame);
-    this.home();
+    this.cameras.select(selection.frame, false);
+    this.resize();
+    this.home(true);
   }
 
   has(layer: Layer): boolean {
@@ -135,83 +154,69 @@ export class View3d {
   }
 
   /** Looks where one looks at first: at the objects; without any, at the cameras. */
-  home(): void {
+  home(atOnce = false): void {
+    this.look(this.looks.side("free", this.camera.aspect), atOnce);
     this.isFirst = true;
-    this.lookFrom("free");
   }
 
   /** Looks at the objects from a side. */
   lookFrom(side: Side): void {
-    this.isFirst = side === "free";
-    const objects = this.space.objectPoints;
-    this.fit(objects.length > 0 ? objects : this.cameras.points(), this.direction(side));
+    this.look(this.looks.side(side, this.camera.aspect));
   }
 
   /** Looks at everything. */
   lookAtAll(): void {
-    this.isFirst = false;
-    this.fit([...this.space.objectPoints, ...this.cameras.points()], this.direction("free"));
+    this.look(this.looks.everything(this.camera.aspect));
   }
 
   /** Looks at an object from where one is, from near. */
-  lookAt(index: number): void {
-    const object = this.report.objects[index];
-    const body = object?.body ?? object?.truth;
-    const center = body?.center ?? object?.center;
-    if (center == null) return;
-    this.isFirst = false;
-    const direction = this.camera.position.clone().sub(this.controls.target).normalize();
-    const reach = body == null ? 0.2 * this.space.objectRadius : 1.4 * Math.max(...body.half);
-    const axes: Vec3[] = [[reach, 0, 0], [0, reach, 0], [0, 0, reach]];
-    this.fit(axes.flatMap((axis) => [add(center, axis), subtract(center, axis)]), [direction.x, direction.y, direction.z]);
+  focus(index: number): void {
+    const { x, y, z } = this.camera.position.clone().sub(this.controls.target).normalize();
+    const pose = this.looks.object(index, [x, y, z], this.camera.aspect);
+    if (pose !== null) this.look(pose);
   }
 
-  /** Looks from the camera of the selected frame. */
-  lookFromCamera(): void {
-    const view = this.space.viewpoints[this.selection.frame];
-    const size = this.report.frames[this.selection.frame]?.size;
-    if (view == null || size === undefined) return;
-    this.isFirst = false;
-    const [forward, below] = [view.direction(size[0] / 2, size[1] / 2), view.direction(size[0] / 2, size[1])];
-    const half = Math.acos(Math.min(1, dot(forward, below)));
-    const depth = Math.max(0.1 * this.space.objectRadius, -dot(forward, subtract(view.center, this.space.origin)));
-    const target = add(view.center, scale(forward, depth));
-    // The picture of this view may be narrower than that of the camera.
-    const wide = Math.max(1, size[0] / size[1] / this.camera.aspect);
-    const back = (depth * wide * Math.tan(half)) / Math.tan((this.camera.fov * Math.PI) / 360);
-    this.controls.target.set(...subtract(target, this.space.origin));
-    this.camera.position.set(...subtract(subtract(target, scale(forward, back)), this.space.origin));
-    this.controls.update();
-    this.redraw();
+  /** Looks through the camera of the selected frame, whose image then stands behind the objects. */
+  lookFromCamera(atOnce = false): void {
+    const pose = this.looks.frame(this.selection.frame, this.camera.aspect);
+    if (pose === null) return;
+    this.look(pose, atOnce);
+    this.isThrough = true;
+    this.setCameraView(true);
   }
 
-  private direction(side: Side): Vec3 {
-    const free = firstLook(this.space);
-    if (side === "free") return free;
-    const { up } = this.space;
-    if (side === "top") return unit(add(up, scale(this.flat(free), 1e-3)), up);
-    return this.flat(free);
+  /** The view as a picture with its labels. */
+  picture(): HTMLCanvasElement {
+    this.draw();
+    const picture = document.createElement("canvas");
+    [picture.width, picture.height] = [this.canvas.width, this.canvas.height];
+    const context = picture.getContext("2d");
+    if (context === null) return picture;
+    context.fillStyle = themeColor("--paper");
+    context.fillRect(0, 0, picture.width, picture.height);
+    context.drawImage(this.canvas, 0, 0);
+    this.labels.drawOn(context, this.renderer.getPixelRatio());
+    return picture;
   }
 
-  /** A direction without its part along `up`, along the nearest axis of the plane across it. */
-  private flat(direction: Vec3): Vec3 {
-    const [a, b] = planeAxes(this.space.up);
-    const [x, y] = [dot(direction, a), dot(direction, b)];
-    return Math.abs(x) > Math.abs(y) ? scale(a, Math.sign(x)) : scale(b, Math.sign(y) || 1);
+  private look(pose: Pose, atOnce = false): void {
+    this.leave();
+    this.setCameraView(false);
+    if (atOnce) this.flight.jump(pose);
+    else this.flight.to(pose);
   }
 
-  /** Looks in a direction so that all of these points are in sight. */
-  private fit(points: Vec3[], from: Vec3): void {
-    this.resize();
-    const half = Math.tan((this.camera.fov * Math.PI) / 360);
-    const relative = points.map((point) => subtract(point, this.space.origin));
-    const [across, upwards] = [0.86 * half * this.camera.aspect, 0.8 * half];
-    const found = relative.length === 0
-      ? { target: [0, 0, 0] as Vec3, distance: 3 * this.space.radius }
-      : fitView(relative, from, this.space.up, [across, upwards]);
-    this.controls.target.set(...found.target);
-    this.camera.position.set(...add(found.target, scale(from, Math.max(found.distance, 2 * this.controls.minDistance))));
-    this.controls.update();
+  /** Where one looks from is no longer a place that follows the size of the view and the selection. */
+  private leave(): void {
+    [this.isFirst, this.isThrough] = [false, false];
+    this.flight.stop();
+  }
+
+  private setCameraView(isCameraView: boolean): void {
+    if (!isCameraView && !this.isCameraView) return;
+    this.isCameraView = isCameraView;
+    this.cameras.select(this.selection.frame, isCameraView);
+    this.bodies.body.setOpacity(isCameraView ? SHEER : SOLID);
     this.redraw();
   }
 
@@ -224,48 +229,50 @@ export class View3d {
     controls.minDistance = this.space.objectRadius / 100;
     controls.maxDistance = 40 * this.space.radius;
     controls.addEventListener("change", this.redraw);
-    controls.addEventListener("start", () => (this.isFirst = false));
+    controls.addEventListener("start", () => {
+      this.leave();
+      // Who turns the view keeps the horizon level.
+      this.camera.up.set(...this.space.up);
+    });
     return controls;
   }
 
   private onKey(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "Home") this.home();
-    else if (moveByKey(event, this.camera, this.controls.target, new THREE.Vector3(...this.space.up))) this.isFirst = false;
+    else if (event.key.toLowerCase() === "f" && this.selection.object >= 0) this.focus(this.selection.object);
+    else if (moveByKey(event, this.camera, this.controls.target, new THREE.Vector3(...this.space.up))) this.leave();
     else return;
     event.preventDefault();
     this.controls.update();
     this.redraw();
   }
 
-  /** A click selects what is under it, with shift it measures to it; a drag does neither. */
+  /** A click selects what is under it, with shift it measures to it, a second one focuses it; a drag does nothing. */
   private listenToClicks(): void {
     let down: [number, number] | null = null;
     this.canvas.addEventListener("pointerdown", (event) => (down = [event.clientX, event.clientY]));
-    this.canvas.addEventListener("pointerup", (event) => {
-      if (down !== null && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 4) this.pick(event);
-      down = null;
+    this.canvas.addEventListener("click", (event) => {
+      const isClick = down !== null && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 4;
+      if (isClick && event.detail < 2) this.pick(event);
+    });
+    this.canvas.addEventListener("dblclick", () => {
+      if (this.clicked.object >= 0) this.focus(this.clicked.object);
+      else if (this.clicked.frame >= 0) this.lookFromCamera();
     });
   }
 
   private pick(event: MouseEvent): void {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    const place = new THREE.Vector2(
-      (2 * (event.clientX - left)) / width - 1,
-      1 - (2 * (event.clientY - top)) / height,
-    );
-    const ray = new THREE.Raycaster();
-    ray.setFromCamera(place, this.camera);
-    const object = this.layers.body.visible ? this.bodies.body.pick(ray) : -1;
-    if (event.shiftKey && this.selection.object >= 0) {
-      this.measure.choose(object);
-      return;
-    }
-    const frame = this.layers.cameras.visible ? this.cameras.pick(place, this.camera, width, height, 8) : -1;
-    if (object < 0 && frame >= 0) this.selection.selectFrame(frame);
+    const bodies = this.layers.body.visible ? this.bodies.body : null;
+    const cameras = this.layers.cameras.visible ? this.cameras : null;
+    this.clicked = pick(event, this.canvas, this.camera, bodies, cameras);
+    const { object, frame } = this.clicked;
+    if (event.shiftKey && this.selection.object >= 0) this.measure.choose(object);
+    else if (object < 0 && frame >= 0) this.selection.selectFrame(frame);
     else this.selection.selectObject(object);
   }
 
-  /** The colour of a body; where one is selected, the others pale. */
+  /** The color of a body; where one is selected, the others pale. */
   private colorOf(object: number): string {
     const own = new THREE.Color(this.colors.ofObject(object));
     const { object: selected } = this.selection;
@@ -282,7 +289,7 @@ export class View3d {
     this.paintChosen();
   }
 
-  /** Colours for the theme and the selection. */
+  /** Colors for the theme and the selection. */
   private paint(): void {
     this.paper.set(themeColor("--paper"));
     this.wires.color.set(themeColor("--wire"));
@@ -300,28 +307,12 @@ export class View3d {
     const shown = this.filter.shows(object) ? object : -1;
     const lengths = highlight(this.chosen, this.report, shown, this.measure, this.space.origin, style);
     const axes = this.layers.grid.visible ? this.surroundings.names.map((name) => ({ ...name, must: false })) : [];
-    const names = this.showsNames ? this.names() : [];
+    const names = this.showsNames ? objectLabels(this.report, object, this.filter, this.colors, this.space.up) : [];
     // The selected object's name and lengths have the first choice of places.
     const own = names.findIndex(({ must }) => !must);
     const first = own < 0 ? names.length : own;
     this.labels.set([...names.slice(0, first), ...lengths, ...names.slice(first), ...axes]);
     this.redraw();
-  }
-
-  /** Names of the objects, the selected one first; of many only that one's. */
-  private names(): Label3d[] {
-    const { object: selected } = this.selection;
-    const all = this.report.objects.map((_, index) => index);
-    const wanted = all.filter((index) => index !== selected && this.filter.shows(index));
-    const named = [...(selected < 0 ? [] : [selected]), ...(all.length > MANY ? [] : wanted)];
-    return named.flatMap((index) => {
-      const object = this.report.objects[index];
-      const body = object?.body ?? object?.truth;
-      const center = body?.center ?? object?.center;
-      if (center == null) return [];
-      const at = body == null ? center : add(center, scale(this.space.up, Math.min(...body.half)));
-      return [{ text: objectName(this.report, index), at, color: this.colors.ofObject(index), must: index === selected }];
-    });
   }
 
   /** Fits the picture to its place. */
@@ -343,9 +334,14 @@ export class View3d {
 
   private draw(): void {
     // With the picture that follows, or the canvas would be seen empty.
-    if (this.resize() && this.isFirst) this.home();
-    this.light.position.copy(this.camera.position);
+    if (this.resize()) {
+      if (this.isFirst) this.home(true);
+      else if (this.isThrough) this.lookFromCamera(true);
+    }
+    // From the upper left behind the viewer: from the viewer's place itself, bodies would look flat.
+    this.light.position.set(-0.7, 0.9, 1).applyQuaternion(this.camera.quaternion);
     this.renderer.render(this.world, this.camera);
-    this.labels.place(this.camera, ...this.size);
+    const shows = (object: number): boolean => this.filter.shows(object);
+    this.labels.place(this.camera, ...this.size, this.boxes?.of(this.camera, ...this.size, shows) ?? []);
   }
 }

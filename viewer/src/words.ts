@@ -24,21 +24,59 @@ export function movedInWords(given: GivenPose, unit: string | null): string {
   return `moved by ${withUnit(given.shift, unit)}, ${short((180 / Math.PI) * given.angle)} deg`;
 }
 
+const labels = new WeakMap<Report, string[]>();
+
 /**
- * The name of an object on pictures: its id, or its category and its number where the id is one of an association
- * (object_0003).
+ * The label of an object, the same everywhere on the page: its category and its number where its id has one (of an
+ * association: object_0003), else its id.
  */
 export function objectName(report: Report, index: number): string {
-  const object = report.objects[index];
-  if (object === undefined) return "no object";
-  const category = report.categories[object.category];
-  const number = /^object_0*(\d+)$/.exec(object.id)?.[1];
-  return category === undefined || number === undefined ? object.id : `${category} ${number}`;
+  let known = labels.get(report);
+  if (known === undefined) {
+    const wished = report.objects.map((object) => {
+      const category = report.categories[object.category];
+      const number = /^(?:(.*?)[ _-]?)?0*(\d+)$/.exec(object.id);
+      const before = number?.[1] ?? "";
+      const isNumber = number !== null && ["", "object", category].includes(before);
+      return category === undefined || !isNumber ? object.id : `${category} ${number[2]}`;
+    });
+    // Two objects never have one label.
+    const times = new Map<string, number>();
+    for (const label of wished) times.set(label, (times.get(label) ?? 0) + 1);
+    known = report.objects.map(({ id }, k) => (times.get(wished[k] ?? "") === 1 ? (wished[k] ?? id) : id));
+    labels.set(report, known);
+  }
+  return known[index] ?? "unassigned";
 }
 
-/** Full extents of a body. */
+/** A text of the program with the labels of the objects in place of their ids. */
+export function withLabels(report: Report, text: string): string {
+  return text.replace(/\bobject_\d+\b/g, (id) => {
+    const index = report.objects.findIndex((object) => object.id === id);
+    return index < 0 ? id : objectName(report, index);
+  });
+}
+
+/** Full extents of a body, the largest first. */
+export function sortedExtents(body: Body): number[] {
+  return body.half.map((half) => 2 * half).sort((a, b) => b - a);
+}
+
+/** Full extents in words: with the same number of digits after the point, so that they can be compared. */
 export function extents(body: Body | null): string {
-  return body === null ? "–" : body.half.map((half) => short(2 * half)).join(" × ");
+  if (body === null) return "–";
+  const sizes = sortedExtents(body);
+  const [largest, smallest] = [sizes[0] ?? 0, sizes[2] ?? 0];
+  if (!(smallest >= 1e-4 && largest < 1e6)) return sizes.map(short).join(" × ");
+  // Three digits of the largest, two of the smallest.
+  const digits = (x: number, wanted: number): number => Math.max(0, wanted - 1 - Math.floor(Math.log10(x)));
+  const shared = Math.max(digits(largest, 3), digits(smallest, 2));
+  return sizes.map((size) => size.toFixed(shared)).join(" × ");
+}
+
+/** Whether an object's body is shown though its views do not agree with it. */
+export function isUnreliable(object: ReportObject | undefined): boolean {
+  return object != null && object.body !== null && object.status !== null && object.status !== "ok";
 }
 
 const STATUS: Record<string, string> = {
@@ -52,7 +90,7 @@ const STATUS: Record<string, string> = {
 
 const REASON: Record<string, string> = {
   inconsistent: "no body agrees with its views; the one shown is unreliable",
-  not_an_ellipsoid: "the best-fitting quadric is not an ellipsoid; only its centre is reported",
+  not_an_ellipsoid: "the best-fitting quadric is not an ellipsoid; only its center is reported",
   too_few_views: "it has fewer views than the method needs",
   degenerate: "its views do not determine it: they are all from the same position, or contradict each other",
   diverged: "no finite body in front of the cameras fits its views",
@@ -85,7 +123,7 @@ export function statusName(status: string | null): string {
 export function remarks(object: ReportObject): string[] {
   const reason = object.status === null ? undefined : REASON[object.status];
   const odd = object.oddView === null ? [] : [`the view ${object.oddView} contradicts the others`];
-  return [...(reason === undefined ? [] : [`not localised: ${reason}`]), ...object.warnings, ...odd];
+  return [...(reason === undefined ? [] : [`not localized: ${reason}`]), ...object.warnings, ...odd];
 }
 
 /** A score; angles are given in radians and shown in degrees, shares as they are. */

@@ -70,12 +70,14 @@ export interface Opened {
 export async function open(
   browser: Browser,
   path: string,
-  look: { width?: number; height?: number; dark?: boolean } = {},
+  look: { width?: number; height?: number; dark?: boolean; hash?: string; motion?: boolean } = {},
 ): Promise<Opened> {
   const context = await browser.newContext({
     viewport: { width: look.width ?? 1600, height: look.height ?? 1000 },
     colorScheme: look.dark ? "dark" : "light",
     hasTouch: (look.width ?? 1600) < 500,
+    // Flights of the 3D view would have to be waited for.
+    reducedMotion: look.motion ? "no-preference" : "reduce",
   });
   const page = await context.newPage();
   const problems: string[] = [];
@@ -89,7 +91,7 @@ export async function open(
     if (asked !== url && !asked.startsWith("data:") && !asked.startsWith("blob:")) problems.push(`request: ${asked}`);
   });
   const start = performance.now();
-  await page.goto(url);
+  await page.goto(url + (look.hash ?? ""));
   await page.waitForSelector("#page[data-ready]");
   // Two pictures later everything has been drawn once.
   await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
@@ -133,8 +135,8 @@ export function difference(a: Pixels, b: Pixels): number {
   return count;
 }
 
-/** Number of pixels that are clearly coloured: bodies are, paper, grid and text are not. */
-export function coloured(a: Pixels): number {
+/** Number of pixels that are clearly colored: bodies are, paper, grid and text are not. */
+export function colored(a: Pixels): number {
   let count = 0;
   for (let k = 0; k < a.data.length; k += 4) {
     const rgb = [a.data[k]!, a.data[k + 1]!, a.data[k + 2]!];

@@ -2,19 +2,22 @@
 
 use quadlift::association::Outcome as AssociationOutcome;
 use quadlift::run::Check;
-use quadlift_io::diagnosis::{Context, check_in_words, check_record};
+use quadlift_io::diagnosis::{Context, DiagnosisRecord};
 
 use crate::error::{InconsistentError, Outcome};
 use crate::output::Output;
 
 /// The error of a scene in which association finds nothing; `skipped` describes skipped detections.
 pub fn nothing_agrees(check: &Check, context: &Context, skipped: &str) -> InconsistentError {
-    let why = check_in_words(check, context)
+    let record = DiagnosisRecord::of(check, context);
+    let why = record
+        .in_words()
         .unwrap_or_else(|| "no common mistake explains it; see \"When it does not work\" in the manual".to_owned());
     let found = AssociationOutcome::NothingAgrees.text();
-    let mut diagnosis = check_record(check, context);
-    diagnosis["consistent"] = false.into();
-    InconsistentError { text: format!("no object was found: {found}{skipped}: {why}"), diagnosis }
+    InconsistentError {
+        text: format!("no object was found: {found}{skipped}: {why}"),
+        diagnosis: DiagnosisRecord { consistent: false, ..record },
+    }
 }
 
 /// Reports the problem of a scene and returns the outcome of the finished command. `accepted`: the user accepts an
@@ -27,7 +30,7 @@ pub fn tell(check: &Check, context: &Context, accepted: bool, title: &str, out: 
             100.0 * refined.miss
         ));
     }
-    match check_in_words(check, context) {
+    match DiagnosisRecord::of(check, context).in_words() {
         Some(words) if !check.diagnosis.consistent && !accepted => {
             out.error(&format!("{title}: the scene is inconsistent: {words}"));
             Outcome::Inconsistent

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use quadlift_io::diagnosis::DiagnosisRecord;
+
 /// The end of a command that could do its work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
@@ -30,7 +32,7 @@ pub struct InconsistentError {
     /// The problem, as text.
     pub text: String,
     /// The diagnosis, for `--json`.
-    pub diagnosis: serde_json::Value,
+    pub diagnosis: DiagnosisRecord,
 }
 
 impl fmt::Display for InconsistentError {

@@ -7,10 +7,8 @@ use quadlift::Localization;
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
 use quadlift::scene::Scene;
-use quadlift::solve::{
-    CueScale, DepthShift, Estimate, LearntCategorySize, Method, PosePointsReport, ScaledQuantity, SizePrior, Status,
-};
-use quadlift_io::run::FileOptions;
+use quadlift::solve::{Estimate, Method, Status};
+use quadlift_io::run::{CueScaleRecord, FileOptions, LearnedSizeRecord, PosePointsRecord, Quantity};
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
 
@@ -152,78 +150,64 @@ pub fn noise_levels(localization: &Localization) -> Option<String> {
 const USUAL_SCALES: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 /// The scales of the sources of depths and 3D boxes, one line each, and whether one is so far from 1 that a unit may be wrong.
-pub fn cue_scales(scene: &Scene, localization: &Localization) -> Vec<(String, bool)> {
-    let name = |found: &CueScale| found.source.and_then(|source| scene.cue_sources.get(source as usize));
-    let is_scaled_by_frame =
-        |found: &CueScale| found.source.is_some_and(|source| scene.scaled_by_frame.contains(&source));
-    let line = |found: &CueScale| {
-        let source = name(found).map_or(String::new(), |name| format!(" of {name}"));
-        let what = match found.quantity {
-            ScaledQuantity::BoxDistance => format!("distances of the 3D boxes{source}"),
-            ScaledQuantity::BoxSize { category, axis } => {
-                let category = category.map_or(String::new(), |category| format!(" ({})", scene.categories[category]));
-                format!("{} of the 3D boxes{source}{category}", ["lengths", "widths", "heights"][axis])
-            }
-            _ => format!("depths{source}"),
-        };
-        let sd = found.factor * found.log_sd;
-        let line = match found.shift {
-            Some(DepthShift { value, sd: shift_sd }) => {
+pub fn cue_scales(scene: &Scene, scales: &[CueScaleRecord]) -> Vec<(String, bool)> {
+    let scaled_by_frame: Vec<&str> =
+        scene.scaled_by_frame.iter().filter_map(|&source| Some(&**scene.cue_sources.get(source as usize)?)).collect();
+    let line = |found: &CueScaleRecord| {
+        let (what, factor, sd) = (found.what(), found.factor, found.factor * found.log_sd);
+        let line = match found.shift.zip(found.shift_sd) {
+            Some((value, shift_sd)) => {
                 let places = decimals(shift_sd, 2);
                 let shift =
                     format!("shifted by {value:+.places$} (standard deviations {sd:.3} and {shift_sd:.places$})");
-                format!("{what} are {:.3} of the true ones, {shift}", found.factor)
+                format!("{what} are {factor:.3} of the true ones, {shift}")
             }
-            None => format!("{what} are {:.3} of the true ones (standard deviation {sd:.3})", found.factor),
+            None => format!("{what} are {factor:.3} of the true ones (standard deviation {sd:.3})"),
         };
-        let is_length = !matches!(found.quantity, ScaledQuantity::BoxSize { .. });
-        let is_relative = found.quantity == ScaledQuantity::Depth && is_scaled_by_frame(found);
-        (line, is_length && !is_relative && !USUAL_SCALES.contains(&found.factor))
+        let may_be_odd = match found.quantity {
+            Quantity::Depth => !found.source.as_deref().is_some_and(|source| scaled_by_frame.contains(&source)),
+            Quantity::Box3dDistance => true,
+            Quantity::Box3dLength | Quantity::Box3dWidth | Quantity::Box3dHeight => false,
+        };
+        (line, may_be_odd && !USUAL_SCALES.contains(&factor))
     };
-    let is_of_frame = |found: &&CueScale| matches!(found.quantity, ScaledQuantity::DepthOfFrame { .. });
-    let (of_frames, others): (Vec<&CueScale>, Vec<&CueScale>) = localization.cue_scales.iter().partition(is_of_frame);
+    let (of_frames, others): (Vec<&CueScaleRecord>, Vec<_>) = scales.iter().partition(|found| found.frame.is_some());
     let mut lines: Vec<_> = others.into_iter().map(line).collect();
     for same in of_frames.chunk_by(|a, b| a.source == b.source) {
         let factor = |pick: fn(f64, f64) -> f64| same.iter().map(|found| found.factor).reduce(pick).unwrap_or(1.0);
-        let source = name(same[0]).map_or(String::new(), |name| format!(" of {name}"));
         let [least, most] = [factor(f64::min), factor(f64::max)];
-        lines.push((format!("depths{source} in single frames are {least:.3} to {most:.3} of the true ones"), false));
+        let what = same[0].what();
+        lines.push((format!("{what} in single frames are {least:.3} to {most:.3} of the true ones"), false));
     }
     lines
 }
 
-/// The sizes of categories that were learnt from the scene, one line each.
-pub fn learnt_sizes(scene: &Scene, localization: &Localization) -> Vec<String> {
-    let line = |found: &LearntCategorySize| {
-        let category = &scene.categories[found.category];
-        let objects = format!("{} ({})", count(found.objects, "object"), found.body);
-        let worth = found.well_determined;
-        let Some(SizePrior { mean, sd }) = found.size else {
-            return format!(
-                "{category}: no size is learnt from {objects}, worth {worth:.1} well-determined ones; they are too few or too different"
-            );
-        };
-        let extents = |x: [f64; 3]| x.map(|x| format!("{x:.3}")).join(" x ");
-        format!(
-            "{category}: size {} (standard deviations {}), learnt from {objects}, worth {worth:.1} well-determined ones",
-            extents(mean),
-            extents(sd)
-        )
+/// The size of a category that was learned from the scene, in one line.
+pub fn learned_size(found: &LearnedSizeRecord) -> String {
+    let LearnedSizeRecord { category, body, well_determined, .. } = found;
+    let objects = format!("{} ({body})", count(found.objects, "object"));
+    let worth = format!("{well_determined:.1} well-determined ones");
+    let Some((mean, sd)) = found.size.zip(found.size_sd) else {
+        return format!(
+            "{category}: no size is learnt from {objects}, worth {worth}; they are too few or too different"
+        );
     };
-    localization.learnt_sizes.iter().map(line).collect()
+    let extents = |x: [f64; 3]| x.map(|x| format!("{x:.3}")).join(" x ");
+    let (mean, sd) = (extents(mean), extents(sd));
+    format!("{category}: size {mean} (standard deviations {sd}), learnt from {objects}, worth {worth}")
 }
 
 /// The points from which poses were corrected beside the objects, in one line.
-pub fn pose_points(found: &PosePointsReport) -> String {
+pub fn pose_points(found: &PosePointsRecord) -> String {
     let pixels = |error: Option<f64>| error.map_or_else(|| "-".to_owned(), |error| format!("{error:.2} px"));
     format!(
         "poses: {} of {}, {}; median error {} as given, {} now; noise {}",
         count(found.points, "track"),
         count(found.scene_points, "point"),
         count(found.observations, "observation"),
-        pixels(found.given_error),
-        pixels(found.error),
-        pixels(found.noise)
+        pixels(found.given_error_px),
+        pixels(found.error_px),
+        pixels(found.noise_px)
     )
 }
 

@@ -35,7 +35,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     align, associate, calibrate, completions, demo, evaluate, export, import, import_detections, info, localize,
-    locate, render, reproduce, segment, stream, synth, view,
+    locate, render, segment, stream, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -100,7 +100,6 @@ enum Command {
     ImportDetections(import_detections::Args),
     Export(export::Args),
     Info(info::Args),
-    Reproduce(reproduce::Args),
     Completions(completions::Args),
 }
 
@@ -128,7 +127,7 @@ fn main() -> ExitCode {
             // Best effort: the error has already been reported.
             let mut document = serde_json::json!({ "error": error::in_words(&error) });
             if let Some(error::InconsistentError { diagnosis, .. }) = error.downcast_ref() {
-                document["diagnosis"] = diagnosis.clone();
+                document["diagnosis"] = serde_json::json!(diagnosis);
             }
             let _ = out.document(&document);
             ExitCode::from(error::exit_code(&error))
@@ -154,7 +153,6 @@ fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {
         Command::ImportDetections(args) => import_detections::run(&args, out),
         Command::Export(args) => export::run(&args, out),
         Command::Info(args) => info::run(&args, out),
-        Command::Reproduce(args) => reproduce::run(&args, out),
         Command::Completions(args) => completions::run(&args, out),
     }
 }

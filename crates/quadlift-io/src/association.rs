@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use quadlift::association::{AssociatedObject, Association};
 use quadlift::scene::{Scene, SkippedDetections};
-use serde_json::{Map, Value, json};
+use serde::{Deserialize, Serialize};
 
 use crate::scene_file::{DetectionRecord, SceneFile};
 use crate::wording::count;
@@ -39,37 +39,85 @@ pub fn add_to_result(
     }
 }
 
-/// The association as JSON: counts, and the objects with their evidence.
-pub fn association_record(scene: &Scene, association: &Association) -> Value {
-    let skipped = association.skipped;
-    json!({
-        "objects": association.objects.iter().map(|object| object_json(scene, object)).collect::<Vec<_>>(),
-        "associated": association.object_of_detection.iter().flatten().count(),
-        "clutter": association.clutter,
-        "skipped": {
-            "other_source": skipped.other_source,
-            "low_score": skipped.low_score,
-            "duplicate": skipped.duplicate,
-        },
-        "edge_sd": association.edge_sd,
-        "pixel_sd": association.pixel_sd,
-        "frame_shift_sd_px": association.frame_shift_sd,
-    })
+/// An association in a result file: counts, and the objects with their evidence.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AssociationRecord {
+    /// Number of assigned detections.
+    pub associated: usize,
+    /// Number of unassigned detections.
+    pub clutter: usize,
+    /// Standard deviation of box edges relative to the mean half size of the box.
+    pub edge_sd: f64,
+    /// Standard deviation of the shifts of whole frames, pixels.
+    pub frame_shift_sd_px: f64,
+    /// The objects, in the order of their first detections.
+    pub objects: Vec<AssociatedObjectRecord>,
+    /// The size-independent part of the standard deviation of box edges, pixels.
+    pub pixel_sd: f64,
+    /// The detections that took no part.
+    pub skipped: NotAssociatedRecord,
 }
 
-fn object_json(scene: &Scene, object: &AssociatedObject) -> Value {
-    let mut json = Map::new();
-    json.insert("id".to_owned(), object.id.as_str().into());
-    if let Some(category) = object.category_index {
-        json.insert("category".to_owned(), scene.categories[category as usize].as_str().into());
+/// An object in an [`AssociationRecord`].
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AssociatedObjectRecord {
+    /// Its category.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub category: Option<String>,
+    /// Why it may not be one standing object, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub doubtful: Option<String>,
+    /// Evidence that its detections show it instead of clutter (nats).
+    pub evidence: Option<f64>,
+    /// Number of frames in which it should be detected.
+    pub expected_views: usize,
+    /// Its id.
+    pub id: String,
+    /// Number of its detections.
+    pub views: usize,
+}
+
+/// Numbers of detections that an association skipped, by reason.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct NotAssociatedRecord {
+    /// They overlap a better one.
+    pub duplicate: usize,
+    /// Their score is low.
+    pub low_score: usize,
+    /// They are of another source.
+    pub other_source: usize,
+}
+
+impl AssociationRecord {
+    /// The record of an association of a scene.
+    pub fn of(scene: &Scene, association: &Association) -> Self {
+        let SkippedDetections { other_source, low_score, duplicate, .. } = association.skipped;
+        Self {
+            associated: association.object_of_detection.iter().flatten().count(),
+            clutter: association.clutter,
+            edge_sd: association.edge_sd,
+            frame_shift_sd_px: association.frame_shift_sd,
+            objects: association.objects.iter().map(|object| AssociatedObjectRecord::of(scene, object)).collect(),
+            pixel_sd: association.pixel_sd,
+            skipped: NotAssociatedRecord { duplicate, low_score, other_source },
+        }
     }
-    json.insert("views".to_owned(), object.views.into());
-    json.insert("expected_views".to_owned(), object.expected_views.into());
-    json.insert("evidence".to_owned(), object.evidence.into());
-    if let Some(doubt) = object.doubtful {
-        json.insert("doubtful".to_owned(), doubt.text().into());
+}
+
+impl AssociatedObjectRecord {
+    fn of(scene: &Scene, object: &AssociatedObject) -> Self {
+        Self {
+            category: object.category_index.map(|category| scene.categories[category as usize].clone()),
+            doubtful: object.doubtful.map(|doubt| doubt.text().to_owned()),
+            evidence: object.evidence,
+            expected_views: object.expected_views,
+            id: object.id.clone(),
+            views: object.views,
+        }
     }
-    Value::Object(json)
 }
 
 /// The detections that took no part, to be added to a sentence.

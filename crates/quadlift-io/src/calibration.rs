@@ -5,13 +5,10 @@ use std::path::Path;
 use quadlift::geometry::Body;
 use quadlift::metrics::{Calibration, RegionPart, SquaredErrors, squared_errors};
 use quadlift::solve::Status;
-use serde_json::{Map, Value, json};
+use serde::{Deserialize, Serialize};
 
 use crate::error::{EntryError, ReadError};
 use crate::scene_file::{ObjectBodies, SceneFile};
-
-/// The levels of the regions that a result lists.
-pub const LEVELS: [f64; 4] = [0.5, 0.9, 0.95, 0.99];
 
 /// A result and the scene with its ground truth, with their paths.
 pub type ResultAndTruth<'a> = [(&'a Path, &'a SceneFile); 2];
@@ -54,28 +51,79 @@ fn errors_of(estimate: &ObjectBodies, truth: &ObjectBodies) -> Option<SquaredErr
     squared_errors(&body, &estimate.covariance?, &true_body)
 }
 
-/// The calibration in the format of results: the files, the number of objects, and for each part of an estimate the
-/// squared distance that replaces the chi-square quantile at each level; null if there are too few objects.
-pub fn calibration_record(calibration: &Calibration, files: &[[&Path; 2]]) -> Value {
-    let limits = |part: RegionPart| -> Map<String, Value> {
-        LEVELS.iter().map(|&level| (level.to_string(), calibration.limit(part, level).into())).collect()
-    };
-    let regions: Map<String, Value> =
-        RegionPart::ALL.iter().map(|&part| (part.name().to_owned(), limits(part).into())).collect();
-    let files = |index: usize| files.iter().map(|pair| pair[index].display().to_string()).collect::<Vec<_>>();
-    json!({
-        "method": "split_conformal",
-        "objects": calibration.objects(),
-        "results": files(0),
-        "truths": files(1),
-        "squared_distance": regions,
-    })
+/// A calibration in a result file.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CalibrationRecord {
+    /// How limits are found.
+    pub method: String,
+    /// Number of objects whose truth is known.
+    pub objects: usize,
+    /// The results.
+    pub results: Vec<String>,
+    /// What replaces the quantiles of chi-square.
+    pub squared_distance: RegionsRecord,
+    /// The scenes with their ground truth.
+    pub truths: Vec<String>,
+}
+
+/// For each part of an estimate the squared distance at which its regions end.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RegionsRecord {
+    /// The whole body.
+    pub body: LimitsRecord,
+    /// The center.
+    pub center: LimitsRecord,
+    /// The extents.
+    pub extents: LimitsRecord,
+}
+
+/// The squared distances at which the regions of a part end, by level; `None` where there are too few objects.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LimitsRecord {
+    /// 50 %.
+    #[serde(rename = "0.5")]
+    pub p50: Option<f64>,
+    /// 90 %.
+    #[serde(rename = "0.9")]
+    pub p90: Option<f64>,
+    /// 95 %.
+    #[serde(rename = "0.95")]
+    pub p95: Option<f64>,
+    /// 99 %.
+    #[serde(rename = "0.99")]
+    pub p99: Option<f64>,
+}
+
+impl CalibrationRecord {
+    /// The record of a calibration on these results and truths.
+    pub fn of(calibration: &Calibration, files: &[[&Path; 2]]) -> Self {
+        let limits = |part: RegionPart| {
+            let at = |level: f64| calibration.limit(part, level);
+            LimitsRecord { p50: at(0.5), p90: at(0.9), p95: at(0.95), p99: at(0.99) }
+        };
+        let files = |index: usize| files.iter().map(|pair| pair[index].display().to_string()).collect();
+        Self {
+            method: "split_conformal".to_owned(),
+            objects: calibration.objects(),
+            results: files(0),
+            squared_distance: RegionsRecord {
+                body: limits(RegionPart::Body),
+                center: limits(RegionPart::Center),
+                extents: limits(RegionPart::Extents),
+            },
+            truths: files(1),
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene_file::parse_scene_file;
+    use serde_json::{Value, json};
 
     fn file(objects: Value) -> SceneFile {
         let scene = json!({ "format": "quadlift.scene", "version": 1, "name": "a", "objects": objects });
@@ -102,7 +150,7 @@ mod tests {
         let calibration = calibrate(&[[(paths[0], &result), (paths[1], &truth)]]).unwrap();
         assert_eq!(calibration.objects(), 1);
         assert_eq!(calibration.limit(RegionPart::Center, 0.5), Some(4.0));
-        let record = calibration_record(&calibration, &[paths]);
+        let record = serde_json::to_value(CalibrationRecord::of(&calibration, &[paths])).unwrap();
         assert_eq!(record["squared_distance"]["center"]["0.5"], 4.0);
         assert_eq!(record["squared_distance"]["body"]["0.95"], Value::Null);
         let none = file(json!([{ "id": "z", "ellipsoid": ellipsoid(0.0) }]));

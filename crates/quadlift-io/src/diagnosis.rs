@@ -1,8 +1,8 @@
-//! The self-check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as JSON.
+//! The self-check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as a record.
 
-use quadlift::diagnosis::{Agreement, BoxFormat, Cause, CauseName, Correction, Diagnosis};
+use quadlift::diagnosis::{BoxFormat, Cause, CauseName, Correction};
 use quadlift::run::Check;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
 use crate::correct::RecordCorrection;
 use crate::correct::options::{option_of, short};
@@ -62,109 +62,111 @@ impl Context {
     }
 }
 
-/// The diagnosis in the format of result files: `{consistent, score, causes: [{name, value, before, after, option}]}`.
-/// `score`, `before` and `after` are typical misses ([`Agreement::miss`]); `score` is `null` if nothing could be
-/// checked.
-pub fn diagnosis_record(diagnosis: &Diagnosis, context: &Context) -> Value {
-    json!({
-        "consistent": diagnosis.consistent,
-        "score": diagnosis.agreement.map(|agreement: Agreement| agreement.miss),
-        "causes": diagnosis.causes.iter().map(|cause| cause_record(cause, context)).collect::<Vec<_>>(),
-    })
+/// The self-check in a result file. Misses are typical ones ([`quadlift::diagnosis::Agreement::miss`]).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisRecord {
+    /// The causes, the best first.
+    #[serde(default)]
+    pub causes: Vec<CauseRecord>,
+    /// Whether boxes and poses agree.
+    pub consistent: bool,
+    /// The miss; `None` if nothing could be checked.
+    pub score: Option<f64>,
+    /// Two causes that together explain what none explains alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub together: Vec<CauseRecord>,
 }
 
-/// One cause of a [`diagnosis_record`].
-pub fn cause_record(cause: &Cause, context: &Context) -> Value {
-    json!({
-        "name": cause.name.name(),
-        "value": cause.value,
-        "before": cause.before.miss,
-        "after": cause.after.miss,
-        "option": context.option(cause),
-    })
+/// A cause in a [`DiagnosisRecord`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CauseRecord {
+    /// The miss after the correction.
+    pub after: f64,
+    /// The miss before the correction.
+    pub before: f64,
+    /// The mistake.
+    pub name: CauseName,
+    /// The option that corrects it.
+    pub option: Option<String>,
+    /// Its parameter.
+    pub value: Option<f64>,
+    /// The correction, which files do not hold.
+    #[serde(skip)]
+    pub correction: Option<Correction>,
 }
 
-/// Describes two mistakes that together explain why a scene is inconsistent, with the options that correct them.
-pub fn together_in_words([first, second]: &[Cause; 2], context: &Context) -> String {
-    let with_option = |cause: &Cause| {
-        let option = context.option(cause).map(|option| format!(" ({option})"));
-        format!("{}{}", cause_in_words(cause), option.unwrap_or_default())
-    };
-    format!(
-        "two mistakes: {}; {}: {}, {} after both corrections",
-        with_option(first),
-        with_option(second),
-        miss_in_words(first.before),
-        percent(second.after.miss)
-    )
-}
-
-/// A check in the format of result files: [`diagnosis_record`], and two causes that explain the scene together.
-pub fn check_record(check: &Check, context: &Context) -> Value {
-    let mut record = diagnosis_record(&check.diagnosis, context);
-    if let Some(two) = &check.together {
-        record["together"] = two.iter().map(|cause| cause_record(cause, context)).collect();
+impl DiagnosisRecord {
+    /// The record of a check.
+    pub fn of(check: &Check, context: &Context) -> Self {
+        let records = |causes: &[Cause]| causes.iter().map(|cause| CauseRecord::of(cause, context)).collect();
+        Self {
+            causes: records(&check.diagnosis.causes),
+            consistent: check.diagnosis.consistent,
+            score: check.diagnosis.agreement.map(|agreement| agreement.miss),
+            together: check.together.as_ref().map_or_else(Vec::new, |two| records(two)),
+        }
     }
-    record
+
+    /// The problem with its evidence and the options that correct it; `None` if there is none.
+    pub fn in_words(&self) -> Option<String> {
+        match (&self.together[..], self.causes.first()) {
+            ([first, second], _) => Some(format!(
+                "two mistakes: {}; {}: {}, {} after both corrections",
+                first.with_option(),
+                second.with_option(),
+                miss_in_words(first.before),
+                percent(second.after)
+            )),
+            (_, Some(cause)) => Some(cause.with_evidence()),
+            (_, None) => {
+                let miss = self.score.filter(|_| !self.consistent)?;
+                Some(format!(
+                    "the boxes of an object contradict each other: {}; no common mistake explains it",
+                    miss_in_words(miss)
+                ))
+            }
+        }
+    }
 }
 
-/// The problem that a check found and its correction, as text; `None` if there is none.
-pub fn check_in_words(check: &Check, context: &Context) -> Option<String> {
-    match &check.together {
-        Some(two) => Some(together_in_words(two, context)),
-        None => diagnosis_in_words(&check.diagnosis, context),
+impl CauseRecord {
+    fn of(cause: &Cause, context: &Context) -> Self {
+        Self {
+            after: cause.after.miss,
+            before: cause.before.miss,
+            name: cause.name,
+            option: context.option(cause),
+            value: cause.value,
+            correction: cause.correction,
+        }
     }
-}
 
-/// Describes the problem in a record written by [`diagnosis_record`]; `None` if there is none, or if it is not such a
-/// record.
-pub fn record_in_words(record: &Value) -> Option<String> {
-    if record.get("consistent")?.as_bool()? {
-        return None;
+    /// The mistake with the option that corrects it.
+    fn with_option(&self) -> String {
+        let option = self.option.as_ref().map_or_else(String::new, |option| format!(" ({option})"));
+        mistake_in_words(self.name, self.value, self.correction) + &option
     }
-    let agreement = |miss: &Value| Some(Agreement { miss: miss.as_f64()?, share: 0.0, boxes: 0 });
-    let Some(first) = record.get("causes")?.get(0) else {
-        let agreement = agreement(record.get("score")?);
-        return diagnosis_in_words(&Diagnosis { consistent: false, agreement, causes: vec![] }, &Context::default());
-    };
-    let name = first.get("name")?.as_str()?;
-    let (before, after) = (agreement(first.get("before")?)?, agreement(first.get("after")?)?);
-    let name = CauseName::ALL.into_iter().find(|known| known.name() == name)?;
-    let cause = Cause { name, value: first.get("value")?.as_f64(), correction: None, before, after };
-    Some(cause_with_evidence(&cause, first.get("option")?.as_str()))
-}
 
-/// Describes the problem with its evidence and the option that corrects it; `None` if there is none.
-pub fn diagnosis_in_words(diagnosis: &Diagnosis, context: &Context) -> Option<String> {
-    let Some(cause) = diagnosis.causes.first() else {
-        let agreement = diagnosis.agreement.filter(|_| !diagnosis.consistent)?;
-        return Some(format!(
-            "the boxes of an object contradict each other: {}; no common mistake explains it",
-            miss_in_words(agreement)
-        ));
-    };
-    Some(cause_with_evidence(cause, context.option(cause).as_deref()))
-}
-
-/// A cause with the agreement before and after its correction, and the option that applies the correction.
-fn cause_with_evidence(cause: &Cause, option: Option<&str>) -> String {
-    let mut text = cause_in_words(cause);
-    // Boxes do not show the direction of gravity or the unit of length.
-    if !matches!(cause.name, CauseName::Up | CauseName::LengthUnit) {
-        text.push_str(&format!(": {}", miss_in_words(cause.before)));
+    /// The same with the agreement before and after the correction.
+    fn with_evidence(&self) -> String {
+        let mut text = mistake_in_words(self.name, self.value, self.correction);
+        // Boxes do not show the direction of gravity or the unit of length.
+        if !matches!(self.name, CauseName::Up | CauseName::LengthUnit) {
+            text.push_str(&format!(": {}", miss_in_words(self.before)));
+        }
+        if self.after < self.before {
+            text.push_str(&format!(", {} after correction", percent(self.after)));
+        }
+        if let Some(option) = &self.option {
+            text.push_str(&format!(" ({option})"));
+        }
+        text
     }
-    if cause.after.miss < cause.before.miss {
-        text.push_str(&format!(", {} after correction", percent(cause.after.miss)));
-    }
-    if let Some(option) = option {
-        text.push_str(&format!(" ({option})"));
-    }
-    text
 }
 
 /// Describes how far boxes miss their object.
-fn miss_in_words(agreement: Agreement) -> String {
-    format!("boxes miss their object by {}", half_sizes(agreement.miss))
+fn miss_in_words(miss: f64) -> String {
+    format!("boxes miss their object by {}", half_sizes(miss))
 }
 
 fn half_sizes(miss: f64) -> String {
@@ -180,10 +182,10 @@ fn percent(share: f64) -> String {
     if share < 0.095 { format!("{:.1} %", 100.0 * share) } else { format!("{:.0} %", 100.0 * share) }
 }
 
-/// Describes a cause.
-pub fn cause_in_words(cause: &Cause) -> String {
-    let value = |digits: usize| cause.value.map_or(String::new(), |x| format!("{x:.digits$}"));
-    match cause.name {
+/// Describes a mistake with its parameter; the correction tells the formats of boxes apart.
+pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Option<Correction>) -> String {
+    let value = |digits: usize| parameter.map_or(String::new(), |x| format!("{x:.digits$}"));
+    match name {
         CauseName::CameraToWorld => "the poses are camera-to-world, not cam_from_world".to_owned(),
         CauseName::OpenGlAxes => "the cameras have OpenGL axes (y up, z backwards), not OpenCV's".to_owned(),
         CauseName::OpenGlCameraToWorld => {
@@ -218,19 +220,19 @@ pub fn cause_in_words(cause: &Cause) -> String {
             format!("the boxes were measured at another image size: multiply their coordinates by {}", value(3))
         }
         CauseName::Letterbox => {
-            let side = cause.value.map_or(0.0, usual_width);
+            let side = parameter.map_or(0.0, usual_width);
             format!("the boxes were measured in a letterboxed image of {side} x {side} pixels")
         }
         CauseName::NormalizedBoxes => {
             "the boxes are normalised (fractions of image width and height), not in pixels".to_owned()
         }
-        CauseName::BoxFormat => format!("the box coordinates are not x0, y0, x1, y1: {}", box_format(cause)),
+        CauseName::BoxFormat => format!("the box coordinates are not x0, y0, x1, y1: {}", box_format(correction)),
         CauseName::SwappedXy => "x and y of the boxes are swapped".to_owned(),
-        CauseName::FrameOffset => frame_offset(cause.value.unwrap_or_default()),
+        CauseName::FrameOffset => frame_offset(parameter.unwrap_or_default()),
         CauseName::FrameOrder => "the detections and the poses are in different frame orders".to_owned(),
         CauseName::ObjectIds => "the object ids switch between objects".to_owned(),
         CauseName::DuplicatePoses => {
-            let share = cause.value.unwrap_or_default();
+            let share = parameter.unwrap_or_default();
             format!("{:.0} % of the frames repeat the pose of another frame but show different boxes", 100.0 * share)
         }
         CauseName::ScaleJump => {
@@ -239,14 +241,14 @@ pub fn cause_in_words(cause: &Cause) -> String {
         CauseName::Up => "\"up\" is not the direction in which the cameras are upright".to_owned(),
         CauseName::LengthUnit => format!(
             "the lengths contradict the known object sizes: they should be {} times as long",
-            cause.value.map_or_else(String::new, short)
+            parameter.map_or_else(String::new, short)
         ),
         other => other.name().replace('_', " "),
     }
 }
 
-fn box_format(cause: &Cause) -> &'static str {
-    let Some(Correction::Boxes(format)) = cause.correction else { return "they are in a different order" };
+fn box_format(correction: Option<Correction>) -> &'static str {
+    let Some(Correction::Boxes(format)) = correction else { return "they are in a different order" };
     match format {
         BoxFormat::SizeReadAsCorners => "they are x, y, width, height",
         BoxFormat::CenterSizeReadAsCorners => "they are centre x, centre y, width, height",
@@ -266,6 +268,7 @@ fn frame_offset(frames: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use quadlift::diagnosis::{Agreement, Diagnosis};
 
     fn cause(correction: Correction) -> Cause {
         let miss = |miss: f64| Agreement { miss, share: 0.5, boxes: 100 };
@@ -278,12 +281,16 @@ mod tests {
         }
     }
 
+    fn in_words(diagnosis: Diagnosis, context: &Context) -> Option<String> {
+        DiagnosisRecord::of(&Check { diagnosis, ..Check::default() }, context).in_words()
+    }
+
     #[test]
     fn causes_are_named_with_evidence_and_option() {
         let context = Context { image_size: Some([1280.0, 960.0]), ..Default::default() };
         let text = |correction: Correction| {
             let diagnosis = Diagnosis { consistent: false, agreement: None, causes: vec![cause(correction)] };
-            diagnosis_in_words(&diagnosis, &context).unwrap()
+            in_words(diagnosis, &context).unwrap()
         };
         assert_eq!(
             text(Correction::InvertPoses),
@@ -322,14 +329,14 @@ mod tests {
     #[test]
     fn every_cause_has_its_words() {
         for name in CauseName::ALL {
-            let words = cause_in_words(&Cause { name, ..cause(Correction::InvertPoses) });
+            let words = mistake_in_words(name, Some(2.0), None);
+            assert_eq!(serde_json::to_value(name).unwrap(), name.name());
             assert!(words.len() > 15 && words != name.name().replace('_', " "), "{words}");
         }
         let agreement = Agreement { miss: 0.7, share: 0.1, boxes: 9 };
         let unknown = Diagnosis { consistent: false, agreement: Some(agreement), causes: Vec::new() };
-        assert!(
-            diagnosis_in_words(&unknown, &Context::default()).unwrap().contains("70 % of their half size; no common")
-        );
-        assert_eq!(diagnosis_in_words(&Diagnosis::default(), &Context::default()), None);
+        let words = in_words(unknown, &Context::default()).unwrap();
+        assert!(words.contains("70 % of their half size; no common"), "{words}");
+        assert_eq!(in_words(Diagnosis::default(), &Context::default()), None);
     }
 }

@@ -5,7 +5,7 @@ use quadlift::association::{AssociateOptions, Association};
 use quadlift::run::{RunError, identify};
 use quadlift::scene::Scene;
 use quadlift_io::association::skipped_in_words;
-use quadlift_io::diagnosis::{Context, check_in_words};
+use quadlift_io::diagnosis::{Context, DiagnosisRecord};
 use quadlift_io::run::InputError;
 
 use crate::error::refuse;
@@ -64,6 +64,6 @@ pub fn associated(
 /// Why a run failed.
 pub fn in_words(error: &RunError<InputError>, context: &Context) -> String {
     let RunError::NothingFound { skipped, check, .. } = error else { return error.to_string() };
-    let why = check_in_words(check, context).map_or(String::new(), |why| format!(": {why}"));
+    let why = DiagnosisRecord::of(check, context).in_words().map_or(String::new(), |why| format!(": {why}"));
     format!("{error}{}{why}", skipped_in_words(*skipped))
 }

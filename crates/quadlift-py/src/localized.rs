@@ -12,17 +12,14 @@ use quadlift::association::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::locate::{Landmark, LandmarkMap, LocateOptions};
-use quadlift::scene::{Scene, SkippedDetections};
+use quadlift::scene::Scene;
 use quadlift::solve::{Alternative, BodyKind, Estimate, Rejection};
 use quadlift_io::SceneFile;
-use quadlift_io::association::association_record;
-use quadlift_io::diagnosis::check_record;
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::run::{FileInput, FileOptions, FileRun, FileRunError, run_file};
-use quadlift_io::scene_file::{
-    coordinates_name, cross_validation_record, cue_scales_record, fitted_body_name, noise_record,
-};
+use quadlift_io::scene_file::coordinates_name;
 use quadlift_report::{Content, Scores, page, report};
+use serde_json::json;
 
 use crate::association::in_words;
 use crate::error::refuse;
@@ -218,61 +215,22 @@ impl PyLocalized {
         PyScene { loaded: Arc::clone(&self.loaded) }
     }
 
-    /// The kind of body that was fitted; `mixed` where objects differ.
+    /// The record of the run as JSON.
     #[getter]
-    fn body(&self) -> String {
-        fitted_body_name(self.localization().body)
+    fn record_json(&self) -> String {
+        json!(self.run.record()).to_string()
     }
 
-    /// Noise levels as JSON.
+    /// What is wrong with the scene, in words.
     #[getter]
-    fn noise_json(&self) -> String {
-        serde_json::Value::from(noise_record(self.localization())).to_string()
-    }
-
-    /// The scales of the sources of depths and 3D boxes as JSON.
-    #[getter]
-    fn cue_scales_json(&self) -> String {
-        cue_scales_record(self.scene(), self.localization()).to_string()
-    }
-
-    /// The cross-validation of the scene, as JSON.
-    #[getter]
-    fn cross_validation_json(&self) -> String {
-        cross_validation_record(self.localization()).to_string()
-    }
-
-    /// How regions are calibrated, as JSON.
-    #[getter]
-    fn calibration_json(&self) -> Option<String> {
-        self.run.options.calibration.as_ref().map(ToString::to_string)
-    }
-
-    /// The self-check as JSON, and its message.
-    #[getter]
-    fn diagnosis(&self) -> (String, Option<String>) {
-        (check_record(&self.run.run.check, &self.run.input.context).to_string(), self.run.problem())
-    }
-
-    /// Detections that took no part: without object, occluded or truncated, beyond the lens, without the measurement that
-    /// is used.
-    #[getter]
-    fn skipped(&self) -> (usize, usize, usize, usize) {
-        let SkippedDetections { without_object, occluded_or_truncated, beyond_lens, without_measurement, .. } =
-            self.localization().skipped;
-        (without_object, occluded_or_truncated, beyond_lens, without_measurement)
+    fn problem(&self) -> Option<String> {
+        self.run.diagnosis().in_words()
     }
 
     /// Whether the detections were associated.
     #[getter]
     fn associated(&self) -> bool {
         self.association().is_some()
-    }
-
-    /// The association as JSON.
-    #[getter]
-    fn association_json(&self) -> Option<String> {
-        self.association().map(|association| association_record(self.scene(), association).to_string())
     }
 
     #[getter]

@@ -14,8 +14,7 @@ use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::FrameRecord;
 use quadlift_io::stream::{
     AboutRecord, CameraOfFrame, FrameLine, OutputLine, PoseRecord, StoredPriors, StoredStream, StreamState,
-    StreamedScene, lasting_options, parse_stored_stream, presence_name, read_stored_stream, write_state,
-    write_state_file,
+    StreamedScene, lasting_options, parse_stored_stream, read_stored_stream, write_state, write_state_file,
 };
 use quadlift_io::{EntryError, SceneFile};
 use serde_json::{Map, Value};
@@ -428,7 +427,7 @@ fn memory_arrays<'py>(py: Python<'py>, objects: &[MapObject]) -> PyResult<Bound<
     let texts =
         |name: &str, of: &dyn Fn(&MapObject) -> String| dict.set_item(name, objects.iter().map(of).collect::<Vec<_>>());
     texts("object_ids", &|o| o.id.to_string())?;
-    texts("presence", &|o| presence_name(o.presence).to_owned())?;
+    texts("presence", &|o| o.presence.name().to_owned())?;
     let numbers = |name: &str, of: &dyn Fn(&MapObject) -> Vec<f64>| {
         dict.set_item(name, PyArray1::from_vec(py, objects.iter().flat_map(of).collect()))
     };

@@ -10,10 +10,9 @@ use quadlift::cross_validation::Extent;
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{LocalizeOptions, UnknownName};
-use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
+use quadlift_io::calibration::{CalibrationRecord, ResultAndTruth, calibrate};
 use quadlift_io::priors::check_metres;
 use quadlift_io::run::{FileOptions, PriorSource};
-use serde_json::Value;
 
 use crate::error::refuse;
 use crate::scene::PyScene;
@@ -123,7 +122,7 @@ impl LocalizeKeywords {
     }
 
     /// As `--calibration` of the program.
-    fn calibration(&self) -> PyResult<Option<Value>> {
+    fn calibration(&self) -> PyResult<Option<CalibrationRecord>> {
         if self.calibration.is_empty() {
             return Ok(None);
         }
@@ -145,7 +144,7 @@ impl LocalizeKeywords {
             .collect();
         let calibration = calibrate(&pairs).map_err(|error| refuse(format!("calibration: {error}")))?;
         let names: Vec<[&Path; 2]> = names.iter().map(|[result, truth]| [&**result, &**truth]).collect();
-        Ok(Some(calibration_record(&calibration, &names)))
+        Ok(Some(CalibrationRecord::of(&calibration, &names)))
     }
 }
 

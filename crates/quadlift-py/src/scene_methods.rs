@@ -12,7 +12,7 @@ use quadlift_io::align::{ALIGNMENT, Contradiction, MapScale, align_checked, alig
 use quadlift_io::association::write_objects;
 use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
-use quadlift_io::diagnosis::{check_in_words, check_record};
+use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
 use quadlift_io::read::detections::csv::TableOptions;
 use quadlift_io::read::detections::names::read_names;
@@ -172,7 +172,8 @@ impl PyScene {
         scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;
         let mut input = self.loaded.input();
         let check = py.detach(|| on_threads(|| Check::with_identities(&mut input, source, false)))?.map_err(refuse)?;
-        Ok((check_record(&check, &input.context).to_string(), check_in_words(&check, &input.context)))
+        let diagnosis = DiagnosisRecord::of(&check, &input.context);
+        Ok((serde_json::json!(diagnosis).to_string(), diagnosis.in_words()))
     }
 
     /// Localises the objects.

@@ -12,7 +12,7 @@ use crate::masks::add_masks;
 use crate::objects::Objects;
 use crate::page::EMPTY_PAGE;
 use crate::poses::{refined_overview, refined_poses, with_refined_poses};
-use crate::run::{run_banner, run_notes, run_overview, run_region, run_settings, run_source};
+use crate::run::{center_limit, run_banner, run_notes, run_overview, run_region, run_settings};
 use crate::thumbnails::{evenly_spread, thumbnails};
 
 /// Gathers the data of a report and reads its images. Images that cannot be read are named in the notes.
@@ -47,11 +47,12 @@ pub fn report(content: &Content) -> Result<Report, EntryError> {
 pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, EntryError> {
     let poses = content.estimate.map(refined_poses).transpose()?.unwrap_or_default();
     let scene = &*with_refined_poses(content.scene, &poses);
-    let source = content.source.or(content.estimate.and_then(run_source));
+    let run = content.estimate.and_then(SceneFile::run_record).unwrap_or_default();
+    let source = content.source.or(run.source());
     let source = source.and_then(|name| scene.sources.iter().position(|known| known == name));
     let is_shown = |d: &&Detection| source.is_none() || d.source_index.map(|s| s as usize) == source;
-    let objects = Objects::gather(content, is_shown)?;
-    let mut notes = content.estimate.map(run_notes).unwrap_or_default();
+    let objects = Objects::gather(content, center_limit(&run), is_shown)?;
+    let mut notes = run_notes(&run);
     let total = objects.list.len();
     if total > MOST_OBJECTS {
         notes.push(format!("the report shows the first {MOST_OBJECTS} of {total} objects"));
@@ -70,18 +71,18 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
             detections,
         }
     };
-    let mut overview = content.estimate.map(run_overview).unwrap_or_default();
+    let mut overview = run_overview(&run);
     overview.extend(content.estimate.and_then(|file| refined_overview(file, &poses)));
     Ok(Report {
         title: content.title.to_owned(),
         program: format!("quadlift {}", env!("CARGO_PKG_VERSION")),
         length_unit: scene.length_unit.clone(),
         up: scene.up.map(|up| up.into_inner().into()),
-        settings: content.estimate.map(run_settings).unwrap_or_default(),
+        settings: run_settings(&run),
         overview,
         notes,
-        banner: content.estimate.and_then(run_banner),
-        region: content.estimate.filter(|_| objects.list.iter().any(|o| o.center_shell.is_some())).map(run_region),
+        banner: run_banner(&run),
+        region: objects.list.iter().any(|o| o.center_shell.is_some()).then(|| run_region(&run)),
         frames: frames.iter().map(frame).collect(),
         points: drawn_points(content.points),
         scores: content.scores.map(|scores| objects.scores(scores)),

@@ -10,7 +10,6 @@ use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
 
 use crate::content::{Content, MOST_OBJECTS};
 use crate::data::{ReportAlternative, ReportBody, ReportObject, ReportScores, ScoreRow};
-use crate::run::center_limit;
 use crate::scores::{Scores, TrueObjectScores};
 
 /// The objects of a report and their indices.
@@ -26,12 +25,12 @@ pub struct Objects {
 }
 
 impl Objects {
-    /// Estimates first, then objects that are only in the ground truth, then objects that were only detected.
-    pub fn gather(content: &Content, is_shown: impl Fn(&&Detection) -> bool) -> Result<Self, EntryError> {
+    /// Estimates first, then objects that are only in the ground truth, then objects that were only detected. Regions of centers
+    /// end at a squared distance of `limit`.
+    pub fn gather(content: &Content, limit: f64, is_shown: impl Fn(&&Detection) -> bool) -> Result<Self, EntryError> {
         let scene = content.scene;
         let mut objects = Self::default();
         if let Some(file) = content.estimate {
-            let limit = center_limit(file);
             for (index, (record, bodies)) in file.objects.iter().zip(file.to_objects()?).enumerate() {
                 let others = record.to_alternatives(&format!("objects[{index}]"))?;
                 objects.estimate(record, bodies, &others, limit);

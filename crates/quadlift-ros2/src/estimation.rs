@@ -8,7 +8,7 @@ use quadlift::Unobserved;
 use quadlift::online::ObjectMap;
 use quadlift_io::mcap::CdrWriter;
 use quadlift_io::run::{FileInput, run_file};
-use quadlift_io::scene_file::{Detail, ObjectRecord, write_scene};
+use quadlift_io::scene_file::{Detail, write_scene};
 use quadlift_io::stream::StreamState;
 use quadlift_io::write::mcap::MapMessages;
 use quadlift_io::write::{BodyChoice, CheckedScene};
@@ -68,7 +68,7 @@ impl Snapshot {
         let checked = checked(&result)?;
         let messages = MapMessages::new(&checked, &options.live.world_frame, self.stamp);
         let there: HashSet<&str> =
-            result.objects.iter().filter(|object| !is_gone(object)).map(|object| object.id.as_str()).collect();
+            result.objects.iter().filter(|object| !object.is_gone()).map(|object| object.id.as_str()).collect();
         let is_there = |id: &str| there.contains(id);
         let mut detections = CdrWriter::default();
         messages.add_detections(&mut detections, is_there);
@@ -84,12 +84,6 @@ impl Snapshot {
 /// A text if an object is not valid.
 pub fn checked(result: &SceneFile) -> Result<CheckedScene<'_>, String> {
     CheckedScene::new(result, BodyChoice::Tangent).map_err(|error| format!("{}: {}", error.entry, error.problem))
-}
-
-/// Whether the map believes that an object is gone.
-pub fn is_gone(object: &ObjectRecord) -> bool {
-    let presence = object.extra.get("memory").and_then(|memory| memory.get("presence")?.as_str());
-    presence == Some("gone")
 }
 
 /// A `std_msgs/String`.

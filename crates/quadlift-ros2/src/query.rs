@@ -8,7 +8,7 @@ use quadlift_io::write::mcap::MapMessages;
 use serde_json::Value;
 
 use crate::bytes::Bytes;
-use crate::estimation::{checked, is_gone};
+use crate::estimation::checked;
 
 /// The definition of the service, as ROS installations build it.
 pub const DEFINITION: &str = include_str!("../quadlift_msgs/srv/QueryObjects.srv");
@@ -77,7 +77,7 @@ impl Query {
             let Some(object) = objects.get(id) else { continue };
             let is_inside =
                 |[min, max]: [[f64; 3]; 2]| (0..3).all(|axis| (min[axis]..=max[axis]).contains(&center[axis]));
-            if !is_gone(object)
+            if !object.is_gone()
                 && self.category.as_ref().is_none_or(|category| object.category.as_ref() == Some(category))
                 && self.corners.is_none_or(is_inside)
             {

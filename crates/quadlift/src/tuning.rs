@@ -1,5 +1,5 @@
 //! Constants that were tuned, with the data, the sweep and how flat the optimum is (docs/method/constants.md lists all
-//! constants). With the feature `sensitivity` a program can scale them: `quadlift reproduce sensitivity`.
+//! constants). With the feature `sensitivity` a program can scale them: `quadlift-bench sensitivity`.
 
 #[cfg(feature = "sensitivity")]
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -101,7 +101,7 @@ tuned! {
     // Upright objects, the ground plane.
     /// Share of the objects that stand before anything is known; where objects do not depend on each other, for good.
     ///
-    /// Tuned with `reproduce body_kinds` and random bodies in 3 to 20 views: an object that stands and is seen well has odds of 30 to
+    /// Tuned with `quadlift-bench kinds` and random bodies in 3 to 20 views: an object that stands and is seen well has odds of 30 to
     /// 130 to 1, so that any share above 0.05 lets it; 0.2 keeps random bodies in three views from being set upright.
     UPRIGHT_SHARE = 0.2;
     /// Subtracted from the log odds that an ellipsoid stands. Bodies are rounder than the shape prior allows for, and a round

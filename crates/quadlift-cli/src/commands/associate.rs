@@ -6,8 +6,8 @@ use std::time::Instant;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use quadlift::association::{AssociateOptions, IdUse};
 use quadlift::run::identify;
-use quadlift_io::association::{association_record, write_objects};
-use quadlift_io::diagnosis::check_record;
+use quadlift_io::association::{AssociationRecord, write_objects};
+use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::priors::check_metres;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
@@ -170,12 +170,12 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let words =
         ["localize".into(), args.output.as_path().into()].into_iter().chain(source).chain(["-o objects.json".into()]);
     Next::default().command(words, "localise the objects").tell(out)?;
-    let mut document = association_record(scene, &association);
+    let mut document = json!(AssociationRecord::of(scene, &association));
     if !input.notes.is_empty() {
         document["corrections"] = json!(input.notes);
     }
     document["output"] = args.output.display().to_string().into();
-    document["diagnosis"] = check_record(&check, &input.context);
+    document["diagnosis"] = json!(DiagnosisRecord::of(&check, &input.context));
     out.document(&document)?;
     Ok(tell(&check, &input.context, of_run.localize.accept_inconsistent, &title, out))
 }

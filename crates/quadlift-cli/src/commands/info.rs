@@ -8,7 +8,7 @@ use quadlift::diagnosis::Diagnosis;
 use quadlift::run::{Check, diagnose_source, diagnose_unnamed};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
-use quadlift_io::diagnosis::{check_in_words, check_record};
+use quadlift_io::diagnosis::DiagnosisRecord;
 use serde::Serialize;
 
 use crate::corrections::{SceneCorrections, corrected_in_words, read_input};
@@ -73,7 +73,7 @@ struct Report {
     sources: Vec<Source>,
     oddities: Vec<String>,
     corrections: Vec<String>,
-    diagnosis: serde_json::Value,
+    diagnosis: Option<DiagnosisRecord>,
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref)] // serde asks for a reference.
@@ -131,7 +131,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         sources: sources(file, scene),
         oddities: Vec::new(),
         corrections: input.notes.clone(),
-        diagnosis: serde_json::Value::Null,
+        diagnosis: None,
     };
     report.oddities = oddities(file, scene, &report);
     // The source that agrees least with the poses, or the only one.
@@ -145,8 +145,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     };
     let (diagnosis, name) = diagnoses.max_by(worst).unwrap_or_default();
     let check = Check::of_diagnosis(diagnosis, &input, name);
-    report.diagnosis = check_record(&check, &input.context);
-    report.oddities.extend(check_in_words(&check, &input.context));
+    let diagnosis = DiagnosisRecord::of(&check, &input.context);
+    report.oddities.extend(diagnosis.in_words());
+    report.diagnosis = Some(diagnosis);
     let path = args.scene.as_path();
     let mut next = Next::default();
     if report.detections > 0 {

@@ -28,7 +28,7 @@ use crate::words::count;
 
 pub use args::{Args, with_requirements};
 use calibration::read_calibration;
-use one_scene::one_scene;
+use one_scene::{SceneDocument, one_scene};
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
@@ -56,8 +56,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             input.context = input.context.after(measured_at.as_slice());
             Ok(input)
         };
-        let mut document =
-            json!({ "cameras": cameras.display().to_string(), "detections": detections.display().to_string() });
+        let mut document = SceneDocument {
+            cameras: Some(cameras.display().to_string()),
+            detections: Some(detections.display().to_string()),
+            ..SceneDocument::default()
+        };
         let outcome = one_scene(detections, input, [output, report], chosen, out, &mut document)?;
         if outcome == Outcome::Fine {
             next_steps(None, [output, report]).tell(out)?;
@@ -75,7 +78,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     // One scene after another: the largest one bounds the memory.
     for (index, input) in inputs.paths.iter().enumerate() {
         let [output, report] = [&outputs, &reports].map(|paths| paths.as_ref().map(|paths| paths[index].as_path()));
-        let mut document = json!({ "scene": input.display().to_string() });
+        let mut document = SceneDocument { scene: Some(input.display().to_string()), ..SceneDocument::default() };
         if index > 0 {
             out.report("\n")?;
         }
@@ -93,13 +96,13 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             Ok(ended) => outcome = outcome.and(ended),
             Err(error) => {
                 out.error(&in_words(&error));
-                document["error"] = in_words(&error).into();
-                outcome = outcome.and(match error.downcast_ref::<InconsistentError>() {
-                    Some(InconsistentError { diagnosis, .. }) => {
-                        document["diagnosis"] = diagnosis.clone();
+                document.error = Some(in_words(&error));
+                outcome = outcome.and(match error.downcast::<InconsistentError>() {
+                    Ok(InconsistentError { diagnosis, .. }) => {
+                        document.diagnosis = Some(diagnosis);
                         Outcome::Inconsistent
                     }
-                    None => Outcome::SomethingFailed,
+                    Err(_) => Outcome::SomethingFailed,
                 });
             }
         }

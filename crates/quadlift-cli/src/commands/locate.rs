@@ -5,13 +5,12 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
-use quadlift::diagnosis::{Agreement, Cause};
 use quadlift::locate::{
     CameraHeight, CommonMistake, Gravity, LandmarkMap, LocateOptions, LocateStatus, Located, LocatedImage,
 };
 use quadlift::nalgebra::{Unit, Vector3};
 use quadlift::scene::SourceError;
-use quadlift_io::diagnosis::cause_in_words;
+use quadlift_io::diagnosis::mistake_in_words;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::locate::{FrameQuery, ObjectLandmarks, location_record, write_locations};
 use quadlift_io::{SceneFile, read_scene_file, write_scene_file};
@@ -184,7 +183,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     out.document(&document)?;
     Ok(match mistake {
         Some(mistake) => {
-            let text = format!("{}: {}", args.query.display(), mistake_in_words(&mistake));
+            let text = format!("{}: {}", args.query.display(), common_mistake_in_words(&mistake));
             if args.accept_inconsistent {
                 out.warning(&text);
                 Outcome::Fine
@@ -213,33 +212,20 @@ fn common_mistake<'a>(
     map.common_mistake(&sought.map(image).collect::<Vec<_>>())
 }
 
-/// The mistake as the cause of an inconsistent scene.
-fn cause(mistake: &CommonMistake) -> Cause {
-    let unknown = Agreement { miss: 0.0, share: 0.0, boxes: 0 };
-    let CommonMistake { correction, .. } = *mistake;
-    Cause {
-        name: correction.cause(),
-        value: correction.value(),
-        correction: Some(correction),
-        before: unknown,
-        after: unknown,
-    }
-}
-
-fn mistake_in_words(mistake: &CommonMistake) -> String {
+fn common_mistake_in_words(mistake: &CommonMistake) -> String {
+    let correction = mistake.correction;
     format!(
         "the images do not fit the map: {} (evidence {:.0}, {:.0} after correction)",
-        cause_in_words(&cause(mistake)),
+        mistake_in_words(correction.cause(), correction.value(), Some(correction)),
         mistake.evidence,
         mistake.corrected_evidence
     )
 }
 
 fn mistake_record(mistake: &CommonMistake) -> Value {
-    let cause = cause(mistake);
     json!({
-        "name": cause.name.name(),
-        "value": cause.value,
+        "name": mistake.correction.cause().name(),
+        "value": mistake.correction.value(),
         "evidence": mistake.evidence,
         "corrected_evidence": mistake.corrected_evidence,
     })

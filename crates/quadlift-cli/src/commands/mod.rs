@@ -13,11 +13,6 @@ pub mod info;
 pub mod localize;
 pub mod locate;
 pub mod render;
-#[cfg(feature = "reproduce")]
-pub mod reproduce;
-#[cfg(not(feature = "reproduce"))]
-#[path = "reproduce_missing.rs"]
-pub mod reproduce;
 pub mod segment;
 pub mod stream;
 pub mod synth;

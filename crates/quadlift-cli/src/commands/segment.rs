@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
 use quadlift::run::Check;
-use quadlift_io::diagnosis::check_record;
+use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::SceneImages;
 use quadlift_io::scene_file::way_to_file;
@@ -177,7 +177,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "without_box": segmentation.without_box.len(),
         "problems": problems,
         "corrections": notes,
-        "diagnosis": check_record(&check, &input.context),
+        "diagnosis": DiagnosisRecord::of(&check, &input.context),
     }))?;
     let outcome = tell(&check, &input.context, of_run.localize.accept_inconsistent, &title, out);
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })

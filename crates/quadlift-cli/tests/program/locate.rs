@@ -6,12 +6,18 @@ use serde_json::{Value, json};
 /// A map from the even frames of a synthetic scene (`map.json`), and the odd frames without poses and ids (`query.json`); the
 /// poses that were taken away, by frame.
 fn map_and_query(folder: &Folder) -> Vec<(String, Value)> {
-    map_and_query_of(folder, "--objects 12 --views 10 --seed 5 --noise box:0.03")
+    map_and_query_of(folder, "--objects 12 --views 10 --seed 5 --noise box:0.03", 0)
 }
 
-fn map_and_query_of(folder: &Folder, synth: &str) -> Vec<(String, Value)> {
+/// `categories`: number of categories, 0 for none.
+fn map_and_query_of(folder: &Folder, synth: &str, categories: usize) -> Vec<(String, Value)> {
     folder.succeed(&format!("synth -q -o scene.json {synth}"));
-    let scene = folder.json("scene.json");
+    let mut scene = folder.json("scene.json");
+    let objects: Vec<Value> = scene["objects"].as_array().unwrap().iter().map(|object| object["id"].clone()).collect();
+    for detection in scene["detections"].as_array_mut().unwrap().iter_mut().filter(|_| categories > 0) {
+        let place = objects.iter().position(|id| *id == detection["object"]).unwrap();
+        detection["category"] = format!("kind {}", place % categories).into();
+    }
     let frames = scene["frames"].as_array().unwrap();
     let ids: Vec<&str> = frames.iter().map(|frame| frame["id"].as_str().unwrap()).collect();
     let half = |odd: bool| {
@@ -133,7 +139,7 @@ fn poses_that_are_known_are_kept_unless_all_are_asked_for() {
 #[test]
 fn hostile_maps_and_images_are_answered() {
     let folder = Folder::new();
-    map_and_query(&folder);
+    map_and_query_of(&folder, "--objects 8 --views 10 --seed 5 --noise box:0.03", 0);
     let map = folder.json("map.json");
     let with_objects = |name: &str, change: &dyn Fn(&mut Vec<Value>)| {
         let mut changed = map.clone();
@@ -205,7 +211,7 @@ fn hostile_maps_and_images_are_answered() {
 fn images_of_another_size_do_not_fit_the_map() {
     let folder = Folder::new();
     // Cameras among the objects: far away a smaller image is one from a larger distance.
-    map_and_query_of(&folder, "--objects 16 --views 10 --seed 5 --noise box:0.03 --trajectory random --cube 60");
+    map_and_query_of(&folder, "--objects 16 --views 10 --seed 5 --noise box:0.03 --trajectory random --cube 60", 4);
     let mut query = folder.json("query.json");
     for detection in query["detections"].as_array_mut().unwrap() {
         detection["box"].as_array_mut().unwrap().iter_mut().for_each(|x| *x = (0.5 * x.as_f64().unwrap()).into());

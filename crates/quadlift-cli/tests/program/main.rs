@@ -25,7 +25,6 @@ mod outputs;
 mod points;
 mod real_data;
 mod report;
-mod reproduce;
 mod segment;
 mod stream;
 mod stream_hostile;

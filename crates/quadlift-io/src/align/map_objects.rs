@@ -26,8 +26,7 @@ impl SceneFile {
     pub fn to_map_objects(&self) -> Result<MapObjects, EntryError> {
         let mut found = MapObjects::default();
         for (record, bodies) in self.objects.iter().zip(self.to_objects()?) {
-            let presence = record.extra.get("memory").and_then(|memory| memory.get("presence")?.as_str());
-            match map_object(&bodies).filter(|_| presence != Some("gone")) {
+            match map_object(&bodies).filter(|_| !record.is_gone()) {
                 Some(object) => {
                     found.objects.push(object);
                     found.ids.push(bodies.id);

@@ -61,7 +61,7 @@ pub const COLUMNS: [Column; 9] = [
     Column { name: "theta_err", title: "axis [deg]", unit: Unit::Degrees, of: |o| o.theta_err, mean: |m| m.theta_err },
     Column {
         name: "center_error",
-        title: "centre",
+        title: "center",
         unit: Unit::Length,
         of: |o| o.center_error,
         mean: |m| m.center_error,

@@ -27,8 +27,7 @@ impl SceneFile {
     pub fn to_landmarks(&self) -> Result<ObjectLandmarks, EntryError> {
         let mut found = ObjectLandmarks::default();
         for (record, bodies) in self.objects.iter().zip(self.to_objects()?) {
-            let presence = record.extra.get("memory").and_then(|memory| memory.get("presence")?.as_str());
-            match landmark(&bodies).filter(|_| presence != Some("gone")) {
+            match landmark(&bodies).filter(|_| !record.is_gone()) {
                 Some(landmark) => {
                     found.landmarks.push(landmark);
                     found.ids.push(bodies.id);

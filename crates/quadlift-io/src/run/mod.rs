@@ -3,18 +3,22 @@
 
 mod input;
 mod options;
+mod record;
 
 use std::path::Path;
 
 use quadlift::run::{Run, RunError};
 use quadlift::{Localization, Observer};
-use serde_json::{Value, json};
 
 pub use input::{FileInput, InputError};
 pub use options::{FileOptions, PriorSource};
+pub use record::{
+    CueScaleRecord, LearnedSizeRecord, PosePointsRecord, Quantity, RunRecord, SceneCrossValidationRecord, SizeAxes,
+    SkippedRecord,
+};
 
-use crate::association::{add_to_result, association_record};
-use crate::diagnosis::{check_in_words, check_record};
+use crate::association::add_to_result;
+use crate::diagnosis::DiagnosisRecord;
 use crate::error::WriteError;
 use crate::scene_file::{Detail, SceneFile, estimates_to_objects, write_localized_file, write_scene_file};
 
@@ -72,14 +76,14 @@ impl FileRun {
         &self.run.localization
     }
 
-    /// The problem of an inconsistent scene and its correction, or a possible mistake, as text.
-    pub fn problem(&self) -> Option<String> {
-        check_in_words(&self.run.check, &self.input.context)
+    /// The self-check.
+    pub fn diagnosis(&self) -> DiagnosisRecord {
+        DiagnosisRecord::of(&self.run.check, &self.input.context)
     }
 
     /// What the result says about the run: `localization` of its file.
-    pub fn record(&self) -> Value {
-        self.without_objects().localization.unwrap_or_default()
+    pub fn record(&self) -> RunRecord {
+        RunRecord::of(self)
     }
 
     /// The result as a file.
@@ -114,21 +118,7 @@ impl FileRun {
 
     /// The result without objects and detections.
     fn without_objects(&self) -> SceneFile {
-        let (input, run) = (&self.input, &self.run);
-        let mut result =
-            input.file.localized_without_objects(input.scene(), &run.localization, self.options.settings());
-        if let Some(about) = &mut result.localization {
-            about["diagnosis"] = check_record(&run.check, &input.context);
-            if !input.notes.is_empty() {
-                about["corrections"] = json!(input.notes);
-            }
-            if let Some(association) = &run.association {
-                about["association"] = association_record(input.scene(), association);
-            }
-            if let Some(calibration) = &self.options.calibration {
-                about["calibration"] = calibration.clone();
-            }
-        }
-        result
+        let about = serde_json::to_value(self.record()).unwrap_or_default();
+        self.input.file.with_results(Vec::new(), about).with_refined_poses(self.localization())
     }
 }

@@ -7,6 +7,7 @@ use quadlift::scene::Scene;
 use quadlift::solve::CategoryPriors;
 use serde_json::{Map, Value};
 
+use crate::calibration::CalibrationRecord;
 use crate::error::ReadError;
 use crate::options::value_record;
 use crate::priors::{builtin_priors, check_metres, parse_priors, plausible_sizes, read_priors};
@@ -58,7 +59,7 @@ pub struct FileOptions {
     /// Where these priors come from.
     pub priors: PriorSource,
     /// How regions are calibrated: what the result says about it.
-    pub calibration: Option<Value>,
+    pub calibration: Option<CalibrationRecord>,
 }
 
 impl FileOptions {

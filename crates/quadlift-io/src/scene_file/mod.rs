@@ -44,9 +44,7 @@ pub use records::{
     RIG_FRAME, RleCounts, RleRecord, SceneFile, SegmentationRecord, VERSION,
 };
 pub use results::{Detail, cross_validation_of_object, estimates_to_objects};
-pub use run::{
-    count_localised, cross_validation_record, cue_scales_record, fitted_body_name, learnt_sizes_record, noise_record,
-    pose_points_record, skipped_record, status_counts,
-};
+pub use run::{count_localised, fitted_body_name};
 pub(crate) use suggest::known_names;
-pub use write::{write_localized_file, write_scene, write_scene_file};
+pub(crate) use write::write_localized_file;
+pub use write::{write_scene, write_scene_file};

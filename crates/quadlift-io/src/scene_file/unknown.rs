@@ -184,7 +184,7 @@ impl Visitor<'_> for FieldVisitor {
 mod tests {
     use quadlift::solve::BodyKind;
     use quadlift::synthetic::{Observations, SyntheticOptions, generate};
-    use serde_json::{Value, json};
+    use serde_json::json;
 
     use super::*;
     use crate::scene_file::{SceneFile, write_scene};
@@ -214,8 +214,8 @@ mod tests {
             options.method.map_options_mut().unwrap().body = Some(kind);
             options.cross_validation.extent = quadlift::cross_validation::Extent::All;
             let found = quadlift::localize(&scene, &options).unwrap();
-            let mut result = SceneFile::default().localized(&scene, &found, Value::Null);
-            result.localization = None;
+            let objects = super::super::estimates_to_objects(&scene, &found).collect();
+            let result = SceneFile { objects, ..SceneFile::default() };
             let mut bytes = Vec::new();
             write_scene(&result, &mut bytes).unwrap();
             let text = String::from_utf8(bytes).unwrap();

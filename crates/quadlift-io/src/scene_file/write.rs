@@ -23,13 +23,12 @@ pub fn write_scene_file(path: &Path, scene: &SceneFile) -> Result<(), WriteError
     write_file(path, |out| write_scene(scene, out))
 }
 
-/// Writes a result of a localisation, the bytes of [`write_scene_file`] for [`SceneFile::localized`], without all objects
-/// being in memory as records at once: `result` comes from [`SceneFile::localized_without_objects`]. `detail` says how much of
-/// each object is written.
+/// Writes a result with the objects of a localization, without all of them being in memory as records at once. `detail` says
+/// how much of each object is written.
 ///
 /// # Errors
 /// As [`write_scene_file`].
-pub fn write_localized_file(
+pub(crate) fn write_localized_file(
     path: &Path,
     result: &SceneFile,
     scene: &Scene,
@@ -224,22 +223,21 @@ mod tests {
 
     #[test]
     fn objects_written_one_by_one_give_the_same_bytes() {
+        use crate::run::{FileInput, FileOptions, run_file};
         use quadlift::synthetic::{Observations, SyntheticOptions, generate};
 
         let made = SyntheticOptions { objects: 5, views: 6, observations: Observations::Boxes, ..Default::default() };
-        let scene = generate(&made).unwrap().scene;
-        let localization = quadlift::localize(&scene, &quadlift::LocalizeOptions::default()).unwrap();
+        let input = FileInput::of(small().into(), generate(&made).unwrap().scene.into(), Path::new(""));
+        let run = run_file(input, &FileOptions::default(), &quadlift::Unobserved).unwrap();
         let mut at_once = Vec::new();
-        write_scene(&small().localized(&scene, &localization, serde_json::Value::Null), &mut at_once).unwrap();
+        write_scene(&run.result(), &mut at_once).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
-        let result = small().localized_without_objects(&scene, &localization, serde_json::Value::Null);
-        assert!(result.objects.is_empty());
-        write_localized_file(&path, &result, &scene, &localization, Detail::Full).unwrap();
+        run.write(&path, Detail::Full).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), at_once);
         let full = parse_scene_file(&path, &at_once).unwrap();
         assert_eq!(full.objects.len(), 5);
-        write_localized_file(&path, &result, &scene, &localization, Detail::Brief).unwrap();
+        run.write(&path, Detail::Brief).unwrap();
         let brief = parse_scene_file(&path, &std::fs::read(&path).unwrap()).unwrap();
         assert!(std::fs::metadata(&path).unwrap().len() < at_once.len() as u64 / 2);
         for (brief, full) in brief.objects.iter().zip(full.objects) {

@@ -16,7 +16,7 @@ mod state;
 pub use event::{DetectionRecord, EventRecord, OutputLine};
 pub use input::{Input, LineReader, MAX_LINE, NextLine, open};
 pub use line::{AboutRecord, CameraOfFrame, FrameLine, Line, LineError, PoseRecord, parse_line, scene_to_frames};
-pub use map_file::{MapMemory, presence_name};
+pub use map_file::{MapMemory, MemoryRecord, ShareRecord, StreamRecord};
 pub use options::{StoredPriors, lasting_options, options_of};
 pub use scene::{CheckedFrame, StreamedScene};
 pub use state::{

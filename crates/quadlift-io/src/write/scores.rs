@@ -34,7 +34,7 @@ impl<'a> Scores<'a> {
         }
         let mut of_object: HashMap<&str, f64> = sums.into_iter().map(|(id, (sum, n))| (id, sum / n)).collect();
         for object in &scene.file.objects {
-            let existence = object.extra.get("memory").and_then(|memory| memory.get("existence")?.as_f64());
+            let existence = object.memory().and_then(|memory| memory.existence);
             of_object.extend(existence.map(|existence| (object.id.as_str(), existence)));
         }
         Self { of_object, of_view }

@@ -16,7 +16,7 @@ pub enum IdUse {
     Ignore,
 }
 
-/// A part of association that can be switched off for ablations (`quadlift reproduce association`).
+/// A part of association that can be switched off for ablations (`quadlift-bench association`).
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {

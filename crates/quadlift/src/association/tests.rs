@@ -505,7 +505,7 @@ fn evidence_does_not_depend_on_the_unit_of_length() {
     }
 }
 
-/// Without a part less is found; see `reproduce association` for what each is worth elsewhere.
+/// Without a part less is found; see `quadlift-bench association` for what each is worth elsewhere.
 #[test]
 fn parts_are_worth_their_time() {
     let duplicates = |seed| SyntheticOptions { detector: Detector { duplicates: 0.2, ..DETECTOR }, ..base(seed) };

@@ -5,13 +5,16 @@ use super::correction::Correction;
 
 /// The kind of mistake that explains why a scene is inconsistent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum CauseName {
     /// Poses map from the camera to the world instead of from the world to the camera.
     CameraToWorld,
     /// Camera axes are OpenGL's (y up, z backwards) instead of OpenCV's.
+    #[cfg_attr(feature = "serde", serde(rename = "opengl_axes"))]
     OpenGlAxes,
     /// Poses map from a camera with OpenGL's axes to the world (nerfstudio, Blender).
+    #[cfg_attr(feature = "serde", serde(rename = "opengl_camera_to_world"))]
     OpenGlCameraToWorld,
     /// Camera axes are a robot's body axes (x forward, y left, z up).
     BodyAxes,

@@ -2,6 +2,7 @@
 
 mod measurement_kind;
 mod options;
+mod selection;
 mod validate;
 
 pub use measurement_kind::MeasurementKind;
@@ -17,9 +18,10 @@ use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, PosePoints, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, OptionError,
+    BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, MapOptions, OptionError,
     POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, ViewReport, predict_fold, solve_closed_form,
 };
+use selection::Selection;
 
 /// Why a scene cannot be localised at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -89,141 +91,100 @@ pub(crate) fn solve_objects(
     observer: &dyn Observer,
 ) -> Result<Localization, LocalizeError> {
     options.validate()?;
-    let map_options = options.method.map_options();
-    if let Some(map_options) = map_options {
+    if let Some(map_options) = options.method.map_options() {
         validate::check_up(map_options, scene)?;
     }
-    let source = scene.source_index(options.source.as_deref())?;
-    let from_source = |d: &Detection| source.is_none() || d.source_index == source;
-    let visible = |d: &Detection| {
-        let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
-        within(d.occluded, options.max_occluded) && within(d.truncated, options.max_truncated)
-    };
-    // With a 3D box alone for the refinement only.
-    let measured =
-        |d: &Detection| d.bounding_box.is_some() || d.ellipse.is_some() || (map_options.is_some() && d.is_measured());
-    let usable = |d: &Detection| measured(d) && options.measurements.are_in(d);
-    let mut groups = scene.detections_by_object(|d| from_source(d) && visible(d) && usable(d));
-    // In the order of the frames, so that neighbours in the list are neighbours in time.
-    for group in &mut groups {
-        group.sort_by_key(|&index| scene.detections[index as usize].frame_index);
-    }
-    // The closed forms do not use them.
-    let uses_hidden_edges = map_options.is_some_and(|map| map.hidden_edges);
-    let hidden = scene.hidden_edges(|d| uses_hidden_edges && from_source(d));
-    // Objects of other sources are not listed; objects whose detections are all skipped are.
-    let mut named = vec![false; scene.object_ids.len()];
-    let mut skipped = SkippedDetections::default();
-    for detection in scene.detections.iter().filter(|d| from_source(d)) {
-        match detection.object_index {
-            None => skipped.without_object += 1,
-            Some(object) => {
-                named[object as usize] = true;
-                skipped.occluded_or_truncated += usize::from(!visible(detection));
-                skipped.beyond_lens += usize::from(visible(detection) && !measured(detection));
-                let lacks = measured(detection) && !usable(detection);
-                skipped.without_measurement += usize::from(visible(detection) && lacks);
-            }
-        }
-    }
-    let objects: Vec<usize> = (0..named.len()).filter(|&object| named[object]).collect();
-    let watch = Watch::new(observer, objects.len());
-    // With a cue, or with a size and the ground, one view is enough for the refinement.
-    let fewest = options.min_views.max(if map_options.is_some() { 1 } else { options.method.fewest_views() });
-    let views_of = |k: usize| {
-        let mut object = scene.object_views(objects[k], &groups[objects[k]]);
-        for (view, &detection) in object.views.iter_mut().zip(&groups[objects[k]]) {
-            view.hidden_edges = hidden[detection as usize];
-        }
-        object.views.iter_mut().for_each(|view| options.measurements.keep_only(view));
-        // The closed forms use the border as it is; the refinement accounts for detector errors near it.
-        if let Some(map_options) = map_options {
-            object.views.iter_mut().for_each(|view| *view = view.within_margin(map_options.border_margin));
-        }
-        if object.views.len() < fewest {
-            // Too few views: the solvers return a status.
-            object.views.clear();
-        }
-        object
-    };
-    let folds_of =
-        |estimates: &[Estimate]| choose_folds(estimates, &options.cross_validation, options.method.fewest_views());
-    let (mut refined_poses, mut pose_memory, mut points) = (Vec::new(), None, None);
-    let (mut cue_scales, mut learnt_sizes) = (Vec::new(), Vec::new());
-    let (mut estimates, noise, pose_noise, body, folds, predicted) = if let Some(map_options) = map_options {
-        let pose_unknowns = Arc::new(PoseUnknowns::of(&scene.frames, map_options.refine_extrinsics));
-        let corrects = map_options.refine_poses.is_some() || map_options.pose_noise.is_some();
-        let pose_points =
-            if corrects { PosePoints::of(scene, &pose_unknowns, map_options) } else { PosePoints::default() };
-        let context = MapContext {
-            categories: &scene.categories,
-            up: scene.up,
-            pose_unknowns,
-            pose_points,
-            cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
-            seed: options.seed,
-            has_cues: scene.detections.iter().any(|d| d.cues.is_some()),
-            enclosing_quantile: options.enclosing_quantile,
-            options: map_options,
-            watch: &watch,
-        };
-        let solution = map(objects.len(), &views_of, &context, &folds_of);
-        (cue_scales, learnt_sizes) = (solution.cue_scales, solution.learnt_sizes);
-        (refined_poses, pose_memory) = (solution.refined_poses, solution.pose_memory);
-        points = solution.pose_points;
-        (solution.estimates, solution.noise, solution.pose_noise, solution.body, solution.folds, solution.predicted)
-    } else {
-        let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
-        let estimates = map_indices(objects.len(), |k| {
-            if watch.is_cancelled() {
-                return Estimate::cancelled();
-            }
-            let estimate = solve(views_of(k));
-            watch.advance(1);
-            estimate
-        });
-        let folds = folds_of(&estimates);
-        let predicted = map_indices(folds.len(), |index| {
-            if watch.stops_before(index) {
-                return FoldPrediction::default();
-            }
-            let Fold { object, views, .. } = &folds[index];
-            predict_fold(&views_of(*object), views, BORDER_MARGIN, |others| solve(others).body)
-        });
-        (estimates, Sigmas::default(), None, Some(BodyKind::Ellipsoid), folds, predicted)
+    let selection = Selection::new(scene, options)?;
+    let watch = Watch::new(observer, selection.objects.len());
+    let (mut localization, folds, predicted) = match options.method.map_options() {
+        Some(map_options) => refined(scene, options, map_options, &selection, &watch),
+        None => closed_form(options, &selection, &watch),
     };
     if watch.is_cancelled() {
         return Err(LocalizeError::Cancelled);
     }
-    let cross_validation = summarise(&estimates, &folds, predicted, &options.cross_validation);
+    let estimates = &mut localization.estimates;
+    localization.cross_validation = summarise(estimates, &folds, predicted, &options.cross_validation);
     // The views of objects with too few of them are listed all the same, as not used.
-    for (estimate, &object) in estimates.iter_mut().zip(&objects) {
-        if estimate.views.is_empty() {
-            estimate.views = groups[object]
-                .iter()
-                .map(|&d| scene.detections[d as usize].frame_index as usize)
-                .map(ViewReport::not_used)
-                .collect();
+    for (k, estimate) in estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {
+        estimate.views = selection.frames_of(k).map(ViewReport::not_used).collect();
+    }
+    warn_of_implausible_sizes(estimates, &scene.categories, &options.plausible_sizes);
+    let is_used = |d: &Detection| selection.is_used(d);
+    localization.diagnosis = diagnose_refined(scene, &localization.refined_poses, is_used);
+    if let Some(map_options) = options.method.map_options() {
+        localization.diagnosis.check_lengths(scene, is_used, &map_options.priors);
+    }
+    localization.skipped = selection.skipped;
+    Ok(localization)
+}
+
+/// A localization with the views that were left out for cross-validation, and their predictions.
+type Solved = (Localization, Vec<Fold>, Vec<FoldPrediction>);
+
+/// Which views are left out.
+fn folds_of(estimates: &[Estimate], options: &LocalizeOptions) -> Vec<Fold> {
+    choose_folds(estimates, &options.cross_validation, options.method.fewest_views())
+}
+
+/// By the default estimator.
+fn refined(
+    scene: &Scene,
+    options: &LocalizeOptions,
+    map_options: &MapOptions,
+    selection: &Selection,
+    watch: &Watch,
+) -> Solved {
+    let pose_unknowns = Arc::new(PoseUnknowns::of(&scene.frames, map_options.refine_extrinsics));
+    let corrects = map_options.refine_poses.is_some() || map_options.pose_noise.is_some();
+    let pose_points = if corrects { PosePoints::of(scene, &pose_unknowns, map_options) } else { PosePoints::default() };
+    let context = MapContext {
+        categories: &scene.categories,
+        up: scene.up,
+        pose_unknowns,
+        pose_points,
+        cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
+        seed: options.seed,
+        has_cues: scene.detections.iter().any(|d| d.cues.is_some()),
+        enclosing_quantile: options.enclosing_quantile,
+        options: map_options,
+        watch,
+    };
+    let choose = |estimates: &[Estimate]| folds_of(estimates, options);
+    let solution = map(selection.objects.len(), &|k| selection.views_of(k), &context, &choose);
+    let localization = Localization {
+        estimates: solution.estimates,
+        noise: solution.noise,
+        pose_noise: solution.pose_noise,
+        pose_memory: solution.pose_memory,
+        refined_poses: solution.refined_poses,
+        pose_points: solution.pose_points,
+        cue_scales: solution.cue_scales,
+        learnt_sizes: solution.learnt_sizes,
+        body: solution.body,
+        ..Localization::default()
+    };
+    (localization, solution.folds, solution.predicted)
+}
+
+/// By a closed form, object by object.
+fn closed_form(options: &LocalizeOptions, selection: &Selection, watch: &Watch) -> Solved {
+    let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
+    let estimates = map_indices(selection.objects.len(), |k| {
+        if watch.is_cancelled() {
+            return Estimate::cancelled();
         }
-    }
-    warn_of_implausible_sizes(&mut estimates, &scene.categories, &options.plausible_sizes);
-    let is_used = |d: &Detection| from_source(d) && visible(d);
-    let mut diagnosis = diagnose_refined(scene, &refined_poses, is_used);
-    if let Some(map_options) = map_options {
-        diagnosis.check_lengths(scene, is_used, &map_options.priors);
-    }
-    Ok(Localization {
-        estimates,
-        skipped,
-        noise,
-        pose_noise,
-        pose_memory,
-        refined_poses,
-        pose_points: points,
-        cue_scales,
-        learnt_sizes,
-        body,
-        cross_validation,
-        diagnosis,
-    })
+        let estimate = solve(selection.views_of(k));
+        watch.advance(1);
+        estimate
+    });
+    let folds = folds_of(&estimates, options);
+    let predicted = map_indices(folds.len(), |index| {
+        if watch.stops_before(index) {
+            return FoldPrediction::default();
+        }
+        let Fold { object, views, .. } = &folds[index];
+        predict_fold(&selection.views_of(*object), views, BORDER_MARGIN, |others| solve(others).body)
+    });
+    (Localization { estimates, body: Some(BodyKind::Ellipsoid), ..Localization::default() }, folds, predicted)
 }

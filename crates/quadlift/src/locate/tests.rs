@@ -326,13 +326,13 @@ fn mistakes_of_all_images_are_found_and_right_images_have_none() {
             let pose = camera(&mut rng);
             mistaken(&image(&mut rng, &landmarks, &pose, 0.05, 0.2, 0.2), of_edge, focal_factor)
         };
-        let images: Vec<Query> = (0..3).map(|_| wrong()).collect();
+        let images: Vec<Query> = (0..2).map(|_| wrong()).collect();
         let options = LocateOptions::default();
         let all: Vec<Located> = images.iter().map(|query| map.locate(query, &options)).collect();
         let image = |(query, located)| LocatedImage { query, options: options.clone(), located };
         map.common_mistake(&images.iter().zip(&all).map(image).collect::<Vec<_>>())
     };
-    for (seed, categories) in [(1, 30), (2, 6), (3, 3)] {
+    for (seed, categories) in [(1, 30), (2, 6)] {
         assert_eq!(check(seed, categories, |x| x, 1.0), None);
     }
     let mistake = check(1, 30, |x| x, 0.8).unwrap();

@@ -16,6 +16,17 @@ pub enum Presence {
     Gone,
 }
 
+impl Presence {
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tentative => "tentative",
+            Self::Confirmed => "confirmed",
+            Self::Gone => "gone",
+        }
+    }
+}
+
 /// Log odds that an object that was just detected is still there in the next frame.
 pub(super) const DETECTED_LOG_ODDS: f64 = 6.9;
 

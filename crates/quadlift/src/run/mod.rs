@@ -7,6 +7,8 @@ mod input;
 mod options;
 mod pairs;
 mod rows;
+#[cfg(test)]
+mod tests;
 
 pub use check::{Check, MAX_CORRECTIONS, diagnose_source, diagnose_unnamed};
 pub use input::Input;

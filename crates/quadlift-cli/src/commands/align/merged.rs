@@ -6,7 +6,6 @@ use quadlift::LocalizeOptions;
 use quadlift::align::MapTransform;
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift_io::align::{ALIGNMENT, Merged, merge};
-use quadlift_io::diagnosis::check_record;
 use quadlift_io::run::{FileInput, PriorSource};
 use quadlift_io::scene_file::count_localised;
 use quadlift_io::{SceneFile, write_scene_file};
@@ -111,9 +110,10 @@ fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Res
     let run = run_scene(title, input, &file_options(options, PriorSource::None)?, out)?;
     let check = &run.run.check;
     if !check.diagnosis.consistent && !args.accept_inconsistent {
-        let why = run.problem().unwrap_or_default();
+        let diagnosis = run.diagnosis();
+        let why = diagnosis.in_words().unwrap_or_default();
         let text = format!("{title} is inconsistent, though each map may be consistent: {why}");
-        return Err(InconsistentError { text, diagnosis: check_record(check, &run.input.context) }.into());
+        return Err(InconsistentError { text, diagnosis }.into());
     }
     tell(check, &run.input.context, args.accept_inconsistent, title, out);
     let mut result = run.result();

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::{Args as _, FromArgMatches};
 use quadlift::run::{Check, diagnose_unnamed};
-use quadlift_io::diagnosis::check_in_words;
+use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::run::FileInput;
 use quadlift_io::{SceneFile, read_scene_file};
 use serde_json::json;
@@ -93,7 +93,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 
     let wrong = FileInput::read(&path(WRONG), &[])?;
     let check = Check::of_diagnosis(diagnose_unnamed(wrong.scene(), None), &wrong, None);
-    let said = check_in_words(&check, &wrong.context).unwrap_or_else(|| "the scene is consistent".to_owned());
+    let said = DiagnosisRecord::of(&check, &wrong.context).in_words();
+    let said = said.unwrap_or_else(|| "the scene is consistent".to_owned());
     localize(&path(WRONG), &path(MENDED), None, true)?;
     let mended = read_scene_file(&path(MENDED))?;
     let again = Findings::new(&desk, &mended)?;

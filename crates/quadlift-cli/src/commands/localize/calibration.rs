@@ -2,14 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use quadlift_io::calibration::{ResultAndTruth, calibrate, calibration_record};
+use quadlift_io::calibration::{CalibrationRecord, ResultAndTruth, calibrate};
 use quadlift_io::{SceneFile, read_scene_file};
-use serde_json::Value;
 
 use crate::words::count;
 
 /// The requested calibration in the format of results.
-pub fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<Value>> {
+pub fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<CalibrationRecord>> {
     if paths.is_empty() {
         return Ok(None);
     }
@@ -18,16 +17,15 @@ pub fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<Value>> {
     let pairs: Vec<ResultAndTruth> = files.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
     let calibration = calibrate(&pairs)?;
     let names: Vec<[&Path; 2]> = pairs.iter().map(|[result, truth]| [result.0, truth.0]).collect();
-    Ok(Some(calibration_record(&calibration, &names)))
+    Ok(Some(CalibrationRecord::of(&calibration, &names)))
 }
 
 /// The calibration in one line.
-pub fn calibration_in_words(record: &Value) -> String {
-    let objects = record["objects"].as_u64().unwrap_or(0) as usize;
+pub fn calibration_in_words(record: &CalibrationRecord) -> String {
     // The quantile of chi-square with 3 degrees of freedom.
-    let said = match record["squared_distance"]["center"]["0.95"].as_f64() {
+    let said = match record.squared_distance.center.p95 {
         Some(limit) => format!("the 95 % region of a centre ends at a squared distance of {limit:.2} instead of 7.81"),
         None => "too few for a 95 % region".to_owned(),
     };
-    format!("regions calibrated on {}: {said}\n", count(objects, "object"))
+    format!("regions calibrated on {}: {said}\n", count(record.objects, "object"))
 }

@@ -5,21 +5,49 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use quadlift::solve::{Estimate, Rejection, Status};
+use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
-use quadlift_io::run::{FileInput, FileOptions, FileRun};
+use quadlift_io::run::{FileInput, FileOptions, FileRun, RunRecord};
 use quadlift_io::scene_file::{Detail, count_localised};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 
 use super::calibration::calibration_in_words;
 use crate::association::localize_in_words;
 use crate::corrections::corrected_in_words;
 use crate::diagnosis::tell;
 use crate::error::Outcome;
-use crate::estimate_table::{cue_scales, learnt_sizes, noise_levels, pose_points, render, summaries};
+use crate::estimate_table::{cue_scales, learned_size, noise_levels, pose_points, render, summaries};
 use crate::localization::{run_scene, settings_in_words};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
 use crate::words::{count, duration};
+
+/// What `--json` says of a scene.
+#[derive(Serialize, Default)]
+pub struct SceneDocument {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cameras: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub detections: Option<String>,
+    /// The self-check of a scene that has no result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub diagnosis: Option<DiagnosisRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub objects: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub output: Option<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub problems: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub report: Option<String>,
+    #[serde(flatten)]
+    pub run: Option<RunRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
+}
 
 /// Reads and localizes a scene, writes and prints the result and adds it to the JSON document. `name` is the scene's in
 /// messages.
@@ -29,7 +57,7 @@ pub fn one_scene(
     [output, report]: [Option<&Path>; 2],
     (options, detail): (&FileOptions, Detail),
     out: &Output,
-    document: &mut Value,
+    document: &mut SceneDocument,
 ) -> anyhow::Result<Outcome> {
     let start = Instant::now();
     let title = name.display().to_string();
@@ -43,11 +71,11 @@ pub fn one_scene(
     let solved = start.elapsed();
     if let Some(output) = output {
         run.write(output, detail)?;
-        document["output"] = output.display().to_string().into();
+        document.output = Some(output.display().to_string());
     }
     if let (Some(report), Some(images)) = (report, &images) {
         write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), &run.result())?;
-        document["report"] = report.display().to_string().into();
+        document.report = Some(report.display().to_string());
     }
     let localization = run.localization();
     let localized = count_localised(&localization.estimates);
@@ -71,17 +99,25 @@ pub fn one_scene(
         text.push_str(&format!("wrote {}\n", path.display()));
     }
     out.report(&text)?;
-    tell_details(&run, out);
+    let record = run.record();
+    tell_details(&run, &record, out);
     out.detail(&format!("read in {}, localised in {}", duration(read), duration(solved - read)));
     if out.json {
-        document["objects"] = serde_json::to_value(summaries(run.input.scene(), localization))?;
-        add_record(document, run.record());
+        document.objects = Some(serde_json::to_value(summaries(run.input.scene(), localization))?);
+        // The objects tell their number, bodies and status; the settings are those of the command line.
+        document.run = Some(RunRecord {
+            body: None,
+            objects: None,
+            program: None,
+            settings: Value::Null,
+            status: None,
+            version: None,
+            ..record
+        });
     }
     let problems = &run.input.problems;
     out.errors(problems);
-    if !problems.is_empty() {
-        document["problems"] = json!(problems);
-    }
+    document.problems.clone_from(problems);
     // Rays that do not cross (all from one point, one view of each object) cannot disagree.
     let undetermined = |e: &Estimate| matches!(e.status, Status::Degenerate | Status::TooFewViews);
     let check = &run.run.check;
@@ -94,19 +130,9 @@ pub fn one_scene(
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
 
-/// Adds the record of a run to the document of a scene, which has its own `objects`.
-fn add_record(document: &mut Value, record: Value) {
-    let (Value::Object(document), Value::Object(record)) = (document, record) else { return };
-    for (name, value) in record {
-        if !["body", "program", "settings", "status", "version"].contains(&name.as_str()) {
-            document.entry(name).or_insert(value);
-        }
-    }
-}
-
 /// With `--verbose`: rejected views, noise levels, and what the objects share. Odd scales of cues and points that do not fit are
 /// warnings.
-fn tell_details(run: &FileRun, out: &Output) {
+fn tell_details(run: &FileRun, record: &RunRecord, out: &Output) {
     let (scene, localization) = (run.input.scene(), run.localization());
     for estimate in &localization.estimates {
         let rejected: Vec<String> = estimate
@@ -123,19 +149,19 @@ fn tell_details(run: &FileRun, out: &Output) {
     if let Some(levels) = noise_levels(localization) {
         out.detail(&levels);
     }
-    for (line, is_odd) in cue_scales(scene, localization) {
+    for (line, is_odd) in cue_scales(scene, &record.cue_scales) {
         if is_odd {
             out.warning(&format!("{line}; if the unit is another one, that is right"));
         } else {
             out.detail(&one_line(&line));
         }
     }
-    for line in learnt_sizes(scene, localization) {
-        out.detail(&one_line(&line));
+    for size in &record.learnt_sizes {
+        out.detail(&one_line(&learned_size(size)));
     }
-    if let Some(points) = &localization.pose_points {
-        match points.problem {
-            Some(_) => out.warning(&points.to_string()),
+    if let Some(points) = &record.pose_points {
+        match &points.warning {
+            Some(warning) => out.warning(warning),
             None => out.detail(&pose_points(points)),
         }
     }

@@ -25,7 +25,7 @@ const WEIGHT_OF_PRIOR: f64 = 1.0;
 const WORTH_TRYING: f64 = 0.05;
 
 /// Up to so many objects all kinds are tried for each, which takes some milliseconds an object: in few views of a biased
-/// detector one kind alone does not tell. With 8 views over 60 degrees and edges that are 4 % off (`reproduce body_kinds`) the
+/// detector one kind alone does not tell. With 8 views over 60 degrees and edges that are 4 % off (`quadlift-bench kinds`) the
 /// IoU of cuboids is 0.67, and 0.46 where only what seems to be no ellipsoid is tried further.
 const FEW_OBJECTS: usize = 24;
 
