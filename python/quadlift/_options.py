@@ -57,9 +57,10 @@ class Options(TypedDict, total=False):
     """Associate detections first: if any lack an id (`auto`), never or always."""
     ids: Ids | None
     """How far to trust existing ids (`trust`; with `associate="always"`: `evidence`)."""
-    priors: Path | Mapping[str, Prior] | Sequence[Path | Mapping[str, Prior]] | None
-    """Priors on categories: "builtin" (for scenes in metres), a TOML file, a mapping, or "scene": the size of each
-    category is learnt from its other objects. A list of "scene" and one of the others has both; that one then wins."""
+    priors: Path | Mapping[str, Prior] | None
+    """Priors on categories: "builtin" (for scenes in meters), a TOML file or a mapping."""
+    learn_sizes: bool
+    """Learn the size of each category from its other objects; `priors` win where they have a size."""
     cross_validate: bool
     """Leave out each view of each object and predict it from the others: a measure of quality without ground truth.
     Takes several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""
@@ -91,7 +92,7 @@ class Options(TypedDict, total=False):
     `Estimates.calibration` then has calibrated confidence regions."""
     accept_inconsistent: bool
     """Whether objects may be ``"ok"`` in a scene that is inconsistent (see `Estimates.diagnosis`)."""
-    reg_lambda: float | None
+    reg_weight: float | None
     """Weight of the regulariser of `method="reg"` (default 1e16)."""
     seed: int
     """Seed of the random numbers."""
@@ -109,6 +110,7 @@ DEFAULTS: dict[str, Any] = {
     "associate": "auto",
     "ids": None,
     "priors": None,
+    "learn_sizes": False,
     "cross_validate": False,
     "min_views": 0,
     "max_occluded": None,
@@ -122,7 +124,7 @@ DEFAULTS: dict[str, Any] = {
     "sigmas": None,
     "calibration": (),
     "accept_inconsistent": False,
-    "reg_lambda": None,
+    "reg_weight": None,
     "seed": 0,
 }
 
@@ -139,7 +141,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         _checks.text(name, keywords[name])
     for name in ("source", "ids", "refine_poses"):
         _checks.optional(_checks.text, name, keywords[name])
-    for name in ("max_occluded", "max_truncated", "camera_height", "reg_lambda"):
+    for name in ("max_occluded", "max_truncated", "camera_height", "reg_weight"):
         keywords[name] = _checks.optional(_checks.number, name, keywords[name])
     if keywords["pose_noise"] is not None:
         keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
@@ -148,6 +150,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     keywords["calibration"] = _calibration(keywords["calibration"])
     for name in (
         "cross_validate",
+        "learn_sizes",
         "upright",
         "ground_plane",
         "fixed_extrinsics",
@@ -156,8 +159,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
         keywords[name] = _checks.flag(name, keywords[name])
     keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
     keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
-    others, keywords["learn_sizes"] = _without_scene(keywords["priors"])
-    keywords["priors"], keywords["priors_text"] = _priors(others)
+    keywords["priors"], keywords["priors_text"] = _priors(keywords["priors"])
     return keywords, threads, progress
 
 
@@ -280,16 +282,6 @@ def _calibration(pairs: Any) -> list[tuple[_core.Scene, _core.Scene]]:
         result, truth = _checks.scene(f"calibration[{k}][0]", result), _checks.scene(f"calibration[{k}][1]", truth)
         scenes.append((result, truth))
     return scenes
-
-
-def _without_scene(priors: Any) -> tuple[Any, bool]:
-    """The source of priors besides "scene", and whether that is given."""
-    if isinstance(priors, str | os.PathLike | Mapping) or not isinstance(priors, Sequence):
-        return (None, True) if priors == "scene" else (priors, False)
-    others = [given for given in priors if given != "scene"]
-    if len(others) > 1:
-        raise QuadliftError(f'priors has {len(others)} sources beside "scene"; expected one at most')
-    return (others[0] if others else None), len(others) < len(priors)
 
 
 def _priors(priors: Any) -> tuple[str | None, str | None]:

@@ -81,7 +81,7 @@ def localize(
         Number of localisation tasks. By default Spark chooses it by the size of the tables, which are small relative to
         the work: on a large cluster use a few per core.
     **options
-        `method`, `priors`, `min_views`, `reg_lambda`, `seed` as in `quadlift.localize`, and without the column `object`
+        `method`, `priors`, `min_views`, `reg_weight`, `seed` as in `quadlift.localize`, and without the column `object`
         also `associate`, `ids`, `upright`, `ground_plane`, `camera_height`, `pose_noise`.
 
     Returns

@@ -96,13 +96,13 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "body": ({"body": "ball"}, 'body is "ball"; expected "auto", "ellipsoid"'),
     "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
     "method of a body": ({"method": "lfd", "body": "cuboid"}, "only the method map fits bodies other than ellipsoids"),
-    "priors, two sources": (
-        {"priors": ["builtin", "scene", "a.toml"]},
-        'priors has 2 sources beside "scene"; expected one at most',
+    "learned sizes": ({"learn_sizes": "yes"}, "learn_sizes is "),
+    "method of learned sizes": (
+        {"method": "lfd", "learn_sizes": True},
+        'learn_sizes is an argument of method="map" only',
     ),
-    "method of learnt sizes": ({"method": "lfd", "priors": "scene"}, 'priors is an argument of method="map" only'),
     "method of priors": ({"method": "lfd", "priors": "builtin"}, 'priors is an argument of method="map" only'),
-    "lambda": ({"reg_lambda": 1.0}, 'reg_lambda is an argument of method="reg" only'),
+    "lambda": ({"reg_weight": 1.0}, 'reg_weight is an argument of method="reg" only'),
     "seed": ({"seed": -1}, "seed is -1; expected a whole number from 0"),
     "threads": ({"threads": 0}, "threads is 0; expected a whole number from 1 to 1024"),
     "min_views": ({"min_views": 2.5}, "min_views is 2.5; expected a whole number from 0 to"),

@@ -387,7 +387,7 @@ def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
         "height": (objects(camera_height=1.0), "camera_height is an option of whole scenes"),
         "poses": (objects(pose_noise=(0.1, 0.1)), "pose_noise is an option of whole scenes"),
         "priors": (objects(priors={"car": {"on_ground": True}}, up=(0, 0, 1)), "on_ground=True"),
-        "learnt sizes": (objects(priors="scene"), "need its other objects"),
+        "learnt sizes": (objects(learn_sizes=True), "learn_sizes is an option of whole scenes"),
         "builtin": (objects(priors="builtin", length_unit="m", up=(0, 0, 1)), "on_ground=True"),
         "threads": (objects(threads=2), "there is no option 'threads' here"),
         "object": (objects(rows.drop_columns("object")), "rows has no column 'object'"),

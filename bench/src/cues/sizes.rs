@@ -1,4 +1,4 @@
-//! Sizes that are learnt from the scene (`--priors scene`): synthetic categories, and the real scenes.
+//! Sizes that are learnt from the scene (`--learn-sizes`): synthetic categories, and the real scenes.
 
 use std::path::Path;
 
@@ -93,7 +93,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let steps = Steps::new("cues", BODIES.len() * SIZES.len() * VIEWS.len(), run.progress);
     let count = run.scenes(SCENES);
     report.text(format!(
-        "Sizes learnt from the scene (`--priors scene`): {OBJECTS} objects of {CATEGORIES} categories in each of {count} scenes, cameras \
+        "Sizes learnt from the scene (`--learn-sizes`): {OBJECTS} objects of {CATEGORIES} categories in each of {count} scenes, cameras \
          at 40 from the middle of a cube of 10, boxes with {EDGE_NOISE} of their half size of noise. \"One size\": the extents of \
          things of a category differ by {SPREAD} (logarithms); \"two sizes\": every second one is twice as large; \"any size\": the \
          category is a name only. Each object's prior is learnt from the others. NEES: median, 9 parameters (8.34)."

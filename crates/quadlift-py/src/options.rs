@@ -44,7 +44,7 @@ pub struct LocalizeKeywords {
     pose_noise: Option<[f64; 2]>,
     refine_poses: Option<String>,
     fixed_extrinsics: bool,
-    reg_lambda: Option<f64>,
+    reg_weight: Option<f64>,
     sigmas: Option<HashMap<String, f64>>,
     accept_inconsistent: bool,
     seed: u64,
@@ -58,7 +58,8 @@ impl LocalizeKeywords {
         let mut method: Method = named("method", &self.method)?;
         if method.map_options().is_none() {
             let given = [
-                ("priors", self.priors.is_some() || self.priors_text.is_some() || self.learn_sizes),
+                ("priors", self.priors.is_some() || self.priors_text.is_some()),
+                ("learn_sizes", self.learn_sizes),
                 ("ground_plane", self.ground_plane),
                 ("camera_height", self.camera_height.is_some()),
                 ("pose_noise", self.pose_noise.is_some()),
@@ -70,9 +71,9 @@ impl LocalizeKeywords {
                 return Err(refuse(format!("{name} is an argument of method=\"map\" only")));
             }
         }
-        match (&mut method, self.reg_lambda) {
+        match (&mut method, self.reg_weight) {
             (Method::Reg(reg), Some(lambda)) => reg.lambda = lambda,
-            (_, Some(_)) => return Err(refuse("reg_lambda is an argument of method=\"reg\" only")),
+            (_, Some(_)) => return Err(refuse("reg_weight is an argument of method=\"reg\" only")),
             _ => {}
         }
         let body = body(&self.body)?;

@@ -131,7 +131,7 @@ def localize_objects(
         World unit.
     **options
         `sigmas` and `body` (both are needed with `method="map"`, see `noise`), `method`, `priors`, `min_views`,
-        `reg_lambda`, `seed`, as in `quadlift.localize`.
+        `reg_weight`, `seed`, as in `quadlift.localize`.
 
     Returns
     -------

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from .._arrays import DetectionArrays, FrameArrays, Names
 
-OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_lambda", "seed"})
+OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_weight", "seed"})
 """Options for tables of objects."""
 OF_SCENES = OF_OBJECTS | {
     "associate",
@@ -30,6 +30,7 @@ OF_SCENES = OF_OBJECTS | {
     "camera_height",
     "refine_poses",
     "fixed_extrinsics",
+    "learn_sizes",
     "pose_noise",
     "accept_inconsistent",
 }
@@ -68,11 +69,6 @@ class Settings:
             None if up is None else _checks.array("up", up, (3,)).tolist(),
             _checks.optional(_checks.text, "length_unit", length_unit),
         )
-        if known == OF_OBJECTS and settings.keywords["learn_sizes"]:
-            raise QuadliftError(
-                'priors: sizes that are learnt from the scene ("scene") need its other objects; tables of objects, '
-                "which are solved one by one, do not take it"
-            )
         if known == OF_OBJECTS and up is not None and _may_share_ground(options.get("priors")):
             raise QuadliftError(
                 "priors: those with on_ground=True let objects share a ground where up is given; tables of objects, "
