@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use quadlift::LocalizeOptions;
 use quadlift::association::IdUse;
 use quadlift::online::OnlineOptions;
-use quadlift::run::RunOptions;
+use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::{MapOptions, PoseNoise};
 use quadlift_io::mcap::LiveOptions;
 use quadlift_io::read::PixelCenters;
@@ -97,7 +97,8 @@ impl Options {
         let options = MapOptions { body, upright: parameters.is_set("upright"), pose_noise, ..MapOptions::default() };
         let localize = LocalizeOptions::from(options);
         localize.validate().map_err(|error| error.to_string())?;
-        let estimates = FileOptions::new(RunOptions { localize, ..RunOptions::default() }, priors);
+        let estimates =
+            FileOptions::new(RunOptions { localize, associate: AssociateWhen::Never, ..RunOptions::default() }, priors);
         let estimates = estimates.map_err(|error| error.to_string())?;
         let positive = |name: &str| Some(parameters.double(name)).filter(|x| *x != 0.0);
         let map = OnlineOptions {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::RangedU64ValueParser;
 use quadlift::online::OnlineOptions;
+use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::PoseNoise;
 use quadlift_io::detect::is_mcap;
 use quadlift_io::guard::{allow_overwriting, check_not_read};
@@ -143,7 +144,9 @@ impl Args {
 
     /// How the objects of the map file are estimated.
     fn options(&self) -> anyhow::Result<FileOptions> {
-        file_options(self.chosen.options()?, prior_source(self.priors.as_deref()))
+        // The views of a map name their objects.
+        let run = RunOptions { associate: AssociateWhen::Never, ..self.chosen.options()? };
+        file_options(run, prior_source(self.priors.as_deref()))
     }
 
     /// How a log is read. Refuses options of logs if the input is none.
