@@ -246,7 +246,7 @@ impl StreamedScene {
     }
 
     /// The kept views of the map's objects as a scene file: cameras, frames and detections with their objects. Estimates are
-    /// added by [`SceneFile::localized`].
+    /// added by a run ([`crate::run::FileRun::result`]).
     pub fn to_file(&self, map: &ObjectMap) -> SceneFile {
         self.file_of(&map.to_scene(), &map.shapes_of_scene())
     }
