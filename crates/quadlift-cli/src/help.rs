@@ -18,7 +18,7 @@ const SHORT: [(&str, &str); 10] = [
     ("source", "Use only the detections of this source"),
     ("body", "ellipsoid, cuboid, cylinder, superellipsoid:Q or auto"),
     ("associate", "Associate detections first: auto (if any lack an id), never or always"),
-    ("priors", "Typical sizes of categories: from a table, or learnt"),
+    ("priors", "Typical sizes of categories"),
     ("fix", "Apply the corrections that the self-check proposes"),
 ];
 
