@@ -5,7 +5,6 @@ use std::str::FromStr;
 
 use crate::association::IdUse;
 use crate::localize::MeasurementKind;
-use crate::run::AssociateWhen;
 use crate::solve::{BodyKind, MapOptions, Method, PoseMotion, RegOptions};
 
 /// A name that stands for none of the choices.
@@ -20,7 +19,7 @@ pub struct UnknownName {
     pub expected: &'static [&'static str],
 }
 
-fn unknown(found: &str, what: &'static str, expected: &'static [&'static str]) -> UnknownName {
+pub(crate) fn unknown(found: &str, what: &'static str, expected: &'static [&'static str]) -> UnknownName {
     UnknownName { found: found.to_owned(), what, expected }
 }
 
@@ -142,33 +141,6 @@ impl FromStr for IdUse {
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let found = Self::ALL.into_iter().find(|value| value.name() == name);
         found.ok_or_else(|| unknown(name, "use of ids", &Self::NAMES))
-    }
-}
-
-impl AssociateWhen {
-    /// All values, in the order of their names.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::Never, Self::Always];
-    /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
-    pub const NAMES: [&str; 3] = ["auto", "never", "always"];
-
-    /// The name of the value.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-}
-
-impl Display for AssociateWhen {
-    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for AssociateWhen {
-    type Err = UnknownName;
-
-    fn from_str(name: &str) -> Result<Self, UnknownName> {
-        let found = Self::ALL.into_iter().find(|value| value.name() == name);
-        found.ok_or_else(|| unknown(name, "time to associate", &Self::NAMES))
     }
 }
 

@@ -1,7 +1,11 @@
 //! Options of a run.
 
+use std::fmt::{Display, Formatter, Result as FmtResult};
+use std::str::FromStr;
+
 use crate::association::{AssociateOptions, IdUse};
 use crate::localize::LocalizeOptions;
+use crate::names::{UnknownName, unknown};
 use crate::scene::Scene;
 
 /// When detections are associated before their objects are localized.
@@ -14,6 +18,33 @@ pub enum AssociateWhen {
     Never,
     /// Always; ids are evidence.
     Always,
+}
+
+impl AssociateWhen {
+    /// All values, in the order of their names.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Never, Self::Always];
+    /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
+    pub const NAMES: [&str; 3] = ["auto", "never", "always"];
+
+    /// The name of the value.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl Display for AssociateWhen {
+    fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for AssociateWhen {
+    type Err = UnknownName;
+
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|value| value.name() == name);
+        found.ok_or_else(|| unknown(name, "time to associate", &Self::NAMES))
+    }
 }
 
 /// Options of [`crate::run()`].
