@@ -7,13 +7,13 @@ use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::scene::{Scene, SkippedDetections};
 use quadlift::solve::{CueScale, Estimate, LearntCategorySize, PosePointsProblem, PosePointsReport, ScaledQuantity};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::FileRun;
 use crate::association::AssociationRecord;
 use crate::calibration::CalibrationRecord;
 use crate::diagnosis::DiagnosisRecord;
-use crate::scene_file::{count_localised, fitted_body_name};
+use crate::scene_file::{SceneFile, count_localised, fitted_body_name};
 use crate::stream::StreamRecord;
 
 /// What a result says of the run that made it.
@@ -235,6 +235,16 @@ impl RunRecord {
     }
 }
 
+impl SceneFile {
+    /// What a result says of its run; entries that are not as this version writes them count as missing.
+    pub fn run_record(&self) -> Option<RunRecord> {
+        let entries = self.localization.as_ref()?.as_object()?;
+        let fits = |(name, entry): &(&String, &Value)| RunRecord::deserialize(json!({ *name: entry })).is_ok();
+        let known = entries.iter().filter(fits).map(|(name, entry)| (name.clone(), entry.clone()));
+        RunRecord::deserialize(Value::Object(known.collect())).ok()
+    }
+}
+
 fn status_counts(estimates: &[Estimate]) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for estimate in estimates {
@@ -341,9 +351,7 @@ impl SkippedRecord {
 mod tests {
     use super::*;
     use crate::run::{FileInput, FileOptions, run_file};
-    use crate::scene_file::SceneFile;
     use quadlift::synthetic::{Observations, SyntheticOptions, generate};
-    use serde_json::json;
 
     #[test]
     fn a_record_is_read_as_it_was_written_and_what_is_not_known_is_missing() {

@@ -1,15 +1,13 @@
-//! The run of a result in its file: settings, the record, noise levels, refined poses.
+//! What a run leaves in a file: noise levels, refined poses.
 
 use quadlift::Localization;
 use quadlift::geometry::{CamFromWorld, Projection};
 use quadlift::nalgebra::Matrix3x4;
 use quadlift::solve::{BodyKind, Estimate, Sigmas, Status};
-use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::records::SceneFile;
 use crate::error::EntryError;
-use crate::run::RunRecord;
 
 /// The name of the kind of body that was fitted: `mixed` where objects differ.
 pub fn fitted_body_name(body: Option<BodyKind>) -> String {
@@ -22,14 +20,6 @@ pub fn count_localised(estimates: &[Estimate]) -> usize {
 }
 
 impl SceneFile {
-    /// What a result says of its run; entries that are not as this version writes them count as missing.
-    pub fn run_record(&self) -> Option<RunRecord> {
-        let entries = self.localization.as_ref()?.as_object()?;
-        let fits = |(name, entry): &(&String, &Value)| RunRecord::deserialize(json!({ *name: entry })).is_ok();
-        let known = entries.iter().filter(fits).map(|(name, entry)| (name.clone(), entry.clone()));
-        RunRecord::deserialize(Value::Object(known.collect())).ok()
-    }
-
     /// The noise levels that a result reports.
     ///
     /// # Errors
