@@ -10,7 +10,7 @@ use quadlift_io::run::InputError;
 
 use crate::error::refuse;
 use crate::loaded::Loaded;
-use crate::options::{IDS, choice, read_priors};
+use crate::options::{named, read_priors};
 use crate::run::Ticker;
 
 /// The keywords of `associate`, as Python hands them over. Names are those of the program.
@@ -34,7 +34,7 @@ impl AssociateKeywords {
         let unit = scene.length_unit.as_deref();
         let priors = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
         let options = AssociateOptions {
-            ids: choice("ids", &self.ids, &IDS)?,
+            ids: named("ids", &self.ids)?,
             thorough: self.thorough,
             min_views: self.min_views,
             min_score: self.min_score,

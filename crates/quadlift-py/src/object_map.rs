@@ -25,7 +25,7 @@ use crate::live::Live;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized};
 use crate::locate::{LocateQuery, location};
-use crate::options::{IDS, LocalizeKeywords, choice, read_priors};
+use crate::options::{LocalizeKeywords, named, read_priors};
 use crate::run::in_background;
 
 /// The name of pickled bytes in messages.
@@ -192,7 +192,7 @@ impl PyObjectMap {
             (name, None) => name.clone().map(StoredPriors::Name),
         };
         let options = OnlineOptions {
-            ids: choice("ids", &keywords.ids, &IDS)?,
+            ids: named("ids", &keywords.ids)?,
             min_views: keywords.min_views,
             min_score: keywords.min_score,
             pixel_sd: keywords.pixel_sd,

@@ -5,9 +5,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use pyo3::prelude::*;
-use quadlift::association::IdUse;
 use quadlift::cross_validation::Extent;
-use quadlift::run::{AssociateWhen, RunOptions};
+use quadlift::run::RunOptions;
 use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
 use quadlift::{LocalizeOptions, UnknownName};
 use quadlift_io::calibration::{CalibrationRecord, ResultAndTruth, calibrate};
@@ -114,9 +113,8 @@ impl LocalizeKeywords {
         };
         options.validate().map_err(refuse)?;
         options.source = self.source.clone();
-        let ids = self.ids.as_deref().map(|ids| choice("ids", ids, &IDS)).transpose()?;
-        let run =
-            RunOptions { localize: options, associate: choice("associate", &self.associate, &WHEN)?, ids, fix: false };
+        let ids = self.ids.as_deref().map(|ids| named("ids", ids)).transpose()?;
+        let run = RunOptions { localize: options, associate: named("associate", &self.associate)?, ids, fix: false };
         let priors = prior_source(self.priors.as_deref(), self.priors_text.as_deref());
         let options = FileOptions::new(run, priors).map_err(refuse)?;
         Ok(FileOptions { calibration: self.calibration()?, ..options })
@@ -168,12 +166,6 @@ pub fn read_priors(name: Option<&str>, text: Option<&str>, length_unit: Option<&
     source.read().map_err(refuse)
 }
 
-/// Names of `ids`: what ids are worth.
-pub const IDS: [(&str, IdUse); 3] = [("trust", IdUse::Trust), ("evidence", IdUse::Evidence), ("ignore", IdUse::Ignore)];
-
-const WHEN: [(&str, AssociateWhen); 3] =
-    [("auto", AssociateWhen::Auto), ("never", AssociateWhen::Never), ("always", AssociateWhen::Always)];
-
 /// The value of this name; the error names the argument, what was found and what there is.
 pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyResult<T> {
     if let Some((_, value)) = values.iter().find(|(known, _)| *known == name) {
@@ -184,7 +176,7 @@ pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyRe
 }
 
 /// The choice of this name; the error names the argument, what was found and what there is.
-fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyResult<T> {
+pub fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyResult<T> {
     name.parse().map_err(|error: UnknownName| {
         let known: Vec<String> = error.expected.iter().map(|name| format!("\"{name}\"")).collect();
         refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", ")))
