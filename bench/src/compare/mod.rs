@@ -8,9 +8,6 @@ mod paired;
 mod program;
 mod scoring;
 mod sets;
-// How `quadlift synth` writes scenes.
-#[path = "../../../crates/quadlift-cli/src/synthetic_file.rs"]
-mod synthetic_file;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

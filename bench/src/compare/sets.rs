@@ -12,9 +12,9 @@ use quadlift::synthetic::{
 };
 use quadlift_io::{SceneFile, read_scene_file};
 
-use super::synthetic_file;
 use crate::association::driving::with_true_ids;
 use crate::error::Error;
+use quadlift_io::synthetic_file;
 
 /// A true object counts if it is detected this often.
 const MIN_DETECTIONS: usize = 2;

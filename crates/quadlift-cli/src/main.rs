@@ -24,7 +24,6 @@ mod rendered_scene;
 mod report;
 mod segmentation;
 mod signals;
-mod synthetic_file;
 mod table;
 mod threads;
 mod words;

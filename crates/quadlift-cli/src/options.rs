@@ -22,13 +22,23 @@ pub trait List {
     const COMMAND: Command;
 }
 
+/// A command that takes options of a run.
+pub trait OfRun {
+    /// The command.
+    const COMMAND: Command;
+}
+
+impl<T: OfRun> List for T {
+    type Options = RunOptions;
+    const ROWS: &'static [Spec<RunOptions>] = RUN;
+    const COMMAND: Command = T::COMMAND;
+}
+
 /// The options of a run in `localize`.
 #[derive(Debug, Clone, Copy)]
 pub enum Localize {}
 
-impl List for Localize {
-    type Options = RunOptions;
-    const ROWS: &'static [Spec<RunOptions>] = RUN;
+impl OfRun for Localize {
     const COMMAND: Command = Command::Localize;
 }
 
@@ -36,9 +46,7 @@ impl List for Localize {
 #[derive(Debug, Clone, Copy)]
 pub enum Associate {}
 
-impl List for Associate {
-    type Options = RunOptions;
-    const ROWS: &'static [Spec<RunOptions>] = RUN;
+impl OfRun for Associate {
     const COMMAND: Command = Command::Associate;
 }
 
@@ -46,9 +54,7 @@ impl List for Associate {
 #[derive(Debug, Clone, Copy)]
 pub enum Segment {}
 
-impl List for Segment {
-    type Options = RunOptions;
-    const ROWS: &'static [Spec<RunOptions>] = RUN;
+impl OfRun for Segment {
     const COMMAND: Command = Command::Segment;
 }
 
@@ -56,9 +62,7 @@ impl List for Segment {
 #[derive(Debug, Clone, Copy)]
 pub enum Stream {}
 
-impl List for Stream {
-    type Options = RunOptions;
-    const ROWS: &'static [Spec<RunOptions>] = RUN;
+impl OfRun for Stream {
     const COMMAND: Command = Command::Stream;
 }
 

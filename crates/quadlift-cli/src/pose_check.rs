@@ -117,7 +117,7 @@ mod tests {
     /// A synthetic scene whose poses are written in another convention.
     fn oddities(wrong: impl Fn(Matrix4<f64>) -> Matrix4<f64>) -> Vec<String> {
         let synthetic = generate(&SyntheticOptions { objects: 5, views: 10, ..Default::default() }).unwrap();
-        let mut file = crate::synthetic_file::scene_file(&synthetic);
+        let mut file = quadlift_io::synthetic_file::scene_file(&synthetic);
         for frame in &mut file.frames {
             let rows = frame.cam_from_world.unwrap();
             let pose = wrong(Matrix4::from_fn(|i, j| if i < 3 { rows[i][j] } else { f64::from(u8::from(j == 3)) }));

@@ -8,7 +8,7 @@ use quadlift_io::{SceneFile, write_label_image, write_png};
 use quadlift_segment::render::RenderedScene;
 
 use crate::files::make_folder;
-use crate::synthetic_file::scene_file;
+use quadlift_io::synthetic_file::scene_file;
 
 /// Folders of the images and of the masks, beside the scene file.
 const FOLDERS: [&str; 2] = ["images", "masks"];

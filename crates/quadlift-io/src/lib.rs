@@ -36,6 +36,7 @@ pub mod run;
 pub mod scene_file;
 pub mod segmentation;
 pub mod stream;
+pub mod synthetic_file;
 #[cfg(feature = "parquet")]
 pub mod tables;
 mod temporary;

@@ -1,9 +1,9 @@
-//! Synthetic scenes as scene files.
+//! Synthetic scenes ([`quadlift::synthetic`]) as scene files.
 
 use quadlift::geometry::Intrinsics;
 use quadlift::synthetic::SyntheticScene;
-use quadlift_io::SceneFile;
-use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord, cue_records};
+
+use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord, SceneFile, cue_records};
 
 /// The same scene whose detections name the true objects.
 pub fn with_true_ids(mut file: SceneFile, synthetic: &SyntheticScene) -> SceneFile {

@@ -21,7 +21,7 @@ use crate::files::{check_file, make_folder};
 use crate::next::Next;
 use crate::output::Output;
 use crate::rendered_scene::{check_folders, write_images, write_masks};
-use crate::synthetic_file::{scene_file, with_true_ids};
+use quadlift_io::synthetic_file::{scene_file, with_true_ids};
 
 /// Write a synthetic scene with ground truth
 ///

@@ -51,12 +51,11 @@ pub fn options_of(
         let value = record.get(name).unwrap_or(&Value::Null);
         T::deserialize(value).map_err(|_| format!("the state is damaged: the option \"{name}\" is {value}"))
     }
+    let value = |name| option_value(record.get(name).unwrap_or(&Value::Null)).unwrap_or_default();
+    let given: Vec<_> = ONLINE.iter().map(|row| (row.name, value(row.name))).collect();
     let mut options = OnlineOptions::default();
-    for row in ONLINE {
-        let value = option_value(&read(record, row.name)?).unwrap_or_default();
-        set_options(ONLINE, &[(row.name, value)], &mut options, Spelling::Keyword)
-            .map_err(|problem| format!("the state is damaged: {problem}"))?;
-    }
+    set_options(ONLINE, &given, &mut options, Spelling::Keyword)
+        .map_err(|problem| format!("the state is damaged: {problem}"))?;
     let pose_noise: Option<[f64; 2]> = read(record, "pose_noise")?;
     let noise = |[rotation_sd, translation_sd]: [f64; 2]| PoseNoise { rotation_sd, translation_sd };
     Ok((options, read(record, "priors")?, pose_noise.map(noise)))
