@@ -505,7 +505,7 @@ pub fn localize(data: &[u8]) -> bool {
 /// A run on a file, if it has a result.
 fn localized(file: SceneFile, localize: LocalizeOptions) -> Option<FileRun> {
     let run = RunOptions { localize, associate: AssociateWhen::Never, ..RunOptions::default() };
-    let input = FileInput::corrected(file, Path::new("scene.json"), &[]).ok()?;
+    let input = FileInput::from_file(file, Path::new("scene.json"), &[]).ok()?;
     run_file(input, &FileOptions { run, ..FileOptions::default() }, &Unobserved).ok()
 }
 

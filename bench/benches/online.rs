@@ -1,5 +1,7 @@
 //! Times of the object map, frame by frame; `cargo bench -p quadlift-bench --features timings --bench online`.
 
+#![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
+
 mod common;
 
 use std::time::{Duration, Instant};

@@ -1,5 +1,7 @@
 //! Memory of the object map; `cargo bench -p quadlift-bench --features timings --bench online_memory`.
 
+#![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
+
 mod common;
 
 use common::{frames, observe, street};

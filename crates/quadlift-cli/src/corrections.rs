@@ -139,5 +139,5 @@ pub fn corrected_in_words(notes: &[String]) -> String {
 /// Reads a scene file, corrects it and checks it.
 pub fn read_input(path: &Path, corrections: &[RecordCorrection]) -> anyhow::Result<FileInput> {
     let file = read_scene_file(path).map_err(|error| with_hint(path, error))?;
-    Ok(FileInput::corrected(file, path, corrections)?)
+    Ok(FileInput::from_file(file, path, corrections)?)
 }

@@ -57,5 +57,5 @@ pub fn check_needs_map(run: &RunOptions, name: &str, spelling: Spelling) -> Resu
 /// [`ReadError`] if the file reports none.
 pub fn levels_of_result(path: &Path) -> Result<OptionValue, ReadError> {
     let levels = read_scene_file(path)?.noise_levels().map_err(|error| error.in_file(path))?;
-    Ok(OptionValue::Levels(levels.levels().map(|(name, x)| (name.to_owned(), x)).collect()))
+    Ok(OptionValue::from(&levels))
 }

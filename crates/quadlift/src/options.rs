@@ -4,6 +4,9 @@
 //! rows stand beside these structs: [`crate::run::RUN`] for [`crate::run::RunOptions`].
 
 use std::fmt::{Display, Formatter, Result as FmtResult};
+use std::str::FromStr;
+
+use crate::names::UnknownName;
 
 /// A place where options are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -199,6 +202,24 @@ impl Value {
     /// A whole number; `None` if unset.
     pub fn whole(&self) -> Option<u64> {
         if let Self::Whole(n) = self { Some(*n) } else { None }
+    }
+
+    /// A number of things.
+    ///
+    /// # Errors
+    /// What was expected.
+    pub fn count(&self) -> Result<usize, String> {
+        let count = self.whole().and_then(|n| usize::try_from(n).ok());
+        count.ok_or_else(|| format!("expected {}", Kind::Whole(0).expected()))
+    }
+
+    /// A choice by its name.
+    ///
+    /// # Errors
+    /// What was expected.
+    pub fn named<T: FromStr<Err = UnknownName>>(&self) -> Result<T, String> {
+        let name = self.text().unwrap_or("none");
+        name.parse().map_err(|error: UnknownName| format!("expected one of {}", error.expected.join(", ")))
     }
 
     /// A text; `None` if unset.

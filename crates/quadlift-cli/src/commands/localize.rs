@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 
 use quadlift_io::correct::RecordCorrection;
 use quadlift_io::detect::is_mcap;
-use quadlift_io::diagnosis::Context;
 use quadlift_io::mcap::read_mcap;
 use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::Detail;
@@ -49,10 +48,10 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
                 args.direct.read([cameras, detections], place, options.run.localize.source.as_deref(), log, out)?;
             // The size of the images and the numbers of the frames are dealt with where detections are added.
             let mut input =
-                FileInput::corrected(file, place.unwrap_or(Path::new("")), &args.corrections.list(None, None))
+                FileInput::from_file(file, place.unwrap_or(Path::new("")), &args.corrections.list(None, None))
                     .map_err(|error| ReadError { path: detections.to_owned(), ..error })?;
             let measured_at = args.direct.pixels_and_frames().0.map(RecordCorrection::ImageSize);
-            input.context = Context::of(&input.file, frame_offset).after(&args.corrections.list(None, None));
+            input.context.frame_offset = frame_offset;
             input.context = input.context.after(measured_at.as_slice());
             Ok(input)
         };
@@ -86,7 +85,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let corrections = args.corrections.list(image_size, frame_offset);
         let read = || {
             let mut found = match is_mcap(input) {
-                true => FileInput::corrected(read_log(args, input, out)?, input, &corrections)?,
+                true => FileInput::from_file(read_log(args, input, out)?, input, &corrections)?,
                 false => read_input(input, &corrections)?,
             };
             args.direct.min_score().map_or(Ok(()), |min_score| found.drop_below_score(min_score))?;

@@ -56,14 +56,14 @@ impl FileInput {
     /// # Errors
     /// [`ReadError`] names the place of what is wrong.
     pub fn read(path: &Path, corrections: &[RecordCorrection]) -> Result<Self, ReadError> {
-        Self::corrected(read_scene_file(path)?, path, corrections)
+        Self::from_file(read_scene_file(path)?, path, corrections)
     }
 
     /// Corrects and checks what was read from a path.
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn corrected(mut file: SceneFile, path: &Path, corrections: &[RecordCorrection]) -> Result<Self, ReadError> {
+    pub fn from_file(mut file: SceneFile, path: &Path, corrections: &[RecordCorrection]) -> Result<Self, ReadError> {
         let notes = correct(&mut file, corrections).map_err(|error| error.in_file(path))?;
         let scene = file.to_scene().map_err(|error| error.in_file(path))?;
         let context = Context::of(&file, 0).after(corrections);

@@ -5,6 +5,7 @@ mod input;
 mod options;
 mod record;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use quadlift::run::{Run, RunError};
@@ -101,18 +102,20 @@ impl FileRun {
         result
     }
 
-    /// Writes the result; `detail` says how much of each object.
+    /// Writes the result; `detail` says how much of each object. `made` is [`Self::result`], where it was made already.
     ///
     /// # Errors
     /// As [`write_scene_file`].
-    pub fn write(&self, path: &Path, detail: Detail) -> Result<(), WriteError> {
-        if self.run.association.is_none() && self.input.memory.is_none() {
+    pub fn write(&self, path: &Path, detail: Detail, made: Option<&SceneFile>) -> Result<(), WriteError> {
+        if made.is_none() && self.run.association.is_none() && self.input.memory.is_none() {
             // Without records of all objects at once.
             let result = self.without_objects();
             return write_localized_file(path, &result, self.input.scene(), &self.run.localization, detail);
         }
-        let mut result = self.result();
-        result.objects.iter_mut().for_each(|object| detail.apply(object));
+        let mut result = made.map_or_else(|| Cow::Owned(self.result()), Cow::Borrowed);
+        if detail != Detail::Full {
+            result.to_mut().objects.iter_mut().for_each(|object| detail.apply(object));
+        }
         write_scene_file(path, &result)
     }
 

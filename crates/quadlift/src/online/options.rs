@@ -91,7 +91,7 @@ pub const ONLINE: &[Spec<OnlineOptions>] = &[
         help: "How far to trust the ids of detections (of a tracker): trust, evidence or ignore",
         get: |o| o.ids.name().into(),
         set: |o, value| {
-            o.ids = value.text().and_then(|name| name.parse().ok()).ok_or("expected trust, evidence or ignore")?;
+            o.ids = value.named()?;
             Ok(())
         },
         ..ROW
@@ -102,7 +102,7 @@ pub const ONLINE: &[Spec<OnlineOptions>] = &[
         help: "Views that an object needs to be confirmed",
         get: |o| o.min_views.into(),
         set: |o, value| {
-            o.min_views = size(&value)?;
+            o.min_views = value.count()?;
             Ok(())
         },
         ..ROW
@@ -136,7 +136,7 @@ pub const ONLINE: &[Spec<OnlineOptions>] = &[
         help: "Views that an object keeps; the others are forgotten, those that add least first",
         get: |o| o.max_views.into(),
         set: |o, value| {
-            o.max_views = size(&value)?;
+            o.max_views = value.count()?;
             Ok(())
         },
         ..ROW
@@ -147,17 +147,12 @@ pub const ONLINE: &[Spec<OnlineOptions>] = &[
         help: "Objects that the map keeps",
         get: |o| o.max_objects.into(),
         set: |o, value| {
-            o.max_objects = size(&value)?;
+            o.max_objects = value.count()?;
             Ok(())
         },
         ..ROW
     },
 ];
-
-fn size(value: &Value) -> Result<usize, String> {
-    let size = value.whole().and_then(|n| usize::try_from(n).ok());
-    size.ok_or_else(|| format!("expected {}", Kind::Whole(1).expected()))
-}
 
 #[cfg(test)]
 mod tests {

@@ -2,7 +2,7 @@
 
 use super::input::Input;
 use super::pairs::pair_of_causes;
-use crate::association::{AssociateOptions, Association, IdUse, associate};
+use crate::association::{AssociateOptions, IdUse, associate};
 use crate::diagnosis::{Agreement, Cause, Correction, Diagnosis, diagnose, diagnose_association};
 use crate::localize::Localization;
 use crate::scene::{Detection, Scene};
@@ -115,16 +115,6 @@ impl Check {
     /// Whether the cause of an inconsistency is known.
     pub fn is_explained(&self) -> bool {
         self.together.is_some() || !self.diagnosis.causes.is_empty()
-    }
-
-    /// The check of an association, whose scene is not changed by it yet.
-    pub(super) fn diagnose_associated(
-        scene: &Scene,
-        association: &Association,
-        options: &AssociateOptions,
-    ) -> Diagnosis {
-        // The source was found by the association.
-        diagnose_association(scene, association, options).unwrap_or_default()
     }
 }
 

@@ -16,6 +16,7 @@ pub use options::{AssociateWhen, RunOptions};
 pub use rows::RUN;
 
 use crate::association::{AssociateError, AssociateOptions, Association, IdUse, Outcome, associate_observed};
+use crate::diagnosis::diagnose_association;
 use crate::localize::{Localization, LocalizeError, LocalizeOptions, solve_objects};
 use crate::observer::{Observer, Phase, Unobserved};
 use crate::scene::{Scene, SkippedDetections};
@@ -120,10 +121,10 @@ pub fn identify<I: Input>(
         associate_observed(scene, options, observer)
     };
     let mut found = associate(input.scene())?;
-    check.update(&Check::diagnose_associated(input.scene(), &found, options));
+    check.update(&diagnose_association(input.scene(), &found, options)?);
     while fix && check.fix(input).map_err(RunError::Input)? {
         found = associate(input.scene())?;
-        check.diagnosis = Check::diagnose_associated(input.scene(), &found, options);
+        check.diagnosis = diagnose_association(input.scene(), &found, options)?;
     }
     if found.outcome == Outcome::Found {
         return Ok((check, found));

@@ -40,7 +40,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         whole_scene: false,
         get: |o| o.localize.method.name().into(),
         set: |o, value| {
-            o.localize.method = named(&value)?;
+            o.localize.method = value.named()?;
             Ok(())
         },
         ..ROW
@@ -103,7 +103,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         group: SELECTION,
         get: |o| o.localize.measurements.name().into(),
         set: |o, value| {
-            o.localize.measurements = named(&value)?;
+            o.localize.measurements = value.named()?;
             Ok(())
         },
         ..ROW
@@ -114,7 +114,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Associate detections that show the same object first: auto (if any lack an id), never or always",
         get: |o| o.associate.name().into(),
         set: |o, value| {
-            o.associate = named(&value)?;
+            o.associate = value.named()?;
             Ok(())
         },
         ..ROW
@@ -126,7 +126,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         group: SELECTION,
         get: |o| o.ids.map(IdUse::name).into(),
         set: |o, value| {
-            o.ids = value.text().map(|_| named(&value)).transpose()?;
+            o.ids = value.text().map(|_| value.named()).transpose()?;
             Ok(())
         },
         ..ROW
@@ -139,7 +139,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         whole_scene: false,
         get: |o| o.localize.min_views.max(o.localize.method.fewest_views()).into(),
         set: |o, value| {
-            o.localize.min_views = whole(&value)?;
+            o.localize.min_views = value.count()?;
             Ok(())
         },
         ..ROW
@@ -223,7 +223,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         only: OF_MAP,
         get: |o| of_map(o, |map| map.refine_poses.map(PoseMotion::name)),
         set: |o, value| {
-            let motion = value.text().map(|_| named(&value)).transpose()?;
+            let motion = value.text().map(|_| value.named()).transpose()?;
             set_map(o, |map| map.refine_poses = motion)
         },
         ..ROW
@@ -268,7 +268,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         group: KNOWLEDGE,
         only: OF_MAP,
         whole_scene: false,
-        get: |o| of_map(o, |map| map.sigmas.as_ref().map_or(Value::Unset, levels)),
+        get: |o| of_map(o, |map| Value::from(map.sigmas.as_ref())),
         set: |o, value| {
             let sigmas = match &value {
                 Value::Levels(levels) => {
@@ -351,21 +351,14 @@ fn set_map(options: &mut RunOptions, set: impl FnOnce(&mut MapOptions)) -> Resul
     Ok(())
 }
 
-fn levels(sigmas: &Sigmas) -> Value {
-    Value::Levels(sigmas.levels().map(|(name, x)| (name.to_owned(), x)).collect())
+impl From<&Sigmas> for Value {
+    fn from(sigmas: &Sigmas) -> Self {
+        Self::Levels(sigmas.levels().map(|(name, x)| (name.to_owned(), x)).collect())
+    }
 }
 
 fn flag(value: &Value) -> Result<bool, String> {
     value.flag().ok_or_else(|| format!("expected {}", Kind::Flag.expected()))
-}
-
-fn whole(value: &Value) -> Result<usize, String> {
-    value.whole().and_then(|n| usize::try_from(n).ok()).ok_or_else(|| format!("expected {}", Kind::Whole(0).expected()))
-}
-
-fn named<T: std::str::FromStr<Err = crate::UnknownName>>(value: &Value) -> Result<T, String> {
-    let name = value.text().unwrap_or("none");
-    name.parse().map_err(|error: crate::UnknownName| format!("expected one of {}", error.expected.join(", ")))
 }
 
 #[cfg(test)]

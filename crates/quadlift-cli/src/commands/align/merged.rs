@@ -106,7 +106,7 @@ fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Res
     };
     let options = RunOptions { localize, associate: AssociateWhen::Never, ..Default::default() };
     let file = SceneFile { objects: Vec::new(), ..merged.file.clone() };
-    let input = FileInput::corrected(file, &args.a, &[])?;
+    let input = FileInput::from_file(file, &args.a, &[])?;
     let run = run_scene(title, input, &file_options(options, PriorSource::None)?, out)?;
     let check = &run.run.check;
     if !check.diagnosis.consistent && !args.accept_inconsistent {

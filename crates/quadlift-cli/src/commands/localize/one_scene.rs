@@ -69,12 +69,14 @@ pub fn one_scene(
     let read = start.elapsed();
     let run = run_scene(&title, input, options, out)?;
     let solved = start.elapsed();
+    // Records of all objects at once are only made for the page.
+    let result = report.map(|_| run.result());
     if let Some(output) = output {
-        run.write(output, detail)?;
+        run.write(output, detail, result.as_ref())?;
         document.output = Some(output.display().to_string());
     }
-    if let (Some(report), Some(images)) = (report, &images) {
-        write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), &run.result())?;
+    if let (Some(report), Some(images), Some(result)) = (report, &images, &result) {
+        write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), result)?;
         document.report = Some(report.display().to_string());
     }
     let localization = run.localization();

@@ -72,13 +72,14 @@ impl MapFiles<'_> {
         let input = FileInput::of_map(streamed, map, self.input)?;
         // No bar: the stream goes on.
         let run = run_scene("map", input, self.options, &Output { quiet: true, ..*out })?;
+        let result = report.map(|_| run.result());
         if let Some(path) = self.map {
-            run.write(path, self.detail)?;
+            run.write(path, self.detail, result.as_ref())?;
         }
-        if let Some(path) = report {
+        if let (Some(path), Some(result)) = (report, &result) {
             let (path_of_file, file) = (&run.input.path, &run.input.file);
             let images = file.to_images(path_of_file).map_err(|error| error.in_file(path_of_file))?;
-            write_localized(path, (path_of_file, file), &images, run.input.scene(), &run.result())?;
+            write_localized(path, (path_of_file, file), &images, run.input.scene(), result)?;
         }
         Ok(())
     }
