@@ -264,7 +264,7 @@ test("a double click on a camera looks through it", async () => {
   assert.ok(await isFound(), "a click has selected a camera");
   const before = await pixels(page, stage);
   const enough = 0.3 * before.width * before.height;
-  // On a slow machine the page has followed one of the last clicks, and takes longer to fly there.
+  // The strip tells of a click with the next picture: on a slow machine after further clicks.
   let changed = 0;
   for (const point of clicked.slice(-4).reverse()) {
     await page.mouse.dblclick(...point);
