@@ -38,8 +38,46 @@ use quadlift_io::stream::{FrameLine, StreamedScene, parse_line};
 use quadlift_io::{EntryError, ReadError};
 use quadlift_segment::{ConvexHull, PixelTerm, Polygons, Rle};
 
+/// A target: what it does with its input; true where it was read.
+pub type Target = fn(&[u8]) -> bool;
+
+/// Every target under the name of its folder in `fuzz/seeds`.
+pub const TARGETS: &[(&str, Target)] = &[
+    ("arkit", arkit),
+    ("bop", bop),
+    ("boxer", boxer),
+    ("coco", coco),
+    ("colmap_binary", colmap_binary),
+    ("colmap_text", colmap_text),
+    ("csv", csv),
+    ("cvat", cvat),
+    ("kitti", kitti),
+    ("kitti_labels", kitti_labels),
+    ("kitti_raw", kitti_raw),
+    ("label_studio", label_studio),
+    ("labelme", labelme),
+    ("live", live),
+    ("localize", localize),
+    ("mcap", mcap),
+    ("mot", mot),
+    ("nerfstudio", nerfstudio),
+    ("nuscenes", nuscenes),
+    ("opensfm", opensfm),
+    #[cfg(feature = "parquet")]
+    ("parquet", parquet),
+    ("polygons", polygons),
+    ("projections", projections),
+    ("rle", rle),
+    ("scene", scene),
+    ("stream", stream),
+    ("supervision", supervision),
+    ("tum", tum),
+    ("voc", voc),
+    ("yolo", yolo),
+];
+
 /// Stands between the files of one input.
-pub const SEPARATOR: &[u8] = b"=====\n";
+const SEPARATOR: &[u8] = b"=====\n";
 
 /// A file with its name.
 type File<'a> = (&'a Path, &'a [u8]);
@@ -118,32 +156,32 @@ fn small_scene() -> SceneFile {
     SceneFile { cameras: vec![camera], frames: (0..4).map(frame).collect(), ..SceneFile::default() }
 }
 
-pub fn colmap_text(data: &[u8]) -> bool {
+fn colmap_text(data: &[u8]) -> bool {
     let names = ["cameras.txt", "images.txt", "points3D.txt", "rigs.txt", "frames.txt"];
     let [cameras, images, points, rigs, frames] = files(data, names);
     check(colmap::parse_text([cameras, images, points], (!rigs.1.is_empty()).then_some([rigs, frames]), 2))
 }
 
-pub fn colmap_binary(data: &[u8]) -> bool {
+fn colmap_binary(data: &[u8]) -> bool {
     let names = ["cameras.bin", "images.bin", "points3D.bin", "rigs.bin", "frames.bin"];
     let [cameras, images, points, rigs, frames] = files(data, names);
     check(colmap::parse_binary([cameras, images, points], (!rigs.1.is_empty()).then_some([rigs, frames]), 2))
 }
 
-pub fn nerfstudio(data: &[u8]) -> bool {
+fn nerfstudio(data: &[u8]) -> bool {
     let exists = |name: &str| name.ends_with(".jpg");
     let size_of = |name: &str| name.starts_with('s').then_some([640.0, 480.0]);
     check(parse_nerfstudio(Path::new("transforms.json"), data, PixelCenters::Integer, &exists, &size_of))
 }
 
-pub fn opensfm(data: &[u8]) -> bool {
+fn opensfm(data: &[u8]) -> bool {
     let [reconstruction, reference] = files(data, ["reconstruction.json", "reference_lla.json"]);
     let beside = (!reference.1.is_empty()).then_some(reference);
     check(parse_opensfm(reconstruction.0, reconstruction.1, beside, 2))
 }
 
 /// The frames of Polycam and of 3D Scanner App, and the metadata of Record3D; those that are missing are empty.
-pub fn arkit(data: &[u8]) -> bool {
+fn arkit(data: &[u8]) -> bool {
     let named = |stem: &str| (stem != "1").then(|| format!("{stem}.jpg"));
     let images = CaptureImages { named: &named, size_of: &|_| None };
     let options = ArkitOptions { image_size: None, pixel_centers: PixelCenters::Integer };
@@ -157,14 +195,14 @@ pub fn arkit(data: &[u8]) -> bool {
 }
 
 /// The tables, one after the other.
-pub fn nuscenes(data: &[u8]) -> bool {
+fn nuscenes(data: &[u8]) -> bool {
     let names =
         ["scene.json", "sample.json", "sensor.json", "calibrated_sensor.json", "sample_data.json", "ego_pose.json"];
     let options = NuscenesOptions { sweeps: true, ..NuscenesOptions::default() };
     check(parse_nuscenes(files(data, names), &options))
 }
 
-pub fn tum(data: &[u8]) -> bool {
+fn tum(data: &[u8]) -> bool {
     let [trajectory, intrinsics, images] = files(data, ["trajectory.txt", "camera.txt", "rgb.txt"]);
     let with_images = !images.1.is_empty();
     let options = TumOptions {
@@ -177,14 +215,14 @@ pub fn tum(data: &[u8]) -> bool {
     check(parse_tum(trajectory, intrinsics.1, with_images.then_some(images.1), &options))
 }
 
-pub fn kitti(data: &[u8]) -> bool {
+fn kitti(data: &[u8]) -> bool {
     let [calib, oxts, labels] = files(data, ["calib.txt", "oxts.txt", "label.txt"]);
     let options =
         KittiOptions { sequence: "0000".to_owned(), frames: None, image_size: None, pixel_centers: PixelCenters::Half };
     check(parse_kitti(KittiFiles { calib, oxts, labels: Some(labels).filter(|file| !file.1.is_empty()) }, &options))
 }
 
-pub fn kitti_raw(data: &[u8]) -> bool {
+fn kitti_raw(data: &[u8]) -> bool {
     // The rest of a drive goes through the same readers as the tracking benchmark.
     match parse_tracklets(Path::new("tracklet_labels.xml"), data) {
         Err(error) => {
@@ -195,7 +233,7 @@ pub fn kitti_raw(data: &[u8]) -> bool {
     }
 }
 
-pub fn bop(data: &[u8]) -> bool {
+fn bop(data: &[u8]) -> bool {
     let [camera, ground_truth, info, models] =
         files(data, ["scene_camera.json", "scene_gt.json", "scene_gt_info.json", "models_info.json"]);
     let there = |file: &File| !file.1.is_empty();
@@ -209,16 +247,16 @@ pub fn bop(data: &[u8]) -> bool {
     check(parse_bop(files, None, None)) || with_object
 }
 
-pub fn projections(data: &[u8]) -> bool {
+fn projections(data: &[u8]) -> bool {
     check(parse_projections(Path::new("projections.csv"), data, None, PixelCenters::Integer))
 }
 
-pub fn coco(data: &[u8]) -> bool {
+fn coco(data: &[u8]) -> bool {
     let [file, annotations] = files(data, ["results.json", "instances.json"]);
     check_detections(parse_coco(file, Some(annotations).filter(|file| !file.1.is_empty())))
 }
 
-pub fn mot(data: &[u8]) -> bool {
+fn mot(data: &[u8]) -> bool {
     check_detections(parse_mot(Path::new("mot.txt"), data, &MotOptions::default()))
 }
 
@@ -230,7 +268,7 @@ fn label_files(data: &[u8], extension: &str) -> Vec<LabelFile> {
 }
 
 /// Two label files, then the names of the classes in YAML.
-pub fn yolo(data: &[u8]) -> bool {
+fn yolo(data: &[u8]) -> bool {
     let mut files = label_files(data, "txt");
     let names = files.pop().map(|file| parse_names(Path::new("data.yaml"), &file.bytes).map_err(check_error));
     let names = names.and_then(Result::ok);
@@ -238,47 +276,47 @@ pub fn yolo(data: &[u8]) -> bool {
     check_detections(parse_yolo(Path::new("labels"), &files, &options))
 }
 
-pub fn kitti_labels(data: &[u8]) -> bool {
+fn kitti_labels(data: &[u8]) -> bool {
     let mut files = label_files(data, "txt");
     files.truncate(1);
     check_detections(parse_kitti_labels(Path::new("labels"), &files))
 }
 
-pub fn csv(data: &[u8]) -> bool {
+fn csv(data: &[u8]) -> bool {
     check_detections(parse_csv(Path::new("boxes.csv"), data, &TableOptions::default()))
 }
 
-pub fn supervision(data: &[u8]) -> bool {
+fn supervision(data: &[u8]) -> bool {
     check_detections(parse_supervision(Path::new("sink"), data, &TableOptions::default()))
 }
 
-pub fn labelme(data: &[u8]) -> bool {
+fn labelme(data: &[u8]) -> bool {
     let mut files = label_files(data, "json");
     files.retain(|file| !file.bytes.is_empty());
     check_detections(parse_labelme(Path::new("labels"), &files))
 }
 
-pub fn voc(data: &[u8]) -> bool {
+fn voc(data: &[u8]) -> bool {
     let mut files = label_files(data, "xml");
     files.retain(|file| !file.bytes.is_empty());
     check_detections(parse_voc(Path::new("labels"), &files))
 }
 
-pub fn boxer(data: &[u8]) -> bool {
+fn boxer(data: &[u8]) -> bool {
     check_detections(parse_boxer(Path::new("boxer_3dbbs.csv"), data))
 }
 
-pub fn cvat(data: &[u8]) -> bool {
+fn cvat(data: &[u8]) -> bool {
     check_detections(parse_cvat(Path::new("annotations.xml"), data))
 }
 
-pub fn label_studio(data: &[u8]) -> bool {
+fn label_studio(data: &[u8]) -> bool {
     check_detections(parse_label_studio(Path::new("export.json"), data))
 }
 
 /// A scene file: what is read is written and read back as it was, and its scene, objects and masks are valid or refused in
 /// words.
-pub fn scene(data: &[u8]) -> bool {
+fn scene(data: &[u8]) -> bool {
     let path = Path::new("scene.json");
     let Ok(file) = parse_scene_file(path, data).map_err(check_error) else { return false };
     let mut bytes = Vec::new();
@@ -305,7 +343,7 @@ fn small_size(data: &[u8]) -> Option<([u32; 2], &[u8])> {
 
 /// Tables: the first byte says which of those of a valid scene (by name) the rest stands for.
 #[cfg(feature = "parquet")]
-pub fn parquet(data: &[u8]) -> bool {
+fn parquet(data: &[u8]) -> bool {
     use std::sync::OnceLock;
 
     use quadlift_io::tables::{read_tables, write_tables};
@@ -346,7 +384,7 @@ fn localized_scene() -> SceneFile {
 }
 
 /// COCO's compressed runs: the mask has the pixels of the runs, and encoding gives the runs back.
-pub fn rle(data: &[u8]) -> bool {
+fn rle(data: &[u8]) -> bool {
     let Some(([height, width], rest)) = small_size(data) else { return false };
     let Ok(text) = std::str::from_utf8(rest) else { return false };
     let Ok(rle) = Rle::from_compressed(height, width, text) else { return false };
@@ -360,7 +398,7 @@ pub fn rle(data: &[u8]) -> bool {
 }
 
 /// Polygons, a line of numbers each: their pixels lie in the window.
-pub fn polygons(data: &[u8]) -> bool {
+fn polygons(data: &[u8]) -> bool {
     let Some(([height, width], rest)) = small_size(data) else { return false };
     let Ok(text) = std::str::from_utf8(rest) else { return false };
     let numbers = |line: &str| line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
@@ -375,7 +413,7 @@ pub fn polygons(data: &[u8]) -> bool {
 }
 
 /// A log as a scene, with and without what is damaged.
-pub fn mcap(data: &[u8]) -> bool {
+fn mcap(data: &[u8]) -> bool {
     let parse = |keep_going| {
         let options = McapOptions { keep_going, ..McapOptions::default() };
         parse_mcap(Path::new("log.mcap"), data.to_vec(), options)
@@ -391,7 +429,7 @@ pub fn mcap(data: &[u8]) -> bool {
 
 /// Messages of a robot: `t` transforms, `s` fixed ones, `c` a calibration, `d` detections, each before its bytes. Problems are told, and
 /// what the map keeps is a valid scene.
-pub fn live(data: &[u8]) -> bool {
+fn live(data: &[u8]) -> bool {
     let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
     let mut scene = StreamedScene::default();
     let mut live = LiveFrames::new(LiveOptions { most_waiting: 4, ..LiveOptions::default() }).unwrap();
@@ -439,7 +477,7 @@ fn observe(frame: FrameLine, scene: &mut StreamedScene, map: &mut ObjectMap) -> 
 }
 
 /// Observes the frames of JSON Lines: an error has a message in one line, what is kept is a valid scene.
-pub fn stream(data: &[u8]) -> bool {
+fn stream(data: &[u8]) -> bool {
     let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
     let mut scene = StreamedScene::default();
     let mut all_read = true;
@@ -469,7 +507,7 @@ pub fn stream(data: &[u8]) -> bool {
 
 /// Localises boxes whose corners are the bytes, in frames on a circle: estimates are finite or have a status that says why
 /// not.
-pub fn localize(data: &[u8]) -> bool {
+fn localize(data: &[u8]) -> bool {
     let [views, objects, method, body, rest @ ..] = data else { return false };
     let (views, objects) = (2 + usize::from(views % 7), 1 + usize::from(objects % 3));
     let mut file = small_scene();

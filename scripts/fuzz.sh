@@ -14,15 +14,21 @@ if ! cargo +nightly fuzz --version >/dev/null 2>&1; then
 fi
 targets=("$@")
 if [ ${#targets[@]} -eq 0 ]; then
-    mapfile -t targets < <(basename -s .rs -a fuzz/fuzz_targets/*.rs | sort)
+    mapfile -t targets < <(basename -a fuzz/seeds/* | sort)
 fi
+for target in "${targets[@]}"; do
+    if [ ! -d "fuzz/seeds/$target" ]; then
+        echo "there is no target $target; the targets are $(basename -a fuzz/seeds/* | tr '\n' ' ')" >&2
+        exit 2
+    fi
+done
 summary=""
 failed=0
 for target in "${targets[@]}"; do
     mkdir -p "fuzz/corpus/$target" "fuzz/artifacts/$target"
     log="fuzz/artifacts/$target.log"
-    if ! cargo +nightly fuzz run -s none "$target" "fuzz/corpus/$target" "fuzz/seeds/$target" -- \
-        -seed="${QUADLIFT_FUZZ_SEED:-0}" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -max_len=20000 -print_final_stats=1 >"$log" 2>&1; then
+    if ! QUADLIFT_FUZZ_TARGET="$target" cargo +nightly fuzz run -s none quadlift "fuzz/corpus/$target" "fuzz/seeds/$target" -- \
+        -artifact_prefix="fuzz/artifacts/$target/" -seed="${QUADLIFT_FUZZ_SEED:-0}" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -max_len=20000 -print_final_stats=1 >"$log" 2>&1; then
         failed=1
         tail -n 40 "$log"
     fi

@@ -14,11 +14,13 @@ mod targets;
 /// Damaged copies of each seed.
 const COPIES: usize = 300;
 
-fn run(name: &str, target: fn(&[u8]) -> bool) {
-    run_copies(name, target, COPIES);
+/// What the target of a folder of seeds does.
+fn target(name: &str) -> targets::Target {
+    targets::TARGETS.iter().find(|(known, _)| *known == name).unwrap_or_else(|| panic!("no target {name}")).1
 }
 
-fn run_copies(name: &str, target: fn(&[u8]) -> bool, copies: usize) {
+fn run(name: &str, copies: usize) {
+    let target = target(name);
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds").join(name);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut below = |n: usize| (rng.next_u64() % n.max(1) as u64) as usize;
@@ -46,151 +48,168 @@ fn run_copies(name: &str, target: fn(&[u8]) -> bool, copies: usize) {
 
 #[test]
 fn colmap_text() {
-    run("colmap_text", targets::colmap_text);
+    run("colmap_text", COPIES);
 }
 
 #[test]
 fn colmap_binary() {
-    run("colmap_binary", targets::colmap_binary);
+    run("colmap_binary", COPIES);
 }
 
 #[test]
 fn nerfstudio() {
-    run("nerfstudio", targets::nerfstudio);
+    run("nerfstudio", COPIES);
 }
 
 #[test]
 fn opensfm() {
-    run("opensfm", targets::opensfm);
+    run("opensfm", COPIES);
 }
 
 #[test]
 fn arkit() {
-    run("arkit", targets::arkit);
+    run("arkit", COPIES);
 }
 
 #[test]
 fn nuscenes() {
-    run("nuscenes", targets::nuscenes);
+    run("nuscenes", COPIES);
 }
 
 #[test]
 fn tum() {
-    run("tum", targets::tum);
+    run("tum", COPIES);
 }
 
 #[test]
 fn kitti() {
-    run("kitti", targets::kitti);
+    run("kitti", COPIES);
 }
 
 #[test]
 fn kitti_raw() {
-    run("kitti_raw", targets::kitti_raw);
+    run("kitti_raw", COPIES);
 }
 
 #[test]
 fn bop() {
-    run("bop", targets::bop);
+    run("bop", COPIES);
 }
 
 #[test]
 fn projections() {
-    run("projections", targets::projections);
+    run("projections", COPIES);
 }
 
 #[test]
 fn coco() {
-    run("coco", targets::coco);
+    run("coco", COPIES);
 }
 
 #[test]
 fn mot() {
-    run("mot", targets::mot);
+    run("mot", COPIES);
 }
 
 #[test]
 fn yolo() {
-    run("yolo", targets::yolo);
+    run("yolo", COPIES);
 }
 
 #[test]
 fn kitti_labels() {
-    run("kitti_labels", targets::kitti_labels);
+    run("kitti_labels", COPIES);
 }
 
 #[test]
 fn csv() {
-    run("csv", targets::csv);
+    run("csv", COPIES);
 }
 
 #[test]
 fn supervision() {
-    run("supervision", targets::supervision);
+    run("supervision", COPIES);
 }
 
 #[test]
 fn labelme() {
-    run("labelme", targets::labelme);
+    run("labelme", COPIES);
 }
 
 #[test]
 fn voc() {
-    run("voc", targets::voc);
+    run("voc", COPIES);
 }
 
 #[test]
 fn boxer() {
-    run("boxer", targets::boxer);
+    run("boxer", COPIES);
 }
 
 #[test]
 fn cvat() {
-    run("cvat", targets::cvat);
+    run("cvat", COPIES);
 }
 
 #[test]
 fn label_studio() {
-    run("label_studio", targets::label_studio);
+    run("label_studio", COPIES);
 }
 
 #[test]
 fn scene() {
-    run("scene", targets::scene);
+    run("scene", COPIES);
 }
 
 #[test]
 fn stream() {
-    run("stream", targets::stream);
+    run("stream", COPIES);
 }
 
 #[test]
 fn mcap() {
-    run("mcap", targets::mcap);
+    run("mcap", COPIES);
 }
 
 #[test]
 fn live() {
-    run("live", targets::live);
+    run("live", COPIES);
 }
 
 #[test]
 fn rle() {
-    run("rle", targets::rle);
+    run("rle", COPIES);
 }
 
 #[test]
 fn polygons() {
-    run("polygons", targets::polygons);
+    run("polygons", COPIES);
 }
 
 #[test]
 fn localize() {
-    run_copies("localize", targets::localize, 40);
+    run("localize", 40);
 }
 
 #[cfg(feature = "parquet")]
 #[test]
 fn parquet() {
-    run("parquet", targets::parquet);
+    run("parquet", COPIES);
+}
+
+/// Every folder of seeds has a target, and every target a folder and a test here.
+#[test]
+fn every_target_has_seeds_and_a_test() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
+    let mut folders: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| cfg!(feature = "parquet") || name != "parquet")
+        .collect();
+    folders.sort();
+    let names: Vec<&str> = targets::TARGETS.iter().map(|(name, _)| *name).collect();
+    assert_eq!(names, folders);
+    for name in names {
+        assert!(include_str!("fuzz_seeds.rs").contains(&format!("run(\"{name}\", ")), "no test of {name}");
+    }
 }
