@@ -59,8 +59,8 @@ SETTINGS = {
     "masks": ("--observations mask", "outlines"),
     "sigmas": ("--sigmas edge_relative=0.03,edge_px=1", "noisy"),
     "associated": ("--associate always --ids ignore", "noisy street"),
-    "axes": ("--pose-convention opengl", "exact"),
-    "swapped": ("--box-format xywh --accept-inconsistent", "exact"),
+    "axes": ("--assume poses=opengl", "exact"),
+    "swapped": ("--assume boxes=xywh --accept-inconsistent", "exact"),
 }
 
 SOURCES = {"accv": "yolo model", "kitti": "rrc label cuboid", "lmo": "visible-mask model", "tuw": "authors"}

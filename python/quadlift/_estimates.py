@@ -35,9 +35,9 @@ def warn_if_inconsistent(diagnosis: dict[str, Any], words: str | None, stackleve
     """Warns of a scene that is inconsistent, with the message of the core and the call that corrects it."""
     if diagnosis["consistent"] or words is None:
         return
-    option = diagnosis["causes"][0]["option"] if diagnosis["causes"] else None
-    if option is not None:
-        words = words.replace(f"({option})", f"({_options.option_as_keyword(option)})")
+    for cause in diagnosis["causes"] + diagnosis.get("together", []):
+        if (option := cause["option"]) is not None:
+            words = words.replace(f"({option})", f"({_options.option_as_call(option)})")
     text = f"the scene is inconsistent: {words}"
     warnings.warn(text, InconsistentSceneWarning, stacklevel=stacklevel + 1)
 

@@ -310,34 +310,17 @@ def _priors(priors: Any) -> tuple[str | None, str | None]:
     return None, "\n".join(lines)
 
 
-def corrections(given: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Names and values of corrections for the core, without those that are None."""
-    texts = []
-    for name, value in given.items():
-        if value is None or value is False:
-            continue
-        if value is True:
-            text = ""
-        elif isinstance(value, str):
-            text = value
-        elif name in ("image_size", "letterbox"):
-            sides = [float(value)] * 2 if np.ndim(value) == 0 else _checks.array(name, value, (2,)).tolist()
-            text = "x".join(f"{side:g}" for side in sides)
-        elif name == "up":
-            text = ",".join(repr(x) for x in _checks.array(name, value, (3,)).tolist())
-        else:
-            text = f"{_checks.number(name, value):.17g}"
-        texts.append((name.replace("_", "-"), text))
-    return texts
+def up(value: Any) -> str | None:
+    """The value of `up` for the core: an axis, or three numbers."""
+    if value is None or isinstance(value, str):
+        return value
+    return ",".join(repr(x) for x in _checks.array("up", value, (3,)).tolist())
 
 
-def option_as_keyword(option: str) -> str:
-    """An option of the program, such as ``--pose-convention opengl``, as a call of `Scene.corrected`."""
-    name, _, value = option.removeprefix("--").partition(" ")
-    if name in ("image-size", "letterbox"):
-        value = f"({value.replace('x', ', ')})"
-    elif not value:
-        value = "True"
-    elif value[-1].isalpha():
-        value = repr(value)
-    return f"Scene.corrected({name.replace('-', '_')}={value})"
+def option_as_call(option: str) -> str:
+    """An option of the program, such as ``--assume poses=opengl``, as a call."""
+    words = option.split()
+    if words[0] == "--assume":
+        return f"Scene.corrected({words[1]!r})"
+    keywords = ", ".join(f"{name[2:].replace('-', '_')}={value!r}" for name, value in zip(words[::2], words[1::2], strict=True))
+    return f"Scene.corrected({keywords})" if words[0] == "--up" else f"localize({keywords})"

@@ -62,76 +62,23 @@ class Scene(FromOtherPackages):
         diagnosis: dict[str, Any] = json.loads(text)
         return diagnosis
 
-    def corrected(
-        self,
-        *,
-        pose_convention: str | None = None,
-        pose_unit: str | None = None,
-        up: str | ArrayLike | None = None,
-        focal_factor: float | None = None,
-        intrinsics_format: str | None = None,
-        radial_distortion: float | None = None,
-        box_format: str | None = None,
-        normalized_boxes: bool = False,
-        image_size: tuple[float, float] | None = None,
-        box_scale: float | None = None,
-        letterbox: float | tuple[float, float] | None = None,
-        frame_offset: int | None = None,
-        frame_order: str | None = None,
-    ) -> Scene:
-        """The scene with corrections of common mistakes applied, with the names and values of the program's options.
+    def corrected(self, assume: str = "", *, up: str | ArrayLike | None = None) -> Scene:
+        """The scene with corrections of common mistakes applied.
 
         Parameters
         ----------
-        pose_convention : str, optional
-            Convention of the poses if it is not OpenCV's ``cam_from_world``: ``"world-from-camera"``, ``"opengl"``,
-            ``"opengl-world-from-camera"``, ``"body"``, ``"left-handed"``, ``"camera-center"``, ...
-        pose_unit : str, optional
-            Unit of the translations of the poses (``"mm"``); the scene is converted to metres.
+        assume : str
+            What the inputs really are, as with the program's ``--assume``: ``"poses=opengl,boxes=xywh"``. `docs/cli.md` lists
+            the keys and their values.
         up : str or array_like, shape (3,), optional
             World direction against gravity: an axis such as ``"-y"``, or a direction.
-        focal_factor : float, optional
-            Multiplies the focal lengths.
-        intrinsics_format : {"normalized", "transposed"}, optional
-            Format of the intrinsics if not pixels.
-        radial_distortion : float, optional
-            Radial distortion coefficient to add to the cameras.
-        box_format : str, optional
-            Format of the box coordinates: ``"xywh"``, ``"cxcywh"``, ``"yxyx"``, ...
-        normalized_boxes : bool
-            Whether boxes are fractions of image width and height.
-        image_size : (width, height), optional
-            Size in pixels of the images in which the boxes were measured.
-        box_scale : float, optional
-            Multiplies the box coordinates.
-        letterbox : side or (width, height), optional
-            Size in pixels of the letterboxed image in which the boxes were measured.
-        frame_offset : int, optional
-            Detections of frame number N belong to frame number 0, and so on.
-        frame_order : {"alphabetical", "numeric", "reversed"}, optional
-            The order in which detections were assigned to frames.
 
         Returns
         -------
         Scene
             Without detections that no longer belong to a frame.
         """
-        given = {
-            "pose_convention": pose_convention,
-            "pose_unit": pose_unit,
-            "up": up,
-            "focal_factor": focal_factor,
-            "intrinsics_format": intrinsics_format,
-            "radial_distortion": radial_distortion,
-            "box_format": box_format,
-            "normalized_boxes": normalized_boxes,
-            "image_size": image_size,
-            "box_scale": box_scale,
-            "letterbox": letterbox,
-            "frame_offset": frame_offset,
-            "frame_order": frame_order,
-        }
-        scene, _ = self._core.corrected(_options.corrections(given))
+        scene, _ = self._core.corrected(_checks.text("assume", assume), _options.up(up))
         return Scene(scene)
 
     def segment(

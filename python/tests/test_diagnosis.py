@@ -37,7 +37,7 @@ def test_inverted_poses_are_told_and_mended() -> None:
     wrong = {**given, "projections": with_inverted_poses(given["projections"])}
     with pytest.warns(quadlift.InconsistentSceneWarning, match="camera-to-world") as told:
         estimates = quadlift.localize(**wrong)
-    assert "Scene.corrected(pose_convention='world-from-camera')" in str(told[0].message)
+    assert "Scene.corrected('poses=world-from-camera')" in str(told[0].message)
     assert told[0].filename == __file__
     assert not estimates.ok.any()
     cause = estimates.diagnosis["causes"][0]
@@ -49,7 +49,7 @@ def test_inverted_poses_are_told_and_mended() -> None:
     frames = {name: wrong.pop(name) for name in ("projections", "image_sizes")}
     scene = quadlift.Scene.from_arrays(**frames).with_detections(**wrong)
     assert scene.diagnose() == estimates.diagnosis
-    mended = scene.corrected(pose_convention="world-from-camera")
+    mended = scene.corrected("poses=world-from-camera")
     assert mended.diagnose()["consistent"]
     np.testing.assert_allclose(mended.localize().centers, quadlift.localize(**given).centers, atol=1e-6)
 
@@ -65,11 +65,11 @@ def test_corrections_have_the_programs_names_and_values() -> None:
         numbers: list[float] = scene.to_dict()["detections"][0]["box"]
         return numbers
 
-    assert box(scene.corrected(image_size=(320, 240))) == [20.0, 40.0, 60.0, 100.0]
-    assert box(scene.corrected(letterbox=640)) == [10.0, -60.0, 30.0, -30.0]
-    assert box(scene.corrected(box_format="xywh")) == [10.0, 20.0, 40.0, 70.0]
-    assert scene.corrected(frame_offset=-1).to_dict()["detections"][0]["frame"] == "1"
-    assert scene.corrected(up="-y", focal_factor=2).to_dict()["up"] == [0.0, -1.0, 0.0]
+    assert box(scene.corrected("image_size=320x240")) == [20.0, 40.0, 60.0, 100.0]
+    assert box(scene.corrected("letterbox=640x640")) == [10.0, -60.0, 30.0, -30.0]
+    assert box(scene.corrected("boxes=xywh")) == [10.0, 20.0, 40.0, 70.0]
+    assert scene.corrected("frame_offset=-1").to_dict()["detections"][0]["frame"] == "1"
+    assert scene.corrected("focal=2", up="-y").to_dict()["up"] == [0.0, -1.0, 0.0]
     assert scene.corrected().to_dict() == scene.to_dict()
-    with pytest.raises(quadlift.QuadliftError, match='pose_convention is "unity"; expected one of world-from-camera'):
-        scene.corrected(pose_convention="unity")
+    with pytest.raises(quadlift.QuadliftError, match='assume is "poses=unity"; expected one of world-from-camera'):
+        scene.corrected("poses=unity")

@@ -75,13 +75,13 @@ fn wrapped(command: Command) -> Command {
     let after_long = command.get_after_long_help().map(ToString::to_string);
     let mut command = command;
     if let Some(text) = long_about {
-        command = command.long_about(paragraphs(&text));
+        command = command.long_about(paragraphs(&text, WIDTH));
     }
     if let Some(text) = after {
-        command = command.after_help(paragraphs(&text));
+        command = command.after_help(paragraphs(&text, WIDTH));
     }
     if let Some(text) = after_long {
-        command = command.after_long_help(paragraphs(&text));
+        command = command.after_long_help(paragraphs(&text, WIDTH));
     }
     let in_short = command.get_arguments().filter(|arg| !arg.is_hide_short_help_set());
     let left = in_short.map(left_columns).max().unwrap_or(0);
@@ -129,25 +129,25 @@ fn suffix(arg: &Arg) -> String {
 
 /// A help text in lines of this width; if the suffix does not fit, it follows on a separate line.
 fn help_text(text: &str, width: usize, suffix: &str) -> String {
-    let filled = text.split("\n\n").map(|part| fill(part, width)).collect::<Vec<_>>().join("\n\n");
+    let filled = paragraphs(text, width);
     let last = filled.lines().last().unwrap_or_default().chars().count();
     if last + suffix.chars().count() > width { filled + "\n" } else { filled }
 }
 
-/// A text with filled paragraphs; indented lines, and lines that follow them, are not changed.
-fn paragraphs(text: &str) -> String {
+/// A text with filled paragraphs of this width; indented lines, and lines that follow them, are not changed.
+fn paragraphs(text: &str, width: usize) -> String {
     let mut lines: Vec<String> = Vec::new();
     let mut paragraph = String::new();
     let finish = |paragraph: &mut String, lines: &mut Vec<String>| {
         if !paragraph.is_empty() {
-            lines.push(fill(paragraph, WIDTH));
+            lines.push(fill(paragraph, width));
             paragraph.clear();
         }
     };
     for line in text.lines() {
         if line.is_empty() || line.starts_with(' ') {
             finish(&mut paragraph, &mut lines);
-            lines.push(hanging(line));
+            lines.push(hanging(line, width));
         } else {
             if !paragraph.is_empty() {
                 paragraph.push(' ');
@@ -163,17 +163,17 @@ fn paragraphs(text: &str) -> String {
 }
 
 /// A line of a list in lines that fit, with what follows the first below the text of the entry.
-fn hanging(line: &str) -> String {
+fn hanging(line: &str, width: usize) -> String {
     let indent = line.len() - line.trim_start().len();
     let column = line[indent..].find("  ").map_or(indent, |gap| {
         let rest = &line[indent + gap..];
         indent + gap + (rest.len() - rest.trim_start().len())
     });
-    if line.chars().count() <= WIDTH || !line.is_char_boundary(column) {
+    if line.chars().count() <= width || !line.is_char_boundary(column) {
         return line.to_owned();
     }
     let below = format!("\n{}", " ".repeat(column));
-    line[..column].to_owned() + &fill(&line[column..], WIDTH - column).replace('\n', &below)
+    line[..column].to_owned() + &fill(&line[column..], width - column).replace('\n', &below)
 }
 
 /// A text in lines that fit, each behind so many blanks.
@@ -241,7 +241,7 @@ mod tests {
         assert!(short.lines().count() <= 40, "{short}");
         // Without the scenes, which are no option, and with --json and --help.
         assert_eq!(short.matches("\n      --").count() + short.matches("\n  -").count(), SHORT.len() + 1, "{short}");
-        for name in ["--method", "--sigmas", "--letterbox", "--max-pixels"] {
+        for name in ["--method", "--sigmas", "letterbox=WxH", "--max-pixels"] {
             assert!(!short.contains(name) && long.contains(name), "{name}");
         }
         let research = long.find("For research").unwrap();
@@ -253,9 +253,9 @@ mod tests {
         assert_eq!(fill("a bb ccc\ndd", 5), "a bb\nccc\ndd");
         let entry = format!("  a  {}", "word ".repeat(25).trim_end());
         assert_eq!(
-            hanging(&entry),
+            hanging(&entry, WIDTH),
             format!("  a  {}\n     {}", "word ".repeat(19).trim_end(), "word ".repeat(6).trim_end())
         );
-        assert_eq!(paragraphs("one\ntwo\n\nList:\n  a  b\n  c"), "one two\n\nList:\n  a  b\n  c");
+        assert_eq!(paragraphs("one\ntwo\n\nList:\n  a  b\n  c", WIDTH), "one two\n\nList:\n  a  b\n  c");
     }
 }

@@ -5,7 +5,7 @@ use quadlift::run::Check;
 use serde::{Deserialize, Serialize};
 
 use crate::correct::RecordCorrection;
-use crate::correct::options::{option_of, short};
+use crate::correct::assume::{option_of, short};
 use crate::correct::usual_width;
 use crate::scene_file::SceneFile;
 
@@ -295,7 +295,7 @@ mod tests {
         assert_eq!(
             text(Correction::InvertPoses),
             "the poses are camera-to-world, not cam_from_world: boxes miss their object by 80 % of their half size, \
-             2.1 % after correction (--pose-convention world-from-camera)"
+             2.1 % after correction (--assume poses=world-from-camera)"
         );
         for (correction, words) in [
             (Correction::OpenGlAxes, "OpenGL axes"),
@@ -321,9 +321,9 @@ mod tests {
             RecordCorrection::Known(Correction::FrameOffset(-1)),
         ]);
         let option = |correction: Correction| context.option(&cause(correction)).unwrap();
-        assert_eq!(option(Correction::ImageScale(0.96875)), "--image-size 640x480");
-        assert_eq!(option(Correction::FocalFactor(0.75)), "--focal-factor 1.5");
-        assert_eq!(option(Correction::FrameOffset(-1)), "--frame-offset 2");
+        assert_eq!(option(Correction::ImageScale(0.96875)), "--assume image_size=640x480");
+        assert_eq!(option(Correction::FocalFactor(0.75)), "--assume focal=1.5");
+        assert_eq!(option(Correction::FrameOffset(-1)), "--assume frame_offset=2");
     }
 
     #[test]

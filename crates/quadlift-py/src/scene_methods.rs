@@ -6,11 +6,13 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use quadlift::align::AlignStatus;
+use quadlift::diagnosis::Correction;
 use quadlift::run::Check;
 use quadlift_io::SceneFile;
 use quadlift_io::align::{ALIGNMENT, Contradiction, MapScale, align_checked, alignment_record, merge, options_of};
 use quadlift_io::association::write_objects;
-use quadlift_io::correct::{RecordCorrection, correct};
+use quadlift_io::correct::assume::up as direction;
+use quadlift_io::correct::{Assumption, RecordCorrection, correct};
 use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
@@ -18,7 +20,7 @@ use quadlift_io::read::detections::csv::TableOptions;
 use quadlift_io::read::detections::names::read_names;
 use quadlift_io::read::detections::{AddOptions, add_detections, read_detections};
 use quadlift_io::scene_file::{parse_scene_file, write_scene};
-use quadlift_io::{read_scene_file, write_file, write_scene_file};
+use quadlift_io::{ReadError, read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
 
 use crate::association::{AssociateKeywords, associated};
@@ -113,7 +115,9 @@ impl PyScene {
         let mut file = SceneFile::clone(self.loaded.file());
         let source = source.unwrap_or(format.name());
         let options = AddOptions { source, min_score, image_size, ..Default::default() };
-        let added = add_detections(&mut file, found, &options).map_err(refuse)?;
+        // The keyword has the name of the key.
+        let keyword = |error: ReadError| refuse(error.to_string().replace("--assume ", ""));
+        let added = add_detections(&mut file, found, &options).map_err(keyword)?;
         let mut lost = Vec::new();
         if added.in_no_frame > 0 {
             let (images, count) = (added.images_without_frame.len(), added.in_no_frame);
@@ -153,14 +157,17 @@ impl PyScene {
         String::from_utf8(bytes).map_err(refuse)
     }
 
-    /// The scene with corrections, by the names and values of the program's options; and what was done, in words.
-    fn corrected(&self, corrections: Vec<(String, String)>) -> PyResult<(Self, Vec<String>)> {
-        let correction = |(name, value): &(String, String)| {
-            let argument = name.replace('-', "_");
-            RecordCorrection::from_option(name, value).map_err(|e| refuse(format!("{argument} is \"{value}\"; {e}")))
-        };
-        let corrections = corrections.iter().map(correction).collect::<PyResult<Vec<_>>>()?;
-        let corrections: Vec<RecordCorrection> = corrections.into_iter().flatten().collect();
+    /// The scene with corrections, as `--assume` and `--up` have them; and what was done, in words.
+    fn corrected(&self, assume: &str, up: Option<&str>) -> PyResult<(Self, Vec<String>)> {
+        let wrong = |argument: &str, text: &str, error| refuse(format!("{argument} is \"{text}\"; {error}"));
+        let texts = assume.split(',').filter(|text| !text.trim().is_empty());
+        let assumptions: Result<Vec<Assumption>, String> = texts.map(str::parse).collect();
+        let corrections = assumptions.and_then(|list| Assumption::corrections(&list));
+        let mut corrections = corrections.map_err(|error| wrong("assume", assume, error))?;
+        if let Some(text) = up {
+            let up = direction(text).map_err(|error| wrong("up", text, error))?;
+            corrections.push(RecordCorrection::Known(Correction::Up(up)));
+        }
         let mut file = SceneFile::clone(self.loaded.file());
         let notes = correct(&mut file, &corrections).map_err(refuse)?;
         Ok((Self::new(file, self.loaded.path.clone())?, notes))

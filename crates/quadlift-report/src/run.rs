@@ -210,13 +210,13 @@ mod tests {
     fn a_scene_that_does_not_agree_with_itself_has_a_banner() {
         let run = |consistent: bool| {
             let cause = json!({"name": "opengl_axes", "value": null, "before": 0.9, "after": 0.02,
-                "option": "--pose-convention opengl"});
+                "option": "--assume poses=opengl"});
             let diagnosis = json!({"consistent": consistent, "score": 0.9, "causes": [cause]});
             let corrections = ["up is [0, 0, 1]"];
             record(json!({"diagnosis": diagnosis, "corrections": corrections}))
         };
         let banner = run_banner(&run(false)).unwrap();
-        assert!(banner.contains("OpenGL axes") && banner.contains("(--pose-convention opengl)"), "{banner}");
+        assert!(banner.contains("OpenGL axes") && banner.contains("(--assume poses=opengl)"), "{banner}");
         assert_eq!((run_banner(&run(true)), run_banner(&RunRecord::default())), (None, None));
         assert_eq!(run_notes(&run(true)), ["corrected: up is [0, 0, 1]"]);
     }

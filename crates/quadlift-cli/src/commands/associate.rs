@@ -15,7 +15,7 @@ use serde_json::json;
 
 use crate::args;
 use crate::association::in_words;
-use crate::corrections::{SceneCorrections, corrected_in_words, read_input};
+use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, outputs};
@@ -95,7 +95,7 @@ pub struct Args {
     threads: Option<usize>,
 
     #[command(flatten)]
-    corrections: SceneCorrections,
+    corrections: Corrections,
 
     #[command(flatten)]
     chosen: Chosen<Associate>,
@@ -130,7 +130,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Err(error) = options.validate() {
         return usage(error.to_string());
     }
-    let mut input = read_input(&args.scene, &args.corrections.list())?;
+    let mut input = read_input(&args.scene, &args.corrections.list()?)?;
     check_not_read(&args.output)?;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
         check_metres(input.scene().length_unit.as_deref()).map_err(anyhow::Error::msg)?;

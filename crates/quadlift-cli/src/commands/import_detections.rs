@@ -5,12 +5,14 @@ mod matching;
 
 use std::path::{Path, PathBuf};
 
+use quadlift_io::correct::Assumption;
 use quadlift_io::guard::allow_overwriting;
 use quadlift_io::read::detections::{AddedDetections, add_detections};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
-use crate::error::Outcome;
+use crate::corrections::{DetectionPixels, corrections_of};
+use crate::error::{Outcome, usage};
 use crate::files::{check_file, read_scene};
 use crate::next::Next;
 use crate::output::{Output, one_line};
@@ -31,7 +33,7 @@ pub use matching::Matching;
 Examples:
   quadlift import-detections yolo runs/detect/predict scene.json -o detected.json
   quadlift import-detections coco results.json scene.json -o detected.json --annotations instances.json
-  quadlift import-detections mot tracks.txt scene.json -o detected.json --frame-offset 1
+  quadlift import-detections mot tracks.txt scene.json -o detected.json --assume frame_offset=1
   quadlift import-detections kitti label_02/0001.txt scene.json -o detected.json
   quadlift import-detections csv boxes.csv scene.json -o detected.json --min-score 0.5
   quadlift import-detections supervision sink.json scene.json -o detected.json --frame-column frame_number
@@ -69,6 +71,27 @@ pub struct Common {
 
     #[command(flatten)]
     matching: Matching,
+
+    /// What the detections really are: image_size=WxH, the size of the images on which the detector ran, from which boxes are
+    /// scaled to the image size of the cameras; frame_offset=N, the number that the detections give to frame number 0 of the
+    /// scene (default: inferred from format and names)
+    #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',', value_parser = str::parse::<Assumption>)]
+    assume: Vec<Assumption>,
+}
+
+impl Common {
+    /// What `--assume` says.
+    fn pixels(&self) -> anyhow::Result<DetectionPixels> {
+        let (pixels, others) = DetectionPixels::split(corrections_of(&self.assume)?);
+        if others.is_empty() {
+            return Ok(pixels);
+        }
+        let ours = |assumption: &&Assumption| !["image_size", "frame_offset"].contains(&assumption.name());
+        let other = self.assume.iter().find(ours).map_or("", Assumption::name);
+        usage(format!(
+            "--assume {other} is not known here; import-detections takes image_size and frame_offset, quadlift localize the others"
+        ))
+    }
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -77,7 +100,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let (mut file, _) = read_scene(&common.scene)?;
     let detections = args.format.read()?;
     let source = common.source.as_deref().unwrap_or(format.name());
-    let mut options = common.matching.options(source, args.format.pixel_centers());
+    let mut options = common.matching.options(source, common.pixels()?, args.format.pixel_centers());
     options.replace = common.replace;
     let read_notes = detections.notes.clone();
     let added = add_detections(&mut file, detections, &options)?;

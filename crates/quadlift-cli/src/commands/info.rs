@@ -11,7 +11,7 @@ use quadlift_io::SceneFile;
 use quadlift_io::diagnosis::DiagnosisRecord;
 use serde::Serialize;
 
-use crate::corrections::{SceneCorrections, corrected_in_words, read_input};
+use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::error::Outcome;
 use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
@@ -42,7 +42,7 @@ pub struct Args {
     scene: PathBuf,
 
     #[command(flatten)]
-    corrections: SceneCorrections,
+    corrections: Corrections,
 }
 
 /// Summary of a scene file.
@@ -105,7 +105,7 @@ struct Source {
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let input = read_input(&args.scene, &args.corrections.list())?;
+    let input = read_input(&args.scene, &args.corrections.list()?)?;
     let (file, scene) = (&*input.file, input.scene());
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;

@@ -15,7 +15,7 @@ use quadlift_io::scene_file::Detail;
 use quadlift_io::{ReadError, SceneFile};
 use serde_json::json;
 
-use crate::corrections::read_input;
+use crate::corrections::{DetectionPixels, read_input};
 use crate::error::{InconsistentError, Outcome, in_words, usage};
 use crate::files::{check_file, check_result_name, expand, outputs};
 use crate::logs::tell_problems;
@@ -34,6 +34,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     args.output.as_deref().map_or(Ok(()), |output| check_result_name(output, true))?;
     let mut options = args.options()?;
     options.calibration = read_calibration(&args.calibration)?;
+    let corrections = args.corrections.list()?;
     let chosen = (&options, Detail::from(args.detail));
     if let Some((cameras, detections)) = args.direct.paths() {
         let [output, report] = [&args.output, &args.report].map(Option::as_deref);
@@ -43,14 +44,14 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let log = (&args.log, &args.keep_going);
         // The base folder of image paths.
         let place = output.or(report);
+        // The size of the images and the numbers of the frames are dealt with where detections are added.
+        let (pixels, corrections) = DetectionPixels::split(corrections);
+        let source = options.run.localize.source.as_deref();
         let input = || {
-            let (file, frame_offset) =
-                args.direct.read([cameras, detections], place, options.run.localize.source.as_deref(), log, out)?;
-            // The size of the images and the numbers of the frames are dealt with where detections are added.
-            let mut input =
-                FileInput::from_file(file, place.unwrap_or(Path::new("")), &args.corrections.list(None, None))
-                    .map_err(|error| ReadError { path: detections.to_owned(), ..error })?;
-            let measured_at = args.direct.pixels_and_frames().0.map(RecordCorrection::ImageSize);
+            let (file, frame_offset) = args.direct.read([cameras, detections], place, (source, pixels), log, out)?;
+            let mut input = FileInput::from_file(file, place.unwrap_or(Path::new("")), &corrections)
+                .map_err(|error| ReadError { path: detections.to_owned(), ..error })?;
+            let measured_at = pixels.image_size.map(RecordCorrection::ImageSize);
             input.context.frame_offset = frame_offset;
             input.context = input.context.after(measured_at.as_slice());
             Ok(input)
@@ -81,8 +82,6 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         if index > 0 {
             out.report("\n")?;
         }
-        let (image_size, frame_offset) = args.direct.pixels_and_frames();
-        let corrections = args.corrections.list(image_size, frame_offset);
         let read = || {
             let mut found = match is_mcap(input) {
                 true => FileInput::from_file(read_log(args, input, out)?, input, &corrections)?,

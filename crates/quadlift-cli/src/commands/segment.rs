@@ -16,7 +16,7 @@ use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
-use crate::corrections::{SceneCorrections, corrected_in_words, read_input};
+use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
@@ -98,7 +98,7 @@ pub struct Args {
     threads: Option<usize>,
 
     #[command(flatten)]
-    corrections: SceneCorrections,
+    corrections: Corrections,
 
     #[command(flatten)]
     chosen: Chosen<Segment>,
@@ -117,7 +117,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     outputs(&inputs, &args.output)?;
     check_report(args.report.as_ref(), &[&args.scene, &args.output])?;
     let start = Instant::now();
-    let mut input = read_input(&args.scene, &args.corrections.list())?;
+    let mut input = read_input(&args.scene, &args.corrections.list()?)?;
     [Some(&args.output), args.report.as_ref()].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
     let check = Check::with_identities(&mut input, args.source.as_deref(), of_run.fix)?;
     let (scene, notes) = (input.scene(), &input.notes);

@@ -24,7 +24,7 @@ fn the_demo_finds_what_is_on_the_desk() {
     assert!(folder.read("again.json") == folder.read("quadlift-demo/estimate.json"));
     folder.succeed("evaluate quadlift-demo/estimate.json quadlift-demo/truth.json");
     let wrong = folder.run("localize quadlift-demo/wrong-poses.json");
-    assert!(wrong.code == 3 && wrong.stderr.contains("--pose-convention opengl"), "{} {}", wrong.code, wrong.stderr);
+    assert!(wrong.code == 3 && wrong.stderr.contains("--assume poses=opengl"), "{} {}", wrong.code, wrong.stderr);
     folder.succeed("localize quadlift-demo/wrong-poses.json --fix");
     // The same for programs, over the files of the first run.
     let report: Value = serde_json::from_str(&folder.succeed("demo --overwrite --json --report page.html")).unwrap();
@@ -329,7 +329,7 @@ fn poses_that_contradict_the_boxes_can_be_refined_and_a_wrong_image_size_cannot(
     folder.write_json("scene.json", &scene);
     for option in ["", "--refine-poses", "--refine-poses=independent"] {
         let run = folder.run(&format!("localize scene.json -o out.json {option}"));
-        assert!(run.code == 3 && run.stderr.contains("--image-size"), "{option}: {}", run.stderr);
+        assert!(run.code == 3 && run.stderr.contains("--assume image_size="), "{option}: {}", run.stderr);
     }
 }
 

@@ -186,7 +186,7 @@ fn a_letterbox_may_be_of_any_shape() {
         let margin = [0.5 * (width - gain * w), 0.5 * (height - gain * h)];
         let scene = with_boxes(&right, |b| [0, 1, 2, 3].map(|k| b[k] * gain + margin[k % 2]));
         folder.write_json("wrong.json", &scene);
-        folder.succeed(&format!("associate wrong.json -o mended.json --ids trust --letterbox {width}x{height}"));
+        folder.succeed(&format!("associate wrong.json -o mended.json --ids trust --assume letterbox={width}x{height}"));
         let mended = folder.json("mended.json");
         for (a, b) in mended["detections"].as_array().unwrap().iter().zip(right["detections"].as_array().unwrap()) {
             for k in 0..4 {
@@ -204,8 +204,8 @@ fn reversed_boxes_point_to_the_box_format() {
     let right = right_scene(&folder);
     folder.write_json("wrong.json", &with_boxes(&right, |b| [b[0], b[1], b[2] - b[0], b[3] - b[1]]));
     let run = folder.run("localize wrong.json");
-    assert!(run.code == 1 && run.stderr.contains("--box-format xywh"), "{}", run.stderr);
-    assert!(folder.succeed("localize wrong.json --box-format xywh").contains("8 of 8 objects localised"));
+    assert!(run.code == 1 && run.stderr.contains("--assume boxes=xywh"), "{}", run.stderr);
+    assert!(folder.succeed("localize wrong.json --assume boxes=xywh").contains("8 of 8 objects localised"));
 }
 
 /// Mistakes that no convention explains: in `up`, the ids, the poses, the unit of lengths.
@@ -264,5 +264,11 @@ fn mistakes_without_a_convention_are_named() {
     };
     let mean = [0, 1, 2].map(size);
     folder.write("priors.toml", format!("[thing]\nsize = {mean:?}\nsize_sd = {:?}\n", mean.map(|x| 0.3 * x)));
-    check("length_unit", &scene, "--priors priors.toml", "contradict the known object sizes", Some("--pose-unit mm"));
+    check(
+        "length_unit",
+        &scene,
+        "--priors priors.toml",
+        "contradict the known object sizes",
+        Some("--assume pose_unit=mm"),
+    );
 }

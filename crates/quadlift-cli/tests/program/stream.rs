@@ -227,7 +227,7 @@ fn depths_and_3d_boxes_reach_the_map_the_state_and_the_estimates() {
     folder.succeed("stream scene.jsonl -q --state state.json --resume --map again.json");
     assert_eq!(folder.read("again.json"), folder.read("lines.json"));
     // The corrected world is a hundred times smaller, and so are its lengths.
-    folder.succeed("localize scene.json -q -o metres.json --pose-unit cm");
+    folder.succeed("localize scene.json -q -o metres.json --assume pose_unit=cm");
     let sizes = |path: &str, factor: f64| -> Vec<i64> {
         let axes = folder.json(path)["objects"].as_array().unwrap().clone();
         let axes = axes.iter().map(|o| o["ellipsoid"]["semi_axes"][0].as_f64().unwrap() * factor * 1e3);

@@ -74,7 +74,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::correct::{RecordCorrection, correct};
+    use crate::correct::{Assumption, correct};
 
     /// The axes of the camera see the box of the world in front of them.
     const POSE: [[f64; 4]; 3] = [[0.0, 1.0, 0.0, -1.0], [0.0, 0.0, -1.0, 2.0], [-1.0, 0.0, 0.0, 9.0]];
@@ -97,7 +97,7 @@ mod tests {
         root * root.transpose() + SMatrix::identity() * 1e-4
     }
 
-    fn corrected(option: &str, box3d: &Box3dRecord) -> SceneFile {
+    fn corrected(assumed: &str, box3d: &Box3dRecord) -> SceneFile {
         let mut file: SceneFile = serde_json::from_value(json!({
             "format": "quadlift.scene", "version": 1,
             "cameras": [{"id": "c", "model": "PINHOLE", "width": 640, "height": 480, "params": [500, 500, 320, 240]}],
@@ -106,8 +106,7 @@ mod tests {
                 "depth": {"median": 8.5, "sd": 0.5, "source": "net"}}],
         }))
         .unwrap();
-        let (name, value) = option.split_once(' ').unwrap();
-        correct(&mut file, &[RecordCorrection::from_option(name, value).unwrap().unwrap()]).unwrap();
+        correct(&mut file, &Assumption::corrections(&[assumed.parse().unwrap()]).unwrap()).unwrap();
         file
     }
 
@@ -130,29 +129,29 @@ mod tests {
 
     #[test]
     fn boxes_are_seen_where_they_were() {
-        let given = corners(&corrected("up z", &box_of_world()));
+        let given = corners(&corrected("boxes=xyxy", &box_of_world()));
         let seen = |option: &str| corners(&corrected(option, &box_of_world()));
         // Both axes of the camera and the world are left-handed, of which y points the other way.
         let mirrored: Vec<_> = given.iter().map(|p| Vector3::new(p.x, -p.y, p.z)).collect();
-        assert_same_corners(&seen("pose-convention left-handed"), &mirrored, "left-handed");
+        assert_same_corners(&seen("poses=left-handed"), &mirrored, "left-handed");
         let smaller: Vec<_> = given.iter().map(|p| p * 0.01).collect();
         assert_same_corners(&seen("pose-unit cm"), &smaller, "cm");
         // A box of the camera has the axes of OpenCV, whatever those of the poses are.
         let of_camera = Box3dRecord { frame: None, ..box_of_world() };
-        let given = corners(&corrected("up z", &of_camera));
-        assert_same_corners(&corners(&corrected("pose-convention left-handed", &of_camera)), &given, "camera");
-        assert_same_corners(&corners(&corrected("pose-convention opengl", &of_camera)), &given, "camera");
+        let given = corners(&corrected("boxes=xyxy", &of_camera));
+        assert_same_corners(&corners(&corrected("poses=left-handed", &of_camera)), &given, "camera");
+        assert_same_corners(&corners(&corrected("poses=opengl", &of_camera)), &given, "camera");
     }
 
     #[test]
     fn lengths_are_those_of_the_new_unit() {
-        let file = corrected("pose-unit mm", &box_of_world());
+        let file = corrected("pose_unit=mm", &box_of_world());
         let depth = file.detections[0].depth.as_deref().unwrap();
         assert!((depth.median - 0.0085).abs() < 1e-15 && (depth.sd.unwrap() - 0.0005).abs() < 1e-15, "{depth:?}");
         assert_eq!(file.frames[0].depth.as_ref().unwrap().scale, 0.002);
         // Relative deviations do not change: the covariance is scaled with the distance.
         let sd = |file: &SceneFile| file.to_scene().unwrap().detections[0].cues.as_deref().unwrap().box3d.unwrap().sd;
-        let (before, after) = (sd(&corrected("up z", &box_of_world())), sd(&file));
+        let (before, after) = (sd(&corrected("boxes=xyxy", &box_of_world())), sd(&file));
         for (a, b) in [(before.distance, after.distance), (before.direction, after.direction)] {
             assert!((a.unwrap() - b.unwrap()).abs() < 1e-12, "{before:?} {after:?}");
         }
@@ -205,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_box_of_the_world_does_not_move_with_the_axes_of_cameras() {
-        for option in ["pose-convention opengl", "pose-convention world-from-camera", "focal-factor 2"] {
+        for option in ["poses=opengl", "poses=world-from-camera", "focal-factor 2"] {
             let found = corrected(option, &box_of_world()).detections[0].box3d.take();
             assert_eq!(found.as_deref(), Some(&box_of_world()), "{option}");
         }

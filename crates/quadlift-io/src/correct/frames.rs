@@ -10,7 +10,8 @@ use crate::wording::count;
 /// Moves detections to the frames to which they belong and drops those without a frame. Returns a description.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> String {
     let ids: Vec<&str> = file.frames.iter().map(|frame| frame.id.as_str()).collect();
-    let Some(frames) = correction.frames(&ids) else { return "no detection was moved".to_owned() };
+    let moves = |frames: &Vec<Option<usize>>| frames.iter().enumerate().any(|(k, frame)| *frame != Some(k));
+    let Some(frames) = correction.frames(&ids).filter(moves) else { return "no detection was moved".to_owned() };
     let frame_of: HashMap<&str, Option<&str>> =
         ids.iter().zip(&frames).map(|(&id, &frame)| (id, frame.map(|frame| ids[frame]))).collect();
     let before = file.detections.len();

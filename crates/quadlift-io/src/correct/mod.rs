@@ -4,11 +4,11 @@
 //! The mathematics is that of [`quadlift::diagnosis`], which finds the mistakes; here its maps are applied to the
 //! records, before the scene is built, so that lenses, image borders and masks are right as well.
 
+pub mod assume;
 mod boxes;
 mod cameras;
 mod cues;
 mod frames;
-pub mod options;
 mod poses;
 mod record_correction;
 mod rounding;
@@ -23,6 +23,7 @@ use crate::error::EntryError;
 use crate::scene_file::SceneFile;
 use crate::wording::count;
 
+pub use assume::Assumption;
 pub use record_correction::RecordCorrection;
 pub(crate) use rounding::usual_width;
 

@@ -1,6 +1,6 @@
 //! Usual values near estimated ones: widths of images, units of length.
 
-/// The values of `--pose-unit`, in metres.
+/// The units that `pose_unit` names, in metres.
 pub(super) const UNITS: [(&str, f64); 6] =
     [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3), ("ft", 0.3048), ("in", 0.0254)];
 

@@ -5,9 +5,9 @@ use quadlift::diagnosis::{BoxFormat, Correction, Mistake};
 use quadlift::geometry::{BoundingBox, Intrinsics, OrientedBox};
 use serde_json::Value;
 
-use super::options::{POSE_CONVENTIONS, option_of};
+use super::assume::{POSES, option_of};
 use super::poses::{matrix, rows};
-use super::{RecordCorrection, correct};
+use super::{Assumption, RecordCorrection, correct};
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile};
 
 const SIZE: [f64; 2] = [1280.0, 720.0];
@@ -85,11 +85,17 @@ fn with_mistake(mistake: &Mistake) -> SceneFile {
     file
 }
 
-/// Corrects a file as the option says, in the form of the command line.
+/// The corrections of an option in the form of the command line.
+fn read(option: &str) -> Vec<RecordCorrection> {
+    match option.split_once(' ').unwrap() {
+        ("--up", value) => vec![RecordCorrection::Known(Correction::Up(super::assume::up(value).unwrap()))],
+        (_, value) => Assumption::corrections(&[value.parse().unwrap()]).unwrap(),
+    }
+}
+
+/// Corrects a file as the option says.
 fn corrected(mut file: SceneFile, option: &str) -> SceneFile {
-    let (name, value) = option.split_once(' ').unwrap_or((option, ""));
-    let correction = RecordCorrection::from_option(name.trim_start_matches("--"), value).unwrap().unwrap();
-    correct(&mut file, &[correction]).unwrap();
+    correct(&mut file, &read(option)).unwrap();
     file
 }
 
@@ -118,7 +124,7 @@ fn assert_close(found: &Value, expected: &Value, what: &str) {
 }
 
 fn corrections() -> Vec<Correction> {
-    let mut corrections: Vec<Correction> = POSE_CONVENTIONS.iter().map(|(_, correction)| *correction).collect();
+    let mut corrections: Vec<Correction> = POSES.iter().map(|(_, correction)| *correction).collect();
     corrections.extend([
         Correction::FocalFactor(0.5),
         Correction::NormalizedIntrinsics,
@@ -157,9 +163,9 @@ fn points_move_with_the_world() {
     };
     let before = seen(&scene());
     for (option, expected) in [
-        ("--pose-convention left-handed", before.iter().map(|p| [p[0], -p[1], p[2]]).collect::<Vec<_>>()),
-        ("--pose-convention opengl", before.iter().map(|p| [p[0], -p[1], -p[2]]).collect()),
-        ("--pose-unit cm", before.iter().map(|p| p.map(|x| 0.01 * x)).collect()),
+        ("--assume poses=left-handed", before.iter().map(|p| [p[0], -p[1], p[2]]).collect::<Vec<_>>()),
+        ("--assume poses=opengl", before.iter().map(|p| [p[0], -p[1], -p[2]]).collect()),
+        ("--assume pose_unit=cm", before.iter().map(|p| p.map(|x| 0.01 * x)).collect()),
     ] {
         for (a, b) in seen(&corrected(scene(), option)).iter().flatten().zip(expected.iter().flatten()) {
             assert!((a - b).abs() < 1e-12, "{option}: {a} {b}");
@@ -192,31 +198,35 @@ fn boxes_of_other_formats_are_read_as_they_are_meant() {
         let mut file = scene();
         file.detections[0].bounding_box = Some(numbers);
         file.detections.truncate(1);
-        let found = corrected(file, &format!("--box-format {format}"));
+        let found = corrected(file, &format!("--assume boxes={format}"));
         assert_eq!(found.detections[0].bounding_box, Some([100.0, 60.0, 180.0, 200.0]), "{format}");
     }
 }
 
 #[test]
 fn a_missing_lens_is_added() {
-    let found = corrected(scene(), "--radial-distortion -0.12");
+    let found = corrected(scene(), "--assume distortion=-0.12");
     assert_eq!(found.cameras[0].model, "OPENCV");
     assert_eq!(found.cameras[0].params, [900.0, 910.0, 640.0, 360.0, -0.12, 0.0, 0.0, 0.0]);
     let mut twice = found;
-    let again = RecordCorrection::from_option("radial-distortion", "0.1").unwrap().unwrap();
-    assert!(correct(&mut twice, &[again]).unwrap_err().problem.contains("already has a lens model (OPENCV)"));
+    assert!(
+        correct(&mut twice, &read("--assume distortion=0.1"))
+            .unwrap_err()
+            .problem
+            .contains("already has a lens model (OPENCV)")
+    );
 }
 
 #[test]
 fn units_and_up_are_set_and_boxes_may_be_stretched() {
-    let found = corrected(scene(), "--pose-unit mm");
+    let found = corrected(scene(), "--assume pose_unit=mm");
     assert_eq!(found.length_unit.as_deref(), Some("m"));
     assert_eq!(found.frames[0].cam_from_world.unwrap()[2][3], 0.003);
     assert_eq!(found.points, [[0.0005, -0.002, 0.0015], [0.003, 0.004, -0.001]]);
     assert_eq!(corrected(scene(), "--up -y").up, Some([0.0, -1.0, 0.0]));
     assert_eq!(corrected(scene(), "--up 0,0,2").up, Some([0.0, 0.0, 2.0]));
     // A photo of 1280 x 720 that was stretched to a square.
-    let found = corrected(scene(), "--image-size 640x640");
+    let found = corrected(scene(), "--assume image_size=640x640");
     assert_eq!(found.detections[0].bounding_box, Some([200.0, 67.5, 360.0, 225.0]));
 }
 
@@ -226,21 +236,20 @@ fn other_cameras_are_corrected_as_well() {
     let mut file = scene();
     file.cameras[0].model = "SIMPLE_RADIAL".to_owned();
     file.cameras[0].params = vec![0.7, 0.5, 0.5, -0.1];
-    let found = corrected(file.clone(), "--intrinsics-format normalized");
+    let found = corrected(file.clone(), "--assume intrinsics=normalized");
     assert_eq!(found.cameras[0].model, "OPENCV");
     assert_close(
         &json(&found)["cameras"][0]["params"],
         &serde_json::json!([896.0, 504.0, 640.0, 360.0, -0.1, 0.0, 0.0, 0.0]),
         "SIMPLE_RADIAL",
     );
-    let found = corrected(file.clone(), "--focal-factor 2");
+    let found = corrected(file.clone(), "--assume focal=2");
     assert_eq!((found.cameras[0].model.as_str(), found.cameras[0].params[0]), ("SIMPLE_RADIAL", 1.4));
     (file.cameras[0].width, file.cameras[0].height) = (None, None);
-    let wrong = RecordCorrection::from_option("intrinsics-format", "normalized").unwrap().unwrap();
-    assert_eq!(correct(&mut file, &[wrong]).unwrap_err().entry, "cameras[0]");
+    assert_eq!(correct(&mut file, &read("--assume intrinsics=normalized")).unwrap_err().entry, "cameras[0]");
 
     // The same scene with projections, corrected in both forms, has the same cameras.
-    for option in ["--pose-convention opengl-world-from-camera", "--focal-factor 0.5"] {
+    for option in ["--assume poses=opengl-world-from-camera", "--assume focal=0.5"] {
         let as_poses = corrected(scene(), option);
         let mut file = scene();
         let projections = |file: &SceneFile| -> Vec<Matrix3x4<f64>> {
@@ -268,25 +277,23 @@ fn outlines_and_turned_boxes_are_corrected_like_boxes() {
     file.detections[0].bounding_box = Some([100.0, 60.0, 180.0, 200.0]);
     file.detections[0].outline = Some(Box::new(outline));
     file.detections[0].oriented_box = Some(Box::new(turned.into()));
-    for (name, value, factor, shift) in [
-        ("image-size", "640x360", 2.0, [0.0, 0.0]),
-        ("box-scale", "0.5", 0.5, [0.0, 0.0]),
-        ("letterbox", "640x640", 2.0, [0.0, -280.0]),
-        ("letterbox", "640x400", 2.0, [0.0, -40.0]),
+    for (option, factor, shift) in [
+        ("--assume image_size=640x360", 2.0, [0.0, 0.0]),
+        ("--assume box_scale=0.5", 0.5, [0.0, 0.0]),
+        ("--assume letterbox=640x640", 2.0, [0.0, -280.0]),
+        ("--assume letterbox=640x400", 2.0, [0.0, -40.0]),
     ] {
-        let correction = RecordCorrection::from_option(name, value).unwrap().unwrap();
-        let mut changed = file.clone();
-        correct(&mut changed, &[correction]).unwrap();
+        let changed = corrected(file.clone(), option);
         let detection = &changed.detections[0];
         let place = |p: [f64; 2]| [p[0] * factor + shift[0], p[1] * factor + shift[1]];
         let edges = detection.bounding_box.unwrap();
-        assert_eq!([edges[0], edges[1]], place([100.0, 60.0]), "{name} {value}");
-        assert_eq!(**detection.outline.as_ref().unwrap(), outline.map(place), "{name} {value}");
+        assert_eq!([edges[0], edges[1]], place([100.0, 60.0]), "{option}");
+        assert_eq!(**detection.outline.as_ref().unwrap(), outline.map(place), "{option}");
         let found = detection.oriented_box.as_ref().unwrap();
         let found = [found.center[0], found.center[1], found.size[0], found.size[1], found.angle];
         let [x, y] = place([300.0, 200.0]);
         for (a, b) in found.iter().zip([x, y, 80.0 * factor, 30.0 * factor, 0.6]) {
-            assert!((a - b).abs() < 1e-9, "{name} {value}: {found:?}");
+            assert!((a - b).abs() < 1e-9, "{option}: {found:?}");
         }
     }
 }

@@ -4,6 +4,7 @@ use quadlift_io::read::PixelCenters;
 use quadlift_io::read::detections::{AddOptions, MatchBy};
 
 use crate::args;
+use crate::corrections::DetectionPixels;
 
 /// Matching of images and selection of detections.
 #[derive(clap::Args)]
@@ -12,11 +13,6 @@ pub struct Matching {
     #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = By::Auto, hide_possible_values = true)]
     by: By,
 
-    /// Number that the detections give to frame number 0 of the scene (default: inferred from format and names). For
-    /// scene files, or if images are matched by name: the detections of frame number N belong to frame number 0
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub frame_offset: Option<i64>,
-
     /// Maximum time difference between an image and a frame, in seconds [default: 0.02]
     #[arg(long, value_name = "SECONDS", value_parser = args::positive)]
     pub time_tolerance: Option<f64>,
@@ -24,11 +20,6 @@ pub struct Matching {
     /// Skip detections with a lower score
     #[arg(long, value_name = "S", value_parser = args::finite)]
     pub min_score: Option<f64>,
-
-    /// Width and height in pixels of the images on which the detector ran: boxes are scaled to the image size of the
-    /// cameras if it differs or is unknown
-    #[arg(long, value_name = "WxH", value_parser = args::image_size)]
-    pub image_size: Option<[f64; 2]>,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -42,7 +33,7 @@ enum By {
 
 impl Matching {
     /// The options of the reader.
-    pub fn options<'a>(&self, source: &'a str, pixel_centers: PixelCenters) -> AddOptions<'a> {
+    pub fn options<'a>(&self, source: &'a str, pixels: DetectionPixels, pixel_centers: PixelCenters) -> AddOptions<'a> {
         AddOptions {
             match_by: match self.by {
                 By::Auto => MatchBy::Auto,
@@ -51,9 +42,9 @@ impl Matching {
                 By::Index => MatchBy::Index,
                 By::Time => MatchBy::Time,
             },
-            frame_offset: self.frame_offset,
+            frame_offset: pixels.frame_offset,
             time_tolerance: self.time_tolerance.unwrap_or(AddOptions::default().time_tolerance),
-            image_size: self.image_size,
+            image_size: pixels.image_size,
             source,
             min_score: self.min_score,
             replace: false,

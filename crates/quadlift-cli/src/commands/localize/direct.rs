@@ -23,6 +23,7 @@ use quadlift_io::{SceneFile, read_scene_file};
 use crate::commands::import::formats::{Part, Pixels};
 use crate::commands::import::paths::{prefix_images, relative_to_file};
 use crate::commands::import_detections::{Matching, Names, in_words, notes};
+use crate::corrections::DetectionPixels;
 use crate::error::usage;
 use crate::logs::{KeepGoing, LogArgs, tell_problems};
 use crate::output::{Output, one_line};
@@ -83,12 +84,6 @@ impl DirectArgs {
         self.matching.min_score
     }
 
-    /// Size of the images in which the boxes of a scene file were measured, and the number of the frame whose detections
-    /// belong to frame 0.
-    pub fn pixels_and_frames(&self) -> (Option<[f64; 2]>, Option<i64>) {
-        (self.matching.image_size, self.matching.frame_offset)
-    }
-
     /// How near in time transforms must be in a log, and its pixels.
     pub fn log_options(&self) -> (f64, &Pixels) {
         (self.matching.time_tolerance.unwrap_or(McapOptions::default().time_tolerance), &self.pixels)
@@ -112,13 +107,14 @@ impl DirectArgs {
         &self,
         [cameras, detections]: [&Path; 2],
         output: Option<&Path>,
-        source: Option<&str>,
+        (source, pixels): (Option<&str>, DetectionPixels),
         log: (&LogArgs, &KeepGoing),
         out: &Output,
     ) -> anyhow::Result<(SceneFile, i64)> {
         let (camera_format, camera_path) = detect_cameras(cameras)?;
         let detection_format = detect_detections(detections)?;
-        let (mut file, camera_notes) = self.read_cameras(camera_format, &camera_path, detections, output, log, out)?;
+        let (mut file, camera_notes) =
+            self.read_cameras((camera_format, &camera_path), (detections, pixels.image_size), output, log, out)?;
         let names = self.names.read()?;
         let table = TableOptions { frame_column: self.frame_column.as_deref(), names: names.as_ref() };
         let found = read_detections(detection_format, detections, self.annotations.as_deref(), &table)?;
@@ -128,7 +124,7 @@ impl DirectArgs {
             _ => PixelCenters::Half,
         };
         let source = source.unwrap_or(detection_format.name());
-        let mut options = self.matching.options(source, pixel_centers);
+        let mut options = self.matching.options(source, pixels, pixel_centers);
         // Cameras may come with detections, such as KITTI labels.
         options.replace = true;
         file.objects.clear();
@@ -151,14 +147,12 @@ impl DirectArgs {
 
     fn read_cameras(
         &self,
-        format: CameraFormat,
-        path: &Path,
-        detections: &Path,
+        (format, path): (CameraFormat, &Path),
+        (detections, image_size): (&Path, Option<[f64; 2]>),
         output: Option<&Path>,
         (log, keep_going): (&LogArgs, &KeepGoing),
         out: &Output,
     ) -> anyhow::Result<(SceneFile, Vec<String>)> {
-        let image_size = self.matching.image_size;
         let Import { mut scene, image_folder, notes } = match format {
             CameraFormat::Scene => {
                 let mut scene = read_scene_file(path)?;

@@ -131,7 +131,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
         of(
             "Boxes of letterboxed images",
             "Many networks take square images: a photo is scaled to fit and padded. The raw boxes of the network are in \
-             pixels of that square. (For other shapes give the padded size, such as `--letterbox 640x384`.)",
+             pixels of that square. (For other shapes give the padded size, such as `--assume letterbox=640x384`.)",
             "letterboxed image of 640 x 640",
             "letterbox",
             with_boxes(right, |b| [b[0] * gain + px, b[1] * gain + py, b[2] * gain + px, b[3] * gain + py]),

@@ -156,7 +156,7 @@ pub fn add_detections(
                 let name = image.key.words();
                 return Err(error(format!(
                     "the coordinates of {name} are fractions of image width and height, which are unknown: the camera \
-                     has no \"width\" and \"height\" (--image-size WxH)"
+                     has no \"width\" and \"height\" (--assume image_size=WxH)"
                 )));
             }
         };
@@ -203,7 +203,7 @@ pub fn add_detections(
         let images = if scaled == 1 { "1 image".to_owned() } else { format!("{scaled} images") };
         report
             .notes
-            .push(format!("the detections of {images} were scaled from {width} x {height} pixels (--image-size)"));
+            .push(format!("the detections of {images} were scaled from {width} x {height} pixels (image_size)"));
     }
     if options.replace {
         report.removed = scene.detections.len();
@@ -226,7 +226,7 @@ fn image_size(
         {
             Err(format!(
                 "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the \
-                 detections must come from images of the camera's size (--image-size {found_w}x{found_h} scales them)",
+                 detections must come from images of the camera's size (--assume image_size={found_w}x{found_h} scales them)",
                 key.words(),
                 frame.id
             ))

@@ -209,7 +209,7 @@ fn by_number(scene: &SceneFile, images: &[DetectedImage], options: &MatchOptions
     let note = example.map(|(number, frame)| {
         let kind = if in_names.is_some() { "the numbers in their names" } else { "their places in the scene" };
         let id = &scene.frames[frame].id;
-        format!("frames were matched by {kind}: number {number} of the detections is frame \"{id}\" (--frame-offset)")
+        format!("frames were matched by {kind}: number {number} of the detections is frame \"{id}\" (frame_offset)")
     });
     Ok(Matching { by: MatchBy::Index, frame_of_image, frame_offset: Some(offset), note })
 }
@@ -244,7 +244,7 @@ fn offset(
             Err(format!(
                 "the detections number their images from {lowest} to {highest}, the names of the frames have the \
                  numbers {first_frame} to {last_frame}, so it is ambiguous which numbers mean the same image; set \
-                 --frame-offset N, where N is the number that the detections give to image 0 (0 if the numbers are \
+                 --assume frame_offset=N, where N is the number that the detections give to image 0 (0 if the numbers are \
                  the same, 1 if the detections count from 1 and the images from 0, -1 for the reverse)"
             ))
         }

@@ -143,7 +143,7 @@ fn lenses_bend_points_as_they_bend_boxes() {
 /// Points seen from a camera are where they were after a correction of the world.
 #[test]
 fn clouds_follow_corrections_of_the_world() {
-    use crate::correct::{RecordCorrection, correct};
+    use crate::correct::{Assumption, correct};
     let folder = tempfile::tempdir().unwrap();
     let grid: Vec<String> =
         (0..36).map(|k| format!("{} {} 9", 0.2 * f64::from(k % 6) - 0.5, 0.2 * f64::from(k / 6) + 1.5)).collect();
@@ -155,18 +155,18 @@ fn clouds_follow_corrections_of_the_world() {
         value["detections"] = json!([{"frame": "a", "object": "o", "box": [290, 322, 350, 382]}]);
         let (_, given, _) = depths(value.clone(), folder.path());
         assert_eq!(given, [Some(9.0)]);
-        let corrected = |name: &str, option: &str, bounding_box: Value| {
+        let corrected = |assumed: &str, bounding_box: Value| {
             let mut value = value.clone();
             value["detections"][0]["box"] = bounding_box;
             let mut file: SceneFile = serde_json::from_value(value).unwrap();
-            correct(&mut file, &[RecordCorrection::from_option(name, option).unwrap().unwrap()]).unwrap();
+            correct(&mut file, &Assumption::corrections(&[assumed.parse().unwrap()]).unwrap()).unwrap();
             depths(serde_json::to_value(Written(&file)).unwrap(), folder.path()).1[0].unwrap()
         };
         let seen = json!([290, 322, 350, 382]);
-        assert!((corrected("pose-unit", "cm", seen.clone()) - 0.09).abs() < 1e-12);
+        assert!((corrected("pose_unit=cm", seen.clone()) - 0.09).abs() < 1e-12);
         // In the mirrored world the camera looks at the same points of its own frame, and at those of the world on the other side.
         let (mirrored, same) = (json!([290, 98, 350, 158]), frame == "camera");
-        let found = corrected("pose-convention", "left-handed", if same { seen } else { mirrored });
+        let found = corrected("poses=left-handed", if same { seen } else { mirrored });
         assert!((found - 9.0).abs() < 1e-12, "{frame} {found}");
     }
 }
