@@ -110,13 +110,16 @@ impl DiagnosisRecord {
     /// The problem with its evidence and the options that correct it; `None` if there is none.
     pub fn in_words(&self) -> Option<String> {
         match (&self.together[..], self.causes.first()) {
-            ([first, second], _) => Some(format!(
-                "two mistakes: {}; {}: {}, {} after both corrections",
-                first.with_option(),
-                second.with_option(),
-                miss_in_words(first.before),
-                percent(second.after)
-            )),
+            ([first, second], _) => {
+                // One key of --assume cannot say both.
+                let key = |cause: &CauseRecord| cause.option.as_ref()?.split_once('=').map(|(key, _)| key.to_owned());
+                let (names, fix) = match key(first).is_some() && key(first) == key(second) {
+                    true => ([first.mistake(), second.mistake()], " (--fix)"),
+                    false => ([first.with_option(), second.with_option()], ""),
+                };
+                let (before, after) = (miss_in_words(first.before), percent(second.after));
+                Some(format!("two mistakes: {}: {before}, {after} after both corrections{fix}", names.join("; ")))
+            }
             (_, Some(cause)) => Some(cause.with_evidence()),
             (_, None) => {
                 let miss = self.score.filter(|_| !self.consistent)?;
@@ -144,12 +147,16 @@ impl CauseRecord {
     /// The mistake with the option that corrects it.
     fn with_option(&self) -> String {
         let option = self.option.as_ref().map_or_else(String::new, |option| format!(" ({option})"));
-        mistake_in_words(self.name, self.value, self.correction) + &option
+        self.mistake() + &option
+    }
+
+    fn mistake(&self) -> String {
+        mistake_in_words(self.name, self.value, self.correction)
     }
 
     /// The same with the agreement before and after the correction.
     fn with_evidence(&self) -> String {
-        let mut text = mistake_in_words(self.name, self.value, self.correction);
+        let mut text = self.mistake();
         // Boxes do not show the direction of gravity or the unit of length.
         if !matches!(self.name, CauseName::Up | CauseName::LengthUnit) {
             text.push_str(&format!(": {}", miss_in_words(self.before)));

@@ -130,12 +130,12 @@ mod tests {
     #[test]
     fn boxes_are_seen_where_they_were() {
         let given = corners(&corrected("boxes=xyxy", &box_of_world()));
-        let seen = |option: &str| corners(&corrected(option, &box_of_world()));
+        let seen = |assumed: &str| corners(&corrected(assumed, &box_of_world()));
         // Both axes of the camera and the world are left-handed, of which y points the other way.
         let mirrored: Vec<_> = given.iter().map(|p| Vector3::new(p.x, -p.y, p.z)).collect();
         assert_same_corners(&seen("poses=left-handed"), &mirrored, "left-handed");
         let smaller: Vec<_> = given.iter().map(|p| p * 0.01).collect();
-        assert_same_corners(&seen("pose-unit cm"), &smaller, "cm");
+        assert_same_corners(&seen("pose_unit=cm"), &smaller, "cm");
         // A box of the camera has the axes of OpenCV, whatever those of the poses are.
         let of_camera = Box3dRecord { frame: None, ..box_of_world() };
         let given = corners(&corrected("boxes=xyxy", &of_camera));
@@ -204,9 +204,9 @@ mod tests {
 
     #[test]
     fn a_box_of_the_world_does_not_move_with_the_axes_of_cameras() {
-        for option in ["poses=opengl", "poses=world-from-camera", "focal-factor 2"] {
-            let found = corrected(option, &box_of_world()).detections[0].box3d.take();
-            assert_eq!(found.as_deref(), Some(&box_of_world()), "{option}");
+        for assumed in ["poses=opengl", "poses=world-from-camera", "focal=2"] {
+            let found = corrected(assumed, &box_of_world()).detections[0].box3d.take();
+            assert_eq!(found.as_deref(), Some(&box_of_world()), "{assumed}");
         }
     }
 }

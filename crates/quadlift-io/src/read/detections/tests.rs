@@ -218,7 +218,7 @@ fn what_is_wrong_with_yolo_files_is_named() {
     let mut scene = scene(&["0.png"]);
     (scene.cameras[0].width, scene.cameras[0].height) = (None, None);
     let error = add_detections(&mut scene, files.clone(), &AddOptions::default()).unwrap_err();
-    insta::assert_snapshot!(error, @r#"labels: the coordinates of 0.txt are fractions of image width and height, which are unknown: the camera has no "width" and "height" (--image-size WxH)"#);
+    insta::assert_snapshot!(error, @r#"labels: the coordinates of 0.txt are fractions of image width and height, which are unknown: the camera has no "width" and "height" (--assume image_size=WxH)"#);
     let options = AddOptions { image_size: Some([100.0, 50.0]), ..AddOptions::default() };
     add_detections(&mut scene, files, &options).unwrap();
     close(scene.detections[0].bounding_box, &serde_json::json!([40.0, 20.0, 60.0, 30.0]), 1e-12);
@@ -539,7 +539,7 @@ fn adding_keeps_what_is_there_and_tells_what_is_left_out() {
     scene.frames[0].id = "0001.png".to_owned();
     scene.cameras[0].width = Some(128.0);
     let error = add_detections(&mut scene, other.clone(), &options).unwrap_err();
-    insta::assert_snapshot!(error.problem, @r#"the image left/0001.png has 64 x 48 pixels, the camera of frame "0001.png" has 128 x 48; the detections must come from images of the camera's size (--image-size 64x48 scales them)"#);
+    insta::assert_snapshot!(error.problem, @r#"the image left/0001.png has 64 x 48 pixels, the camera of frame "0001.png" has 128 x 48; the detections must come from images of the camera's size (--assume image_size=64x48 scales them)"#);
     // Told so, they are scaled: here the camera's images are twice as wide.
     let scaled = AddOptions { image_size: Some([64.0, 48.0]), replace: true, ..options };
     scene.cameras[0].width = Some(64.0);
