@@ -83,10 +83,7 @@ def localize(
     length_unit : str, optional
         World unit; ``"m"`` is required for ``priors="builtin"``.
     **options : Options
-        The options of the program with its defaults: `method`, `body`, `observations`, `priors`, `learn_sizes`,
-        `associate`, `ids`, `cross_validate`, `min_views`, `upright`, `ground_plane`, `camera_height`,
-        `refine_poses`, `fixed_extrinsics`, `pose_noise`, `sigmas`, `calibration`, `accept_inconsistent`,
-        `reg_weight`, `seed`, `threads`, `progress`.
+        The options of the program with its defaults; `quadlift.Options` lists them.
 
     Returns
     -------

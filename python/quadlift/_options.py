@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict, cast
 
 import numpy as np
 
 from . import _checks, _core
 from ._checks import Path
 from ._core import QuadliftError
+from ._run_options import KINDS, RunOptions
 
 if TYPE_CHECKING:
     from ._scene_data import SceneData
@@ -42,125 +43,51 @@ class Prior(TypedDict, total=False):
     """Whether the objects stand on a common ground plane."""
 
 
-class Options(TypedDict, total=False):
+class Options(RunOptions, total=False):
     """Options of `localize` and `Scene.localize`; the defaults are those of the program."""
 
-    method: Literal["map", "planes", "lfd", "pfd", "reg"]
-    """Estimator: `map` (refinement, the best; the default), `planes`, `lfd` and `pfd` (closed forms), `reg`."""
-    body: str
-    """`ellipsoid`, `cuboid`, `cylinder`, `superellipsoid:Q` (Q from 1, cuboid, to 2, ellipsoid) or `auto` (default)."""
-    source: str | None
-    """Use only the detections of this source; required if the scene has several."""
-    observations: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
-    """Measurements to use (`auto`: what a detection has)."""
-    associate: Literal["auto", "never", "always"]
-    """Associate detections first: if any lack an id (`auto`), never or always."""
-    ids: Ids | None
-    """How far to trust existing ids (`trust`; with `associate="always"`: `evidence`)."""
     priors: Path | Mapping[str, Prior] | None
     """Priors on categories: "builtin" (for scenes in meters), a TOML file or a mapping."""
-    learn_sizes: bool
-    """Learn the size of each category from its other objects; `priors` win where they have a size."""
-    cross_validate: bool
-    """Leave out each view of each object and predict it from the others: a measure of quality without ground truth.
-    Takes several times as long; without it a sample of the views is checked, for `Estimates.cross_validation`."""
-    min_views: int
-    """Minimum number of views of an object; every method needs at least two or three."""
-    max_occluded: float | None
-    """Skip detections that are more occluded (KITTI levels)."""
-    max_truncated: float | None
-    """Skip detections that are more truncated."""
-    upright: bool
-    """Detect which objects stand upright, with an axis along the scene's `up`; the default."""
-    ground_plane: bool
-    """All objects stand on a common ground plane; needs the scene's `up`."""
-    camera_height: float | None
-    """Height of the cameras above the ground plane, world units."""
-    refine_poses: Literal["auto", "independent", "slow"] | None
-    """Correct the poses together with the objects: errors of frames are independent, or slow (GPS, drifting odometry);
-    "auto" decides by the boxes.
-    `Estimates.to_scene` has the corrected poses."""
-    fixed_extrinsics: bool
-    """Take the places of cameras in their rig as exact; `refine_poses` then corrects the pose of the rig alone."""
-    pose_noise: tuple[float, float] | None
-    """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame."""
-    sigmas: Mapping[str, float] | None
-    """Noise levels, such as `Estimates.noise` of other detections of the same detector, instead of estimating them from
-    all objects of the call. The estimate of an object then depends on its own views only."""
     calibration: Sequence[tuple[SceneData | Result, SceneData]]
     """Results of the same detector, options and kind of scenes, each with a scene with the ground truth:
     `Estimates.calibration` then has calibrated confidence regions."""
-    accept_inconsistent: bool
-    """Whether objects may be ``"ok"`` in a scene that is inconsistent (see `Estimates.diagnosis`)."""
-    reg_weight: float | None
-    """Weight of the regulariser of `method="reg"` (default 1e16)."""
-    seed: int
-    """Seed of the random numbers."""
     threads: int | None
     """Number of threads (default: one per core); the result does not depend on it."""
     progress: Progress | None
     """Called with the number of objects done and their total, a few times a second."""
 
 
-DEFAULTS: dict[str, Any] = {
-    "method": "map",
-    "body": "auto",
-    "source": None,
-    "observations": "auto",
-    "associate": "auto",
-    "ids": None,
-    "priors": None,
-    "learn_sizes": False,
-    "cross_validate": False,
-    "min_views": 0,
-    "max_occluded": None,
-    "max_truncated": None,
-    "upright": True,
-    "ground_plane": False,
-    "camera_height": None,
-    "refine_poses": None,
-    "fixed_extrinsics": False,
-    "pose_noise": None,
-    "sigmas": None,
-    "calibration": (),
-    "accept_inconsistent": False,
-    "reg_weight": None,
-    "seed": 0,
-}
-
-
 def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, Progress | None]:
     """Keywords of the core for localisation, the number of threads and the progress callback."""
     given: dict[str, Any] = dict(options)
     threads, progress = threads_and_progress(given.pop("threads", None), given.pop("progress", None))
+    priors, text = _priors(given.pop("priors", None))
+    keywords: dict[str, Any] = {
+        "priors": priors,
+        "priors_text": text,
+        "calibration": _calibration(given.pop("calibration", ())),
+    }
     for name in given:
-        if name not in DEFAULTS:
+        if name not in KINDS:
             raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
-    keywords = {**DEFAULTS, **given}
-    for name in ("method", "body", "observations", "associate"):
-        _checks.text(name, keywords[name])
-    for name in ("source", "ids", "refine_poses"):
-        _checks.optional(_checks.text, name, keywords[name])
-    for name in ("max_occluded", "max_truncated", "camera_height", "reg_weight"):
-        keywords[name] = _checks.optional(_checks.number, name, keywords[name])
-    if keywords["pose_noise"] is not None:
-        keywords["pose_noise"] = _checks.array("pose_noise", keywords["pose_noise"], (2,)).tolist()
-    if keywords["sigmas"] is not None:
-        keywords["sigmas"] = _sigmas(keywords["sigmas"])
-    keywords["calibration"] = _calibration(keywords["calibration"])
-    for name in (
-        "cross_validate",
-        "learn_sizes",
-        "upright",
-        "ground_plane",
-        "fixed_extrinsics",
-        "accept_inconsistent",
-    ):
-        keywords[name] = _checks.flag(name, keywords[name])
-    keywords["min_views"] = _checks.whole("min_views", keywords["min_views"], 0, 2**32)
-    keywords["seed"] = _checks.whole("seed", keywords["seed"], 0, 2**64 - 1)
-    keywords["priors"], keywords["priors_text"] = _priors(keywords["priors"])
+    keywords["run"] = {name: _checked(name, value) for name, value in given.items()}
     return keywords, threads, progress
+
+
+def _checked(name: str, value: Any) -> Any:
+    """The value of an option of a run, for the core."""
+    kind = KINDS[name]
+    if kind == "flag":
+        return _checks.flag(name, value)
+    if kind == "whole":
+        return _checks.whole(name, value, 0, 2**64 - 1)
+    if value is None:
+        return None
+    if kind == "number":
+        return _checks.number(name, value)
+    if kind == "numbers":
+        return _checks.array(name, value, ("N",)).tolist()
+    return _sigmas(value) if kind == "levels" else _checks.text(name, value)
 
 
 def of_segmentation(method: str, source: str | None, out_masks: Path | None, seed: int) -> dict[str, Any]:
@@ -240,14 +167,15 @@ def split_of_map(options: Options, of_map: dict[str, Any]) -> tuple[dict[str, An
     for name in NOT_OF_MAP:
         if name in options:
             raise TypeError(f"ObjectMap.localize() got an unexpected keyword argument {name!r}")
-    keywords, threads, progress = split(options, "ObjectMap.localize")
-    keywords["associate"] = "never"
-    if keywords["method"] == "map":
+    given: dict[str, Any] = {**options, "associate": "never"}
+    if options.get("method", "map") == "map":
         # Options that are not given may be left out.
+        given["pose_noise"] = of_map.get("pose_noise")
+    keywords, threads, progress = split(cast("Options", given), "ObjectMap.localize")
+    if options.get("method", "map") == "map":
         priors = of_map.get("priors")
         text = priors["text"] if isinstance(priors, dict) else None
         keywords["priors"], keywords["priors_text"] = (priors, None) if text is None else (None, text)
-        keywords["pose_noise"] = of_map.get("pose_noise")
     return keywords, threads, progress
 
 
@@ -322,5 +250,7 @@ def option_as_call(option: str) -> str:
     words = option.split()
     if words[0] == "--assume":
         return f"Scene.corrected({words[1]!r})"
-    keywords = ", ".join(f"{name[2:].replace('-', '_')}={value!r}" for name, value in zip(words[::2], words[1::2], strict=True))
+    keywords = ", ".join(
+        f"{name[2:].replace('-', '_')}={value!r}" for name, value in zip(words[::2], words[1::2], strict=True)
+    )
     return f"Scene.corrected({keywords})" if words[0] == "--up" else f"localize({keywords})"

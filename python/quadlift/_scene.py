@@ -68,8 +68,8 @@ class Scene(FromOtherPackages):
         Parameters
         ----------
         assume : str
-            What the inputs really are, as with the program's ``--assume``: ``"poses=opengl,boxes=xywh"``. `docs/cli.md` lists
-            the keys and their values.
+            What the inputs really are, as with the program's ``--assume``: ``"poses=opengl,boxes=xywh"``. `docs/cli.md`
+            lists the keys and their values.
         up : str or array_like, shape (3,), optional
             World direction against gravity: an axis such as ``"-y"``, or a direction.
 

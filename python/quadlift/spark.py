@@ -113,7 +113,7 @@ def localize(
     if not has_objects:
         work = partial(batches.localize_scenes, cameras=shared, **world, **given)
         return _map(_scenes(flat, joined, partitions), work, _schema(flat, T.StringType()))
-    hide = hidden_edges and settings.keywords["method"] == "map"
+    hide = hidden_edges and settings.is_map
     if not settings.is_complete():
         given["sigmas"], given["body"] = _noise(flat, shared, joined, count, hide, {**world, **given})
     rows = _objects(_with_hidden_edges(flat) if hide else flat, joined, partitions)
@@ -152,7 +152,7 @@ def noise(
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     count = _checks.whole("sample_objects", sample_objects, 1, 2000)
     shared, joined = _shared_or_joined(_cameras(cameras, flat), broadcast_cameras)
-    hide = hidden_edges and settings.keywords["method"] == "map"
+    hide = hidden_edges and settings.is_map
     return _noise(flat, shared, joined, count, hide, {**options, "up": up, "length_unit": length_unit})
 
 

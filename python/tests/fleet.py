@@ -30,8 +30,10 @@ class Fleet:
     def expected(self, **options: Any) -> pa.Table:
         """What `Scene.localize` gives, scene by scene, without what objects of a scene share."""
         found = []
+        if options.get("method", "map") == "map":
+            options = {"upright": False, **options}
         for name, path in self.files.items():
-            table = quadlift.Scene.read(path).localize(**{"upright": False, **options}).to_arrow()
+            table = quadlift.Scene.read(path).localize(**options).to_arrow()
             found.append(table.add_column(0, "scene", pa.array([name] * len(table))))
         return comparable(pa.concat_tables(found))
 

@@ -324,7 +324,7 @@ def test_calibrated_regions(program: Program, tmp_path: Path) -> None:
     np.testing.assert_allclose(again["squared_distance"]["center"]["0.9"], distances[27], rtol=1e-6)
     with pytest.raises(quadlift.QuadliftError, match=r'calibration: .*no object that is "ok"'):
         scenes[new].localize(calibration=[(scenes[known], scenes[known])])
-    with pytest.raises(quadlift.QuadliftError, match="calibration is an argument of method"):
+    with pytest.raises(quadlift.QuadliftError, match="calibration is an option of method"):
         scenes[new].localize(method="lfd", calibration=[pair])
     wrong: Any = [scenes[known]]
     with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\] is .*; expected a pair"):

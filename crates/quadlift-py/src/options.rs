@@ -1,52 +1,60 @@
-//! LocalizeOptions of the localisation, from Python's keywords.
+//! The options of a localisation, from Python's keywords.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use pyo3::prelude::*;
-use quadlift::cross_validation::Extent;
-use quadlift::run::RunOptions;
-use quadlift::solve::{BodyKind, CategoryPriors, Method, PoseNoise, Sigmas};
-use quadlift::{LocalizeOptions, UnknownName};
+use quadlift::UnknownName;
+use quadlift::options::{Spelling, Value, set_options};
+use quadlift::run::{RUN, RunOptions};
+use quadlift::solve::CategoryPriors;
 use quadlift_io::calibration::{CalibrationRecord, ResultAndTruth, calibrate};
+use quadlift_io::options::check_needs_map;
 use quadlift_io::priors::check_metres;
 use quadlift_io::run::{FileOptions, PriorSource};
 
 use crate::error::refuse;
 use crate::scene::PyScene;
 
-/// The keywords of `localize`, as Python hands them over. Names are those of the program.
+/// The value of an option.
+#[derive(Debug, Clone, FromPyObject)]
+enum Given {
+    Flag(bool),
+    Whole(u64),
+    Number(f64),
+    Text(String),
+    Numbers(Vec<f64>),
+    Levels(HashMap<String, f64>),
+}
+
+impl From<Given> for Value {
+    fn from(given: Given) -> Self {
+        match given {
+            Given::Flag(flag) => Self::Flag(flag),
+            Given::Whole(n) => Self::Whole(n),
+            Given::Number(x) => Self::Number(x),
+            Given::Text(text) => Self::Text(text),
+            Given::Numbers(numbers) => Self::Numbers(numbers),
+            Given::Levels(levels) => {
+                let mut levels: Vec<(String, f64)> = levels.into_iter().collect();
+                levels.sort_by(|a, b| a.0.cmp(&b.0));
+                Self::Levels(levels)
+            }
+        }
+    }
+}
+
+/// The keywords of `localize`, as Python hands them over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct LocalizeKeywords {
-    method: String,
-    body: String,
-    source: Option<String>,
-    observations: String,
-    associate: String,
-    ids: Option<String>,
+    /// Those of [`RUN`] that are given.
+    run: HashMap<String, Option<Given>>,
     /// "builtin" or a path.
     priors: Option<String>,
     /// The text of a file of priors, in the place of a path.
     priors_text: Option<String>,
-    /// Whether sizes of categories are learnt from the scene.
-    learn_sizes: bool,
-    /// All views (true), a sample (false), none.
-    cross_validate: Option<bool>,
-    min_views: usize,
-    max_occluded: Option<f64>,
-    max_truncated: Option<f64>,
-    upright: bool,
-    ground_plane: bool,
-    camera_height: Option<f64>,
-    pose_noise: Option<[f64; 2]>,
-    refine_poses: Option<String>,
-    fixed_extrinsics: bool,
-    reg_weight: Option<f64>,
-    sigmas: Option<HashMap<String, f64>>,
-    accept_inconsistent: bool,
-    seed: u64,
     /// Results and their truths.
     calibration: Vec<(Py<PyScene>, Py<PyScene>)>,
 }
@@ -54,67 +62,17 @@ pub struct LocalizeKeywords {
 impl LocalizeKeywords {
     /// Checks the keywords and reads what they name.
     pub fn options(&self) -> PyResult<FileOptions> {
-        let mut method: Method = named("method", &self.method)?;
-        if method.map_options().is_none() {
-            let given = [
-                ("priors", self.priors.is_some() || self.priors_text.is_some()),
-                ("learn_sizes", self.learn_sizes),
-                ("ground_plane", self.ground_plane),
-                ("camera_height", self.camera_height.is_some()),
-                ("pose_noise", self.pose_noise.is_some()),
-                ("refine_poses", self.refine_poses.is_some()),
-                ("sigmas", self.sigmas.is_some()),
-                ("calibration", !self.calibration.is_empty()),
-            ];
-            if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
-                return Err(refuse(format!("{name} is an argument of method=\"map\" only")));
-            }
+        let given: Vec<(&str, Value)> =
+            self.run.iter().map(|(name, value)| (name.as_str(), value.clone().into())).collect();
+        let mut run = RunOptions::default();
+        set_options(RUN, &given, &mut run, Spelling::Keyword).map_err(refuse)?;
+        let of_map = [
+            ("priors", self.priors.is_some() || self.priors_text.is_some()),
+            ("calibration", !self.calibration.is_empty()),
+        ];
+        for (name, _) in of_map.into_iter().filter(|(_, is_given)| *is_given) {
+            check_needs_map(&run, name, Spelling::Keyword).map_err(refuse)?;
         }
-        match (&mut method, self.reg_weight) {
-            (Method::Reg(reg), Some(lambda)) => reg.lambda = lambda,
-            (_, Some(_)) => return Err(refuse("reg_weight is an argument of method=\"reg\" only")),
-            _ => {}
-        }
-        let body = body(&self.body)?;
-        if let Some(map) = method.map_options_mut() {
-            map.body = body;
-            map.upright = self.upright;
-            map.learn_sizes = self.learn_sizes;
-            map.ground_plane = self.ground_plane;
-            map.camera_height = self.camera_height;
-            map.refine_poses = self.refine_poses.as_deref().map(|name| named("refine_poses", name)).transpose()?;
-            map.refine_extrinsics = !self.fixed_extrinsics;
-            if self.fixed_extrinsics && self.refine_poses.is_none() {
-                return Err(refuse("fixed_extrinsics needs refine_poses"));
-            }
-            let sds = self.pose_noise;
-            map.pose_noise = sds.map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
-            if let Some(levels) = &self.sigmas {
-                let levels = levels.iter().map(|(name, level)| (name.as_str(), *level));
-                map.sigmas = Some(Sigmas::new(levels).map_err(|error| refuse(format!("sigmas: {error}")))?);
-            }
-        } else if body.is_some_and(|body| body != BodyKind::Ellipsoid) {
-            return Err(refuse("only the method map fits bodies other than ellipsoids"));
-        }
-        let mut options = LocalizeOptions {
-            method,
-            min_views: self.min_views,
-            max_occluded: self.max_occluded,
-            max_truncated: self.max_truncated,
-            measurements: named("observations", &self.observations)?,
-            accept_inconsistent: self.accept_inconsistent,
-            seed: self.seed,
-            ..Default::default()
-        };
-        options.cross_validation.extent = match self.cross_validate {
-            None => Extent::Nothing,
-            Some(false) => Extent::Sample,
-            Some(true) => Extent::All,
-        };
-        options.validate().map_err(refuse)?;
-        options.source = self.source.clone();
-        let ids = self.ids.as_deref().map(|ids| named("ids", ids)).transpose()?;
-        let run = RunOptions { localize: options, associate: named("associate", &self.associate)?, ids, fix: false };
         let priors = prior_source(self.priors.as_deref(), self.priors_text.as_deref());
         let options = FileOptions::new(run, priors).map_err(refuse)?;
         Ok(FileOptions { calibration: self.calibration()?, ..options })
@@ -181,18 +139,4 @@ pub fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyRes
         let known: Vec<String> = error.expected.iter().map(|name| format!("\"{name}\"")).collect();
         refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", ")))
     })
-}
-
-/// `auto`, or a kind of body.
-fn body(name: &str) -> PyResult<Option<BodyKind>> {
-    if name == "auto" {
-        return Ok(None);
-    }
-    let refused = |_| {
-        refuse(format!(
-            "body is \"{name}\"; expected \"auto\", \"ellipsoid\", \"cuboid\", \"cylinder\" or \"superellipsoid:Q\" with Q from \
-             1 (cuboid) to 2 (ellipsoid)"
-        ))
-    };
-    name.parse().map(Some).map_err(refused)
 }

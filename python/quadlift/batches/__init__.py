@@ -200,7 +200,7 @@ def noise(
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     table = _tables.table(rows, "rows")
     cameras, detections, _ = objects_of(table, cameras)
-    sigmas, body = settings.keywords["sigmas"], settings.keywords["body"]
+    sigmas, body = settings.run.get("sigmas"), settings.run.get("body", "auto")
     if not len(detections.row):
         return dict(sigmas or {}), "ellipsoid" if body == "auto" else body
     estimates = _localized(cameras, detections, _texts(table, "object"), settings)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from .. import _checks, _core, _cues, _options, _outlines
+from .. import _checks, _core, _cues, _options, _outlines, _run_options
 from .._arrow import pa, pc
 from .._core import QuadliftError
 from . import _tables
@@ -20,20 +20,16 @@ if TYPE_CHECKING:
 
     from .._arrays import DetectionArrays, FrameArrays, Names
 
-OF_OBJECTS = frozenset({"method", "body", "sigmas", "priors", "min_views", "reg_weight", "seed"})
+OF_OBJECTS = _run_options.OF_OBJECTS | {"priors"}
 """Options for tables of objects."""
-OF_SCENES = OF_OBJECTS | {
-    "associate",
-    "ids",
-    "upright",
-    "ground_plane",
-    "camera_height",
-    "refine_poses",
-    "fixed_extrinsics",
-    "learn_sizes",
-    "pose_noise",
-    "accept_inconsistent",
+OF_SCENES = frozenset(_run_options.KINDS) - {
+    "source",
+    "observations",
+    "max_occluded",
+    "max_truncated",
+    "cross_validate",
 }
+OF_SCENES |= {"priors"}
 """Options for tables of scenes."""
 EDGES = np.array([1, 2, 4, 8])
 """Bits of left, top, right and bottom in a column `hidden_edges`."""
@@ -61,7 +57,9 @@ class Settings:
                 raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
         # The self-check and the detection of upright objects need whole scenes: objects that are solved one by one do
         # not depend on them.
-        of_objects: dict[str, Any] = {"associate": "never", "accept_inconsistent": True, "upright": False}
+        of_objects: dict[str, Any] = {"associate": "never", "accept_inconsistent": True}
+        if options.get("method", "map") == "map":
+            of_objects["upright"] = False
         of_kind = of_objects if known == OF_OBJECTS else {"associate": "auto"}
         given = cast("_options.Options", {**of_kind, **options})
         settings = cls(
@@ -75,7 +73,7 @@ class Settings:
                 "which are solved one by one, take a mapping of priors without on_ground, or no up"
             )
         # Parts of a table are not scenes: there are no messages about scenes.
-        settings.keywords["cross_validate"] = None
+        settings.run["cross_validate"] = None
         # One valid detection: only the options can be invalid.
         probe = Detections(np.array([0]), np.array([0]), np.array([[0.0, 0.0, 1.0, 1.0]]), None, (None, []), None)
         settings.localized(_PROBE, probe.dictionary(np.array([0]), ["probe"], None))
@@ -86,10 +84,21 @@ class Settings:
         scene = _core.Scene.from_frames({**frames, "up": self.up, "length_unit": self.length_unit})
         return scene.with_detections(detections).localize(self.keywords, 1, None)
 
+    @property
+    def run(self) -> dict[str, Any]:
+        """The options of the run that are given."""
+        run: dict[str, Any] = self.keywords["run"]
+        return run
+
+    @property
+    def is_map(self) -> bool:
+        """Whether the method is `map`."""
+        return bool(self.run.get("method", "map") == "map")
+
     def is_complete(self) -> bool:
         """Whether nothing has to be estimated from all objects together."""
-        is_given = self.keywords["sigmas"] is not None and self.keywords["body"] != "auto"
-        return bool(is_given or self.keywords["method"] != "map")
+        is_given = self.run.get("sigmas") is not None and self.run.get("body", "auto") != "auto"
+        return is_given or not self.is_map
 
 
 _PROBE: FrameArrays = {"frame_ids": ["0"], "projections": np.eye(3, 4)[np.newaxis]}

@@ -23,6 +23,7 @@ mod method;
 #[cfg(unix)]
 mod outputs;
 mod points;
+mod python_options;
 mod real_data;
 mod report;
 mod segment;

@@ -122,7 +122,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "ids",
         kind: Kind::Choice(&IdUse::NAMES),
-        help: "How far to trust existing ids: trust, evidence or ignore [default: trust; with --associate always: evidence]",
+        help: "How far to trust existing ids: trust, evidence or ignore [default: trust; evidence if all detections are associated]",
         group: SELECTION,
         get: |o| o.ids.map(IdUse::name).into(),
         set: |o, value| {

@@ -1,0 +1,104 @@
+"""The options of a run: types and kinds, written from crates/quadlift/src/run/rows.rs by the tests of the program.
+
+Do not edit; after a change of the table: ``QUADLIFT_UPDATE_DOCS=1 cargo test --test program python_options``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, TypedDict
+
+
+class RunOptions(TypedDict, total=False):
+    """Options of a run, as the program has them."""
+
+    method: Literal["map", "planes", "lfd", "pfd", "reg"]
+    """Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularized one).
+    Default: "map"."""
+    reg_weight: float | None
+    """Weight of the regularizer [default: 1e16]."""
+    body: str
+    """Kind of body to fit: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or
+    auto: selected for each object, an ellipsoid without evidence for another kind. Default: "auto"."""
+    source: str | None
+    """Use only the detections of this source; required if the scene has several."""
+    observations: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
+    """Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for
+    shape), box, ellipse, box+ellipse, or mask (its outline, with map and planes; also outlines and turned boxes).
+    Detections without the selected measurement are skipped. Default: "auto"."""
+    associate: Literal["auto", "never", "always"]
+    """Associate detections that show the same object first: auto (if any lack an id), never or always. Default:
+    "auto"."""
+    ids: Literal["trust", "evidence", "ignore"] | None
+    """How far to trust existing ids: trust, evidence or ignore [default: trust; evidence if all detections are
+    associated]."""
+    min_views: int
+    """Skip objects with fewer views; planes, lfd and pfd need three. Default: 2."""
+    max_occluded: float | None
+    """Skip detections that are more occluded (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown)."""
+    max_truncated: float | None
+    """Skip detections that are more truncated (KITTI: 0 entirely inside the image)."""
+    learn_sizes: bool
+    """Learn the size of each category from its other objects; sizes of priors win."""
+    upright: bool
+    """Detect which objects stand upright (with an axis along the scene's `up`). Default: True."""
+    ground_plane: bool
+    """All objects stand on a common ground plane, which is estimated (the scene needs `up`)."""
+    camera_height: float | None
+    """Height of the cameras above the ground plane in world units, if known."""
+    refine_poses: Literal["auto", "independent", "slow"] | None
+    """Correct the poses together with the objects. Errors of frames are independent, or slow (GPS, drifting
+    odometry); auto decides by the boxes. Results have the corrected poses."""
+    fixed_extrinsics: bool
+    """Take the places of cameras in their rig as exact: refined poses are those of the rig alone (frames with the
+    same `rig_frame` are taken by one rig)."""
+    pose_noise: tuple[float, float] | None
+    """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame."""
+    sigmas: Mapping[str, float] | None
+    """Use given noise levels instead of estimating them, by name (edge_relative=0.03,edge_px=2), or those of an
+    earlier result. Objects are then estimated independently of each other."""
+    cross_validate: bool
+    """Leave out each view of each object, predict its box from the others, and report the agreement: a measure of
+    quality without ground truth. Takes several times as long; the summary always checks a sample of views."""
+    seed: int
+    """Seed of the random numbers. Default: 0."""
+    accept_inconsistent: bool
+    """Continue with an inconsistent scene."""
+
+
+KINDS = {
+    "method": "text",
+    "reg_weight": "number",
+    "body": "text",
+    "source": "text",
+    "observations": "text",
+    "associate": "text",
+    "ids": "text",
+    "min_views": "whole",
+    "max_occluded": "number",
+    "max_truncated": "number",
+    "learn_sizes": "flag",
+    "upright": "flag",
+    "ground_plane": "flag",
+    "camera_height": "number",
+    "refine_poses": "text",
+    "fixed_extrinsics": "flag",
+    "pose_noise": "numbers",
+    "sigmas": "levels",
+    "cross_validate": "flag",
+    "seed": "whole",
+    "accept_inconsistent": "flag",
+}
+"""The kind of value of each option."""
+
+OF_OBJECTS = frozenset(
+    {
+        "method",
+        "reg_weight",
+        "body",
+        "min_views",
+        "sigmas",
+        "seed",
+    }
+)
+"""Those that concern single objects."""
