@@ -2,11 +2,10 @@
 
 use std::path::PathBuf;
 
-use quadlift::LocalizeOptions;
-use quadlift::association::IdUse;
-use quadlift::online::OnlineOptions;
-use quadlift::run::{AssociateWhen, RunOptions};
-use quadlift::solve::{MapOptions, PoseNoise};
+use quadlift::online::{ONLINE, OnlineOptions};
+use quadlift::options::{Spelling, set_options};
+use quadlift::run::{AssociateWhen, RUN, RunOptions};
+use quadlift::solve::PoseNoise;
 use quadlift_io::mcap::LiveOptions;
 use quadlift_io::read::PixelCenters;
 use quadlift_io::run::{FileOptions, PriorSource};
@@ -81,36 +80,12 @@ impl Options {
             "builtin" => (PriorSource::Builtin, Some(StoredPriors::Name("builtin".to_owned()))),
             path => (PriorSource::File(path.into()), Some(StoredPriors::Name(path.to_owned()))),
         };
-        let pose_noise = match parameters.doubles("pose_noise") {
-            [] => None,
-            &[rotation_sd, translation_sd] if rotation_sd > 0.0 && translation_sd > 0.0 => {
-                Some(PoseNoise { rotation_sd, translation_sd })
-            }
-            other => return Err(format!("the parameter pose_noise is {other:?}; expected two numbers above 0")),
-        };
-        let body = match parameters.text("body") {
-            "auto" => None,
-            text => Some(text.parse().map_err(|error: quadlift::UnknownName| {
-                format!("the parameter body is \"{text}\"; expected one of auto, {}", error.expected.join(", "))
-            })?),
-        };
-        let options = MapOptions { body, upright: parameters.is_set("upright"), pose_noise, ..MapOptions::default() };
-        let localize = LocalizeOptions::from(options);
-        localize.validate().map_err(|error| error.to_string())?;
-        let estimates =
-            FileOptions::new(RunOptions { localize, associate: AssociateWhen::Never, ..RunOptions::default() }, priors);
-        let estimates = estimates.map_err(|error| error.to_string())?;
-        let positive = |name: &str| Some(parameters.double(name)).filter(|x| *x != 0.0);
-        let map = OnlineOptions {
-            ids: ids(parameters.text("ids"))?,
-            min_views: parameters.size("min_views"),
-            min_score: positive("min_score"),
-            pixel_sd: positive("pixel_sd"),
-            priors: estimates.category_priors(),
-            max_views: parameters.size("max_views"),
-            max_objects: parameters.size("max_objects"),
-            ..OnlineOptions::default()
-        };
+        let mut run = RunOptions { associate: AssociateWhen::Never, ..RunOptions::default() };
+        set_options(RUN, &parameters.chosen(RUN), &mut run, Spelling::Parameter)?;
+        let pose_noise = run.localize.method.map_options().and_then(|map| map.pose_noise);
+        let estimates = FileOptions::new(run, priors).map_err(|error| error.to_string())?;
+        let mut map = OnlineOptions { priors: estimates.category_priors(), ..OnlineOptions::default() };
+        set_options(ONLINE, &parameters.chosen(ONLINE), &mut map, Spelling::Parameter)?;
         map.validate().map_err(|error| error.to_string())?;
         let mut lasting = lasting_options(&map, stored_priors.as_ref(), pose_noise, None);
         // As `quadlift stream` names them for logs; what is usual is left out.
@@ -170,10 +145,6 @@ fn live_options(parameters: &Parameters, detections: &[String], cameras: &[Strin
     })
 }
 
-fn ids(name: &str) -> Result<IdUse, String> {
-    name.parse().map_err(|_| format!("the parameter ids is \"{name}\"; expected trust, evidence or ignore"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -202,9 +173,10 @@ mod tests {
         for (set, expected) in [
             ("ids:=never", "the parameter ids is \"never\""),
             ("pixel_centers:=left", "pixel_centers"),
-            ("pose_noise:=[0.1]", "expected two numbers above 0"),
+            ("pose_noise:=[0.1]", "expected 2 positive numbers"),
             ("body:=ball", "expected one of auto"),
-            ("min_views:=1", "number of views"),
+            ("min_views:=1", "the parameter min_views is 1; expected a whole number of at least 2"),
+            ("max_views:=-4", "expected a whole number of at least 4"),
             ("publish_period:=-1.0", "publish_period"),
             ("detections_topics:=[]", "expected a topic"),
             ("detections_reliability:=never", "expected reliable or best_effort"),

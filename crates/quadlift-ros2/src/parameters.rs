@@ -2,6 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use quadlift::online::ONLINE;
+use quadlift::options::{Command, Kind, Spec, Value as Choice};
+use quadlift::run::RUN;
+
 /// A value of a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
@@ -38,7 +42,7 @@ pub fn all() -> Vec<Parameter> {
     let changing = |name, default, meaning| Parameter { name, default, meaning, can_change: true };
     let text = |text: &str| Value::Text(text.to_owned());
     let texts = |text: &str| Value::Texts(vec![text.to_owned()]);
-    vec![
+    let mut list = vec![
         fixed("detections_topics", texts("detections"), "topics of vision_msgs/Detection2DArray, one for each camera"),
         fixed("camera_info_topics", texts("camera_info"), "topics of sensor_msgs/CameraInfo, one for each camera"),
         fixed("detections_reliability", text("reliable"), "reliable, or best_effort for detectors that publish so"),
@@ -63,22 +67,32 @@ pub fn all() -> Vec<Parameter> {
             "with several topics, how long detections wait for earlier ones, seconds",
         ),
         fixed("queue_size", Value::Integer(100), "messages of detections that wait, at most"),
-        fixed("ids", text("evidence"), "how far to trust the ids of detections: trust, evidence or ignore"),
-        fixed("min_views", Value::Integer(3), "views that an object needs to be confirmed"),
-        fixed("min_score", Value::Double(0.0), "skip detections with a lower score; 0: none"),
-        fixed("pixel_sd", Value::Double(0.0), "error of box edges in pixels; 0: selected by the evidence"),
         fixed("priors", text(""), "what is known about categories: builtin, or a TOML file"),
-        fixed("max_views", Value::Integer(32), "views that an object keeps"),
-        fixed("max_objects", Value::Integer(100_000), "objects that the map keeps"),
-        fixed("pose_noise", Value::Doubles(Vec::new()), "standard deviations of poses: [radians, metres]"),
-        fixed("body", text("auto"), "kind of body: ellipsoid, cuboid, cylinder, superellipsoid:Q or auto"),
-        fixed("upright", Value::Bool(true), "find out which objects stand upright"),
         changing("publish_period", Value::Double(1.0), "time between estimates of the whole map, seconds"),
         changing("state_file", text(""), "file of the map's state: ~/save writes it, ~/load reads it"),
         changing("map_file", text(""), "result file that ~/save writes"),
         fixed("resume", Value::Bool(false), "go on from state_file, if the file exists"),
         fixed("use_sim_time", Value::Bool(false), "without effect: all times are those of the messages"),
-    ]
+    ];
+    list.extend(declared(ONLINE).chain(declared(RUN)));
+    list
+}
+
+/// The parameters that are options of a table of the library.
+fn declared<O: Default>(rows: &'static [Spec<O>]) -> impl Iterator<Item = Parameter> {
+    rows.iter().filter(|row| row.is_of(Command::Node)).map(|row| Parameter {
+        name: row.name,
+        default: match (row.kind, row.default()) {
+            (Kind::Flag, default) => Value::Bool(default == Choice::Flag(true)),
+            (Kind::Whole(_), default) => Value::Integer(default.whole().and_then(|n| n.try_into().ok()).unwrap_or(0)),
+            // Zero and the empty list stand for none.
+            (Kind::Number(_), default) => Value::Double(default.number().unwrap_or(0.0)),
+            (Kind::Numbers(_), _) => Value::Doubles(Vec::new()),
+            (_, default) => Value::Text(default.text().unwrap_or_default().to_owned()),
+        },
+        meaning: row.help,
+        can_change: false,
+    })
 }
 
 /// The parameters that were chosen.
@@ -157,14 +171,24 @@ impl Parameters {
         self.0.get(name) == Some(&Value::Bool(true))
     }
 
+    /// The parameters of a table of the library, as options.
+    pub fn chosen<O: Default>(&self, rows: &'static [Spec<O>]) -> Vec<(&'static str, Choice)> {
+        let rows = rows.iter().filter(|row| row.is_of(Command::Node));
+        let choice = |row: &Spec<O>| match self.0.get(row.name) {
+            Some(Value::Bool(flag)) => (*flag).into(),
+            // A negative number is refused as one that is too small.
+            Some(Value::Integer(n)) => Choice::Whole(u64::try_from(*n).unwrap_or(0)),
+            Some(Value::Double(x)) if *x != 0.0 => (*x).into(),
+            Some(Value::Text(text)) if !text.is_empty() => text.as_str().into(),
+            Some(Value::Doubles(numbers)) if !numbers.is_empty() => Choice::Numbers(numbers.clone()),
+            _ => Choice::Unset,
+        };
+        rows.map(|row| (row.name, choice(row))).collect()
+    }
+
     /// The texts of a parameter.
     pub fn texts(&self, name: &str) -> &[String] {
         if let Some(Value::Texts(texts)) = self.0.get(name) { texts } else { &[] }
-    }
-
-    /// The numbers of a parameter.
-    pub fn doubles(&self, name: &str) -> &[f64] {
-        if let Some(Value::Doubles(numbers)) = self.0.get(name) { numbers } else { &[] }
     }
 }
 
@@ -194,7 +218,8 @@ mod tests {
         assert!(parameters.is_set("rectified"));
         assert_eq!(parameters.text("world_frame"), "odom");
         assert_eq!(parameters.texts("detections_topics"), ["/left/boxes", "/right/boxes"]);
-        assert_eq!(parameters.doubles("pose_noise"), [0.003, 0.1]);
+        let noise = parameters.chosen(RUN).into_iter().find(|(name, _)| *name == "pose_noise").unwrap();
+        assert_eq!(noise.1, Choice::Numbers(vec![0.003, 0.1]));
     }
 
     #[test]

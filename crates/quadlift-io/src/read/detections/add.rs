@@ -13,6 +13,7 @@ use super::matching::{MatchBy, MatchOptions, match_frames, stem};
 use crate::error::ReadError;
 use crate::read::PixelCenters;
 use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
+use crate::wording::count;
 
 /// Names that a message lists.
 const LISTED: usize = 3;
@@ -115,13 +116,7 @@ pub fn add_detections(
         return Err(error(nothing_matches(scene, &files, options)));
     }
     if let (None, Some(offset)) = (matching.frame_offset, options.frame_offset.filter(|offset| *offset != 0)) {
-        // A shift by more frames than there are leaves nothing in its place, whatever the number.
-        let shift = Correction::FrameOffset(i32::try_from(-offset).unwrap_or(i32::MAX));
-        let ids: Vec<&str> = scene.frames.iter().map(|frame| frame.id.as_str()).collect();
-        let frames = shift.frames(&ids).unwrap_or_default();
-        for frame in &mut matching.frame_of_image {
-            *frame = frame.and_then(|frame| frames.get(frame).copied().flatten());
-        }
+        shift_frames(&mut matching.frame_of_image, offset, scene);
     }
     let mut report = AddedDetections {
         matched_by: matching.by,
@@ -144,22 +139,8 @@ pub fn add_detections(
         };
         seen[frame] = true;
         let size = image_size(sizes[frame], &scene.frames[frame], &image.key, options).map_err(error)?;
-        let scale = match (files.normalized, size) {
-            (false, Some(of_camera)) => {
-                let factor = scale_from(options.image_size, of_camera);
-                scaled += usize::from(factor != [1.0, 1.0]);
-                factor
-            }
-            (false, None) => [1.0, 1.0],
-            (true, Some(size)) => size,
-            (true, None) => {
-                let name = image.key.words();
-                return Err(error(format!(
-                    "the coordinates of {name} are fractions of image width and height, which are unknown: the camera \
-                     has no \"width\" and \"height\" (--assume image_size=WxH)"
-                )));
-            }
-        };
+        let scale = scale_of(files.normalized, size, &image.key, options).map_err(error)?;
+        scaled += usize::from(!files.normalized && scale != [1.0, 1.0]);
         // Half a pixel of the image in which the detection was made.
         let shift = scale.map(|scale| options.pixel_centers.shift() * if files.normalized { 1.0 } else { scale });
         let mut tracks = HashSet::new();
@@ -199,18 +180,50 @@ pub fn add_detections(
         }
         report.notes.push(format!("{which}, and were skipped"));
     }
-    if let (1.., Some([width, height])) = (scaled, options.image_size) {
-        let images = if scaled == 1 { "1 image".to_owned() } else { format!("{scaled} images") };
-        report
-            .notes
-            .push(format!("the detections of {images} were scaled from {width} x {height} pixels (image_size)"));
-    }
+    report.notes.extend(scaled_in_words(scaled, options));
     if options.replace {
         report.removed = scene.detections.len();
         scene.detections.clear();
     }
     scene.detections.extend(detections);
     Ok(report)
+}
+
+/// Moves images that were matched by name or time to the frames that are `offset` frames earlier; those beyond the first or last get none.
+fn shift_frames(frame_of_image: &mut [Option<usize>], offset: i64, scene: &SceneFile) {
+    // A shift by more frames than there are leaves nothing in its place, whatever the number.
+    let shift = Correction::FrameOffset(i32::try_from(offset.saturating_neg()).unwrap_or(i32::MAX));
+    let ids: Vec<&str> = scene.frames.iter().map(|frame| frame.id.as_str()).collect();
+    let frames = shift.frames(&ids).unwrap_or_default();
+    for frame in frame_of_image {
+        *frame = frame.and_then(|frame| frames.get(frame).copied().flatten());
+    }
+}
+
+/// How many images had another size than their camera.
+fn scaled_in_words(scaled: usize, options: &AddOptions) -> Option<String> {
+    let [width, height] = options.image_size.filter(|_| scaled > 0)?;
+    let images = count(scaled, "image");
+    Some(format!("the detections of {images} were scaled from {width} x {height} pixels (image_size)"))
+}
+
+/// The factor from the coordinates of an image's detections to pixels of its frame's camera.
+fn scale_of(
+    normalized: bool,
+    size: Option<[f64; 2]>,
+    key: &ImageKey,
+    options: &AddOptions,
+) -> Result<[f64; 2], String> {
+    match (normalized, size) {
+        (false, Some(of_camera)) => Ok(scale_from(options.image_size, of_camera)),
+        (false, None) => Ok([1.0, 1.0]),
+        (true, Some(size)) => Ok(size),
+        (true, None) => Err(format!(
+            "the coordinates of {} are fractions of image width and height, which are unknown: the camera has no \
+             \"width\" and \"height\" (--assume image_size=WxH)",
+            key.words()
+        )),
+    }
 }
 
 /// The image size of a frame, if known; sizes in the scene and in the file must be equal.
