@@ -97,10 +97,11 @@ impl Common {
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let (format, path, common) = args.format.parts();
     check_file(&common.output)?;
+    let pixels = common.pixels()?;
     let (mut file, _) = read_scene(&common.scene)?;
     let detections = args.format.read()?;
     let source = common.source.as_deref().unwrap_or(format.name());
-    let mut options = common.matching.options(source, common.pixels()?, args.format.pixel_centers());
+    let mut options = common.matching.options(source, pixels, args.format.pixel_centers());
     options.replace = common.replace;
     let read_notes = detections.notes.clone();
     let added = add_detections(&mut file, detections, &options)?;

@@ -374,6 +374,10 @@ fn images() -> Vec<Case> {
         },
         called("an unknown kind of object", 2, "synth --render -o out.json --kinds cup"),
         called("an image size without rendering", 2, "synth -o out.json --image-size 640x480"),
+        called("an unknown key of --assume", 2, "localize scene.json --assume pose=opengl"),
+        called("an unknown value of a key", 2, "localize scene.json --assume boxes=xyhw"),
+        called("a key twice", 2, "localize scene.json --assume boxes=xywh,boxes=yxyx"),
+        called("a key of a scene", 2, "import-detections mot mot.txt scene.json -o out.json --assume poses=opengl"),
         called("rendered images that are too small", 2, "synth --render -o out.json --image-size 8x8"),
         called("ellipse noise on rendered scenes", 2, "synth --render -o out.json --noise re:45"),
     ]
