@@ -165,15 +165,22 @@ Parameters:
 "
     .to_owned();
     for parameter in crate::parameters::all() {
+        use crate::parameters::Value;
         let default = match parameter.default {
-            crate::parameters::Value::Bool(x) => x.to_string(),
-            crate::parameters::Value::Integer(x) => x.to_string(),
-            crate::parameters::Value::Double(x) => format!("{x:?}"),
-            crate::parameters::Value::Text(x) => format!("{x:?}"),
-            crate::parameters::Value::Doubles(x) => format!("{x:?}"),
-            crate::parameters::Value::Texts(x) => format!("{x:?}"),
+            Value::Bool(x) => x.to_string(),
+            Value::Integer(x) => x.to_string(),
+            // These stand for none.
+            Value::Double(0.0) => String::new(),
+            Value::Text(x) if x.is_empty() => String::new(),
+            Value::Doubles(x) if x.is_empty() => String::new(),
+            Value::Double(x) => format!("{x:?}"),
+            Value::Text(x) => format!("{x:?}"),
+            Value::Doubles(x) => format!("{x:?}"),
+            Value::Texts(x) => format!("{x:?}"),
         };
-        text.push_str(&format!("  {:<23} {} [default: {default}]\n", parameter.name, parameter.meaning));
+        let default = if default.is_empty() { default } else { format!(" [default: {default}]") };
+        let (first, rest) = parameter.meaning.split_at(1);
+        text.push_str(&format!("  {:<23} {}{rest}{default}\n", parameter.name, first.to_uppercase()));
     }
     text
 }
