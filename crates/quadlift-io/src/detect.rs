@@ -10,6 +10,7 @@ use serde::de::IgnoredAny;
 use crate::error::ReadError;
 use crate::input::paths_below;
 use crate::input::{as_utf8, read_bytes};
+use crate::read::json::parse_json;
 
 /// A format of cameras and poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -206,6 +207,9 @@ fn cameras_in_file(path: &Path) -> Result<Option<CameraFormat>, ReadError> {
 /// [`ReadError`] if the path cannot be read, or if it matches no format; the message lists the formats.
 pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
     let format = if path.is_dir() { detections_in_folder(path)? } else { detections_in_file(path)? };
+    if format.is_none() && path.is_file() {
+        check_json(path)?;
+    }
     format.ok_or_else(|| {
         ReadError::new(
             path,
@@ -216,6 +220,15 @@ pub fn detect_detections(path: &Path) -> Result<DetectionFormat, ReadError> {
              \"data\") and Boxer (a column time_ns and 3D boxes); `quadlift import-detections FORMAT` reads a given format",
         )
     })
+}
+
+/// Names the place where a file that begins as JSON does is none: that hides its format.
+fn check_json(path: &Path) -> Result<(), ReadError> {
+    let bytes = read_bytes(path)?;
+    match bytes.trim_ascii_start().first() {
+        Some(b'{' | b'[') => parse_json(path, &bytes).map(|_| ()),
+        _ => Ok(()),
+    }
 }
 
 fn detections_in_folder(folder: &Path) -> Result<Option<DetectionFormat>, ReadError> {
@@ -461,6 +474,14 @@ mod tests {
             let path = folder.path().join(name);
             std::fs::write(&path, text).unwrap();
             assert_eq!(detect_detections(&path).ok(), format, "{name}");
+        }
+        let path = folder.path().join("n.json");
+        for (text, place) in
+            [("{\"annotations\": [NaN]}", "1:18"), ("[{\"image_id\": 1,}]", "1:17"), ("{\n\"ima", "2:4")]
+        {
+            std::fs::write(&path, text).unwrap();
+            let error = detect_detections(&path).unwrap_err().to_string();
+            assert!(error.contains(&format!("n.json:{place}: this is not valid JSON")), "{error}");
         }
         let make = |name: &str, text: &str| {
             let path = folder.path().join(name);

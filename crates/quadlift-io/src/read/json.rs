@@ -140,19 +140,41 @@ impl<'a> Node<'a> {
         Ok(numbers)
     }
 
-    /// Three rows of four numbers; a fourth row is passed over.
+    /// Three rows of four numbers. A fourth row must be `[0, 0, 0, w]`; a matrix is known up to the factor w.
     pub fn three_rows(&self) -> Result<[[f64; 4]; 3], ReadError> {
         let items = self.items()?;
         if !(3..=4).contains(&items.len()) {
             return Err(self.unexpected("three or four rows of four numbers"));
         }
-        Ok([items[0].numbers()?, items[1].numbers()?, items[2].numbers()?])
+        let rows: [[f64; 4]; 3] = [items[0].numbers()?, items[1].numbers()?, items[2].numbers()?];
+        let Some(last) = items.get(3) else { return Ok(rows) };
+        match last.numbers()? {
+            [0.0, 0.0, 0.0, w] if w != 0.0 => Ok(rows.map(|row| row.map(|x| x / w))),
+            found => Err(last.error(format!("the last row is {found:?}; expected [0, 0, 0, 1], of a matrix by rows"))),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fourth_rows_are_checked() {
+        let path = Path::new("a.json");
+        let rows = |last: &str| {
+            let text = format!("[[2, 0, 0, 4], [0, 2, 0, 6], [0, 0, 2, 8]{last}]");
+            Node::root(path, &parse_json(path, text.as_bytes()).unwrap()).three_rows()
+        };
+        let given = [[2.0, 0.0, 0.0, 4.0], [0.0, 2.0, 0.0, 6.0], [0.0, 0.0, 2.0, 8.0]];
+        assert_eq!(rows(""), Ok(given));
+        assert_eq!(rows(", [0, 0, 0, 1]"), Ok(given));
+        assert_eq!(rows(", [0, 0, 0, 2]"), Ok(given.map(|row| row.map(|x| 0.5 * x))));
+        for wrong in [", [5, 5, 5, 7]", ", [0, 0, 0, 0]"] {
+            let error = rows(wrong).unwrap_err().to_string();
+            assert!(error.contains("a.json: [3]: the last row is ["), "{error}");
+        }
+    }
 
     #[test]
     fn messages_name_the_entry() {

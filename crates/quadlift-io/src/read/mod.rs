@@ -8,7 +8,7 @@ mod bytes;
 pub mod colmap;
 pub mod detections;
 mod import;
-mod json;
+pub(crate) mod json;
 pub mod kitti;
 mod kitti_geometry;
 pub(crate) mod kitti_labels;

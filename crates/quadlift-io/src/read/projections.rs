@@ -8,10 +8,12 @@
 use std::collections::HashSet;
 use std::path::Path;
 
+use quadlift::geometry::rotation_defect;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 
 use super::import::{Import, PixelCenters};
 use super::json::{Node, parse_json};
+use super::poses::from_rows;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
@@ -44,6 +46,13 @@ pub fn parse_projections(
     let text = as_utf8(path, bytes)?;
     let mut frames =
         if text.trim_start().starts_with(['{', '[']) { from_json(path, bytes) } else { from_csv(path, text) }?;
+    if !frames.is_empty() && frames.iter().all(|frame| frame.projection.as_ref().is_some_and(is_pose)) {
+        return Err(ReadError::new(
+            path,
+            "the matrices are poses [R | t] without intrinsics; expected projections K [R | t] to pixels: multiply each by its 3x3 \
+             matrix K, or give poses and intrinsics in another format (docs/formats: nerfstudio, TUM)",
+        ));
+    }
     for frame in &mut frames {
         if let Some(size) = image_size
             && frame.width.is_none()
@@ -62,6 +71,12 @@ pub fn parse_projections(
         notes.push("image sizes are unknown: box edges at the border are not treated as cut off".to_owned());
     }
     Import { scene: SceneFile { frames, ..SceneFile::default() }, image_folder: None, notes }.checked(path)
+}
+
+/// Whether a matrix is a rotation and a translation, up to a factor: no camera with pixels has such a projection.
+fn is_pose(rows: &[[f64; 4]; 3]) -> bool {
+    let part = from_rows(rows).fixed_view::<3, 3>(0, 0).into_owned();
+    rotation_defect(&(part / part.determinant().cbrt())) < 1e-3
 }
 
 /// A matrix by rows from twelve numbers.

@@ -113,10 +113,16 @@ impl<'a> Fields<'a> {
         Ok(numbers)
     }
 
-    /// The next field as a whole number.
+    /// The next field as a whole number, in any notation: `3`, `3.0`, `3e0`.
     pub fn whole<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, ReadError> {
         let word = self.word(what)?;
-        word.parse().map_err(|_| self.wrong(word, what))
+        let whole = || {
+            let x: f64 = word.parse().ok()?;
+            // Larger numbers need not be the one that is meant.
+            let is_whole = x.fract() == 0.0 && x.abs() < 2f64.powi(53);
+            format!("{x:.0}").parse().ok().filter(|_| is_whole)
+        };
+        word.parse().ok().or_else(whole).ok_or_else(|| self.wrong(word, what))
     }
 
     /// A problem with the field that was read last.

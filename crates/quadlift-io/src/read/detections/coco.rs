@@ -13,6 +13,7 @@ use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
 use crate::read::json::{Node, parse_json};
 use crate::scene_file::{RleCounts, RleRecord};
+use crate::wording::count;
 
 /// Name of Roboflow's annotations, in the folder of each part of a data set: `train`, `valid`, `test`.
 const ROBOFLOW: &str = "_annotations.coco.json";
@@ -80,7 +81,7 @@ pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFile
     for key in names.images.values() {
         found.image(key.clone());
     }
-    let mut crowds = 0;
+    let (mut crowds, mut unnamed) = (0, BTreeMap::new());
     for node in list.items()? {
         if is_set(&node, "iscrowd")? {
             crowds += 1;
@@ -88,11 +89,21 @@ pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFile
         }
         let key = names.image(&node)?;
         let detected = detected(&node, &names, key.size)?;
+        if let Some(id) = node.optional("category_id")?.map(|id| id.word()).transpose()?
+            && !names.categories.is_empty()
+            && !names.categories.contains_key(&id)
+        {
+            *unnamed.entry(id).or_insert(0) += 1;
+        }
         found.image(key).detections.push(detected);
     }
     let mut notes = Vec::new();
     if crowds > 0 {
         notes.push(format!("{crowds} crowd annotations (\"iscrowd\") were skipped"));
+    }
+    for (id, number) in unnamed {
+        let annotations = count(number, "annotation");
+        notes.push(format!("{annotations} of the category {id}, which the file does not list: its number is the name"));
     }
     if names.categories.is_empty() {
         notes.push(

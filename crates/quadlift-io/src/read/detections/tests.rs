@@ -199,6 +199,10 @@ fn the_columns_of_yolo_are_told_by_all_files() {
     // Repeated lines of a second run.
     let twice = yolo(&["1 0.5 0.5 0.2 0.2\n1 0.5 0.5 0.2 0.2\n"], YoloKind::Auto, ExtraColumns::Auto).unwrap();
     assert_eq!((twice.images[0].detections.len(), twice.notes[1].starts_with("1 duplicate lines")), (1, true));
+    // Written by numpy: classes and tracks are whole numbers in any notation.
+    let floats = yolo(&["2.0 0.5 0.5 0.2 0.2\n"], YoloKind::Auto, ExtraColumns::Auto).unwrap();
+    assert_eq!(floats.images[0].detections[0].category.as_deref(), Some("2"));
+    assert!(yolo(&["2.5 0.5 0.5 0.2 0.2\n"], YoloKind::Auto, ExtraColumns::Auto).is_err());
 }
 
 #[test]
@@ -470,6 +474,18 @@ fn exports_of_roboflow() {
     make("_annotations.csv", &format!("filename,width,height,class,xmin,ymin,xmax,ymax\n{rows}"));
     let table = std::fs::read(folder.path().join("_annotations.csv")).unwrap();
     check(parse_csv(Path::new("_annotations.csv"), &table, &TableOptions::default()).unwrap());
+}
+
+/// A category that the list of categories lacks is told, with the number of its annotations.
+#[test]
+fn categories_without_a_name_are_counted() {
+    let annotation = |category: u32| format!(r#"{{"image_id": 1, "category_id": {category}, "bbox": [1, 2, 3, 4]}}"#);
+    let annotations = [7, 1, 7].map(annotation).join(", ");
+    let text = format!(
+        r#"{{"images": [{{"id": 1, "file_name": "a.png"}}], "categories": [{{"id": 1, "name": "cup"}}], "annotations": [{annotations}]}}"#
+    );
+    let found = parse_coco((Path::new("a.json"), text.as_bytes()), None).unwrap();
+    assert_eq!(found.notes, ["2 annotations of the category 7, which the file does not list: its number is the name"]);
 }
 
 #[test]

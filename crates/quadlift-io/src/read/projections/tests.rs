@@ -61,7 +61,7 @@ fn what_is_wrong_is_named_with_its_place() {
 
 #[test]
 fn ids_that_stand_twice_are_refused() {
-    let p = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5]]";
+    let p = "[[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 1, 5]]";
     let read = |text: String| {
         let result = parse_projections(Path::new("p.json"), text.as_bytes(), None, PixelCenters::Half);
         result.map(|import| import.scene.frames.len()).map_err(|error| error.to_string())
@@ -69,4 +69,16 @@ fn ids_that_stand_twice_are_refused() {
     assert_eq!(read(format!("{{\"a\": {p}, \"b\": {p}}}")), Ok(2));
     assert_eq!(read(format!("{{\"a\": {p}, \"a\": {p}}}")), Err("p.json: a: two frames have this id".to_owned()));
     assert!(read(format!("[{{\"id\": \"a\", \"projection\": {p}}}, {{\"id\": \"a\", \"projection\": {p}}}]")).is_err());
+}
+
+/// Poses have a projection's shape: with them every box would be off, and nothing would say why.
+#[test]
+fn poses_are_no_projections() {
+    let turned = "0,-1,0,2, 0,0,-1,3, 1,0,0,4";
+    let longer = "0,-3,0,6, 0,0,-3,9, 3,0,0,12";
+    for text in [format!("{turned}\n{longer}\n"), "{\"a\": [[0,-1,0,2],[0,0,-1,3],[1,0,0,4],[0,0,0,1]]}".to_owned()] {
+        let error = parse(&text).unwrap_err().to_string();
+        assert!(error.contains("the matrices are poses [R | t] without intrinsics"), "{error}");
+    }
+    assert!(parse(&format!("{turned}\n{ROW}\n")).is_ok());
 }
