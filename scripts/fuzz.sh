@@ -27,7 +27,7 @@ failed=0
 for target in "${targets[@]}"; do
     mkdir -p "fuzz/corpus/$target" "fuzz/artifacts/$target"
     log="fuzz/artifacts/$target.log"
-    if ! QUADLIFT_FUZZ_TARGET="$target" cargo +nightly fuzz run -s none quadlift "fuzz/corpus/$target" "fuzz/seeds/$target" -- \
+    if ! QUADLIFT_FUZZ_TARGET="$target" cargo +nightly fuzz run -s none --codegen-units 16 quadlift "fuzz/corpus/$target" "fuzz/seeds/$target" -- \
         -artifact_prefix="fuzz/artifacts/$target/" -seed="${QUADLIFT_FUZZ_SEED:-0}" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -max_len=20000 -print_final_stats=1 >"$log" 2>&1; then
         failed=1
         tail -n 40 "$log"

@@ -18,6 +18,9 @@ const OUTPUTS_OF_SYNTH: [&str; 1] = ["truth"];
 /// Outputs of `quadlift stream` alone. The state may be read as well, before it is written.
 const OUTPUTS_OF_STREAM: [&str; 3] = ["map", "state", "rerun"];
 
+/// The name of the standard input among the inputs, where there is a path to it.
+const STANDARD_INPUT: &str = "standard input";
+
 /// The outputs and inputs of a command, by the names of their options.
 pub struct Paths<'a> {
     outputs: Vec<(&'a str, &'a Path)>,
@@ -51,6 +54,9 @@ impl<'a> Paths<'a> {
             let list = if is_output { &mut paths.outputs } else { &mut paths.inputs };
             list.extend(values.map(|value: &OsStr| (id.as_str(), Path::new(value))));
         }
+        if command == "stream" && !paths.inputs.iter().any(|(name, _)| *name == "input") {
+            paths.inputs.push((STANDARD_INPUT, Path::new("/dev/stdin")));
+        }
         paths
     }
 
@@ -74,6 +80,7 @@ impl<'a> Paths<'a> {
                     continue;
                 }
                 return usage(match name {
+                    STANDARD_INPUT => format!("the {what} would overwrite {}, the standard input", output.display()),
                     "scene" | "scenes" | "input" => format!("the {what} would overwrite the scene {}", input.display()),
                     _ => format!(
                         "the {what} would overwrite {}, which is an input; choose another name",

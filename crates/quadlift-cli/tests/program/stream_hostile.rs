@@ -150,6 +150,23 @@ fn poses_that_jump_do_not_poison_the_map() {
     assert_eq!(scores["found"]["matched"], 6, "{scores}");
 }
 
+/// `quadlift stream --map lines.jsonl < lines.jsonl` would lose the recording.
+#[test]
+fn the_standard_input_is_not_overwritten() {
+    let folder = Folder::new();
+    folder.write("lines.jsonl", "{}\n");
+    let path = folder.path("lines.jsonl");
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_quadlift"))
+        .args(["stream", "--map"])
+        .arg(&path)
+        .stdin(std::fs::File::open(&path).unwrap())
+        .output()
+        .unwrap();
+    let told = String::from_utf8(run.stderr).unwrap();
+    assert!(run.status.code() == Some(2) && told.contains("lines.jsonl, the standard input"), "{told}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "{}\n");
+}
+
 #[test]
 fn wrong_usage_is_refused_before_anything_is_read() {
     let folder = Folder::new();
