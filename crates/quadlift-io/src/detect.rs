@@ -154,8 +154,7 @@ pub fn is_mcap(path: &Path) -> bool {
 
 fn cameras_in_folder(folder: &Path) -> Option<CameraFormat> {
     let has = |name: &str| folder.join(name).exists();
-    let is_model = |place: &&str| has(&format!("{place}cameras.bin")) || has(&format!("{place}cameras.txt"));
-    if ["", "sparse/0/", "sparse/", "0/"].iter().any(is_model) {
+    if crate::read::colmap::is_model(folder) {
         Some(CameraFormat::Colmap)
     } else if has("transforms.json") {
         Some(CameraFormat::Nerfstudio)

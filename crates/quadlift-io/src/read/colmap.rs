@@ -3,6 +3,7 @@
 //! COLMAP's conventions are those of the scene file: OpenCV axes, world to camera, pixels from the corner, all camera
 //! models with their names. Format: `src/colmap/scene/reconstruction_io` of COLMAP.
 
+mod models;
 mod observed;
 mod points;
 mod rigs;
@@ -22,12 +23,10 @@ use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 use crate::wording::count;
 
+use models::Place;
 use observed::Chosen;
 pub use points::DEFAULT_POINTS;
 use rigs::{ImageId, Rigs};
-
-/// Possible locations of a model in the given folder.
-const PLACES: [&str; 4] = ["", "sparse/0", "sparse", "0"];
 
 /// Possible locations of images, relative to the folder of the model.
 const IMAGE_FOLDERS: [&str; 3] = ["images", "../images", "../../images"];
@@ -35,22 +34,50 @@ const IMAGE_FOLDERS: [&str; 3] = ["images", "../images", "../../images"];
 /// A file with its bytes.
 pub type File<'a> = (&'a Path, &'a [u8]);
 
-/// Reads the model in a folder (or in its `sparse/0`); the binary form is preferred when both exist. Frames have the
+/// Reads the model in a folder, or in its `sparse` or `sparse/0`; of several (`sparse/1`, ...) the one with most images. Frames have the
 /// names of the images as their ids, and are sorted by them. Of the sparse points at most `most_points` are kept, evenly
 /// spread; with 0 their file is not read, and it may be missing. Images of one frame of a rig have its id as `rig_frame`.
 ///
 /// # Errors
 /// [`ReadError`] with line or byte, what was found and what was expected.
 pub fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadError> {
-    let places = PLACES.map(|place| folder.join(place));
-    let Some((model, extension)) = (places.iter())
-        .flat_map(|place| ["bin", "txt"].map(|extension| (place, extension)))
-        .find(|(place, extension)| place.join(format!("cameras.{extension}")).is_file())
-    else {
-        let problem =
-            "expected the folder of a COLMAP model, with cameras.bin and images.bin or cameras.txt and images.txt";
-        return Err(ReadError::new(folder, problem));
-    };
+    match Place::all_in(folder).as_slice() {
+        [] => Err(ReadError::new(
+            folder,
+            "expected the folder of a COLMAP model, with cameras.bin and images.bin or cameras.txt and images.txt",
+        )),
+        [only] => read_model(only, most_points),
+        several => {
+            // Of equal ones the first: `max_by_key` takes the last.
+            let images = |place: &Place| read_model(place, 0).map_or(0, |import| import.scene.frames.len());
+            let images: Vec<usize> = several.iter().map(images).collect();
+            let largest = (0..several.len()).rev().max_by_key(|&k| images[k]).unwrap_or(0);
+            let name = |place: &Place| place.folder.strip_prefix(folder).unwrap_or(&place.folder).display().to_string();
+            let list: Vec<String> = several
+                .iter()
+                .zip(&images)
+                .map(|(place, &images)| format!("{} ({})", name(place), count(images, "image")))
+                .collect();
+            let mut import = read_model(&several[largest], most_points)?;
+            import.notes.push(format!(
+                "the folder has {} models: {}; {} was read",
+                several.len(),
+                list.join(", "),
+                name(&several[largest])
+            ));
+            Ok(import)
+        }
+    }
+}
+
+/// Whether a folder has a model where [`read_colmap`] looks for it.
+pub(crate) fn is_model(folder: &Path) -> bool {
+    !Place::all_in(folder).is_empty()
+}
+
+/// Reads a model.
+fn read_model(place: &Place, most_points: usize) -> Result<Import, ReadError> {
+    let (model, extension) = (&place.folder, place.extension);
     let cameras_path = model.join(format!("cameras.{extension}"));
     let images_path = model.join(format!("images.{extension}"));
     let points_path = model.join(format!("points3D.{extension}"));

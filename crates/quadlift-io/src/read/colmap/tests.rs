@@ -82,6 +82,34 @@ fn the_binary_form_is_preferred_and_the_usual_folders_are_found() {
     assert!(read_colmap(Path::new("nowhere"), 0).unwrap_err().problem.contains("cameras.bin"));
 }
 
+/// The mapper writes a model for each part that it cannot join: the first need not be the one that matters.
+#[test]
+fn of_several_models_the_largest_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let make = |place: &str, images: usize| {
+        let model = folder.path().join(place);
+        std::fs::create_dir_all(&model).unwrap();
+        std::fs::write(model.join("cameras.txt"), "1 PINHOLE 640 480 500 500 320 240\n").unwrap();
+        let lines: String = (0..images).map(|k| format!("{k} 1 0 0 0 {k} 2 3 1 {k}.png\n\n")).collect();
+        std::fs::write(model.join("images.txt"), lines).unwrap();
+    };
+    for (place, images) in [("sparse/0", 2), ("sparse/10", 5), ("sparse/2", 5), ("sparse/x", 9)] {
+        make(place, images);
+    }
+    let import = read_colmap(folder.path(), 0).unwrap();
+    let place = |name: &str| Path::new("sparse").join(name).display().to_string();
+    let [first, second, third] = ["0", "2", "10"].map(place);
+    assert_eq!(import.scene.frames.len(), 5);
+    assert_eq!(
+        import.notes.last().unwrap(),
+        &format!(
+            "the folder has 3 models: {first} (2 images), {second} (5 images), {third} (5 images); {second} was read"
+        )
+    );
+    // A model that is named is read, whatever lies beside it.
+    assert_eq!(read_colmap(&folder.path().join("sparse/0"), 0).unwrap().scene.frames.len(), 2);
+}
+
 #[test]
 fn lines_of_images_without_points_may_be_missing() {
     let cameras = b"1 PINHOLE 640 480 500 500 320 240\n";
