@@ -101,7 +101,7 @@ impl Fit {
     pub(crate) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
         let frame = &measurements.frame;
-        let level = Plane { n: up.into_inner(), d: 0.0 };
+        let level = Plane { n: frame.direction_from_world(up), d: 0.0 };
         let (reach, _) = self.body.support_gradient(&level.n);
         // The estimate without the plane: its row is removed from the inverse again (Sherman-Morrison).
         let covariance = invert_spd(&self.equations.hessian())?;
@@ -137,7 +137,10 @@ impl Fit {
         self.ground = lowest.map(|lowest| {
             let frame = &self.problem.measurements.frame;
             let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
-            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / (ground.unevenness * lowest.unevenness()))
+            (
+                Plane { n: frame.direction_from_world(&ground.normal), d: height / frame.unit },
+                frame.unit / (ground.unevenness * lowest.unevenness()),
+            )
         });
     }
 
@@ -170,7 +173,8 @@ impl Fit {
         let mut of_row = |view: usize, row: &ResidualRow, weight: f64| {
             let Some(camera) = cameras[view] else { return };
             // Moving the camera is moving the body the other way.
-            let by_point = Vector3::new(row.row[0], row.row[1], row.row[2]) / measurements.frame.unit;
+            let frame = &measurements.frame;
+            let by_point = frame.axes * Vector3::new(row.row[0], row.row[1], row.row[2]) / frame.unit;
             let by_turn = -(center - camera).cross(&by_point);
             let by_motion = Vector6::new(by_turn.x, by_turn.y, by_turn.z, -by_point.x, -by_point.y, -by_point.z);
             let frame = views.views[view].frame_index;

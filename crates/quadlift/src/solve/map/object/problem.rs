@@ -84,7 +84,7 @@ impl ObjectProblem {
     pub(crate) fn standing(&self, up: &Unit<Vector3<f64>>) -> Self {
         let mut standing = self.clone();
         if standing.prior.upright_weight <= 0.0 {
-            standing.prior.up = Some(up.into_inner());
+            standing.prior.up = Some(self.measurements.frame.direction_from_world(up));
             standing.prior.upright_weight = 1.0 / TILT_SD;
         }
         standing
