@@ -84,11 +84,11 @@ impl Fit {
         let descend = |start: Model, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
         let frame = &self.problem.measurements.frame;
-        let seed = self.problem.seed(context);
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
         let mut found: Vec<(Alternative, Other)> = Vec::new();
-        for (start, screened) in self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)
+        for (start, screened) in
+            self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)
         {
             if found.len() == MAX_ALTERNATIVES || screened.cost > best.cost + MAX_COST_GAP {
                 break;

@@ -78,9 +78,9 @@ impl Fit {
     ) -> Result<Self, Box<Estimate>> {
         let failed =
             Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
-        let seed = object.seed(context);
         let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) = object.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
+        let (body, equations) =
+            object.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS).ok_or(failed)?;
         let fit = Self {
             problem: Arc::new(object),
             ellipsoid,
@@ -207,9 +207,9 @@ impl Fit {
     pub(crate) fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         let problem = &self.problem;
         let objective = Objective { smooth: true, ..problem.objective(noise, None) };
-        let seed = problem.seed(context);
-        let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, seed)?;
-        let (body, equations) = problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, context.seed)?;
+        let (body, equations) =
+            problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), context.seed, TURNED_STARTS)?;
         Some(Self {
             problem: problem.clone(),
             ellipsoid,
@@ -229,8 +229,7 @@ impl Fit {
         }
         let again = || {
             let ellipsoid = self.problem.fit_ellipsoid(noise)?;
-            let seed = self.problem.seed(context);
-            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
+            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -244,7 +243,7 @@ impl Fit {
         let mut fit = self.refined(noise, false);
         if self.problem.has_several_starts() {
             // Other random rotations than before.
-            let seed = self.problem.seed(context).wrapping_add(1 + round as u64);
+            let seed = context.seed.wrapping_add(1 + round as u64);
             let before = fit.clone();
             let again = |scale| {
                 let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;

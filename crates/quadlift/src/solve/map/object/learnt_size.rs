@@ -204,9 +204,9 @@ impl Fit {
         let mut starts = vec![self.body.clone()];
         if matches!(self.body, Model::Ellipsoid(_)) {
             let told = self.local_covariance(noise, shared, context).and_then(|c| self.shape_information(&c));
-            let (weight, seed) = (1.0 / context.options.shape_sd, self.problem.seed(context));
+            let weight = 1.0 / context.options.shape_sd;
             problem.prior.size_site =
-                told.and_then(|told| SizeSite::new(&told, &size, up.as_ref(), weight, level * level, seed));
+                told.and_then(|told| SizeSite::new(&told, &size, up.as_ref(), weight, level * level, context.seed));
             problem.prior.shape_weight =
                 if problem.prior.size_site.is_some() { 0.0 } else { 1.0 / context.options.shape_sd };
         } else {

@@ -103,8 +103,8 @@ impl Fit {
         let start = EllipsoidModel::from_axes(*body.center(), axes, semi_axes);
         let objective = problem.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
-        let seed = problem.seed(context);
-        let (body, equations) = problem.started_at(&ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)?;
+        let (body, equations) =
+            problem.started_at(&ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)?;
         let fit = Self { problem: problem.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }
