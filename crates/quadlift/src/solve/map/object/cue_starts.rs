@@ -36,18 +36,20 @@ fn outlines(views: &[View]) -> Vec<(Projection, Ellipse)> {
     views.iter().filter_map(|view| Some((view.projection, view.ellipse_or_inscribed()?))).collect()
 }
 
-/// The median of each coordinate of the centres that the cues tell.
-fn median_center(views: &[View]) -> Option<Point3<f64>> {
-    let centers: Vec<Point3<f64>> = views.iter().filter_map(center_of).collect();
+/// The median of each coordinate, between these axes, of the centers that the cues measure.
+fn median_center(views: &[View], axes: &Matrix3<f64>) -> Option<Point3<f64>> {
+    let centers: Vec<Vector3<f64>> =
+        views.iter().filter_map(center_of).map(|center| axes.tr_mul(&center.coords)).collect();
     let middle = |k: usize| median(centers.iter().map(|center| center[k]));
-    Some(Point3::new(middle(0)?, middle(1)?, middle(2)?))
+    Some(Point3::from(axes * Vector3::new(middle(0)?, middle(1)?, middle(2)?)))
 }
 
 /// The frame of an object from its cues alone; `None` where they do not tell how far it is.
 pub(crate) fn frame_from_cues(views: &[View]) -> Option<ObjectFrame> {
-    let origin = median_center(views)?;
+    let axes = axes_of(views);
+    let origin = median_center(views, &axes)?;
     let unit = object_radius(&outlines(views), &origin).or_else(|| median_size(views))?;
-    Some(ObjectFrame { origin, unit, axes: axes_of(views) })
+    Some(ObjectFrame { origin, unit, axes })
 }
 
 /// The median of the mean half extents of 3D boxes.
