@@ -65,7 +65,7 @@ impl Form {
 
 /// Components of a vector smaller than this share of its length have a rounded magnitude: the support function of a body with edges has
 /// kinks there, at which descents end anywhere. It changes the support by at most half of it, in units of a semi-axis.
-const ROUNDED: f64 = 0.01;
+const ROUNDED: f64 = 0.004;
 
 /// `|u|` with a parabola for its kink below `width`, and its derivative.
 fn rounded(u: f64, width: f64) -> (f64, f64) {

@@ -11,7 +11,7 @@ use crate::geometry::{Ellipse, Projection};
 use crate::scene::View;
 
 /// A mean of unit vectors shorter than this has no direction: the views surround the object.
-const MIN_MEAN: f64 = 0.03;
+const MIN_MEAN: f64 = 1e-3;
 
 /// Weight of the logarithm of a view's angular size. Typical sizes differ by a third, which makes these means about as long as the
 /// others.

@@ -51,7 +51,7 @@ const SUSPECT_COST: f64 = 12.0;
 const FAR_BEYOND_NOISE: f64 = 10.0;
 
 /// Rounds in which a body with several starts is fitted from other starts.
-const RESTARTED: usize = 2;
+const RESTARTED: usize = 4;
 
 /// A fitted object.
 #[derive(Clone)]
