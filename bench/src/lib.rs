@@ -34,7 +34,6 @@ pub mod segmentation;
 #[cfg(feature = "sensitivity")]
 mod sensitivity;
 pub mod sequences;
-mod stability;
 mod synthetic;
 pub mod table;
 pub mod trust;
@@ -81,8 +80,6 @@ pub enum Experiment {
     Cues,
     /// Images located in maps of objects; not in the paper, and not in [`Experiment::ALL`].
     Cameras,
-    /// Which answers change when the input changes by nothing that matters; not in the paper, and not in [`Experiment::ALL`].
-    Stability,
     /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
     #[cfg(feature = "sensitivity")]
     Sensitivity,
@@ -123,7 +120,6 @@ impl Experiment {
             Self::Online => "online",
             Self::Cues => "cues",
             Self::Cameras => "cameras",
-            Self::Stability => "stability",
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity => "sensitivity",
         }
@@ -160,7 +156,6 @@ pub fn run(experiment: Experiment, run: &Run) -> Result<Report, Error> {
         Experiment::Online => online::run(data, run),
         Experiment::Cues => cues::run(data, run),
         Experiment::Cameras => cameras::run(data, run),
-        Experiment::Stability => stability::run(data, run),
         #[cfg(feature = "sensitivity")]
         Experiment::Sensitivity => sensitivity::run(data, run),
     }

@@ -6,8 +6,8 @@
 
 mod paired;
 mod program;
-pub(crate) mod scoring;
-pub(crate) mod sets;
+mod scoring;
+mod sets;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -21,11 +21,7 @@ use crate::solve::sigmas::Sigmas;
 const UNIT: f64 = 0.8;
 
 fn frame() -> ObjectFrame {
-    ObjectFrame {
-        origin: Point3::new(0.1, 0.2, -0.1),
-        unit: UNIT,
-        axes: *Rotation3::from_euler_angles(0.5, -0.2, 0.9).matrix(),
-    }
+    ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: UNIT }
 }
 
 fn projection() -> Projection {
@@ -48,7 +44,7 @@ fn outline() -> Ellipse {
     let world = Ellipsoid {
         center: frame().point_in_world(body.center()),
         semi_axes: body.semi_axes() * UNIT,
-        rotation: Rotation3::from_matrix_unchecked(frame().axes * body.axes()),
+        rotation: Rotation3::from_matrix_unchecked(*body.axes()),
     };
     project_ellipsoid(&projection(), &world).unwrap()
 }
