@@ -34,6 +34,7 @@ pub mod segmentation;
 #[cfg(feature = "sensitivity")]
 mod sensitivity;
 pub mod sequences;
+mod stability;
 mod synthetic;
 pub mod table;
 pub mod trust;
@@ -80,6 +81,8 @@ pub enum Experiment {
     Cues,
     /// Images located in maps of objects; not in the paper, and not in [`Experiment::ALL`].
     Cameras,
+    /// Which answers change when the input changes by nothing that matters; not in the paper, and not in [`Experiment::ALL`].
+    Stability,
     /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
     #[cfg(feature = "sensitivity")]
     Sensitivity,
@@ -120,6 +123,7 @@ impl Experiment {
             Self::Online => "online",
             Self::Cues => "cues",
             Self::Cameras => "cameras",
+            Self::Stability => "stability",
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity => "sensitivity",
         }
@@ -156,6 +160,7 @@ pub fn run(experiment: Experiment, run: &Run) -> Result<Report, Error> {
         Experiment::Online => online::run(data, run),
         Experiment::Cues => cues::run(data, run),
         Experiment::Cameras => cameras::run(data, run),
+        Experiment::Stability => stability::run(data, run),
         #[cfg(feature = "sensitivity")]
         Experiment::Sensitivity => sensitivity::run(data, run),
     }

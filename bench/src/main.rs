@@ -69,6 +69,8 @@ enum Command {
     Cues(Options),
     /// Images located in maps of objects (not part of all; without data: synthetic scenes only)
     Cameras(Options),
+    /// Which answers change when world, order, rounding, seed or boxes change by nothing that matters (not part of all; without data: synthetic scenes only)
+    Stability(Options),
     /// Tuned constants, halved and doubled (not part of all; without data: synthetic scenes only)
     #[cfg(feature = "sensitivity")]
     Sensitivity(Options),
@@ -131,6 +133,7 @@ impl Command {
             Self::Online(options) => (Experiment::Online, options),
             Self::Cues(options) => (Experiment::Cues, options),
             Self::Cameras(options) => (Experiment::Cameras, options),
+            Self::Stability(options) => (Experiment::Stability, options),
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity(options) => (Experiment::Sensitivity, options),
             Self::All(options) => return Some((Experiment::ALL.to_vec(), options)),

@@ -6,8 +6,8 @@
 
 mod paired;
 mod program;
-mod scoring;
-mod sets;
+pub(crate) mod scoring;
+pub(crate) mod sets;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

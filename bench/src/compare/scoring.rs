@@ -5,7 +5,7 @@ use std::path::Path;
 
 use quadlift::geometry::Body;
 use quadlift::metrics::{ObjectScore, iou3d_bodies, squared_errors};
-use quadlift::solve::Status;
+use quadlift::solve::{Covariance, Status};
 use quadlift_io::SceneFile;
 use quadlift_io::evaluation::identities::{self, DivisionOutcome};
 use quadlift_io::evaluation::{Matching, evaluate_objects};
@@ -106,21 +106,20 @@ fn objects(set: &Set, scene: &SceneCase, result: &SceneFile) -> anyhow::Result<V
                 estimate.and_then(ObjectBodies::body).zip(object.body()).map(|(a, b)| iou3d_bodies(&a, &b))
             }
         };
-        (object.id.clone(), iou.unwrap_or(0.0), estimate.and_then(|estimate| is_inside(set.overlap, estimate, object)))
+        let region = estimate.filter(|estimate| estimate.status == Some(Status::Ok));
+        let region = region.and_then(|estimate| Some((estimate.body()?, estimate.covariance?)));
+        let inside = region.and_then(|(body, covariance)| is_inside(set.overlap, &body, &covariance, object));
+        (object.id.clone(), iou.unwrap_or(0.0), inside)
     };
     Ok(truth.iter().filter(|object| scene.counted.contains(&object.id)).map(of_object).collect())
 }
 
-/// Whether the true body lies in the region of 95 %, of an estimate that is `ok` and has a covariance.
-fn is_inside(overlap: Overlap, estimate: &ObjectBodies, truth: &ObjectBodies) -> Option<bool> {
-    if estimate.status != Some(Status::Ok) {
-        return None;
-    }
-    let body = estimate.body()?;
-    let true_body = match (&body, overlap, truth.cuboid) {
+/// Whether the true body lies in the region of 95 % of an estimate.
+pub(crate) fn is_inside(overlap: Overlap, body: &Body, covariance: &Covariance, truth: &ObjectBodies) -> Option<bool> {
+    let true_body = match (body, overlap, truth.cuboid) {
         (_, Overlap::Bodies, _) => truth.body()?,
         (Body::Cuboid(_), _, Some(cuboid)) => Body::Cuboid(cuboid),
         _ => truth.ellipsoid.map(Body::Ellipsoid).or(truth.body())?,
     };
-    Some(squared_errors(&body, &estimate.covariance?, &true_body)?.whole <= CHI2_9_95)
+    Some(squared_errors(body, covariance, &true_body)?.whole <= CHI2_9_95)
 }

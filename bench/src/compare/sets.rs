@@ -30,7 +30,7 @@ const FIRST_SEED: u64 = 7000;
 
 /// The volume IoU of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Overlap {
+pub(crate) enum Overlap {
     /// Of the ellipsoids (O3D).
     Ellipsoids,
     /// Of the enclosing ellipsoid: the truth is the envelope of the object.
@@ -40,7 +40,7 @@ pub(super) enum Overlap {
 }
 
 /// One scene: what the programs get, and the truth.
-pub(super) struct SceneCase {
+pub(crate) struct SceneCase {
     /// Name within the set.
     pub name: String,
     /// The scene without true objects, and without ids if they are to be found.
@@ -52,7 +52,7 @@ pub(super) struct SceneCase {
 }
 
 /// Scenes of one kind.
-pub(super) struct Set {
+pub(crate) struct Set {
     /// Name in the table.
     pub name: String,
     /// Whether it is real data.
@@ -131,7 +131,7 @@ const LABELED: [&str; 7] = [
 ///
 /// # Errors
 /// [`Error::Read`].
-pub(super) fn real(data: &Path) -> Result<Vec<Set>, Error> {
+pub(crate) fn real(data: &Path) -> Result<Vec<Set>, Error> {
     let set = |(name, files, source, has_ids, overlap, options): RealSet| -> Result<Set, Error> {
         let scene = |file: &&str| -> Result<SceneCase, Error> {
             let mut truth = read_scene_file(&data.join("scenes").join(format!("{file}.json")))?;
@@ -227,7 +227,7 @@ fn synthetic_options() -> Vec<(&'static str, SyntheticOptions, Cue)> {
 ///
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Scene`].
-pub(super) fn synthetic(count: u64) -> Result<Vec<Set>, Error> {
+pub(crate) fn synthetic(count: u64) -> Result<Vec<Set>, Error> {
     let set = |(name, options, cue): (&str, SyntheticOptions, Cue)| {
         let has_ids = options.ids == SyntheticIds::True;
         let scene = |number: u64| -> Result<SceneCase, Error> {
