@@ -26,6 +26,7 @@ mod noise_curves;
 mod online;
 pub mod paper;
 pub mod plot;
+mod processor_time;
 mod progress;
 mod reg_weight;
 mod report;

@@ -7,6 +7,8 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use quadlift_io::{SceneFile, read_scene_file};
 
+use crate::processor_time::{Of, processor_time};
+
 /// A program and options of `localize`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Program {
@@ -56,9 +58,9 @@ impl Program {
         if output.exists() {
             std::fs::remove_file(output)?;
         }
-        let before = processor_time();
+        let before = processor_time(Of::Children);
         let run = command.output().with_context(|| format!("cannot run {}", self.path.display()))?;
-        let time = processor_time().zip(before).map(|(after, before)| after.saturating_sub(before));
+        let time = processor_time(Of::Children).zip(before).map(|(after, before)| after.saturating_sub(before));
         if !matches!(run.status.code(), Some(0 | 1 | 3)) {
             bail!("{command:?} failed ({}): {}", run.status, String::from_utf8_lossy(&run.stderr).trim());
         }
@@ -83,22 +85,6 @@ fn without_replaced<'a>(options: &[&'a str], own: &[String]) -> Vec<&'a str> {
         }
     }
     kept
-}
-
-/// Processor time of all programs that this one has run.
-#[cfg(unix)]
-fn processor_time() -> Option<Duration> {
-    use nix::sys::resource::{UsageWho, getrusage};
-    let used = getrusage(UsageWho::RUSAGE_CHILDREN).ok()?;
-    let seconds = |t: nix::sys::time::TimeVal| {
-        Duration::from_secs(t.tv_sec().unsigned_abs()) + Duration::from_micros(t.tv_usec().unsigned_abs())
-    };
-    Some(seconds(used.user_time()) + seconds(used.system_time()))
-}
-
-#[cfg(not(unix))]
-fn processor_time() -> Option<Duration> {
-    None
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use crate::compare::scoring::is_inside;
 use crate::compare::sets::Overlap;
 use crate::data::data_folder;
 use crate::error::Error;
+use crate::processor_time::{Of, processor_time};
 use crate::progress::{Run, Steps};
 use crate::report::{Headline, Report};
 use crate::scores::pooled;
@@ -39,19 +40,6 @@ struct Outcome {
     changes: Vec<Vec<Change>>,
     overlaps: Vec<f64>,
     coverage: Vec<f64>,
-}
-
-/// Processor time of this program so far; unknown on systems other than Unix.
-fn processor_time() -> Option<f64> {
-    #[cfg(unix)]
-    {
-        use nix::sys::resource::{UsageWho, getrusage};
-        let used = getrusage(UsageWho::RUSAGE_SELF).ok()?;
-        let seconds = |t: nix::sys::time::TimeVal| t.tv_sec() as f64 + 1e-6 * t.tv_usec() as f64;
-        Some(seconds(used.user_time()) + seconds(used.system_time()))
-    }
-    #[cfg(not(unix))]
-    None
 }
 
 /// IoU of the true objects, and whether the regions of their estimates hold them.
@@ -112,14 +100,14 @@ pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let folder = data_folder(data).ok();
     let cases = cases(folder.as_deref(), run.scenes(SCENES), run)?;
     let steps = Steps::new("stability", cases.len(), run.progress);
-    let start = processor_time();
+    let start = processor_time(Of::Itself);
     let solved = |case: &Case| {
         let outcome = outcome(case);
         steps.done();
         outcome
     };
     let outcomes: Vec<Outcome> = cases.par_iter().map(solved).collect::<Result<_, _>>()?;
-    let time = processor_time().zip(start).map(|(end, start)| end - start);
+    let time = processor_time(Of::Itself).zip(start).map(|(end, start)| end.saturating_sub(start).as_secs_f64());
 
     let mut report = Report::new("stability", "Changes that should not change the answer");
     report.text(
