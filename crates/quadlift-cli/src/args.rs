@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use quadlift::UnknownName;
 use quadlift::solve::BodyKind;
+pub use quadlift_io::correct::assume::image_size;
 use quadlift_io::scene_file::Detail;
 use quadlift_io::write::geodesy::Place;
 
@@ -65,12 +66,6 @@ pub fn place(text: &str) -> Result<Place, String> {
     place
         .filter(is_valid)
         .ok_or_else(|| "expected LAT,LON,ALT in degrees and metres, such as 48.2,16.37,170".to_owned())
-}
-
-/// Reads width and height, such as 640x480.
-pub fn image_size(text: &str) -> Result<[f64; 2], String> {
-    let size = text.split_once('x').and_then(|(w, h)| Some([positive(w).ok()?, positive(h).ok()?]));
-    size.ok_or_else(|| "expected WIDTHxHEIGHT, such as 640x480".to_owned())
 }
 
 /// Reads the first and the last frame, such as 90-106.

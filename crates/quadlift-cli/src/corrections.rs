@@ -70,9 +70,7 @@ impl DetectionPixels {
         let others = corrections.into_iter().filter(|correction| {
             match *correction {
                 RecordCorrection::ImageSize(size) => found.image_size = Some(size),
-                RecordCorrection::Known(Correction::FrameOffset(frames)) => {
-                    found.frame_offset = Some(-i64::from(frames));
-                }
+                RecordCorrection::FrameOffset(offset) => found.frame_offset = Some(offset),
                 _ => return true,
             }
             false

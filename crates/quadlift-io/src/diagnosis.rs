@@ -38,6 +38,7 @@ impl Context {
                 RecordCorrection::ImageSize(size) => self.measured_size = Some(size),
                 RecordCorrection::Known(Correction::FocalFactor(factor)) => self.focal_factor = factor,
                 RecordCorrection::Known(Correction::FrameOffset(n)) => self.frame_offset -= i64::from(n),
+                RecordCorrection::FrameOffset(offset) => self.frame_offset = self.frame_offset.saturating_add(offset),
                 _ => {}
             }
         }

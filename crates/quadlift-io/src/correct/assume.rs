@@ -4,6 +4,7 @@
 use std::str::FromStr;
 
 use quadlift::diagnosis::{BoxFormat, Correction};
+use quadlift::options::{Kind, Range};
 
 use super::record_correction::RecordCorrection;
 use super::rounding::{UNITS, nearest_unit, usual_width};
@@ -88,7 +89,7 @@ pub const KEYS: [Key; 11] = [
         name: "distortion",
         value: "K",
         meaning: "radial coefficient (k of COLMAP's SIMPLE_RADIAL) of a lens that the cameras lack",
-        read: |text| known(Correction::RadialDistortion(finite(text)?)),
+        read: |text| known(Correction::RadialDistortion(number(Range::Finite, text)?)),
     },
     Key {
         name: "boxes",
@@ -112,13 +113,13 @@ pub const KEYS: [Key; 11] = [
         name: "letterbox",
         value: "WxH",
         meaning: "size of the letterboxed images in which the boxes were measured, such as 640x640 or 640x384",
-        read: |text| Ok(Some(letterbox(size(text)?))),
+        read: |text| Ok(Some(letterbox(image_size(text)?))),
     },
     Key {
         name: "image_size",
         value: "WxH",
         meaning: "size of the images in which the boxes were measured, if not that of the cameras",
-        read: |text| Ok(Some(RecordCorrection::ImageSize(size(text)?))),
+        read: |text| Ok(Some(RecordCorrection::ImageSize(image_size(text)?))),
     },
     Key {
         name: "pose_unit",
@@ -136,7 +137,7 @@ pub const KEYS: [Key; 11] = [
         name: "frame_offset",
         value: "N",
         meaning: "number that the detections give to frame number 0",
-        read: |text| known(Correction::FrameOffset(frames_back(text)?)),
+        read: |text| Ok(Some(RecordCorrection::FrameOffset(text.parse().map_err(|_| "expected a whole number")?))),
     },
 ];
 
@@ -185,25 +186,22 @@ fn known(correction: Correction) -> Result<Option<RecordCorrection>, String> {
     Ok(Some(RecordCorrection::Known(correction)))
 }
 
-fn finite(text: &str) -> Result<f64, &'static str> {
-    text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or("expected a finite number")
+fn number(range: Range, text: &str) -> Result<f64, String> {
+    let kind = Kind::Number(range);
+    kind.read(text)?.number().ok_or_else(|| kind.expected())
 }
 
-fn positive(text: &str) -> Result<f64, &'static str> {
-    finite(text).ok().filter(|x| *x > 0.0).ok_or("expected a number above 0")
+fn positive(text: &str) -> Result<f64, String> {
+    number(Range::Positive, text)
 }
 
-/// A width and a height in pixels.
-fn size(text: &str) -> Result<[f64; 2], &'static str> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some([positive(w.trim()).ok()?, positive(h.trim()).ok()?]));
-    sides.ok_or("expected WIDTHxHEIGHT, such as 640x480")
-}
-
-/// By how many frames detections move, from the number that they give to frame 0.
-fn frames_back(text: &str) -> Result<i32, &'static str> {
-    let offset: i64 = text.parse().map_err(|_| "expected a whole number")?;
-    // A move by more frames than there are leaves nothing in its place, whatever the number.
-    Ok(i32::try_from(offset.saturating_neg()).unwrap_or(i32::MAX))
+/// Reads a width and a height in pixels, such as 640x480.
+///
+/// # Errors
+/// The expected value, as text.
+pub fn image_size(text: &str) -> Result<[f64; 2], String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([positive(w).ok()?, positive(h).ok()?]));
+    sides.ok_or_else(|| "expected WIDTHxHEIGHT, such as 640x480".to_owned())
 }
 
 /// The correction of `letterbox`: boxes were measured in a letterboxed image of this width and height, in pixels.
@@ -367,7 +365,9 @@ mod tests {
     #[test]
     fn the_order_of_the_text_does_not_matter() {
         assert_eq!(read("pose_unit=mm, poses=opengl"), read("poses=opengl,pose_unit=mm"));
-        let far = RecordCorrection::Known(Correction::FrameOffset(i32::MAX));
-        assert_eq!(read(&format!("frame_offset={}", i64::MIN)), Ok(vec![far]));
+        // Numbers of frames may be times.
+        for offset in [i64::MIN, -1, 1_700_000_000_000] {
+            assert_eq!(read(&format!("frame_offset={offset}")), Ok(vec![RecordCorrection::FrameOffset(offset)]));
+        }
     }
 }

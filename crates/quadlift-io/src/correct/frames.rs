@@ -7,6 +7,12 @@ use quadlift::diagnosis::Correction;
 use crate::scene_file::SceneFile;
 use crate::wording::count;
 
+/// The shift of detections that give this number to frame number 0. A shift by more frames than there are leaves nothing in its place,
+/// whatever the number.
+pub(crate) fn shift(offset: i64) -> Correction {
+    Correction::FrameOffset(i32::try_from(offset.saturating_neg()).unwrap_or(i32::MAX))
+}
+
 /// Moves detections to the frames to which they belong and drops those without a frame. Returns a description.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> String {
     let ids: Vec<&str> = file.frames.iter().map(|frame| frame.id.as_str()).collect();

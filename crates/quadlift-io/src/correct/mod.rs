@@ -24,6 +24,7 @@ use crate::scene_file::SceneFile;
 use crate::wording::count;
 
 pub use assume::Assumption;
+pub(crate) use frames::shift;
 pub use record_correction::RecordCorrection;
 pub(crate) use rounding::usual_width;
 
@@ -44,6 +45,7 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
                 let detections = boxes::from_letterbox(file, size)?;
                 notes.push(format!("the boxes of {} were corrected", count(detections, "detection")));
             }
+            RecordCorrection::FrameOffset(offset) => notes.push(frames::correct(file, &frames::shift(offset))),
             RecordCorrection::PoseUnit(metres) => {
                 let frames = poses::scale(file, metres);
                 move_contents(file, &Correction::Lengths(metres));

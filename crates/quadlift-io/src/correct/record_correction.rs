@@ -14,6 +14,8 @@ pub enum RecordCorrection {
     /// The boxes were measured in letterboxed images of this width and height, in pixels, that need not be square: the
     /// image was scaled to fit, keeps its proportions and has equal margins on both sides.
     Letterbox([f64; 2]),
+    /// The detections give this number to frame number 0.
+    FrameOffset(i64),
     /// The translations of the poses are in a unit of this length in metres; the scene is in metres afterwards.
     PoseUnit(f64),
 }
@@ -38,7 +40,7 @@ impl RecordCorrection {
     pub(super) fn place(&self) -> u8 {
         match self {
             Self::Known(Correction::Boxes(_)) => 0,
-            Self::Known(Correction::FrameOffset(_) | Correction::ReversedFrames) => 3,
+            Self::FrameOffset(_) | Self::Known(Correction::FrameOffset(_) | Correction::ReversedFrames) => 3,
             Self::Known(Correction::AlphabeticalFrames | Correction::NumericFrames) => 2,
             _ => 1,
         }

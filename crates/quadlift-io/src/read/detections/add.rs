@@ -3,13 +3,13 @@
 use std::collections::HashSet;
 
 use nalgebra::Vector2;
-use quadlift::diagnosis::Correction;
 use quadlift::geometry::{BoundingBox, Ellipse, OrientedBox};
 use quadlift::scene::check_outline;
 use quadlift_segment::Rle;
 
 use super::files::{Detected, DetectionFiles, ImageKey, Outline, extent};
 use super::matching::{MatchBy, MatchOptions, match_frames, stem};
+use crate::correct::shift;
 use crate::error::ReadError;
 use crate::read::PixelCenters;
 use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
@@ -191,10 +191,8 @@ pub fn add_detections(
 
 /// Moves images that were matched by name or time to the frames that are `offset` frames earlier; those beyond the first or last get none.
 fn shift_frames(frame_of_image: &mut [Option<usize>], offset: i64, scene: &SceneFile) {
-    // A shift by more frames than there are leaves nothing in its place, whatever the number.
-    let shift = Correction::FrameOffset(i32::try_from(offset.saturating_neg()).unwrap_or(i32::MAX));
     let ids: Vec<&str> = scene.frames.iter().map(|frame| frame.id.as_str()).collect();
-    let frames = shift.frames(&ids).unwrap_or_default();
+    let frames = shift(offset).frames(&ids).unwrap_or_default();
     for frame in frame_of_image {
         *frame = frame.and_then(|frame| frames.get(frame).copied().flatten());
     }
