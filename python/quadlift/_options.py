@@ -168,11 +168,12 @@ def split_of_map(options: Options, of_map: dict[str, Any]) -> tuple[dict[str, An
         if name in options:
             raise TypeError(f"ObjectMap.localize() got an unexpected keyword argument {name!r}")
     given: dict[str, Any] = {**options, "associate": "never"}
-    if options.get("method", "map") == "map":
+    is_map = options.get("method", "map") == "map"
+    if is_map:
         # Options that are not given may be left out.
         given["pose_noise"] = of_map.get("pose_noise")
     keywords, threads, progress = split(cast("Options", given), "ObjectMap.localize")
-    if options.get("method", "map") == "map":
+    if is_map:
         priors = of_map.get("priors")
         text = priors["text"] if isinstance(priors, dict) else None
         keywords["priors"], keywords["priors_text"] = (priors, None) if text is None else (None, text)

@@ -47,27 +47,27 @@ pub fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadErro
             "expected the folder of a COLMAP model, with cameras.bin and images.bin or cameras.txt and images.txt",
         )),
         [only] => read_model(only, most_points),
-        several => {
-            // Of equal ones the first: `max_by_key` takes the last.
-            let images = |place: &Place| read_model(place, 0).map_or(0, |import| import.scene.frames.len());
-            let images: Vec<usize> = several.iter().map(images).collect();
-            let largest = (0..several.len()).rev().max_by_key(|&k| images[k]).unwrap_or(0);
-            let name = |place: &Place| place.folder.strip_prefix(folder).unwrap_or(&place.folder).display().to_string();
-            let list: Vec<String> = several
-                .iter()
-                .zip(&images)
-                .map(|(place, &images)| format!("{} ({})", name(place), count(images, "image")))
-                .collect();
-            let mut import = read_model(&several[largest], most_points)?;
-            import.notes.push(format!(
-                "the folder has {} models: {}; {} was read",
-                several.len(),
-                list.join(", "),
-                name(&several[largest])
-            ));
-            Ok(import)
-        }
+        several => read_largest(folder, several, most_points),
     }
+}
+
+/// Reads the model with most images, of equal ones the first; a note lists all.
+fn read_largest(folder: &Path, models: &[Place], most_points: usize) -> Result<Import, ReadError> {
+    let images = |place: &Place| read_model(place, 0).map_or(0, |import| import.scene.frames.len());
+    let images: Vec<usize> = models.iter().map(images).collect();
+    // `max_by_key` takes the last.
+    let largest = (0..models.len()).rev().max_by_key(|&k| images[k]).unwrap_or(0);
+    let names: Vec<String> = models.iter().map(|place| place.name_in(folder)).collect();
+    let list: Vec<String> =
+        names.iter().zip(&images).map(|(name, &images)| format!("{name} ({})", count(images, "image"))).collect();
+    let mut import = read_model(&models[largest], most_points)?;
+    import.notes.push(format!(
+        "the folder has {} models: {}; {} was read",
+        models.len(),
+        list.join(", "),
+        names[largest]
+    ));
+    Ok(import)
 }
 
 /// Whether a folder has a model where [`read_colmap`] looks for it.

@@ -17,6 +17,11 @@ impl Place {
         Some(Self { folder, extension })
     }
 
+    /// The folder of the model, within another one.
+    pub fn name_in(&self, folder: &Path) -> String {
+        self.folder.strip_prefix(folder).unwrap_or(&self.folder).display().to_string()
+    }
+
     /// The model in a folder, or those in its `sparse` and in its folders with numbers, `sparse/0` first.
     pub fn all_in(folder: &Path) -> Vec<Self> {
         let sparse = folder.join("sparse");

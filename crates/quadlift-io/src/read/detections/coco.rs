@@ -88,12 +88,13 @@ pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFile
             continue;
         }
         let key = names.image(&node)?;
-        let detected = detected(&node, &names, key.size)?;
-        if let Some(id) = node.optional("category_id")?.map(|id| id.word()).transpose()?
-            && !names.categories.is_empty()
-            && !names.categories.contains_key(&id)
-        {
-            *unnamed.entry(id).or_insert(0) += 1;
+        let mut detected = detected(&node, key.size)?;
+        // The number, until here.
+        if let Some(id) = detected.category.as_mut().filter(|_| !names.categories.is_empty()) {
+            match names.categories.get(id) {
+                Some(name) => id.clone_from(name),
+                None => *unnamed.entry(id.clone()).or_insert(0) += 1,
+            }
         }
         found.image(key).detections.push(detected);
     }
@@ -181,7 +182,8 @@ fn is_set(node: &Node, key: &str) -> Result<bool, ReadError> {
     flag.boolean().or_else(|_| flag.number().map(|number| number != 0.0))
 }
 
-fn detected(node: &Node, names: &Names, image_size: Option<[f64; 2]>) -> Result<Detected, ReadError> {
+/// A detection; its category is that of the file, a number as a rule.
+fn detected(node: &Node, image_size: Option<[f64; 2]>) -> Result<Detected, ReadError> {
     let bounding_box = match node.optional("bbox")? {
         Some(numbers) => Some(edges_of_size(numbers.numbers()?).map_err(|problem| numbers.error(problem))?),
         None => None,
@@ -201,7 +203,7 @@ fn detected(node: &Node, names: &Names, image_size: Option<[f64; 2]>) -> Result<
     };
     Ok(Detected {
         track: track.map(|track| track.word()).transpose()?,
-        category: category.map(|id| names.categories.get(&id).cloned().unwrap_or(id)),
+        category,
         score: node.optional("score")?.map(|score| score.number()).transpose()?,
         bounding_box,
         outline,
