@@ -63,7 +63,7 @@ pub struct Key {
     read: fn(&str) -> Result<Option<RecordCorrection>, String>,
 }
 
-/// The keys, in the order in which they are applied as far as that matters ([`RecordCorrection::place`] comes first).
+/// The keys, as help and errors list them; the corrections themselves know the order in which they are applied.
 pub const KEYS: [Key; 11] = [
     Key {
         name: "poses",
