@@ -43,9 +43,6 @@ pub(crate) struct Minimum<State> {
 /// With this damping the steps are too short to be worth taking.
 const LARGEST_DAMPING: f64 = 1e6;
 
-/// With less damping rounding errors would decide where parameters go that nothing determines.
-const LEAST_DAMPING: f64 = 1e-8;
-
 /// Largest change of a parameter in one step (object sizes, radians, logarithms).
 const LONGEST_STEP: f64 = 1.5;
 
@@ -104,7 +101,7 @@ pub(crate) fn minimum<State: Clone>(
         match candidate {
             Some((there, next)) if there.cost < here.cost => {
                 (state, here) = (next, there);
-                damping = (damping * 0.1).max(LEAST_DAMPING);
+                damping = (damping * 0.1).max(1e-12);
             }
             _ => {
                 damping *= 8.0;
