@@ -320,6 +320,12 @@ fn bodies_of_several_kinds() {
 }
 
 #[test]
+fn accidents_change_few_answers() {
+    let bounds = [("stability_world", 0.0, 6.0), ("stability_rounding", 0.0, 6.0), ("stability_order", 0.0, 0.0)];
+    assert_within(&short(Experiment::Stability), &bounds);
+}
+
+#[test]
 fn a_map_frame_by_frame_is_nearly_as_good_as_batch() {
     assert_within(&short(Experiment::Online), &[("online_worst_f1", -0.2, 0.05), ("online_worst_o3d", -0.25, 0.05)]);
 }

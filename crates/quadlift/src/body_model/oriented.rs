@@ -48,6 +48,28 @@ impl Form {
             Self::Cylinder => 0.8,
         }
     }
+
+    /// The magnitudes of the components of a vector, rounded where the support function has kinks, and their derivatives.
+    #[inline]
+    fn magnitudes(self, u: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let width = ROUNDED * u.norm();
+        let exact = |x: f64| (x.abs(), x.signum());
+        let [x, y, z] = match self {
+            Self::Exponent(2.0) => [exact(u.x), exact(u.y), exact(u.z)],
+            Self::Cylinder => [exact(u.x), exact(u.y), rounded(u.z, width)],
+            Self::Cuboid | Self::Exponent(_) => [rounded(u.x, width), rounded(u.y, width), rounded(u.z, width)],
+        };
+        (Vector3::new(x.0, y.0, z.0), Vector3::new(x.1, y.1, z.1))
+    }
+}
+
+/// Components of a vector smaller than this share of its length have a rounded magnitude: the support function of a body with edges has
+/// kinks there, at which descents end anywhere. It changes the support by at most half of it, in units of a semi-axis.
+const ROUNDED: f64 = 0.004;
+
+/// `|u|` with a parabola for its kink below `width`, and its derivative.
+fn rounded(u: f64, width: f64) -> (f64, f64) {
+    if u.abs() >= width { (u.abs(), u.signum()) } else { (0.5 * (u * u / width + width), u / width) }
 }
 
 /// Precision of the rotation of a cylinder about its own axis before anything is known: angles over half a circle have the
@@ -92,8 +114,10 @@ impl BodyModel for OrientedModel {
     #[inline]
     fn support_gradient(&self, n: &Vector3<f64>) -> (f64, [f64; 6]) {
         let u = self.axes.tr_mul(n);
-        // reach_i = |a_i u_i|; g_i = dh/du_i = share_i a_i sign(u_i); dh/dlog a_i = g_i u_i; dh/dw = g x u for R <- R exp[w]x.
-        let reach = self.semi_axes.component_mul(&u.abs());
+        // reach_i = a_i |u_i|, rounded; g_i = dh/du_i = share_i a_i slope_i; dh/dlog a_i = share_i reach_i; dh/dw = g x u for
+        // R <- R exp[w]x.
+        let (magnitudes, slopes) = self.form.magnitudes(&u);
+        let reach = self.semi_axes.component_mul(&magnitudes);
         let (h, share) = match self.form {
             Form::Cuboid | Form::Exponent(1.0) => (reach.sum(), Vector3::repeat(1.0)),
             Form::Exponent(exponent) => {
@@ -113,9 +137,9 @@ impl BodyModel for OrientedModel {
                 (across + reach.z, Vector3::new(share.x, share.y, 1.0))
             }
         };
-        let g = Vector3::from_fn(|i, _| share[i] * self.semi_axes[i] * u[i].signum());
-        let w = g.cross(&u);
-        (h, [w.x, w.y, w.z, g.x * u.x, g.y * u.y, g.z * u.z])
+        let w = share.component_mul(&self.semi_axes).component_mul(&slopes).cross(&u);
+        let by_size = share.component_mul(&reach);
+        (h, [w.x, w.y, w.z, by_size.x, by_size.y, by_size.z])
     }
 
     fn root_transposed(&self) -> Option<&Matrix3<f64>> {
@@ -167,7 +191,8 @@ impl BodyModel for OrientedModel {
         // 1 / n with a norm n of x_i = |v_i| / a_i; g_i = dn/dx_i. Of cuboids and cylinders it is the mean over the outline, half
         // of volume over projected area; superellipsoids lie between cuboid and ellipsoid.
         let v = self.axes.tr_mul(ray);
-        let x = v.abs().component_div(&self.semi_axes);
+        let (magnitudes, slopes) = self.form.magnitudes(&v);
+        let x = magnitudes.component_div(&self.semi_axes);
         let (n, g) = match self.form {
             Form::Cuboid | Form::Exponent(1.0) => (x.sum(), Vector3::repeat(1.0)),
             Form::Exponent(q) => {
@@ -184,7 +209,7 @@ impl BodyModel for OrientedModel {
         let near = 1.0 / n;
         // d near = -near^2 dn; dx_i/dlog a_i = -x_i; dv = v x w.
         let by_size = g.component_mul(&x) * (near * near);
-        let slope = Vector3::from_fn(|i, _| -near * near * g[i] / self.semi_axes[i] * v[i].signum());
+        let slope = Vector3::from_fn(|i, _| -near * near * g[i] / self.semi_axes[i] * slopes[i]);
         let by_turn = slope.cross(&v);
         (near, [by_turn.x, by_turn.y, by_turn.z, by_size.x, by_size.y, by_size.z])
     }

@@ -17,6 +17,7 @@ mod camera;
 mod cause;
 mod correction;
 mod frame_order;
+pub(crate) use frame_order::natural_places;
 mod hypotheses;
 mod lengths;
 mod misses;

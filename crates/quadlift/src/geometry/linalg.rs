@@ -63,6 +63,9 @@ pub fn axes_of_image_of_ball(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<
     Some((lengths, Matrix3::from_fn(|i, j| columns[(i, j)] / lengths[j])))
 }
 
+/// A pivot of a matrix whose diagonal is one is a rounding error below that: its inverse would be noise.
+const MIN_PIVOT: f64 = 1e-13;
+
 /// Inverse of a symmetric positive definite matrix, after scaling its diagonal to one.
 ///
 /// `None` when the matrix is not positive definite to working precision.
@@ -72,7 +75,7 @@ pub fn invert_spd<const N: usize>(m: &SMatrix<f64, N, N>) -> Option<SMatrix<f64,
         return None;
     }
     let scaled = SMatrix::<f64, N, N>::from_fn(|i, j| m[(i, j)] * scale[i] * scale[j]);
-    let lower = cholesky(&scaled)?;
+    let lower = cholesky(&scaled).filter(|lower| lower.diagonal().iter().all(|root| root * root > MIN_PIVOT))?;
     // Invert the triangle, then multiply it with its transpose.
     let mut inverse = SMatrix::<f64, N, N>::zeros();
     for j in 0..N {

@@ -2,6 +2,7 @@
 
 mod measurement_kind;
 mod options;
+mod order;
 mod selection;
 mod validate;
 
@@ -21,6 +22,7 @@ use crate::solve::{
     BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, MapOptions, OptionError,
     POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, ViewReport, predict_fold, solve_closed_form,
 };
+use order::{FrameOrder, order_of_objects};
 use selection::Selection;
 
 /// Why a scene cannot be localised at all.
@@ -94,10 +96,12 @@ pub(crate) fn solve_objects(
     if let Some(map_options) = options.method.map_options() {
         validate::check_up(map_options, scene)?;
     }
-    let selection = Selection::new(scene, options)?;
+    let sorted = FrameOrder::of(scene).and_then(|order| Some((order.apply(scene).ok()?, order)));
+    let in_order = sorted.as_ref().map_or(scene, |(sorted, _)| sorted);
+    let selection = Selection::new(in_order, options)?;
     let watch = Watch::new(observer, selection.objects.len());
     let (mut localization, folds, predicted) = match options.method.map_options() {
-        Some(map_options) => refined(scene, options, map_options, &selection, &watch),
+        Some(map_options) => refined(in_order, options, map_options, &selection, &watch),
         None => closed_form(options, &selection, &watch),
     };
     if watch.is_cancelled() {
@@ -109,6 +113,10 @@ pub(crate) fn solve_objects(
     for (k, estimate) in estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {
         estimate.views = selection.frames_of(k).map(ViewReport::not_used).collect();
     }
+    if let Some((_, order)) = &sorted {
+        order.undo(&mut localization);
+    }
+    let estimates = &mut localization.estimates;
     warn_of_implausible_sizes(estimates, &scene.categories, &options.plausible_sizes);
     let is_used = |d: &Detection| selection.is_used(d);
     localization.diagnosis = diagnose_refined(scene, &localization.refined_poses, is_used);
@@ -151,9 +159,16 @@ fn refined(
         watch,
     };
     let choose = |estimates: &[Estimate]| folds_of(estimates, options);
-    let solution = map(selection.objects.len(), &|k| selection.views_of(k), &context, &choose);
+    let order = order_of_objects(scene, &selection.objects);
+    let solution = map(order.len(), &|k| selection.views_of(order[k]), &context, &choose);
+    let mut estimates: Vec<_> = order.iter().zip(solution.estimates).collect();
+    estimates.sort_by_key(|(place, _)| **place);
+    let mut folds: Vec<_> = solution.folds.into_iter().zip(solution.predicted).collect();
+    folds.iter_mut().for_each(|(fold, _)| fold.object = order[fold.object]);
+    folds.sort_by_key(|(fold, _)| fold.object);
+    let (folds, predicted) = folds.into_iter().unzip();
     let localization = Localization {
-        estimates: solution.estimates,
+        estimates: estimates.into_iter().map(|(_, estimate)| estimate).collect(),
         noise: solution.noise,
         pose_noise: solution.pose_noise,
         pose_memory: solution.pose_memory,
@@ -164,7 +179,7 @@ fn refined(
         body: solution.body,
         ..Localization::default()
     };
-    (localization, solution.folds, solution.predicted)
+    (localization, folds, predicted)
 }
 
 /// By a closed form, object by object.

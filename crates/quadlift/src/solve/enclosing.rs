@@ -11,13 +11,13 @@
 //! those of the fitted body (docs/method.md, section 13).
 
 use crate::tuning::ENCLOSING_PRIOR_SD;
-use nalgebra::{Matrix3, Matrix3x4, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Rotation3, SMatrix, SVector, Vector3};
 
 /// The default of [`crate::LocalizeOptions::enclosing_quantile`].
 pub(crate) const ENCLOSING_QUANTILE: f64 = 0.85;
 
 use super::closed_form::planes::{edge_plane, support_plane};
-use super::conditioning::ObjectFrame;
+use super::conditioning::{ObjectFrame, axes_of};
 use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, SupportLines};
 use crate::scene::View;
@@ -61,15 +61,20 @@ pub(super) struct Enclosing {
 /// The body that encloses the object of these views; `None` without a plane, or if the planes contradict the body.
 pub(super) fn enclosing(views: &[View], body: &Body, quantile: f64) -> Option<Enclosing> {
     let unit = body.ellipsoid().semi_axes.product().cbrt();
-    let frame = ObjectFrame { origin: body.center(), unit };
+    let frame = ObjectFrame { origin: body.center(), unit, axes: axes_of(views) };
     let planes = planes(views, &frame);
-    let reach = |n: &Vector3<f64>| body.support(n) / unit;
+    let reach = |n: &Vector3<f64>| body.support(&(frame.axes * n)) / unit;
     let scale = quantile_of_ratios(&planes, reach, quantile).filter(|scale| *scale > 0.0)?;
     let equivalent = body.ellipsoid();
+    let axes = frame.axes.tr_mul(equivalent.rotation.matrix());
+    let equivalent = Ellipsoid { rotation: Rotation3::from_matrix_unchecked(axes), ..equivalent };
     let ellipsoid = (planes.len() >= FEWEST_PLANES)
         .then(|| Fit::of(&equivalent, &planes, unit, quantile))
         .flatten()
-        .map(|fit| (frame.point_in_world(&fit.center), fit.shape() * (unit * unit)))
+        .map(|fit| {
+            let turned = Fit { axes: frame.axes * fit.axes * unit, ..fit };
+            (frame.point_in_world(&fit.center), turned.shape())
+        })
         .and_then(|(center, shape)| Ellipsoid::from_shape(center, &shape).ok());
     Some(Enclosing { scale, ellipsoid })
 }
@@ -130,7 +135,9 @@ struct Loss<'a> {
 impl Fit {
     /// The separate enclosing ellipsoid, in the frame of the planes, whose unit is `unit`.
     fn of(body: &Ellipsoid, planes: &[Plane], unit: f64, quantile: f64) -> Option<Self> {
-        let axes = body.rotation.matrix() * Matrix3::from_diagonal(&(body.semi_axes / unit));
+        // The symmetric root: with equal axes it does not depend on which of them the ellipsoid has.
+        let rotation = body.rotation.matrix();
+        let axes = rotation * Matrix3::from_diagonal(&(body.semi_axes / unit)) * rotation.transpose();
         let body = Self { center: Vector3::zeros(), axes };
         let start = body.to_quantile(planes, quantile)?;
         // With a scale of zero the loss is not rounded.

@@ -1,8 +1,9 @@
-//! Answers do not depend on which way up the images are, nor on the order of the frames.
+//! Answers do not depend on which way up the images are, nor on the axes, origin and unit of the world, the order of frames and objects, or
+//! the last digits of the poses.
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use quadlift::geometry::{BoundingBox, Projection};
+use quadlift::geometry::{Body, BoundingBox, ConvexBody, Projection};
 use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, MapOptions, Status};
 use quadlift::synthetic::{Detector, Noise, Observations, SyntheticOptions, generate};
@@ -114,5 +115,65 @@ proptest! {
         let scene = crowd(seed);
         let (far, same_views) = differences(&run(&scene, false), &run(&in_order(&scene, &order), false));
         prop_assert!(same_views && far < 0.03, "{far} deviations");
+    }
+}
+
+/// A world in which x is `scale * rotation * x + shift`, with frames and objects in the opposite order and poses times 1 + 1e-15.
+fn changed(scene: &Scene, rotation: &Rotation3<f64>, shift: &Vector3<f64>, scale: f64) -> Scene {
+    let mut parts = scene.clone().into_parts();
+    for frame in &mut parts.frames {
+        let m = frame.projection.m() * rotation.inverse().matrix();
+        let last = frame.projection.matrix().column(3) * scale - m * shift;
+        let columns = [0, 1, 2].map(|k| m.column(k).into_owned());
+        let matrix = Matrix3x4::from_columns(&[columns[0], columns[1], columns[2], last]);
+        frame.projection = Projection::from_matrix(matrix * (1.0 + 1e-15)).unwrap();
+    }
+    parts.up = parts.up.map(|up| *rotation * up);
+    let (frames, objects) = (parts.frames.len() as u32, parts.object_ids.len() as u32);
+    parts.frames.reverse();
+    parts.object_ids.reverse();
+    parts.detections.reverse();
+    for detection in &mut parts.detections {
+        detection.frame_index = frames - 1 - detection.frame_index;
+        detection.object_index = detection.object_index.map(|index| objects - 1 - index);
+    }
+    Scene::from_parts(parts).unwrap()
+}
+
+/// The largest distance between the tangent planes of two bodies, relative to the size of the first.
+fn apart(a: &Body, b: &Body, rotation: &Rotation3<f64>, shift: &Vector3<f64>, scale: f64) -> f64 {
+    let moved = rotation.inverse() * (b.center().coords - shift) / scale - a.center().coords;
+    let directions = (0..27).map(|k| Vector3::new(k % 3, k / 3 % 3, k / 9).map(|x| f64::from(x - 1)));
+    let differences = directions.map(|n| n.dot(&moved) + b.support(&(rotation * n)) / scale - a.support(&n));
+    differences.fold(0.0, |most, difference| difference.abs().max(most)) / a.half_extents().product().cbrt()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..config() })]
+
+    #[test]
+    fn world_order_and_rounding_change_nothing(
+        seed in 0u64..1000,
+        angles in [-3.0..3.0f64, -1.5..1.5f64, -3.0..3.0f64],
+        shift in [-20.0..20.0f64, -20.0..20.0f64, -20.0..20.0f64],
+        log_scale in -2.0..2.0f64,
+    ) {
+        let noise = vec![Noise::BoxEdges(0.05)];
+        let observations = Observations::Boxes;
+        let make = SyntheticOptions { objects: 6, views: 8, observations, noise, seed, ..Default::default() };
+        let scene = generate(&make).unwrap().scene;
+        let (rotation, shift) = (Rotation3::from_euler_angles(angles[0], angles[1], angles[2]), Vector3::from(shift));
+        let scale = log_scale.exp();
+        let options = LocalizeOptions::default();
+        let before = localize(&scene, &options).unwrap().estimates;
+        let mut after = localize(&changed(&scene, &rotation, &shift, scale), &options).unwrap().estimates;
+        after.reverse();
+        for (a, b) in before.iter().zip(&after) {
+            prop_assert_eq!(a.status, b.status);
+            let (a, b) = (a.body.unwrap(), b.body.unwrap());
+            prop_assert_eq!(std::mem::discriminant(&a), std::mem::discriminant(&b));
+            let apart = apart(&a, &b, &rotation, &shift, scale);
+            prop_assert!(apart < 1e-6, "{apart}");
+        }
     }
 }

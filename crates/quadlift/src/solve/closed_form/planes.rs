@@ -49,7 +49,10 @@ pub fn planes(views: &[View]) -> Result<ConditionedSolution, Status> {
     }
     let frame = ObjectFrame::from_views(views).ok_or(Status::Degenerate)?;
     let (center, shape) = planes_in_frame(views, &frame)?.center_and_shape().ok_or(Status::Degenerate)?;
-    Ok(ConditionedSolution { center: frame.point_in_world(&center.coords), shape: shape * (frame.unit * frame.unit) })
+    Ok(ConditionedSolution {
+        center: frame.point_in_world(&center.coords),
+        shape: frame.axes * shape * frame.axes.transpose() * (frame.unit * frame.unit),
+    })
 }
 
 /// The same in an object frame, with the result in that frame.

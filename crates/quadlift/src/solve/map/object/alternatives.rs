@@ -84,19 +84,20 @@ impl Fit {
         let descend = |start: Model, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
         let frame = &self.problem.measurements.frame;
-        let seed = self.problem.seed(context);
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
         let mut found: Vec<(Alternative, Other)> = Vec::new();
-        for (start, screened) in self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)
+        for (start, screened) in
+            self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)
         {
             if found.len() == MAX_ALTERNATIVES || screened.cost > best.cost + MAX_COST_GAP {
                 break;
             }
             let known: Vec<Body> = std::iter::once(*body).chain(found.iter().map(|(other, _)| other.body)).collect();
+            let axes = frame.axes;
             let is_new = |model: &Model| {
                 let other = model.body_in_world(frame);
-                known.iter().all(|one| are_different(one, &other)).then_some(other)
+                known.iter().all(|one| are_different(one, &other, &axes)).then_some(other)
             };
             if is_new(&start).is_none() {
                 continue;
@@ -112,14 +113,14 @@ impl Fit {
     }
 }
 
-/// Whether the surfaces of two bodies differ by more than [`MIN_SURFACE_DIFFERENCE`], seen from 26 directions. Where the symmetry of a
+/// Whether the surfaces of two bodies differ by more than [`MIN_SURFACE_DIFFERENCE`], seen from 26 directions between these axes. Where the symmetry of a
 /// cuboid gives the same body other axes the surfaces are the same.
-fn are_different(a: &Body, b: &Body) -> bool {
+fn are_different(a: &Body, b: &Body, axes: &Matrix3<f64>) -> bool {
     let size = a.half_extents().product().cbrt();
     let shift = b.center() - a.center();
     (0..27).any(|k| {
         let direction = Vector3::new(k % 3, k / 3 % 3, k / 9).map(|x| f64::from(x - 1));
-        direction
+        (axes * direction)
             .try_normalize(0.0)
             .is_some_and(|n| (n.dot(&shift) + b.support(&n) - a.support(&n)).abs() > MIN_SURFACE_DIFFERENCE * size)
     })
@@ -189,10 +190,10 @@ mod tests {
     fn the_same_cuboid_with_other_axes_is_no_other_answer() {
         let quarter = std::f64::consts::FRAC_PI_2;
         let (one, same) = (cuboid(0.3, [2.0, 1.0, 0.5]), cuboid(0.3 + quarter, [1.0, 2.0, 0.5]));
-        assert!(!are_different(&one, &same));
+        assert!(!are_different(&one, &same, &Matrix3::identity()));
         assert!(difference(&one, &same).amax() < 1e-12);
         let other = cuboid(0.3 + quarter + 0.4, [1.0, 2.5, 0.5]);
-        assert!(are_different(&one, &other));
+        assert!(are_different(&one, &other, &Matrix3::identity()));
         let difference = difference(&one, &other);
         assert!((difference[5] - 0.4).abs() < 1e-12 && (difference[6] - 1.25f64.ln()).abs() < 1e-12, "{difference}");
     }

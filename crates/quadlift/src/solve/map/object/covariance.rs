@@ -2,26 +2,38 @@
 
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::cholesky;
+use crate::geometry::{VECH3, vech3};
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::{Covariance, CovarianceCoordinates, Matrix9};
-use nalgebra::SMatrix;
+use nalgebra::{Matrix3, SMatrix};
 
 /// Derivatives of the ellipsoid's centre and `vech A`, in world units, by the parameters of the fit. In these coordinates
 /// the normalised estimation error is right even for narrow baselines; in logarithms of the shape it is ten times too
 /// confident.
 pub(crate) fn ellipsoid_in_world(model: &EllipsoidModel, frame: &ObjectFrame) -> Matrix9 {
     let mut map = Matrix9::zeros();
-    map.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(frame.unit);
-    map.fixed_view_mut::<6, 6>(3, 3).copy_from(&(model.shape_jacobian() * frame.unit * frame.unit));
+    map.fixed_view_mut::<3, 3>(0, 0).copy_from(&(frame.axes * frame.unit));
+    let turn = turn_of_shape(&frame.axes);
+    map.fixed_view_mut::<6, 6>(3, 3).copy_from(&(turn * model.shape_jacobian() * frame.unit * frame.unit));
     map
+}
+
+/// Derivatives of `vech (R A R^T)` by `vech A`.
+fn turn_of_shape(rotation: &Matrix3<f64>) -> SMatrix<f64, 6, 6> {
+    let columns = VECH3.map(|(i, j)| {
+        let mut unit = Matrix3::zeros();
+        (unit[(i, j)], unit[(j, i)]) = (1.0, 1.0);
+        vech3(&(rotation * unit * rotation.transpose()))
+    });
+    SMatrix::from_columns(&columns)
 }
 
 /// The same of centre, rotation vector and log semi-axes; only the centre depends on the unit and the model's axes are
 /// those of the body.
 pub(crate) fn oriented_in_world(frame: &ObjectFrame) -> Matrix9 {
     let mut map = Matrix9::identity();
-    map.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(frame.unit);
+    map.fixed_view_mut::<3, 3>(0, 0).copy_from(&(frame.axes * frame.unit));
     map
 }
 

@@ -7,7 +7,7 @@ use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
 use crate::geometry::{Ellipse, Projection};
 use crate::scene::View;
-use crate::solve::conditioning::ObjectFrame;
+use crate::solve::conditioning::{ObjectFrame, axes_of};
 use crate::solve::options::CategoryPrior;
 use crate::solve::triangulate::object_radius;
 
@@ -36,18 +36,20 @@ fn outlines(views: &[View]) -> Vec<(Projection, Ellipse)> {
     views.iter().filter_map(|view| Some((view.projection, view.ellipse_or_inscribed()?))).collect()
 }
 
-/// The median of each coordinate of the centres that the cues tell.
-fn median_center(views: &[View]) -> Option<Point3<f64>> {
-    let centers: Vec<Point3<f64>> = views.iter().filter_map(center_of).collect();
+/// The median of each coordinate, between these axes, of the centers that the cues measure.
+fn median_center(views: &[View], axes: &Matrix3<f64>) -> Option<Point3<f64>> {
+    let centers: Vec<Vector3<f64>> =
+        views.iter().filter_map(center_of).map(|center| axes.tr_mul(&center.coords)).collect();
     let middle = |k: usize| median(centers.iter().map(|center| center[k]));
-    Some(Point3::new(middle(0)?, middle(1)?, middle(2)?))
+    Some(Point3::from(axes * Vector3::new(middle(0)?, middle(1)?, middle(2)?)))
 }
 
 /// The frame of an object from its cues alone; `None` where they do not tell how far it is.
 pub(crate) fn frame_from_cues(views: &[View]) -> Option<ObjectFrame> {
-    let origin = median_center(views)?;
+    let axes = axes_of(views);
+    let origin = median_center(views, &axes)?;
     let unit = object_radius(&outlines(views), &origin).or_else(|| median_size(views))?;
-    Some(ObjectFrame { origin, unit })
+    Some(ObjectFrame { origin, unit, axes })
 }
 
 /// The median of the mean half extents of 3D boxes.
@@ -68,7 +70,7 @@ pub(crate) fn frame_from_size(views: &[View], category: &CategoryPrior) -> Optio
     let view = views.iter().max_by(|a, b| height(a).total_cmp(&height(b)))?;
     let depth = view.projection.focal_length() * category.size?.mean[2] / height(view);
     let origin = at_depth(view, &view.projection.center_in_world()?, depth)?;
-    Some(ObjectFrame { origin, unit: object_radius(&outlines(views), &origin)? })
+    Some(ObjectFrame { origin, unit: object_radius(&outlines(views), &origin)?, axes: axes_of(views) })
 }
 
 /// A 3D box in an object's frame: its axes, and half its extents if it has them.
@@ -76,7 +78,10 @@ fn boxes(views: &[View], frame: &ObjectFrame) -> Vec<(Matrix3<f64>, Option<Vecto
     let of_view = |view: &View| {
         let measured = view.cues.box3d?;
         let world_from_cam = view.projection.world_from_cam_rotation()?;
-        Some((world_from_cam * measured.rotation?.matrix(), measured.half_extents.map(|half| half / frame.unit)))
+        Some((
+            frame.axes.tr_mul(&world_from_cam) * measured.rotation?.matrix(),
+            measured.half_extents.map(|half| half / frame.unit),
+        ))
     };
     let all: Vec<_> = views.iter().filter_map(of_view).collect();
     let stride = all.len().div_ceil(STARTS).max(1);
@@ -89,7 +94,7 @@ pub(crate) fn ellipsoids_from_cues(views: &[View], frame: &ObjectFrame) -> Vec<E
         return Vec::new();
     }
     let Some(found) = frame_from_cues(views) else { return Vec::new() };
-    let center = (found.origin - frame.origin) / frame.unit;
+    let center = frame.point_from_world(&found.origin);
     let radius = found.unit / frame.unit;
     let sphere = EllipsoidModel::from_axes(center, Matrix3::identity(), Vector3::repeat(radius));
     let of_box =

@@ -17,7 +17,7 @@ use crate::solve::map::residuals::measurements::Measurements;
 const STEP: f64 = 1e-6;
 
 fn frame() -> ObjectFrame {
-    ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8 }
+    ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8, axes: rotation(0.5, -0.2, 0.9) }
 }
 
 /// A view with a depth and the 3D box of a body with this centre (world), half extents and rotation, all of them scaled.
@@ -77,9 +77,9 @@ fn measurements(turn: f64) -> Measurements {
     Measurements::new(frame(), &[measured(turn)], true, false)
 }
 
-/// Direction of the ray along which a view measures its depth.
+/// Direction of the ray along which a view measures its depth, in the frame.
 fn ray_of(view: &View) -> Vector3<f64> {
-    view.projection.ray_in_world(&view.measured_box().unwrap().center()).unwrap()
+    frame().direction_from_world(&view.projection.ray_in_world(&view.measured_box().unwrap().center()).unwrap())
 }
 
 proptest! {
@@ -92,7 +92,7 @@ proptest! {
 
     #[test]
     fn rows_of_oriented_bodies(a in -0.4..0.4f64, b in -0.4..0.4f64, x in -0.5..0.5f64, q in 1.1..2.0f64) {
-        let axes = rotation(0.4, -0.3, 0.9) * rotation(a, b, 0.1);
+        let axes = frame().axes.tr_mul(&rotation(0.4, -0.3, 0.9)) * rotation(a, b, 0.1);
         for form in [Form::Cuboid, Form::Cylinder, Form::Exponent(q)] {
             let body = OrientedModel::new(Vector3::new(x, -0.2, 0.1), axes, Vector3::new(1.2, 0.8, 0.6), form);
             // The near side has a kink where a component of the ray through the middle of the box vanishes.
@@ -108,7 +108,8 @@ proptest! {
 fn at_the_truth_only_the_scale_is_left() {
     let (center, half) = (Point3::new(0.2, 0.1, 0.3), Vector3::new(1.4, 0.7, 0.5));
     let axes = rotation(0.4, -0.3, 0.9);
-    let local = (center - frame().origin) / frame().unit;
+    let turned_axes = frame().axes.tr_mul(&axes);
+    let local = frame().point_from_world(&center);
     for scale in [1.0, 1.1] {
         let m = Measurements::new(frame(), &[view(center, half, axes, scale)], true, false);
         let noise = NoiseLevels::new(67.0);
@@ -121,10 +122,11 @@ fn at_the_truth_only_the_scale_is_left() {
                 assert!((value - expected(group)).abs() < 1e-9, "{group:?}: {value} {}", expected(group));
             }
         };
-        check(rows(&m, &EllipsoidModel::from_axes(local, axes, half / frame().unit)));
-        check(rows(&m, &OrientedModel::new(local, axes, half / frame().unit, Form::Cuboid)));
+        check(rows(&m, &EllipsoidModel::from_axes(local, turned_axes, half / frame().unit)));
+        check(rows(&m, &OrientedModel::new(local, turned_axes, half / frame().unit, Form::Cuboid)));
         // The same body with its axes named in another order, one of them reversed.
-        let other = Matrix3::from_columns(&[axes.column(1).into_owned(), -axes.column(0), axes.column(2).into_owned()]);
+        let [a, b, c] = [0, 1, 2].map(|k| turned_axes.column(k).into_owned());
+        let other = Matrix3::from_columns(&[b, -a, c]);
         let turned = Vector3::new(half.y, half.x, half.z) / frame().unit;
         check(rows(&m, &OrientedModel::new(local, other, turned, Form::Cuboid)));
     }
@@ -146,8 +148,9 @@ fn a_near_cuboid_is_seen_in_perspective() {
     let cues = Cues { depth: Some(depth), box3d: None };
     let view = View { cues, ..View::from_box(projection, bounding_box) };
     let mut m = Measurements::new(frame(), std::slice::from_ref(&view), true, false);
-    let local = (car.center - frame().origin) / frame().unit;
-    let body = OrientedModel::new(local, *turned.matrix(), half_extents / frame().unit, Form::Cuboid);
+    let local = frame().point_from_world(&car.center);
+    let body =
+        OrientedModel::new(local, frame().axes.tr_mul(turned.matrix()), half_extents / frame().unit, Form::Cuboid);
     let off = |m: &Measurements| rows(m, &body).0[0] * NoiseLevels::new(67.0).of(NoiseGroup::Depth);
     assert!((off(&m) + 0.226).abs() < 0.005, "{}", off(&m));
     m.look_at(&body, &Body::Cuboid(car), &[view]);

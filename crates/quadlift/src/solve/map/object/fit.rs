@@ -51,7 +51,7 @@ const SUSPECT_COST: f64 = 12.0;
 const FAR_BEYOND_NOISE: f64 = 10.0;
 
 /// Rounds in which a body with several starts is fitted from other starts.
-const RESTARTED: usize = 2;
+const RESTARTED: usize = 4;
 
 /// A fitted object.
 #[derive(Clone)]
@@ -78,9 +78,9 @@ impl Fit {
     ) -> Result<Self, Box<Estimate>> {
         let failed =
             Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
-        let seed = object.seed(context);
         let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) = object.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS).ok_or(failed)?;
+        let (body, equations) =
+            object.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS).ok_or(failed)?;
         let fit = Self {
             problem: Arc::new(object),
             ellipsoid,
@@ -101,7 +101,7 @@ impl Fit {
     pub(crate) fn lowest_point(&self, up: &Unit<Vector3<f64>>) -> Option<LowestPoint> {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
         let frame = &measurements.frame;
-        let level = Plane { n: up.into_inner(), d: 0.0 };
+        let level = Plane { n: frame.direction_from_world(up), d: 0.0 };
         let (reach, _) = self.body.support_gradient(&level.n);
         // The estimate without the plane: its row is removed from the inverse again (Sherman-Morrison).
         let covariance = invert_spd(&self.equations.hessian())?;
@@ -137,7 +137,10 @@ impl Fit {
         self.ground = lowest.map(|lowest| {
             let frame = &self.problem.measurements.frame;
             let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
-            (Plane { n: ground.normal, d: height / frame.unit }, frame.unit / (ground.unevenness * lowest.unevenness()))
+            (
+                Plane { n: frame.direction_from_world(&ground.normal), d: height / frame.unit },
+                frame.unit / (ground.unevenness * lowest.unevenness()),
+            )
         });
     }
 
@@ -170,7 +173,8 @@ impl Fit {
         let mut of_row = |view: usize, row: &ResidualRow, weight: f64| {
             let Some(camera) = cameras[view] else { return };
             // Moving the camera is moving the body the other way.
-            let by_point = Vector3::new(row.row[0], row.row[1], row.row[2]) / measurements.frame.unit;
+            let frame = &measurements.frame;
+            let by_point = frame.axes * Vector3::new(row.row[0], row.row[1], row.row[2]) / frame.unit;
             let by_turn = -(center - camera).cross(&by_point);
             let by_motion = Vector6::new(by_turn.x, by_turn.y, by_turn.z, -by_point.x, -by_point.y, -by_point.z);
             let frame = views.views[view].frame_index;
@@ -203,9 +207,9 @@ impl Fit {
     pub(crate) fn without_outliers(&self, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         let problem = &self.problem;
         let objective = Objective { smooth: true, ..problem.objective(noise, None) };
-        let seed = problem.seed(context);
-        let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, seed)?;
-        let (body, equations) = problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), seed, TURNED_STARTS)?;
+        let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, context.seed)?;
+        let (body, equations) =
+            problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), context.seed, TURNED_STARTS)?;
         Some(Self {
             problem: problem.clone(),
             ellipsoid,
@@ -225,8 +229,7 @@ impl Fit {
         }
         let again = || {
             let ellipsoid = self.problem.fit_ellipsoid(noise)?;
-            let seed = self.problem.seed(context);
-            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, seed, TURNED_STARTS)?;
+            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -240,7 +243,7 @@ impl Fit {
         let mut fit = self.refined(noise, false);
         if self.problem.has_several_starts() {
             // Other random rotations than before.
-            let seed = self.problem.seed(context).wrapping_add(1 + round as u64);
+            let seed = context.seed.wrapping_add(1 + round as u64);
             let before = fit.clone();
             let again = |scale| {
                 let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;

@@ -199,7 +199,7 @@ fn the_grounds_own_pull_is_taken_out_of_what_an_object_tells_of_it() {
         let bottom = |fit: &Fit| {
             let frame = &fit.problem.measurements.frame;
             up.dot(&frame.point_in_world(fit.body.center()).coords)
-                - fit.body.support_gradient(&up.into_inner()).0 * frame.unit
+                - fit.body.support_gradient(&frame.direction_from_world(&up)).0 * frame.unit
         };
         let pulled = bottom(&free) - bottom(&standing);
         assert!(pulled > 0.1 * deviation, "pulled by {pulled} of {deviation}");

@@ -50,7 +50,7 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
 }
 
 fn measurements(ellipses_as_planes: bool) -> Measurements {
-    let frame = ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8 };
+    let frame = ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8, axes: rotation(0.5, -0.2, 0.9) };
     let ellipse = Ellipse::new(Vector2::new(340.0, 220.0), Vector2::new(90.0, 50.0), 0.4).unwrap();
     let views = [
         view(0.2, None, Some([250.0, 160.0, 420.0, 300.0])),
@@ -117,7 +117,12 @@ fn check_loss(m: &Measurements, body: &EllipsoidModel, noise: &NoiseLevels, outl
 
 /// The gradient of the priors' cost, 2 J^T r, against differences of the cost.
 fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, false);
+    let m = Measurements::new(
+        ObjectFrame { origin: Point3::origin(), unit: 1.0, axes: Matrix3::identity() },
+        &[],
+        false,
+        false,
+    );
     let noise = NoiseLevels::new(67.0);
     let objective = Objective {
         measurements: &m,
@@ -203,7 +208,7 @@ proptest! {
         let correlations = [("edge_correlation", edges), ("ellipse_correlation", ellipses), ("edge_relative", 0.1)];
         let noise = NoiseLevels::given(&Sigmas::new(correlations).unwrap(), 67.0);
         let ellipse = Ellipse::new(Vector2::new(330.0, 225.0), Vector2::new(80.0, 60.0), -0.3).unwrap();
-        let frame = ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8 };
+        let frame = ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8, axes: rotation(0.5, -0.2, 0.9) };
         let views = [
             view(0.2, None, Some([250.0, 160.0, 420.0, 300.0])),
             view(0.7, Some(ellipse), Some([245.0, 165.0, 415.0, 290.0])),
@@ -300,7 +305,12 @@ fn the_size_prior_of_an_ellipsoid_names_its_axes_by_up_and_length() {
         up: Some(up),
         ..Default::default()
     };
-    let m = Measurements::new(ObjectFrame { origin: Point3::origin(), unit: 1.0 }, &[], false, false);
+    let m = Measurements::new(
+        ObjectFrame { origin: Point3::origin(), unit: 1.0, axes: Matrix3::identity() },
+        &[],
+        false,
+        false,
+    );
     let noise = NoiseLevels::new(67.0);
     let objective = Objective {
         measurements: &m,

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Unit, Vector3};
 
 use super::fit::Fit;
 use super::model::Model;
@@ -171,8 +171,9 @@ impl Fit {
     }
 
     /// The order of this body's axes by which objects of a category are compared.
-    pub(crate) fn order_of_axes(&self, up: Option<&Vector3<f64>>) -> [usize; 3] {
-        first_order(&self.body.semi_axes().map(f64::ln), self.body.axes(), up)
+    pub(crate) fn order_of_axes(&self, up: Option<&Unit<Vector3<f64>>>) -> [usize; 3] {
+        let up = up.map(|up| self.problem.measurements.frame.direction_from_world(up));
+        first_order(&self.body.semi_axes().map(f64::ln), self.body.axes(), up.as_ref())
     }
 
     /// The fit with the shape prior in the place of a size that was learnt before, if there was one.
@@ -203,16 +204,16 @@ impl Fit {
         let mut starts = vec![self.body.clone()];
         if matches!(self.body, Model::Ellipsoid(_)) {
             let told = self.local_covariance(noise, shared, context).and_then(|c| self.shape_information(&c));
-            let (weight, seed) = (1.0 / context.options.shape_sd, self.problem.seed(context));
+            let weight = 1.0 / context.options.shape_sd;
             problem.prior.size_site =
-                told.and_then(|told| SizeSite::new(&told, &size, up.as_ref(), weight, level * level, seed));
+                told.and_then(|told| SizeSite::new(&told, &size, up.as_ref(), weight, level * level, context.seed));
             problem.prior.shape_weight =
                 if problem.prior.size_site.is_some() { 0.0 } else { 1.0 / context.options.shape_sd };
         } else {
             // No category differs more than any objects do.
             let of_any = 0.5 * (across() * size.covariance).trace() / context.options.shape_sd.powi(2);
             let Some(learnt) = LearntSize::new(&size, up, (level * level).max(of_any)) else { return self.clone() };
-            let first = self.order_of_axes(up.as_ref());
+            let first = first_order(&self.body.semi_axes().map(f64::ln), self.body.axes(), up.as_ref());
             starts.extend(orders(size.named).iter().map(|order| {
                 let mut semi_axes = Vector3::zeros();
                 (0..3).for_each(|k| semi_axes[first[order[k]]] = size.mean[k].exp());

@@ -95,16 +95,17 @@ impl Model {
     pub(crate) fn of_body(body: &Body, frame: &ObjectFrame) -> Self {
         let form = match body {
             Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation }) => {
-                let center = (center - frame.origin) / frame.unit;
-                return Self::Ellipsoid(EllipsoidModel::from_axes(center, *rotation.matrix(), semi_axes / frame.unit));
+                let axes = frame.axes.tr_mul(rotation.matrix());
+                let center = frame.point_from_world(center);
+                return Self::Ellipsoid(EllipsoidModel::from_axes(center, axes, semi_axes / frame.unit));
             }
             Body::Cuboid(_) => Form::Cuboid,
             Body::Cylinder(_) => Form::Cylinder,
             Body::Superellipsoid(body) => Form::Exponent(body.support_exponent),
         };
-        let center = (body.center() - frame.origin) / frame.unit;
+        let center = frame.point_from_world(&body.center());
         let semi_axes = body.half_extents() / frame.unit;
-        Self::Oriented(OrientedModel::new(center, *body.rotation().matrix(), semi_axes, form))
+        Self::Oriented(OrientedModel::new(center, frame.axes.tr_mul(body.rotation().matrix()), semi_axes, form))
     }
 
     /// A body of the same kind about the same axes with other semi-axes.
@@ -123,7 +124,7 @@ impl Model {
     pub(crate) fn body_in_world(&self, frame: &ObjectFrame) -> Body {
         let center = frame.point_in_world(self.center());
         let semi_axes = self.semi_axes() * frame.unit;
-        let rotation = Rotation3::from_matrix_unchecked(*self.axes());
+        let rotation = Rotation3::from_matrix_unchecked(frame.axes * self.axes());
         let form = match self {
             Self::Ellipsoid(_) => return Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation }),
             Self::Oriented(model) => model.form(),

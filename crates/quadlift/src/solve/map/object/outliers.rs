@@ -68,7 +68,7 @@ pub(crate) fn fit_without_outliers(
     let rank = (count / 2 + 2).min(count) - 1;
     costs.sort_by(f64::total_cmp);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let order = order_of_cameras(views);
+    let order = order_of_cameras(&tangents);
     let mut hypotheses = Vec::with_capacity(2 * HYPOTHESES);
     let mut draw = |number: usize, hypotheses: &mut Vec<(f64, EllipsoidModel)>| {
         for _ in 0..number {
@@ -118,14 +118,10 @@ fn plane_costs(tangents: &Measurements, body: &impl BodyModel, noise: &NoiseLeve
 
 /// The views in an order that is the cameras' own, so that draws do not depend on the order of the frames: by where the
 /// cameras look, and of those that look the same way by where they are, along a direction in which no rig is built.
-fn order_of_cameras(views: &[View]) -> Vec<usize> {
+fn order_of_cameras(tangents: &Measurements) -> Vec<usize> {
     let direction = Vector3::new(0.618_034, 0.414_214, 0.732_051);
-    let along = |view: &View| {
-        let looks = view.projection.m().row(2).transpose().dot(&direction);
-        (looks, view.projection.center_in_world().map_or(0.0, |center| center.coords.dot(&direction)))
-    };
-    let places: Vec<(f64, f64)> = views.iter().map(along).collect();
-    let mut order: Vec<usize> = (0..views.len()).collect();
+    let places: Vec<(f64, f64)> = tangents.views.iter().map(|view| (view.axis.dot(&direction), view.offset)).collect();
+    let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by(|&a, &b| places[a].0.total_cmp(&places[b].0).then(places[a].1.total_cmp(&places[b].1)));
     order
 }

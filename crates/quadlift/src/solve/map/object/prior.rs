@@ -1,6 +1,6 @@
 //! Priors of one object: shape, size of its category, upright stance, ground plane.
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
 
 use super::learnt_size::LearntSize;
 use super::size_site::SizeSite;
@@ -23,7 +23,7 @@ pub(crate) struct ObjectPrior {
     /// The size learnt from the other objects of the category, in the place of the shape prior: of an oriented body, of an ellipsoid.
     pub learnt_size: Option<LearntSize>,
     pub size_site: Option<SizeSite>,
-    /// Direction against gravity.
+    /// Direction against gravity, in the frame.
     pub up: Option<Vector3<f64>>,
     /// 1/sd of the angle between an axis and `up`.
     pub upright_weight: f64,
@@ -76,14 +76,14 @@ pub(crate) fn object_prior(
     let Some(category) = context.options.priors.of(name) else { return prior };
     prior.on_ground |= category.on_ground && context.up.is_some();
     if let (Some(up), Some(sd)) = (context.up, category.upright_sd) {
-        prior.up = Some(up.into_inner());
+        prior.up = Some(frame.direction_from_world(&up));
         prior.upright_weight = 1.0 / sd;
     }
     if let Some(size) = category.size {
         prior.log_size =
             Some(std::array::from_fn(|k| ((0.5 * size.mean[k] / frame.unit).ln(), size.mean[k] / size.sd[k])));
         if prior.up.is_none() {
-            prior.up = context.up.map(Unit::into_inner);
+            prior.up = context.up.map(|up| frame.direction_from_world(&up));
         }
         // The category's size takes the place of the general shape prior.
         prior.shape_weight = 0.0;

@@ -9,7 +9,7 @@ use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upri
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::optimize::levenberg_marquardt::{Stop, minimise};
-use crate::scene::{ObjectViews, View};
+use crate::scene::ObjectViews;
 use crate::solve::closed_form::planes::planes_in_frame;
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::{Estimate, Status};
@@ -72,19 +72,11 @@ impl ObjectProblem {
         Self { views, measurements, prior: self.prior.clone(), ..*self }
     }
 
-    /// Seed of what is drawn for this object: it comes from the directions in which its cameras look, so that it is the
-    /// same whatever the object's name is, whatever other objects there are, in which order the frames come, which way up
-    /// their images are, and where the origin of the world and what its unit is.
-    pub(crate) fn seed(&self, context: &MapContext) -> u64 {
-        let of_view = |view: &View| hash(view.projection.m().row(2).iter().copied());
-        context.seed ^ self.views.views.iter().map(of_view).fold(0, u64::wrapping_add)
-    }
-
     /// The same object with some axis of it along `up`; as it is where its category says how upright it is.
     pub(crate) fn standing(&self, up: &Unit<Vector3<f64>>) -> Self {
         let mut standing = self.clone();
         if standing.prior.upright_weight <= 0.0 {
-            standing.prior.up = Some(up.into_inner());
+            standing.prior.up = Some(self.measurements.frame.direction_from_world(up));
             standing.prior.upright_weight = 1.0 / TILT_SD;
         }
         standing
@@ -129,11 +121,4 @@ impl ObjectProblem {
 /// The measurements for a body of a kind. Its axes are length, width and height where the category has a size.
 fn measured(views: &ObjectViews, frame: ObjectFrame, kind: BodyKind, prior: &ObjectPrior) -> Measurements {
     Measurements::new(frame, &views.views, kind != BodyKind::Ellipsoid, prior.log_size.is_some())
-}
-
-/// A hash of numbers in the manner of FNV-1a, by 64 bits; it will not change, so that the same seed goes on to give the
-/// same results.
-fn hash(numbers: impl Iterator<Item = f64>) -> u64 {
-    let mixed = |hash: u64| hash.wrapping_mul(0x100_0000_01B3) ^ (hash >> 29);
-    numbers.fold(0xCBF2_9CE4_8422_2325, |hash, number| mixed(hash ^ number.to_bits()))
 }

@@ -21,7 +21,11 @@ use crate::solve::sigmas::Sigmas;
 const UNIT: f64 = 0.8;
 
 fn frame() -> ObjectFrame {
-    ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: UNIT }
+    ObjectFrame {
+        origin: Point3::new(0.1, 0.2, -0.1),
+        unit: UNIT,
+        axes: *Rotation3::from_euler_angles(0.5, -0.2, 0.9).matrix(),
+    }
 }
 
 fn projection() -> Projection {
@@ -44,7 +48,7 @@ fn outline() -> Ellipse {
     let world = Ellipsoid {
         center: frame().point_in_world(body.center()),
         semi_axes: body.semi_axes() * UNIT,
-        rotation: Rotation3::from_matrix_unchecked(*body.axes()),
+        rotation: Rotation3::from_matrix_unchecked(frame().axes * body.axes()),
     };
     project_ellipsoid(&projection(), &world).unwrap()
 }

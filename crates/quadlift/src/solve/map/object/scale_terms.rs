@@ -73,7 +73,7 @@ impl Fit {
         let center = frame.point_in_world(self.body.center());
         let rays = self.problem.views.views.iter().filter_map(|view| Some(center - view.projection.center_in_world()?));
         let nearest = rays.min_by(|a, b| a.norm().total_cmp(&b.norm()))?;
-        let along = nearest.normalize();
+        let along = frame.direction_from_world(&nearest.normalize());
         let variance = (along.transpose() * covariance.fixed_view::<3, 3>(0, 0) * along)[0];
         Some(variance.sqrt() * frame.unit / nearest.norm())
     }

@@ -224,6 +224,6 @@ pub(crate) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior:
     let along = view.projection.depth(&(camera + ray));
     [0.85, 1.0, 1.2]
         .into_iter()
-        .map(|factor| (camera + ray * (depth * factor / along) - frame.origin) / frame.unit)
+        .map(|factor| frame.point_from_world(&(camera + ray * (depth * factor / along))))
         .collect()
 }

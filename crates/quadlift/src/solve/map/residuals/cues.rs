@@ -165,6 +165,7 @@ impl MeasuredCue {
 impl MeasuredDepth {
     fn new(depth: &DepthCue, view: &View, frame: &ObjectFrame, p: &Matrix3x4<f64>) -> Option<Self> {
         let ray = view.projection.ray_in_world(&view.measured_box()?.center())?;
+        let ray = frame.direction_from_world(&ray);
         let axis = Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]);
         Some(Self {
             axis,
@@ -200,11 +201,11 @@ impl MeasuredDepth {
 
 impl MeasuredBox {
     fn new(measured: &Box3dCue, view: &View, frame: &ObjectFrame, named: bool) -> Option<Self> {
-        let world_from_cam = view.projection.world_from_cam_rotation()?;
+        let frame_from_cam = frame.axes.tr_mul(&view.projection.world_from_cam_rotation()?);
         let center = match measured.center {
             Some(center) => {
-                let camera = (view.projection.center_in_world()? - frame.origin) / frame.unit;
-                let offset = world_from_cam * center.coords / frame.unit;
+                let camera = frame.point_from_world(&view.projection.center_in_world()?);
+                let offset = frame_from_cam * center.coords / frame.unit;
                 let ray = nalgebra::Unit::try_new(offset, 0.0)?;
                 Some(MeasuredCenter {
                     camera,
@@ -220,7 +221,7 @@ impl MeasuredBox {
             None => None,
         };
         let shape = MeasuredShape {
-            axes: measured.rotation.map(|rotation| world_from_cam * rotation.matrix()),
+            axes: measured.rotation.map(|rotation| frame_from_cam * rotation.matrix()),
             log_half_extents: measured.half_extents.map(|half| half.map(|x| (x / frame.unit).ln())),
             named,
         };

@@ -44,9 +44,8 @@ impl SceneSizes {
             let members: Vec<_> = objects.iter().filter(|(_, fit, _)| group_of(fit) == Some(key)).collect();
             // Where all stand their vertical axes are their heights.
             let up = context.up.filter(|_| members.iter().all(|(_, fit, _)| fit.is_upright()));
-            let ordered = |(_, fit, told): &&(usize, &Fit, SizeInformation)| {
-                told.ordered(fit.order_of_axes(up.map(nalgebra::Unit::into_inner).as_ref()))
-            };
+            let ordered =
+                |(_, fit, told): &&(usize, &Fit, SizeInformation)| told.ordered(fit.order_of_axes(up.as_ref()));
             let told: Vec<SizeInformation> = members.iter().map(ordered).collect();
             let sizes = LearntSizes::of(&told, up.is_some(), context.options.shape_sd);
             found.of_object.extend(members.iter().zip(&sizes.of_each).map(|((index, ..), size)| (*index, *size)));

@@ -370,10 +370,11 @@ impl SceneFit {
         let mut problem = ObjectProblem::new(views, BodyKind::of(start), context).ok()?;
         let frame = problem.measurements.frame;
         let body = Model::of_body(start, &frame);
-        if let Some(up) = context
-            .up
-            .filter(|up| context.options.upright && problem.prior.log_size.is_none() && was_upright(&body, up))
-        {
+        if let Some(up) = context.up.filter(|up| {
+            context.options.upright
+                && problem.prior.log_size.is_none()
+                && was_upright(&body, &frame.direction_from_world(up))
+        }) {
             problem = problem.standing(&up);
         }
         let outlier_scale = outliers.then_some(OUTLIER_SCALE);

@@ -10,7 +10,7 @@
 use crate::tuning::UPRIGHT_SHARE;
 use std::sync::Arc;
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
 
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -59,7 +59,7 @@ fn logit(share: f64) -> f64 {
     (share / (1.0 - share)).ln()
 }
 
-/// Whether an earlier fit had it that this body stands: an axis of it is vertical, as it is by chance for few.
+/// Whether an earlier fit had it that this body stands (`up` is in its frame): an axis of it is vertical, as it is by chance for few.
 pub(crate) fn was_upright(body: &impl BodyModel, up: &Vector3<f64>) -> bool {
     body.axes().tr_mul(up).amax() > (2.0 * TILT_SD).cos()
 }
@@ -73,7 +73,7 @@ impl Fit {
         let asked = context.options.upright && !self.is_upright() && self.problem.prior.log_size.is_none();
         let up = context.up.filter(|_| asked)?;
         let problem = Arc::new(self.problem.standing(&up));
-        let near = self.put_upright(&problem, &up, noise, context);
+        let near = self.put_upright(&problem, noise, context);
         let few = problem.views.views.len() < FEW_VIEWS;
         let again = || {
             let fit = Self::first(ObjectProblem::clone(&problem), noise, context).ok()?;
@@ -94,23 +94,17 @@ impl Fit {
 
     /// The body of this fit set upright, and fitted from there; `None` for a body with several starts, which is looked for from
     /// all of them.
-    fn put_upright(
-        &self,
-        problem: &Arc<ObjectProblem>,
-        up: &Unit<Vector3<f64>>,
-        noise: &NoiseLevels,
-        context: &MapContext,
-    ) -> Option<Self> {
+    fn put_upright(&self, problem: &Arc<ObjectProblem>, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         if self.problem.has_several_starts() {
             return None;
         }
         let body = EllipsoidModel::from_axes(*self.body.center(), *self.body.axes(), self.body.semi_axes());
-        let (axes, semi_axes) = set_upright(&body, up)?;
+        let (axes, semi_axes) = set_upright(&body, &problem.prior.up?)?;
         let start = EllipsoidModel::from_axes(*body.center(), axes, semi_axes);
         let objective = problem.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
-        let seed = problem.seed(context);
-        let (body, equations) = problem.started_at(&ellipsoid, noise, self.outlier_scale, seed, TURNED_STARTS)?;
+        let (body, equations) =
+            problem.started_at(&ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)?;
         let fit = Self { problem: problem.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }
