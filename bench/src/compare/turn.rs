@@ -58,7 +58,7 @@ mod tests {
         let scene = &synthetic(1).unwrap()[0].scenes[0];
         let other = turned(scene, 3);
         let outlines = |file: &SceneFile| -> Vec<_> {
-            let (frames, objects) = (file.to_scene().unwrap().frames, file.to_objects().unwrap());
+            let (frames, objects) = (file.to_scene().unwrap().frames.clone(), file.to_objects().unwrap());
             let of =
                 |body: &quadlift::geometry::Ellipsoid| project_ellipsoid(&frames[0].projection, body).unwrap().center();
             objects.iter().map(|object| of(&object.body().unwrap().ellipsoid())).collect()
