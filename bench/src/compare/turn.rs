@@ -58,9 +58,10 @@ mod tests {
         let scene = &synthetic(1).unwrap()[0].scenes[0];
         let other = turned(scene, 3);
         let outlines = |file: &SceneFile| -> Vec<_> {
-            let (frames, objects) = (file.to_scene().unwrap().frames.clone(), file.to_objects().unwrap());
-            let of =
-                |body: &quadlift::geometry::Ellipsoid| project_ellipsoid(&frames[0].projection, body).unwrap().center();
+            let (seen, objects) = (file.to_scene().unwrap(), file.to_objects().unwrap());
+            let of = |body: &quadlift::geometry::Ellipsoid| {
+                project_ellipsoid(&seen.frames[0].projection, body).unwrap().center()
+            };
             objects.iter().map(|object| of(&object.body().unwrap().ellipsoid())).collect()
         };
         for (before, after) in outlines(&scene.truth).iter().zip(outlines(&other.truth)) {
