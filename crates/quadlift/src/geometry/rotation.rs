@@ -46,9 +46,12 @@ pub fn rotation_defect(m: &Matrix3<f64>) -> f64 {
 
 /// A rotation drawn uniformly (Shoemake's method).
 pub fn random_rotation(rng: &mut impl Rng) -> Rotation3<f64> {
-    let u: f64 = rng.random_range(0.0..1.0);
-    let angle = |x: f64| x * std::f64::consts::TAU;
-    let (a, b) = (angle(rng.random_range(0.0..1.0)), angle(rng.random_range(0.0..1.0)));
+    rotation_of_cube(std::array::from_fn(|_| rng.random_range(0.0..1.0)))
+}
+
+/// The rotation that belongs to a point of the unit cube: points spread evenly there give rotations spread evenly (Shoemake's method).
+pub(crate) fn rotation_of_cube([u, a, b]: [f64; 3]) -> Rotation3<f64> {
+    let (a, b) = (a * std::f64::consts::TAU, b * std::f64::consts::TAU);
     let (p, q) = ((1.0 - u).sqrt(), u.sqrt());
     let quaternion = Quaternion::new(q * b.cos(), p * a.sin(), p * a.cos(), q * b.sin());
     UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()

@@ -88,7 +88,7 @@ impl Fit {
         let Some(own) = evidence(&best) else { return Vec::new() };
         let mut found: Vec<(Alternative, Other)> = Vec::new();
         for (start, screened) in
-            self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)
+            self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, 0, TURNED_STARTS)
         {
             if found.len() == MAX_ALTERNATIVES || screened.cost > best.cost + MAX_COST_GAP {
                 break;

@@ -80,7 +80,7 @@ impl Fit {
             Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
         let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
         let (body, equations) =
-            object.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS).ok_or(failed)?;
+            object.started_at(&ellipsoid, noise, None, 0, TURNED_STARTS).ok_or(failed)?;
         let fit = Self {
             problem: Arc::new(object),
             ellipsoid,
@@ -209,7 +209,7 @@ impl Fit {
         let objective = Objective { smooth: true, ..problem.objective(noise, None) };
         let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, context.seed)?;
         let (body, equations) =
-            problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), context.seed, TURNED_STARTS)?;
+            problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), 0, TURNED_STARTS)?;
         Some(Self {
             problem: problem.clone(),
             ellipsoid,
@@ -229,7 +229,7 @@ impl Fit {
         }
         let again = || {
             let ellipsoid = self.problem.fit_ellipsoid(noise)?;
-            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS)?;
+            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, 0, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -242,11 +242,9 @@ impl Fit {
     pub(crate) fn retry_starts_and_outliers(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
         let mut fit = self.refined(noise, false);
         if self.problem.has_several_starts() {
-            // Other random rotations than before.
-            let seed = context.seed.wrapping_add(1 + round as u64);
             let before = fit.clone();
             let again = |scale| {
-                let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
+                let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, 1 + round, ALL)?;
                 let objective = before.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };

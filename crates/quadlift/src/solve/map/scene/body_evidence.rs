@@ -113,7 +113,7 @@ impl BodyEvidence {
             self.take(kind, &search, search.starts(form_of(kind)), TURNED);
         }
         let object = &search.object;
-        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &object.prior, &[], context.seed);
+        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &object.prior, &[], 0);
         self.take(CUBOID, &search, any_way, TURNED_STARTS);
         let lying = search.starts(Form::Cylinder).iter().flat_map(along_each_axis).collect();
         self.take(CYLINDER, &search, lying, TURNED_STARTS);

@@ -104,7 +104,7 @@ impl Fit {
         let objective = problem.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
         let (body, equations) =
-            problem.started_at(&ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)?;
+            problem.started_at(&ellipsoid, noise, self.outlier_scale, 0, TURNED_STARTS)?;
         let fit = Self { problem: problem.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }
