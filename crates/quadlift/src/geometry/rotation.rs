@@ -1,7 +1,6 @@
 //! Rotations: quaternions (w first in files), exponential map, checks.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
-use rand::{Rng, RngExt};
 
 /// Iterations after which a singular value decomposition is given up.
 const MOST_SVD_STEPS: usize = 200;
@@ -42,11 +41,6 @@ pub fn skew(w: &Vector3<f64>) -> Matrix3<f64> {
 pub fn rotation_defect(m: &Matrix3<f64>) -> f64 {
     let defect = (m * m.transpose() - Matrix3::identity()).amax();
     if m.determinant() > 0.0 && defect.is_finite() { defect } else { f64::INFINITY }
-}
-
-/// A rotation drawn uniformly (Shoemake's method).
-pub fn random_rotation(rng: &mut impl Rng) -> Rotation3<f64> {
-    rotation_of_cube(std::array::from_fn(|_| rng.random_range(0.0..1.0)))
 }
 
 /// The rotation that belongs to a point of the unit cube: points spread evenly there give rotations spread evenly (Shoemake's method).

@@ -79,8 +79,7 @@ impl Fit {
         let failed =
             Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
         let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) =
-            object.started_at(&ellipsoid, noise, None, 0, TURNED_STARTS).ok_or(failed)?;
+        let (body, equations) = object.started_at(&ellipsoid, noise, None, 0, TURNED_STARTS).ok_or(failed)?;
         let fit = Self {
             problem: Arc::new(object),
             ellipsoid,
@@ -208,8 +207,7 @@ impl Fit {
         let problem = &self.problem;
         let objective = Objective { smooth: true, ..problem.objective(noise, None) };
         let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, context.seed)?;
-        let (body, equations) =
-            problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), 0, TURNED_STARTS)?;
+        let (body, equations) = problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), 0, TURNED_STARTS)?;
         Some(Self {
             problem: problem.clone(),
             ellipsoid,
@@ -223,7 +221,7 @@ impl Fit {
 
     /// The better one of the fit and another from the first starts, for noise levels that are far from those of the
     /// first fit: where the measurements determine little, its valley need not be the right one.
-    pub(crate) fn restarted(self, noise: &NoiseLevels, context: &MapContext) -> Self {
+    pub(crate) fn restarted(self, noise: &NoiseLevels) -> Self {
         if self.outlier_scale.is_some() {
             return self;
         }

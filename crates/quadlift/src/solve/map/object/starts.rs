@@ -6,8 +6,8 @@ use super::prior::ObjectPrior;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
-use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::DualQuadric;
+use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::{horizontal_basis, rotation_of_cube};
 use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
@@ -232,4 +232,31 @@ pub(crate) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior:
         .into_iter()
         .map(|factor| frame.point_from_world(&(camera + ray * (depth * factor / along))))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::map::object::alternatives::symmetries;
+
+    /// A cuboid is the same after 24 rotations. One of those of a round is near any cuboid.
+    #[test]
+    fn the_rotations_of_each_round_are_spread_evenly() {
+        let symmetries = symmetries();
+        let angle = |from: &Matrix3<f64>, to: &Matrix3<f64>| {
+            let turn = from.transpose() * to;
+            let cosine = |symmetry| (((turn * symmetry).trace() - 1.0) / 2.0).clamp(-1.0, 1.0);
+            symmetries.iter().map(cosine).fold(-1.0, f64::max).acos().to_degrees()
+        };
+        for round in 0..5 {
+            let starts: Vec<_> = spread_rotations(round).collect();
+            let any: Vec<_> = (100..130).flat_map(spread_rotations).collect();
+            let nearest = |to: &Matrix3<f64>| starts.iter().map(|from| angle(from, to)).fold(180.0, f64::min);
+            let angles: Vec<f64> = any.iter().map(nearest).collect();
+            let mean = angles.iter().sum::<f64>() / angles.len() as f64;
+            let farthest = angles.iter().copied().fold(0.0, f64::max);
+            println!("{round} {mean} {farthest}");
+            assert!(mean < 20.0 && farthest < 45.0, "{round} {mean} {farthest}");
+        }
+    }
 }

@@ -256,7 +256,7 @@ impl SceneFit {
                 } else {
                     fit.refined(&noise, false)
                 };
-                Ok(if restart { fit.restarted(&noise, context) } else { fit })
+                Ok(if restart { fit.restarted(&noise) } else { fit })
             });
             let shared = ground.is_some() || !poses.is_empty() || cues;
             if settled && (!shared || round >= SHARED_ROUNDS) {
